@@ -101,7 +101,7 @@ class Session:
         Raises UsageError for a session on a real arm, and the errors of `adaptsim run-iteration`. Completed steps stay
         stored, and another call continues.
         """
-        from adaptsim_cli.session import conduct
+        from adaptsim_cli.session import running
         from adaptsim_cli.wiring import session as wiring
         from adaptsim_cli.wiring.hindsight import Reports
 
@@ -111,8 +111,8 @@ class Session:
                 f"session {self.name!r} moves a real arm, and its motions are confirmed at a terminal: "
                 f"adaptsim run-iteration --session {self.name}"
             )
-        request = conduct.SessionRequest(self.name, frozenset(), yes=True)
-        conduct.conduct(config.load(), request, wiring.open_parts, Reports().draw, screen=_silent())
+        request = running.SessionRequest(self.name, frozenset(), yes=True)
+        running.run_session(config.load(), request, wiring.open_parts, Reports().draw, screen=_silent())
         return self.iterations[-1]
 
     def recording(self, trial: int) -> Recording:
@@ -191,7 +191,7 @@ def begin(
     this one begins with its posterior. Without a name it gets the default name of `adaptsim run-iteration`. Raises
     UsageError if a session of this name exists, UnknownName, WorldError, CheckpointError, RecordingsRefused.
     """
-    from adaptsim_cli.session import conduct
+    from adaptsim_cli.session import running
     from adaptsim_cli.wiring import session as wiring
 
     flags: dict[str, Any] = {
@@ -200,12 +200,12 @@ def begin(
         "hw": config.SIMULATED,
     }  # fmt: skip
     resolved = config.load(flags)
-    settings = conduct.anywhere(resolved.config)
-    root, chosen = resolved.places.sessions, name or conduct.default_name(settings)
+    settings = running.anywhere(resolved.config)
+    root, chosen = resolved.places.sessions, name or running.default_name(settings)
     if store.folder_of(root, chosen).is_dir():
         raise UsageError(f"session {chosen!r} exists already: api.open_session continues it; or choose another name")
     with wiring.open_parts(settings, store.folder_of(root, chosen) / "naf") as parts:
-        conduct.begin(root, chosen, settings, parts)
+        running.begin(root, chosen, settings, parts)
     return Session(chosen, root)
 
 

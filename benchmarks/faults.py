@@ -57,7 +57,7 @@ from adaptsim_cli.devices.last_motion import LastMotion
 from adaptsim_cli.devices.tool_watch import ToolWatch
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session import conduct
+from adaptsim_cli.session import running as session_running
 from adaptsim_cli.storage import durable
 from hw.braking import STOP_S
 from hw.errors import ArmFault, CameraError, HardwareError, StoppedByPedal
@@ -68,10 +68,10 @@ from hw.franka.connection import Connection
 from hw.franka.messages import PlayOutcome
 from hw.franka.player import DRIVES
 from hw.franka.settings import FrankaSettings
-from hw.listening import SILENCE_S, Listener
 from hw.ports import Pedal
 from hw.serial.pedal_protocol import PedalState, line_for
 from hw.types import Array, JointPath
+from hw.watchdog import SILENCE_S, Watchdog
 
 WORD_EVERY, LINE_EVERY = 5, 20
 HOME = np.array([0.0, -0.7, 0.0, -2.3, 0.0, 1.6, 0.7])
@@ -139,7 +139,7 @@ class SimulatedPlayer(InProcess):
         if world.at == 0:
             world.fire()
         try:
-            return player.play(self.driver, motion, Listener(ends[0], SILENCE_S, world.now_s), guard, 1e9)
+            return player.play(self.driver, motion, Watchdog(ends[0], SILENCE_S, world.now_s), guard, 1e9)
         finally:
             world.pipe = (-1, -1)
             for end in ends:
@@ -558,8 +558,10 @@ def _shown_meanwhile(fake: FakeK4a, ask: Callable[[], Any], is_gone: bool) -> An
 def run(home: Path, lab: ToyLab) -> None:
     """One iteration of one particle, as `run-iteration --yes`."""
     settings = toy_session.resolved(home, particles=1)
-    request = conduct.SessionRequest(None, frozenset(), 1, yes=True)
-    conduct.conduct(settings, request, toy_rig.opener(lab), lambda store: store.folder, toy_session.silent())
+    request = session_running.SessionRequest(None, frozenset(), 1, yes=True)
+    session_running.run_session(
+        settings, request, toy_rig.opener(lab), lambda store: store.folder, toy_session.silent()
+    )
 
 
 def completed(home: Path) -> dict[str, bytes]:

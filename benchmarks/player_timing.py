@@ -29,8 +29,8 @@ import numpy as np
 
 from hw.franka import realtime
 from hw.franka.playback import Playback, motion_of
-from hw.listening import ALIVE, PEDAL, Listener
 from hw.types import Array, JointPath
+from hw.watchdog import ALIVE, PEDAL, Watchdog
 from hw.workcell import Workcell
 from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
@@ -71,7 +71,7 @@ def cycles(cell: Workcell, count: int, period_s: float) -> tuple[dict[str, Array
     heard, said = os.pipe()
     rng = np.random.default_rng(0)
     while len(wall) < count:
-        listener, state = Listener(heard, 60.0), Following()
+        listener, state = Watchdog(heard, 60.0), Following()
         playback = Playback(motion, listener.wanted, time.monotonic)
         stop_at, tick, finished = int(rng.integers(0, len(motion.path.t_s) - 50)), 0, False
         gc.collect()

@@ -33,14 +33,14 @@ from calib.closed_form import robust_start
 from calib.condense import condense
 from calib.errors import CalibrationError
 from calib.geometry import distance_mm, move
+from calib.intrinsics_check import settle
 from calib.projection import project
 from calib.sizing import solve_any_size
-from calib.trial import settle
 from calib.types import Mounting, Setup, View
 from hw.poses import inverse
 from hw.types import Array
 from perception.board.targets import Chessboard
-from perception.board.types import Corners, Target
+from perception.board.types import CalibrationTarget, Corners
 
 COMMON_PX = (0.0, 0.2, 0.5, 1.0)
 WHITE_PX = 0.09
@@ -72,7 +72,7 @@ class Row:
 
 
 def setup_of(target: str, number: int) -> Setup:
-    board: Target = real_views.MARKER.scaled(0.8) if target == "marker" else Chessboard(8, 6, 0.025)
+    board: CalibrationTarget = real_views.MARKER.scaled(0.8) if target == "marker" else Chessboard(8, 6, 0.025)
     return Setup(Mounting.FIXED, board, real_views.camera(number), work_points_m=None)
 
 

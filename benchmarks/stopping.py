@@ -20,13 +20,13 @@ import numpy as np
 from adaptsim_cli import config
 from adaptsim_cli.research.benchmarking import tables_folder
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.method import WORTHWHILE, Outlook
+from sim.adaptation.method import WORTHWHILE, ExpectedGain
 from sim.adaptation.methods.adaptsim import AdaptSim, create, outlook_after
 from sim.adaptation.reality import RealityPolicy
-from sim.research.benchmark.places import Simulated, Tabled
 from sim.research.benchmark.sessions import Conditions, judge, run_session
 from sim.research.benchmark.tables import load_table
-from sim.research.benchmark.targets import targets_of
+from sim.research.benchmark.trial_sources import SimulatedTrials, Tabled
+from sim.research.benchmark.worlds import targets_of
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 from sim.tasks.fingerprint import scene_key
@@ -40,7 +40,7 @@ class Session:
     """What was said after each iteration, and what was then earned."""
 
     target: str
-    said: tuple[Outlook, ...]
+    said: tuple[ExpectedGain, ...]
     earned: tuple[float, ...]
     most: float  # that an action of the table earns, the best one for each context
 
@@ -66,7 +66,7 @@ def played(name: str, targets: str, seed: int, fresh: int) -> Sequence[Session]:
     root, scene = tables_folder(config.load({"task": name})), scene_key(task)
     for target in targets_of(task, targets.split(",")):
         table = Tabled(task, load_table(task, target.world, scene, root / target.set / target.name))
-        place = Simulated(checkpoint.solver, target.world) if fresh else table
+        place = SimulatedTrials(checkpoint.solver, target.world) if fresh else table
         policies = run_session(checkpoint.solver, AdaptSim(method.simulators), place, conditions, seed)
         own = [policy for policy in policies if isinstance(policy, RealityPolicy)]
         earned = tuple(judge(task, policy.actions, place, conditions, seed).reward for policy in own)

@@ -46,7 +46,7 @@ Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class ArmViews:
     """The arm's part of every view."""
 
     mounting: Mounting
@@ -69,14 +69,14 @@ class Motion:
             X_BF = self.forward(self.q_rad + offsets_rad)
         return X_BF if self.mounting is Mounting.FIXED else inverse(X_BF)
 
-    def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Motion:
+    def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> ArmViews:
         """Only the views `rows`."""
         q = None if self.q_rad is None else self.q_rad[rows]
         names = ("X_BF", "body", "camera", "posture")
         return replace(self, q_rad=q, **{name: getattr(self, name)[rows] for name in names})
 
 
-def motion(mounting: Mounting, forward: Forward | None, q_rad: Array | None, X_BF: Array | None) -> Motion:
+def motion(mounting: Mounting, forward: Forward | None, q_rad: Array | None, X_BF: Array | None) -> ArmViews:
     """From joints (N, n) and forward kinematics, or from poses (N, 4, 4); one camera, every view its own posture."""
     if q_rad is not None and forward is not None:
         X = forward(q_rad)
@@ -86,19 +86,19 @@ def motion(mounting: Mounting, forward: Forward | None, q_rad: Array | None, X_B
         if mounting is Mounting.WRIST:
             behind, ahead = inverse(behind), inverse(ahead)
         body = np.swapaxes(difference(behind, ahead) / (2 * _STEP_RAD), 1, 2)
-        return Motion(mounting, forward, q_rad, X, body, *_one_camera(len(X)))
+        return ArmViews(mounting, forward, q_rad, X, body, *_one_camera(len(X)))
     assert X_BF is not None
     weight = np.array([1.0] * 3 + [_FLANGE_LEVER_M] * 3)
     flange = np.broadcast_to(np.diag(weight), (len(X_BF), 6, 6))
     body = flange if mounting is Mounting.FIXED else adjoint(X_BF) @ flange
-    return Motion(mounting, None, None, X_BF, body, *_one_camera(len(X_BF)))
+    return ArmViews(mounting, None, None, X_BF, body, *_one_camera(len(X_BF)))
 
 
 def _one_camera(views: int) -> tuple[Rows, Rows]:
     return np.zeros(views, dtype=np.int64), np.arange(views)
 
 
-def motion_of(views: Sequence[View], mounting: Mounting, forward: Forward | None) -> Motion:
+def motion_of(views: Sequence[View], mounting: Mounting, forward: Forward | None) -> ArmViews:
     """From joints if all views have them and `forward` is given, else from poses. Raises UnusableViews."""
     joints = [view.q_rad for view in views if view.q_rad is not None]
     if forward is not None and len(joints) == len(views):
@@ -112,7 +112,7 @@ def motion_of(views: Sequence[View], mounting: Mounting, forward: Forward | None
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class Unknowns:
     """The unknowns of a fit."""
 
     X_AC: Array  # (C, 4, 4)
@@ -149,16 +149,16 @@ class Model:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class CondensedViews:
     """N views, condensed to a pose each."""
 
     X_CM: Array  # (N, 4, 4)
     information: Array  # (N, 6, 6) inverse covariance of the twist in the board's axes, by the noise of single corners
     common: Array  # (N, 6, 6) covariance of that twist by smooth errors of 1 px along an axis
 
-    def take(self, rows: NDArray[np.bool_] | Rows) -> Seen:
+    def take(self, rows: NDArray[np.bool_] | Rows) -> CondensedViews:
         """Only the views `rows`."""
-        return Seen(self.X_CM[rows], self.information[rows], self.common[rows])
+        return CondensedViews(self.X_CM[rows], self.information[rows], self.common[rows])
 
     def covariance(self, noise: Sizes, GG: Array) -> Array:
         """(N, 6, 6) of the residual twists; `GG` (N, 6, 6) is G G^T."""
@@ -186,7 +186,7 @@ class Fit:
     """A fit and its residuals, view by view."""
 
     model: Model
-    state: State
+    state: Unknowns
     noise: Sizes
     residual: Array  # (N, 6) twist from the predicted to the seen pose, in the board's axes
     B: Array  # (N, 6, P) derivative of a prediction by the parameters
@@ -196,14 +196,14 @@ class Fit:
     posture: Rows  # (N,)
 
 
-def predict(state: State, moved: Motion) -> Array:
+def predict(state: Unknowns, moved: ArmViews) -> Array:
     """(N, 4, 4) predicted poses, each in its camera, of a board of the stated size."""
     X = inverse(state.X_AC)[moved.camera] @ moved.X_AH(state.offsets_rad) @ state.X_HM
     X[:, :3, 3] /= state.scale  # a larger board, farther away, looks the same
     return X
 
 
-def linearise(state: State, moved: Motion, X_CM: Array, model: Model) -> tuple[Array, Array]:
+def linearise(state: Unknowns, moved: ArmViews, X_CM: Array, model: Model) -> tuple[Array, Array]:
     """Residual twists (N, 6) and their derivative (N, 6, P): a step s makes the residual e - B s."""
     X = predict(state, moved)
     B = np.zeros((len(X), 6, model.size))
@@ -222,13 +222,13 @@ def linearise(state: State, moved: Motion, X_CM: Array, model: Model) -> tuple[A
     return difference(X, X_CM), B
 
 
-def joint_spread(state: State, moved: Motion) -> Array:
+def joint_spread(state: Unknowns, moved: ArmViews) -> Array:
     """(N, 6, n) G: the board's twist per radian of error of each joint."""
     spread: Array = adjoint(inverse(state.X_HM)) @ moved.body
     return spread
 
 
-def fit(moved: Motion, seen: Seen, start: State, model: Model) -> Fit:
+def fit(moved: ArmViews, seen: CondensedViews, start: Unknowns, model: Model) -> Fit:
     """The fit to N views, with the sizes of their errors."""
     state, prior = start, _prior(model)
     plain = model.weights is Weights.PIXELS
@@ -261,7 +261,9 @@ def _prior(model: Model) -> Array:
     return np.diag([0.0] * model.poses + [OFFSET_PRIOR_RAD**-2] * n + [SCALE_PRIOR**-2] * int(model.scale))
 
 
-def _gauss_newton(moved: Motion, X_CM: Array, covariance: Array, state: State, model: Model, prior: Array) -> State:
+def _gauss_newton(
+    moved: ArmViews, X_CM: Array, covariance: Array, state: Unknowns, model: Model, prior: Array
+) -> Unknowns:
     L = np.linalg.inv(covariance)
     for _ in range(12):
         e, B = linearise(state, moved, X_CM, model)
@@ -276,20 +278,20 @@ def _gauss_newton(moved: Motion, X_CM: Array, covariance: Array, state: State, m
     return state
 
 
-def _optional(state: State, model: Model) -> Array:
+def _optional(state: Unknowns, model: Model) -> Array:
     """(P,) offsets and scale relative to their priors, zero for the poses."""
     tail = [np.log(state.scale)] if model.scale else []
     return np.concatenate([np.zeros(model.poses), state.offsets_rad[list(model.offsets)], tail])
 
 
-def _stepped(state: State, step: Array, model: Model) -> State:
+def _stepped(state: Unknowns, step: Array, model: Model) -> Unknowns:
     offsets = state.offsets_rad.copy()
     poses, n = model.poses, len(model.offsets)
     if n:
         offsets[list(model.offsets)] += np.clip(step[poses : poses + n], -0.05, 0.05)
     scale = state.scale * float(np.exp(np.clip(step[poses + n], -0.1, 0.1))) if model.scale else state.scale
     cameras = move(state.X_AC, step[: poses - 6].reshape(-1, 6))
-    return State(cameras, move(state.X_HM, step[poses - 6 : poses]), offsets, scale)
+    return Unknowns(cameras, move(state.X_HM, step[poses - 6 : poses]), offsets, scale)
 
 
 def squares(e: Array, covariance: Array) -> Array:
@@ -297,7 +299,7 @@ def squares(e: Array, covariance: Array) -> Array:
     return np.asarray(np.einsum("ni,ni->n", e, np.linalg.solve(covariance, e[..., None])[..., 0]))
 
 
-def _sizes(e: Array, B: Array, seen: Seen, GG: Array, prior: Array, noise: Sizes) -> Sizes:
+def _sizes(e: Array, B: Array, seen: CondensedViews, GG: Array, prior: Array, noise: Sizes) -> Sizes:
     """Restricted maximum likelihood of `view_px` and `joint_rad`, by Fisher scoring in their logarithms.
 
     Both have a wide prior, which decides only where the views do not tell the two apart.

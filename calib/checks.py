@@ -12,14 +12,14 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from calib.bundle import State, motion_of, predict
+from calib.bundle import Unknowns, motion_of, predict
 from calib.condense import condense
 from calib.geometry import adjoint, angle_deg, distance_mm, move
 from calib.projection import project_with_jacobian
 from calib.types import Check, Forward, Grade, Setup, Solution, View
 from hw.poses import inverse
 from hw.types import Array, Intrinsics
-from perception.board.types import Target
+from perception.board.types import CalibrationTarget
 
 SQUARE_LIMIT = 0.003
 """Deviation of the board from its stated size, as a share, that is reported if it also exceeds 4 standard deviations.
@@ -164,10 +164,10 @@ def board_poses(solution: Solution, views: Sequence[View], setup: Setup, forward
     """(N, 4, 4) X_CM of the views in the given order, predicted by the solution from the arm only."""
     moved = motion_of(views, setup.mounting, forward)
     offsets = np.zeros(moved.joints) if solution.joints is None else solution.joints.offsets_rad
-    return predict(State(solution.X_AC[None], solution.X_HM, offsets), moved)
+    return predict(Unknowns(solution.X_AC[None], solution.X_HM, offsets), moved)
 
 
-def depth_residuals(X_DM: Array, board: Target, depth_mm: Array, camera: Intrinsics) -> Array:
+def depth_residuals(X_DM: Array, board: CalibrationTarget, depth_mm: Array, camera: Intrinsics) -> Array:
     """(K,) measured minus expected depth in m, on the inner part of the board.
 
     `depth_mm` (H, W), 0 = no reading; `X_DM` (4, 4) the board in the depth camera.

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle import Seen
+from calib.bundle import CondensedViews
 from calib.errors import TooFewViews
 from calib.geometry import move
 from calib.projection import project, project_with_jacobian
 from hw.types import Array, Intrinsics
 from perception.board.detection import in_a_row, starts
-from perception.board.types import Corners, Target
+from perception.board.types import CalibrationTarget, Corners
 
 _HUBER = 2.5  # in standard deviations of a corner
 _NOISE_FLOOR_PX = 0.02
@@ -31,7 +31,7 @@ _ROUGH = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class PoseCandidates:
     """The board in N views, with two candidate poses per view, because a flat board has a mirror solution."""
 
     camera: Intrinsics
@@ -45,9 +45,9 @@ class Sight:
     corner_px: float  # standard deviation of a corner along an axis, in most views
     own_px: Array  # (N,) the same for each view; larger if its own corners are worse
 
-    def candidate(self, side: int) -> Seen:
+    def candidate(self, side: int) -> CondensedViews:
         """All views in their better (0) or mirror pose (1)."""
-        return Seen(self.X_CM[side], self.information[side], self.common[side])
+        return CondensedViews(self.X_CM[side], self.information[side], self.common[side])
 
     def rms_at(self, X_CM: Array) -> Array:
         """(N,) root mean square distance of the corners for boards at `X_CM` (N, 4, 4)."""
@@ -56,7 +56,7 @@ class Sight:
         return np.asarray(np.sqrt(np.sum(squares * there, axis=1) / there.sum(axis=1)))
 
 
-def unusable(corners: Corners, target: Target, camera: Intrinsics) -> str:
+def unusable(corners: Corners, target: CalibrationTarget, camera: Intrinsics) -> str:
     """Why a view with these corners cannot be condensed; "" if it can."""
     if len(corners) and corners.ids[-1] >= target.corners:
         return (
@@ -71,7 +71,9 @@ def unusable(corners: Corners, target: Target, camera: Intrinsics) -> str:
     return ""
 
 
-def condense(names: Sequence[str], corners: Sequence[Corners], board: Target, camera: Intrinsics) -> Sight:
+def condense(
+    names: Sequence[str], corners: Sequence[Corners], board: CalibrationTarget, camera: Intrinsics
+) -> PoseCandidates:
     """Fit every view by itself. Raises TooFewViews naming an unusable view."""
     if not corners:
         raise TooFewViews("there are no views: record some")
@@ -97,10 +99,10 @@ def condense(names: Sequence[str], corners: Sequence[Corners], board: Target, ca
     J = np.stack([project_with_jacobian(camera, X[s], p)[1] for s in range(2)])
     A = np.einsum("snkai,snk,snkaj->snij", J, weight, J)
     common = np.stack([_common(J[s], weight[s], A[s], px, mask) for s in range(2)])
-    return Sight(camera, p, px, weight[0], X, A / own[:, None, None] ** 2, common, rms, noise, own)
+    return PoseCandidates(camera, p, px, weight[0], X, A / own[:, None, None] ** 2, common, rms, noise, own)
 
 
-def about(sight: Sight, X_CM: Array, noise_px: float | None = None) -> Seen:
+def about(sight: PoseCandidates, X_CM: Array, noise_px: float | None = None) -> CondensedViews:
     """The same views, condensed about the predicted poses (N, 4, 4) of a fit.
 
     With `noise_px`, every corner of every view counts with this standard deviation, and outlying ones less.
@@ -120,7 +122,7 @@ def about(sight: Sight, X_CM: Array, noise_px: float | None = None) -> Seen:
     step = np.linalg.solve(A, b[..., None])[..., 0]
     too_far = np.maximum(1.0, np.linalg.norm(step[:, :3], axis=1) / _FAR_RAD)
     common = _common(J, weight, A, sight.px, (sight.weight > 0).astype(np.float64))
-    return Seen(move(X_CM, step / too_far[:, None]), A / own_px[:, None, None] ** 2, common)
+    return CondensedViews(move(X_CM, step / too_far[:, None]), A / own_px[:, None, None] ** 2, common)
 
 
 def _common(J: Array, weight: Array, A: Array, px: Array, mask: Array) -> Array:
@@ -140,7 +142,7 @@ def _common(J: Array, weight: Array, A: Array, px: Array, mask: Array) -> Array:
     return np.asarray(np.einsum("nati,natj->nij", twists, twists))
 
 
-def _padded(corners: Sequence[Corners], board: Target) -> tuple[Array, Array, Array]:
+def _padded(corners: Sequence[Corners], board: CalibrationTarget) -> tuple[Array, Array, Array]:
     most = max(len(c) for c in corners)
     p, px, mask = (np.zeros((len(corners), most, *tail)) for tail in ((3,), (2,), ()))
     for i, c in enumerate(corners):

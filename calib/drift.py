@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.bundle import Model, Motion, State, joint_spread, linearise, motion_of, predict
-from calib.condense import Sight, condense
+from calib.bundle import ArmViews, Model, Unknowns, joint_spread, linearise, motion_of, predict
+from calib.condense import PoseCandidates, condense
 from calib.errors import TooFewViews
 from calib.geometry import angle_deg, distance_mm, move
 from calib.types import Drift, Forward, Setup, Solution, View
@@ -60,12 +60,12 @@ def drift(views: Sequence[View], setup: Setup, forward: Forward | None, was: Kno
     sight = condense([v.name for v in ordered], [v.corners for v in ordered], setup.board, setup.colour)
     moved = motion_of(ordered, setup.mounting, forward)
     offsets = was.offsets_rad if len(was.offsets_rad) == moved.joints else np.zeros(moved.joints)
-    state = State(was.X_AC[None], was.X_HM, offsets)
+    state = Unknowns(was.X_AC[None], was.X_HM, offsets)
     X_now, covariance = _camera_now(sight, state, moved, was.joint_rad)
     return _verdict(was, X_now, covariance, _rms(sight.rms_at(predict(state, moved))))
 
 
-def _camera_now(sight: Sight, state: State, moved: Motion, joint_rad: float) -> tuple[Array, Array]:
+def _camera_now(sight: PoseCandidates, state: Unknowns, moved: ArmViews, joint_rad: float) -> tuple[Array, Array]:
     """Camera pose (4, 4) fitted to the views with everything else fixed, and its covariance (6, 6)."""
     both = np.stack([np.linalg.norm(linearise(state, moved, X, Model())[0], axis=1) for X in sight.X_CM])
     side, rows = np.argmin(both, axis=0), np.arange(both.shape[1])  # the nearer one of the mirror poses
@@ -78,7 +78,7 @@ def _camera_now(sight: Sight, state: State, moved: Motion, joint_rad: float) -> 
         e, B = linearise(now, moved, X_CM, Model())
         A = np.einsum("nip,nij,njr->pr", B[:, :, :6], L, B[:, :, :6])
         step = np.linalg.solve(A, np.einsum("nip,nij,nj->p", B[:, :, :6], L, e))
-        now = State(move(now.X_AC, np.clip(step, -0.3, 0.3)), now.X_HM, now.offsets_rad)
+        now = Unknowns(move(now.X_AC, np.clip(step, -0.3, 0.3)), now.X_HM, now.offsets_rad)
         covariance = np.asarray(np.linalg.inv(A), dtype=np.float64)
     return now.X_AC[0], covariance
 

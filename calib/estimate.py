@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.bundle import Fit, Model, Motion, Rows, Seen, State, Weights, fit, observable_joints, predict
-from calib.condense import Sight, about
+from calib.bundle import ArmViews, CondensedViews, Fit, Model, Rows, Unknowns, Weights, fit, observable_joints, predict
+from calib.condense import PoseCandidates, about
 from calib.rejection import MIN_TO_FREE
 from calib.types import Choice, JointOffsets
 from calib.uncertainty import jackknife
@@ -31,9 +31,9 @@ _SETTLED_M = 1e-6
 class Data:
     """The data of the fits: views of one camera after another."""
 
-    sights: tuple[Sight, ...]  # one a camera
-    moved: Motion  # of all views, in this order
-    seen: Seen
+    sights: tuple[PoseCandidates, ...]  # one a camera
+    moved: ArmViews  # of all views, in this order
+    seen: CondensedViews
     kept: Rows  # rows of agreeing views
     vague: bool  # single views say too little about their pose: they are condensed about the fit's predictions
 
@@ -42,15 +42,17 @@ class Data:
         parts = [sight.rms_at(X) for sight, X in self._by_camera(X_CM)]
         return np.concatenate(parts)
 
-    def about(self, X_CM: Array, noise_px: float | None = None) -> Seen:
+    def about(self, X_CM: Array, noise_px: float | None = None) -> CondensedViews:
         """The views, condensed about `X_CM` (N, 4, 4)."""
         parts = [about(sight, X, noise_px) for sight, X in self._by_camera(X_CM)]
-        return Seen(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("X_CM", "information", "common")))
+        return CondensedViews(
+            *(np.concatenate([getattr(p, name) for p in parts]) for name in ("X_CM", "information", "common"))
+        )
 
-    def _by_camera(self, X_CM: Array) -> list[tuple[Sight, Array]]:
+    def _by_camera(self, X_CM: Array) -> list[tuple[PoseCandidates, Array]]:
         return [(sight, X_CM[self.moved.camera == c]) for c, sight in enumerate(self.sights)]
 
-    def fit(self, rows: Rows, start: State, model: Model) -> Fit:
+    def fit(self, rows: Rows, start: Unknowns, model: Model) -> Fit:
         """The fit to some of the views; over pixels, and for vague views, the optimum over all their corners."""
         pixels = model.weights is Weights.PIXELS
         if not pixels and not self.vague:
@@ -74,7 +76,7 @@ class Data:
 
 
 @dataclass(frozen=True, eq=False)
-class HeldOut:
+class HeldOutViews:
     """Views predicted by a fit to others."""
 
     rows: Rows
@@ -92,12 +94,12 @@ class Estimate:
 
     fit: Fit
     joints: JointOffsets | None
-    held: HeldOut  # every fifth view, predicted by a fit to the others
-    folds: HeldOut  # every view, predicted without its fifth
+    held: HeldOutViews  # every fifth view, predicted by a fit to the others
+    folds: HeldOutViews  # every view, predicted without its fifth
     choice: Choice
 
 
-def estimate(data: Data, start: State, *, scale: bool) -> Estimate:
+def estimate(data: Data, start: Unknowns, *, scale: bool) -> Estimate:
     """Fit by both weights, and keep the fit that predicts held-out views better; `scale`: the board's size is free."""
     cameras = len(data.sights)
     plain = data.fit(data.kept, start, Model(scale=scale, cameras=cameras))
@@ -113,7 +115,7 @@ def estimate(data: Data, start: State, *, scale: bool) -> Estimate:
     return Estimate(by_pixels, joints, _every_fifth(data, by_pixels), folds_pixels, choice)
 
 
-def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOffsets | None, HeldOut]:
+def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOffsets | None, HeldOutViews]:
     held = _every_fifth(data, plain)
     n = data.moved.joints
     if not n:
@@ -140,22 +142,22 @@ def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOff
     return (free, joints, held_free) if adopted else (plain, joints, held)
 
 
-def _every_fifth(data: Data, full: Fit) -> HeldOut:
+def _every_fifth(data: Data, full: Fit) -> HeldOutViews:
     return _without(data, full, data.moved.posture[data.kept], FOLDS - 1)
 
 
-def _folds(data: Data, full: Fit) -> HeldOut:
+def _folds(data: Data, full: Fit) -> HeldOutViews:
     postures = data.moved.posture[data.kept]
     parts = [_without(data, full, postures, fold) for fold in range(FOLDS)]
-    return HeldOut(np.concatenate([p.rows for p in parts]), np.concatenate([p.px for p in parts]))
+    return HeldOutViews(np.concatenate([p.rows for p in parts]), np.concatenate([p.px for p in parts]))
 
 
-def _without(data: Data, full: Fit, postures: Rows, fold: int) -> HeldOut:
+def _without(data: Data, full: Fit, postures: Rows, fold: int) -> HeldOutViews:
     """Every fifth of the kept postures from the `fold`-th on, predicted by a fit to the others."""
     out = np.unique(postures, return_inverse=True)[1] % FOLDS == fold
     without = data.fit(data.kept[~out], full.state, full.model)
     rows = data.kept[out]
-    return HeldOut(rows, data.rms_at(predict(without.state, data.moved))[rows])
+    return HeldOutViews(rows, data.rms_at(predict(without.state, data.moved))[rows])
 
 
 def _rms(values: Array) -> float:

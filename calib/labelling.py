@@ -17,7 +17,7 @@ from calib.geometry import rotation_vector
 from calib.types import Forward, Setup, View
 from hw.poses import inverse
 from hw.types import Array
-from perception.board.types import Corners, Target
+from perception.board.types import CalibrationTarget, Corners
 
 _ROUNDS = 20
 
@@ -37,7 +37,7 @@ def told_apart(views: Sequence[View], setup: Setup, forward: Forward | None) -> 
     return tuple(replace(view, corners=chosen.get(view.name, view.corners)) for view in views)
 
 
-def renumbered(corners: Corners, board: Target) -> list[Corners]:
+def renumbered(corners: Corners, board: CalibrationTarget) -> list[Corners]:
     """The corners as they are numbered, then as they would be from each other end of a board that looks the same."""
     found = [corners]
     for ids in board.turns:

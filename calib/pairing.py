@@ -16,7 +16,7 @@ from calib.bundle import motion_of
 from calib.errors import UnusableViews
 from calib.geometry import angle_deg, distance_mm, move
 from calib.labelling import renumbered, told_apart
-from calib.pixels import Looks, Place, adjust, looks, poses, rms_px
+from calib.pixels import Looks, PixelUnknowns, adjust, looks, poses, rms_px
 from calib.projection import LENS
 from calib.sizing import solve_any_size
 from calib.types import Forward, Mounting, Setup, Solution, View
@@ -148,7 +148,7 @@ class _Crossed:
 
     views: Sequence[View]
     looks: Looks
-    place: Place
+    place: PixelUnknowns
     px: Array  # (N, N) error of picture i with the pose of view j
     bad: tuple[int, ...]
     limit_px: float
@@ -268,7 +268,7 @@ def _crossed(views: Sequence[View], solution: Solution, setup: Setup, forward: F
         for k in range(1 + len(setup.board.turns))
     ]
     of = numbered[0]
-    place = Place(solution.X_AC[None], solution.X_HM[None], 1.0, np.zeros((1, LENS)))
+    place = PixelUnknowns(solution.X_AC[None], solution.X_HM[None], 1.0, np.zeros((1, LENS)))
     n = len(views)
     px = np.full((n, n), np.inf)
     for j in range(n):

@@ -18,7 +18,7 @@ from calib.geometry import adjoint, move
 from calib.projection import LENS, lens_jacobian, project_with_jacobian, with_lens
 from hw.poses import inverse
 from hw.types import Array, Intrinsics
-from perception.board.types import Corners, Target
+from perception.board.types import CalibrationTarget, Corners
 
 _ROBUST = 3.0  # residuals beyond this many standard deviations get less weight
 _CENTRE_SHARE = 0.05  # prior standard deviation of a principal point, as a share of the image's width
@@ -47,7 +47,7 @@ class Looks:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class PixelUnknowns:
     """The unknowns of the adjustment."""
 
     X_AC: Array  # (C, 4, 4)
@@ -60,7 +60,7 @@ class Place:
 class Adjusted:
     """A fit over pixels."""
 
-    place: Place
+    place: PixelUnknowns
     noise_px: float  # standard deviation along an axis used as weight
     rms_px: Array  # (N,) distance of the corners, by picture
     J: Array  # (N, 2 K, P) in standard deviations
@@ -75,7 +75,11 @@ class Adjusted:
 
 
 def looks(
-    corners: Sequence[Corners], X_AH: Array, target: Target, cameras: Sequence[Intrinsics], camera: Sequence[int]
+    corners: Sequence[Corners],
+    X_AH: Array,
+    target: CalibrationTarget,
+    cameras: Sequence[Intrinsics],
+    camera: Sequence[int],
 ) -> Looks:
     """Collect pictures, one per entry: corners, pose of the holder (N, 4, 4), and index of the camera."""
     n, most = len(corners), max(len(c) for c in corners)
@@ -88,19 +92,19 @@ def looks(
     return Looks(tuple(cameras), np.asarray(camera, dtype=np.int64), none, np.arange(n), X_AH, p, px, seen)
 
 
-def poses(place: Place, of: Looks) -> Array:
+def poses(place: PixelUnknowns, of: Looks) -> Array:
     """(N, 4, 4) X_CM of the target enlarged by `place.scale`."""
     return np.asarray(inverse(place.X_AC)[of.camera] @ of.X_AH @ place.X_HM[of.mounting])
 
 
-def rms_px(place: Place, of: Looks) -> Array:
+def rms_px(place: PixelUnknowns, of: Looks) -> Array:
     """(N,) root mean square distance of the corners, by picture."""
     off, _ = _linearised(place, of, lens=False)
     squares = np.sum(off**2, axis=-1) * of.seen
     return np.asarray(np.sqrt(squares.sum(axis=1) / of.seen.sum(axis=1)))
 
 
-def adjust(of: Looks, start: Place, noise_px: float, *, scale: bool, lens: bool) -> Adjusted:
+def adjust(of: Looks, start: PixelUnknowns, noise_px: float, *, scale: bool, lens: bool) -> Adjusted:
     """Least squares with a robust loss from `start`; `scale` and `lens` are free only on request."""
     C, H = len(start.X_AC), len(start.X_HM)
     free = np.ones(6 * C + 6 * H + 1 + LENS * C, dtype=bool)
@@ -176,17 +180,17 @@ def held_out_px(of: Looks, full: Adjusted, folds: int, *, scale: bool, lens: boo
     return out
 
 
-def _stepped(place: Place, x: Array, active: Index) -> Place:
+def _stepped(place: PixelUnknowns, x: Array, active: Index) -> PixelUnknowns:
     C, H = len(place.X_AC), len(place.X_HM)
     step = np.zeros(6 * C + 6 * H + 1 + LENS * C)
     step[active] = x
     a, h = step[: 6 * C].reshape(C, 6), step[6 * C : 6 * C + 6 * H].reshape(H, 6)
     lens = step[6 * C + 6 * H + 1 :].reshape(C, LENS)
     scale = place.scale * float(np.exp(np.clip(step[6 * C + 6 * H], -1, 1)))
-    return Place(move(place.X_AC, a), move(place.X_HM, h), scale, place.lens + lens)
+    return PixelUnknowns(move(place.X_AC, a), move(place.X_HM, h), scale, place.lens + lens)
 
 
-def _linearised(place: Place, of: Looks, *, lens: bool) -> tuple[Array, Array]:
+def _linearised(place: PixelUnknowns, of: Looks, *, lens: bool) -> tuple[Array, Array]:
     """Predicted minus seen (N, K, 2), and its derivative (N, K, 2, all parameters)."""
     C, H = len(place.X_AC), len(place.X_HM)
     N, K = of.px.shape[:2]

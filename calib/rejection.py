@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from calib.bundle import Fit, Model, Motion, Seen, Sizes, State, fit, joint_spread, linearise, squares
+from calib.bundle import ArmViews, CondensedViews, Fit, Model, Sizes, Unknowns, fit, joint_spread, linearise, squares
 from hw.types import Array
 
 LIMIT = float(chi2.isf(1e-4, 6))
@@ -31,7 +31,7 @@ _GENEROUS = Sizes(1.0, 0.1, 1e-3)
 
 
 def reject(
-    moved: Motion, both: tuple[Seen, Seen], start: State, model: Model
+    moved: ArmViews, both: tuple[CondensedViews, CondensedViews], start: Unknowns, model: Model
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64], Fit, Array]:
     """Both candidate poses of N views -> kept (N,), chosen candidate (N,), the fit, and the squared distance of both
     candidates of every view from a fit without it (2, N)."""
@@ -66,9 +66,9 @@ class _Settled:
 
 
 def _settled(
-    moved: Motion,
-    both: tuple[Seen, Seen],
-    state: State,
+    moved: ArmViews,
+    both: tuple[CondensedViews, CondensedViews],
+    state: Unknowns,
     model: Model,
     kept: NDArray[np.bool_],
     side: NDArray[np.int64],
@@ -99,19 +99,19 @@ def _settled(
     return _Settled(kept, side, now, far, float(density.sum()))
 
 
-def chosen(both: tuple[Seen, Seen], side: NDArray[np.int64]) -> Seen:
+def chosen(both: tuple[CondensedViews, CondensedViews], side: NDArray[np.int64]) -> CondensedViews:
     """The candidate `side` (N,) of every view."""
     rows = np.arange(len(side))
     names = ("X_CM", "information", "common")
-    return Seen(*(np.stack([getattr(seen, name) for seen in both])[side, rows] for name in names))
+    return CondensedViews(*(np.stack([getattr(seen, name) for seen in both])[side, rows] for name in names))
 
 
-def _score(moved: Motion, seen: Seen, state: State) -> Array:
+def _score(moved: ArmViews, seen: CondensedViews, state: Unknowns) -> Array:
     e, _ = linearise(state, moved, seen.X_CM, Model())
     return squares(e, seen.covariance(_GENEROUS, _arm(state, moved)))
 
 
-def _judge(moved: Motion, seen: Seen, now: Fit, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _judge(moved: ArmViews, seen: CondensedViews, now: Fit, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
     """(N,) squared residual of each view, predicted without it, and (N,) log determinant of its covariance."""
     e, B = linearise(now.state, moved, seen.X_CM, now.model)
     C = seen.covariance(now.noise, _arm(now.state, moved))
@@ -124,6 +124,6 @@ def _judge(moved: Motion, seen: Seen, now: Fit, inside: NDArray[np.bool_]) -> tu
     return squares(e, middle), np.where(inside, 2 * np.linalg.slogdet(C)[1] - logs, logs)
 
 
-def _arm(state: State, moved: Motion) -> Array:
+def _arm(state: Unknowns, moved: ArmViews) -> Array:
     G = joint_spread(state, moved)
     return np.asarray(G @ np.swapaxes(G, 1, 2))

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib import gates
-from calib.bundle import State, motion_of, predict
+from calib.bundle import Unknowns, motion_of, predict
 from calib.condense import condense
 from calib.errors import TooFewViews, UnusableViews
 from calib.estimate import Data, Estimate, estimate
@@ -28,7 +28,7 @@ _SAME_MM, _SAME_DEG = 0.5, 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
+class CameraViews:
     """The inputs of one camera."""
 
     name: str
@@ -74,7 +74,7 @@ class Together:
         return all(camera.acceptance.accepted for camera in self.cameras)
 
 
-def solve_together(cameras: Sequence[Camera]) -> Together:
+def solve_together(cameras: Sequence[CameraViews]) -> Together:
     """Solve each camera, then all together, by the same estimator.
 
     Views of the same name show the same posture. Raises UnusableViews or a subclass.
@@ -97,7 +97,7 @@ def solve_together(cameras: Sequence[Camera]) -> Together:
     return Together(placed, found.fit.state.X_HM, size, sigma, found.folds.rms_px, found.choice)
 
 
-def _data(cameras: Sequence[Camera], alone: Sequence[Solution]) -> tuple[Data, State]:
+def _data(cameras: Sequence[CameraViews], alone: Sequence[Solution]) -> tuple[Data, Unknowns]:
     """The views that each camera uses alone, and a start from those solutions."""
     chosen = [[v for v in c.views if v.name in set(s.used)] for c, s in zip(cameras, alone, strict=True)]
     flat = [view for views in chosen for view in views]
@@ -109,13 +109,13 @@ def _data(cameras: Sequence[Camera], alone: Sequence[Solution]) -> tuple[Data, S
     index = np.repeat(np.arange(len(cameras)), [len(views) for views in chosen])
     forward = next((camera.forward for camera in cameras if camera.forward is not None), None)
     moved = replace(motion_of(flat, Mounting.FIXED, forward), camera=index, posture=names)
-    start = State(np.stack([s.X_AC for s in alone]), alone[0].X_HM, np.zeros(moved.joints))
+    start = Unknowns(np.stack([s.X_AC for s in alone]), alone[0].X_HM, np.zeros(moved.joints))
     data = Data(sights, moved, sights[0].candidate(0), np.arange(len(flat)), vague=True)
     return replace(data, seen=data.about(predict(start, moved))), start
 
 
 def _placed(
-    k: int, camera: Camera, alone: Solution, setup: Setup, data: Data, found: Estimate, fit_px: Array
+    k: int, camera: CameraViews, alone: Solution, setup: Setup, data: Data, found: Estimate, fit_px: Array
 ) -> Placed:
     rows = data.moved.camera == k
     held = found.folds.px[rows[found.folds.rows]]
@@ -141,7 +141,7 @@ def _placed(
     )
 
 
-def _possible(cameras: Sequence[Camera]) -> None:
+def _possible(cameras: Sequence[CameraViews]) -> None:
     if len(cameras) < 2:
         raise UnusableViews(
             "only one camera: name the folders of two or more; for one camera use adaptsim calibrate solve"
@@ -158,7 +158,7 @@ def _possible(cameras: Sequence[Camera]) -> None:
         )
 
 
-def _same_arm(cameras: Sequence[Camera]) -> None:
+def _same_arm(cameras: Sequence[CameraViews]) -> None:
     """Views with the same name must show the same posture. Raises UnusableViews, TooFewViews."""
     first: dict[str, tuple[str, Array]] = {}
     counts: dict[str, int] = {}
@@ -179,7 +179,7 @@ def _same_arm(cameras: Sequence[Camera]) -> None:
         )
 
 
-def _poses(camera: Camera, views: Sequence[View]) -> Array:
+def _poses(camera: CameraViews, views: Sequence[View]) -> Array:
     moved = motion_of(views, camera.setup.mounting, camera.forward)
     return moved.X_AH(np.zeros(moved.joints))
 

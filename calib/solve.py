@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.bundle import Model, Seen, State, joint_spread, motion_of, observable_joints, predict
+from calib.bundle import CondensedViews, Model, Unknowns, joint_spread, motion_of, observable_joints, predict
 from calib.closed_form import cross_check, robust_start
 from calib.condense import about, condense, unusable
 from calib.errors import BoardDisagrees, DegenerateViews, TooFewViews, UnusableViews
@@ -57,7 +57,7 @@ class _Agreed:
     """The views, the choice among them, and a start without joint offsets."""
 
     data: Data
-    start: State
+    start: Unknowns
     distance2: Array  # (N,) squared distance of each view from a fit without it
     mirrored: NDArray[np.bool_]  # (N,) the better-fitting pose contradicts the arm; the mirror pose is used
     own_X_CM: Array  # (N, 4, 4) from each picture alone
@@ -100,7 +100,7 @@ def _agreeing(views: Sequence[View], setup: Setup, forward: Forward | None) -> _
     X_AC, X_HM = robust_start(moved.X_AH(np.zeros(n)), sight.X_CM[0])
     both = sight.candidate(0), sight.candidate(1)
     flexible = _flexible(n, len(views), setup)
-    kept, side, now, far = reject(moved, both, State(X_AC[None], X_HM, np.zeros(n)), flexible)
+    kept, side, now, far = reject(moved, both, Unknowns(X_AC[None], X_HM, np.zeros(n)), flexible)
     seen, distance2 = chosen(both, side), far[side, np.arange(len(side))]
     mirrored, own_X_CM = (side == 1) & (far[0] - far[1] > _PLAIN), seen.X_CM
     state, vague = now.state, _vague(seen)
@@ -119,11 +119,11 @@ def _agreeing(views: Sequence[View], setup: Setup, forward: Forward | None) -> _
             "that the arm rests before each picture, and that images and joints belong together"
         )
     demand_variety(seen.X_CM[rows])
-    start = State(state.X_AC, state.X_HM, np.zeros(n))
+    start = Unknowns(state.X_AC, state.X_HM, np.zeros(n))
     return _Agreed(Data((sight,), moved, seen, rows, vague), start, distance2, mirrored, own_X_CM)
 
 
-def _vague(seen: Seen) -> bool:
+def _vague(seen: CondensedViews) -> bool:
     """Whether a view says little about its own tilt. Then its error around its own best pose is not a parabola."""
     spread = np.linalg.inv(seen.information)[:, :3, :3]
     return bool(np.median(np.sqrt(np.linalg.eigvalsh(spread)[:, -1])) > VAGUE_RAD)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.bundle import State, motion, predict
+from calib.bundle import Unknowns, motion, predict
 from calib.projection import project
 from calib.types import Check, Forward, Grade, Setup, Solution
 from hw.types import Array
@@ -93,7 +93,7 @@ class _Path:
         moved = motion(self.setup.mounting, self.forward, q, None)
         joints = self.solution.joints
         offsets = np.zeros(q.shape[1]) if joints is None else joints.offsets_rad
-        X_CM = predict(State(self.solution.X_AC[None], self.solution.X_HM, offsets), moved)
+        X_CM = predict(Unknowns(self.solution.X_AC[None], self.solution.X_HM, offsets), moved)
         grid = np.broadcast_to(self.setup.board.p_MK_m, (len(q), self.setup.board.corners, 3))
         uv = project(self.setup.colour, X_CM, grid)
         return np.stack([uv[i, corners.ids].mean(axis=0) for i, (_, corners) in enumerate(frames)])

@@ -22,7 +22,7 @@ from itertools import product
 import numpy as np
 
 from hw.types import Array, Intrinsics, frozen_array
-from perception.board.types import Corners, Target
+from perception.board.types import CalibrationTarget, Corners
 
 Forward = Callable[[Array], Array]
 """Forward kinematics: joints (..., n) in rad -> X_BF (..., 4, 4). `hw.kinematics.forward` is one."""
@@ -55,7 +55,7 @@ class Setup:
     """Everything that is the same in all views."""
 
     mounting: Mounting
-    board: Target
+    board: CalibrationTarget
     colour: Intrinsics
     infrared: Intrinsics | None = None  # of the depth camera's infrared image, if the views have it
     X_CD: Array | None = None  # (4, 4) factory pose of the depth camera in the colour camera

@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 from scipy.stats import t as student
 
-from calib.bundle import Fit, Motion
+from calib.bundle import ArmViews, Fit
 from calib.geometry import adjoint, cross_matrix
 from calib.types import JointOffsets, Setup, Uncertainty
 from hw.types import Array
@@ -48,7 +48,7 @@ def jackknife(fit: Fit) -> Array:
     return covariance
 
 
-def uncertainty(fit: Fit, moved: Motion, setup: Setup, joints: JointOffsets | None, camera: int = 0) -> Uncertainty:
+def uncertainty(fit: Fit, moved: ArmViews, setup: Setup, joints: JointOffsets | None, camera: int = 0) -> Uncertainty:
     """The uncertainty of one camera of the final fit; `joints` are the estimated joint offsets, adopted or not."""
     offsets = bool(fit.model.offsets)
     n, p = 6 * len(fit.residual), fit.model.size
@@ -96,7 +96,7 @@ def base_turn_rad(joints: JointOffsets | None) -> float:
     return float(np.sqrt(max(float(np.mean(seen**2 - noise**2)), 0.0)))
 
 
-def _turn_twist(X_AC: Array, moved: Motion) -> Array:
+def _turn_twist(X_AC: Array, moved: ArmViews) -> Array:
     """(6,) effect of one radian of the hidden offset on the camera: rotation, and shift of its origin, in axes of A."""
     if not moved.joints:
         return np.zeros(6)

@@ -1,7 +1,7 @@
 """The program's end of a child process: requests go over a connection, words meanwhile over a pipe.
 
 The child is a fresh process, never a fork, in its own Unix session: Ctrl-C on the terminal reaches the program, not the
-child. The child notices the program's end by its pipes (`hw.listening`).
+child. The child notices the program's end by its pipes (`hw.watchdog`).
 """
 
 from __future__ import annotations

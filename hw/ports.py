@@ -100,7 +100,7 @@ class Camera(Protocol):
         ...
 
 
-class Bench(Protocol):
+class ObjectPlacer(Protocol):
     """Whoever puts the object on the table: a person, or the simulated lab."""
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:

@@ -46,7 +46,7 @@ def on_plane(directions: Array, X_BV: Array, height_m: float) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class ImageRegion:
     """A rectangle of one camera's image."""
 
     camera: Intrinsics
@@ -92,7 +92,7 @@ class View:
         """Distance of a point (3,) of the base frame along the optical axis."""
         return float(transform(self.X_VB, point_B_m)[2])
 
-    def window(self, centre_B_m: Array, reach_m: float) -> View | None:
+    def window(self, centre_B_m: Array, reach_m: float) -> ImageRegion | None:
         """The part of this view around a point of the base frame; None if it lies outside."""
         depth_m = self.depth_of(centre_B_m)
         if depth_m < 0.05:
@@ -103,7 +103,7 @@ class View:
         columns = slice(max(u - half, self.columns.start), min(u + half + 1, self.columns.stop))
         if rows.stop - rows.start < 4 or columns.stop - columns.start < 4:
             return None
-        return View(self.camera, self.X_BV, rows, columns)
+        return ImageRegion(self.camera, self.X_BV, rows, columns)
 
     def sample(self, picture: Array32, points_B_m: Array) -> Array32:
         """(n,) value of `picture` (h, w) of this view where points (n, 3) of the base frame appear; 0 outside."""
@@ -118,7 +118,7 @@ class View:
         return value
 
 
-def view_of(camera: Intrinsics, X_BV: Array, area: Area, height_m: float, margin_m: float = 0.0) -> View:
+def view_of(camera: Intrinsics, X_BV: Array, area: Area, height_m: float, margin_m: float = 0.0) -> ImageRegion:
     """The part of the image that shows the box above `area` (widened by `margin_m`) up to `height_m`.
 
     Raises ValueError when the camera does not see it.
@@ -136,7 +136,7 @@ def view_of(camera: Intrinsics, X_BV: Array, area: Area, height_m: float, margin
     if (high - low < 4).any():
         raise ValueError(f"the area lies outside of the image, at pixels {uv.min(axis=0)} to {uv.max(axis=0)}")
     rows, columns = slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
-    return View(camera, np.asarray(X_BV, dtype=np.float64), rows, columns)
+    return ImageRegion(camera, np.asarray(X_BV, dtype=np.float64), rows, columns)
 
 
 def _interpolation(pixels: slice) -> tuple[Array, Array]:

@@ -30,7 +30,7 @@ Mask = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class OutlineView:
     """One picture and where a body should be in it: convex parts, each as points (n, 3) in the camera's frame."""
 
     colour: NDArray[np.uint8]  # (H, W, 3) RGB
@@ -53,7 +53,7 @@ class OutlineFit:
         return float(np.linalg.norm(self.shift_px)) * self.metres_per_px
 
 
-def fit(seen: Sequence[Seen], camera: Intrinsics) -> OutlineFit | None:
+def fit(seen: Sequence[OutlineView], camera: Intrinsics) -> OutlineFit | None:
     """None if there are too few pictures, or the outline stands out in too few of them."""
     if len(seen) < FEWEST:
         return None
@@ -101,7 +101,7 @@ def silhouette(parts: Sequence[Array], camera: Intrinsics) -> Mask | None:
     return mask
 
 
-def _map(one: Seen, moved: Map, camera: Intrinsics) -> Map | None:
+def _map(one: OutlineView, moved: Map, camera: Intrinsics) -> Map | None:
     """(2 S + 1, 2 S + 1) contrast over the outline by its shift; None if too little of the outline is in view."""
     body, beside = silhouette(one.body, camera), silhouette(one.beside, camera)
     if body is None or beside is None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, CameraModel, Frame
-from perception.geometry import Area, Array32, View, view_of
+from perception.geometry import Area, Array32, ImageRegion, view_of
 
 Mask = NDArray[np.bool_]
 Raw = NDArray[np.uint16]
@@ -30,7 +30,7 @@ class DepthError:
 class Scan:
     """A part of the depth image, ready to become points. Everything is (h, w) like that part."""
 
-    view: View
+    view: ImageRegion
     error: DepthError = DepthError()
 
     @cached_property
@@ -76,7 +76,7 @@ class Scan:
         moved = depth_m[chosen][:, None] * self.along[part][chosen]
         return np.asarray(moved, dtype=np.float64) + self.view.X_BV[:3, 3]
 
-    def rectangle(self, part: View) -> Part:
+    def rectangle(self, part: ImageRegion) -> Part:
         """Where `part` (a window of this view) lies in the arrays of this scan."""
         top, left = self.view.rows.start, self.view.columns.start
         return (

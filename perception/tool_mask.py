@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from hw.poses import inverse
 from hw.types import Array
-from perception.geometry import Array32, View
+from perception.geometry import Array32, ImageRegion
 
 
 class ToolMask:
@@ -23,7 +23,7 @@ class ToolMask:
             o3d.core.Tensor.from_numpy(np.ascontiguousarray(triangles, dtype=np.uint32)),
         )
 
-    def depth(self, X_BT: Array, view: View, directions: Array32) -> Array32:
+    def depth(self, X_BT: Array, view: ImageRegion, directions: Array32) -> Array32:
         """Depth (n,) of the tool along rays (n, 3) with z = 1 of `view`; inf for a miss."""
         X_TV = inverse(X_BT) @ view.X_BV
         rays = np.empty((len(directions), 6), dtype=np.float32)

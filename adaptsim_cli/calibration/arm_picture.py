@@ -24,7 +24,7 @@ from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from hw.wrist import FINGERS, HAND_BODY, LINK7
 from perception.geometry import transform
-from perception.outline import OutlineFit, Seen, fit, silhouette
+from perception.outline import OutlineFit, OutlineView, fit, silhouette
 
 PICTURE = "arm.jpg"
 LIMIT_M = 0.008
@@ -107,7 +107,7 @@ def draw(solved: Solved) -> ArmPictures:
         X_CF = X_CB @ _flange(view, offsets_rad)
         hand = tuple(transform(X_CF, part) for part in HAND_BODY)
         around = (*FINGERS, _ball(np.array([0.0, 0.0, -0.16])), np.concatenate([board, FINGERS[0]]))
-        seen.append(Seen(picture, hand, tuple(transform(X_CF, part) for part in around)))
+        seen.append(OutlineView(picture, hand, tuple(transform(X_CF, part) for part in around)))
         wrist = tuple(transform(X_CF, part) for part in (*LINK7, *FINGERS))
         pictures[view.name] = _drawn(picture, camera, (*hand, *wrist), _links(view, offsets_rad, X_CB))
     if not pictures:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptsim_cli.calibration import arm_picture, camera_check, overlay, shows, touching
+from adaptsim_cli.calibration import arm_picture, camera_check, overlay, terminal_views, touching
 from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.motion_record import record_motion
 from adaptsim_cli.calibration.parts import CalibrationRig
@@ -160,7 +160,7 @@ def _view(rig: CalibrationRig, series: Series, screen: Screen, sights: Sights, n
     sights = sights.with_view(name, corners, pose.X_VM)
     so_far = sights.coverage(rig)
     assert so_far is not None
-    screen.show(shows.view(len(sights.names), total, len(corners), rig.board.corners, pose, so_far, path))
+    screen.show(terminal_views.view(len(sights.names), total, len(corners), rig.board.corners, pose, so_far, path))
     return sights
 
 
@@ -195,7 +195,7 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
     Else raise CalibrationRejected: the report lies beside the views, and nothing is replaced.
     """
     page = report.render(solved).encode()
-    screen.show(shows.calibration(solved.record))
+    screen.show(terminal_views.calibration(solved.record))
     for sentence in solved.worth.sentences:
         screen.plain(f"  {sentence}")
     show_arm(solved, views / arm_picture.PICTURE, screen)

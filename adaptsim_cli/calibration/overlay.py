@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
-from perception.board.types import Corners, Target
+from perception.board.types import CalibrationTarget, Corners
 
 _HEIGHT_PX = 720
 _QUALITY = 85
@@ -20,7 +20,7 @@ def draw(
     corners: Corners,
     X_CM: Array,
     before: Sequence[Corners],
-    board: Target,
+    board: CalibrationTarget,
     camera: Intrinsics,
 ) -> bytes:
     """JPEG of the picture (H, W, 3 RGB): corners in the order of their ids from blue to red, earlier ones faint."""

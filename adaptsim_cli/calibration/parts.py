@@ -34,7 +34,7 @@ class Thermometer(Protocol):
         ...
 
 
-class Hands(Protocol):
+class BoardHandler(Protocol):
     """The simulated lab's stand-in for the person who lays the board down and guides the tip."""
 
     def lay_board(self) -> None:
@@ -61,7 +61,7 @@ class CalibrationRig:
     ways: Ways
     flange: Callable[[Array], Array]  # joints (..., 7) -> X_BF (..., 4, 4)
     pause: Callable[[float], None]  # seconds; the simulated lab does not wait
-    hands: Hands | None = None  # None: a person at the terminal
+    hands: BoardHandler | None = None  # None: a person at the terminal
 
     @property
     def is_real(self) -> bool:

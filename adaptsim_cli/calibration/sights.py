@@ -14,7 +14,7 @@ from calib.pose_records import Convention
 from calib.types import Setup, View
 from calib.volume import where_the_target_was
 from perception.board import find
-from perception.board.types import Board, Corners, Target
+from perception.board.types import Board, CalibrationTarget, Corners
 from perception.errors import BoardNotFound, PerceptionError
 
 MIN_TO_RECOGNISE = 5
@@ -65,7 +65,7 @@ def look(stored: files.Folder) -> Looked:
     return Looked(setup, told_apart(views, setup, stored.forward), left_out, (*said, *told))
 
 
-def corners_of(view: files.StoredView, stored: files.Folder, target: Target) -> Corners:
+def corners_of(view: files.StoredView, stored: files.Folder, target: CalibrationTarget) -> Corners:
     """The corners found in the picture, or stated by the view. Raises PerceptionError."""
     if view.colour is None:
         return files.given_corners(view, stored.setup)

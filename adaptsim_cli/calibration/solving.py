@@ -10,11 +10,11 @@ from statistics import median
 from adaptsim_cli.calibration import checking, sights
 from calib import files, pairing
 from calib.errors import UnusableViews
+from calib.intrinsics_check import TO_REFINE, IntrinsicsCheck
 from calib.labelling import told_apart
 from calib.pairing import Fault
 from calib.residuals import Residuals, residuals
 from calib.saved import Origin, SavedCalibration, record_calibration
-from calib.trial import TO_REFINE, Trial
 from calib.types import Forward, Setup, Solution, View, Worth
 
 DEVICES = ("arm", "camera")
@@ -54,7 +54,7 @@ PLAIN = Wishes()
 def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, str], wishes: Wishes = PLAIN) -> Solved:
     """Solve a folder of views. Raises ViewFolderError, PerceptionError if no view shows the board, CalibrationError."""
     from calib.gates import judge
-    from calib.trial import check as intrinsics_check
+    from calib.intrinsics_check import check as intrinsics_check
 
     stored = files.read_folder(folder)
     looked = sights.look(stored)
@@ -93,9 +93,9 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
     )  # fmt: skip
 
 
-def _advice(record: SavedCalibration, wrong: Sequence[Fault], tried: Trial | None, *, refined: bool) -> str:
+def _advice(record: SavedCalibration, wrong: Sequence[Fault], tried: IntrinsicsCheck | None, *, refined: bool) -> str:
     """The one most effective next step, in words."""
-    from calib.trial import rescues
+    from calib.intrinsics_check import rescues
 
     for fault in wrong:
         if fault.option:
@@ -112,9 +112,9 @@ def _advice(record: SavedCalibration, wrong: Sequence[Fault], tried: Trial | Non
 
 def _solution(
     views: Sequence[View], setup: Setup, forward: Forward | None, *, refine: bool
-) -> tuple[Solution, Setup, Trial | None]:
+) -> tuple[Solution, Setup, IntrinsicsCheck | None]:
     """Raises UnusableViews, with the fault of the series if one is found."""
-    from calib.trial import settle
+    from calib.intrinsics_check import settle
 
     try:
         return settle(views, setup, forward, refine=refine)

@@ -17,7 +17,7 @@ from calib import files
 from calib.errors import CalibrationRejected, UnusableViews
 from calib.labelling import told_apart
 from calib.pairing import Fault, pictures_exchanged
-from calib.several import Camera, Together, solve_together
+from calib.several import CameraViews, Together, solve_together
 from calib.types import Check
 
 
@@ -35,13 +35,13 @@ def solve(folders: Sequence[Path], exchange: Sequence[tuple[str, str, str]] = ()
     return solve_together([_camera(folder, pairs[folder.name]) for folder in folders])
 
 
-def _camera(folder: Path, pairs: Sequence[tuple[str, str]]) -> Camera:
+def _camera(folder: Path, pairs: Sequence[tuple[str, str]]) -> CameraViews:
     stored = files.read_folder(folder)
     looked = sights.look(stored)
     views = looked.views
     if pairs:
         views = told_apart(pictures_exchanged(views, pairs), looked.setup, stored.forward)
-    return Camera(folder.name, views, looked.setup, stored.forward)
+    return CameraViews(folder.name, views, looked.setup, stored.forward)
 
 
 def show(found: Together) -> RenderableType:

@@ -49,16 +49,16 @@ def calibrate(
         return
     from functools import partial
 
-    from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.calibration import running
     from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.wiring import calibration as wiring
-    from adaptsim_cli.wiring import ground, settings
+    from adaptsim_cli.wiring import rig_frames, settings
 
     flags = {"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None}
     resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
-    request = conduct.CalibrationRequest(guide=guide, views=views, fresh=fresh, yes=yes, as_json=as_json)
+    request = running.CalibrationRequest(guide=guide, views=views, fresh=fresh, yes=yes, as_json=as_json)
     open_rig = partial(wiring.open_calibration_rig, screen=screen)
-    conduct.calibrate(resolved, request, open_rig, wiring.calibrations, ground.open_sessions, screen)
+    running.calibrate(resolved, request, open_rig, wiring.calibrations, rig_frames.open_sessions, screen)
 
 
 @app.command()
@@ -81,9 +81,9 @@ def board(
     Example: adaptsim calibrate board --paper a4 --out board.pdf
     """
     from adaptsim_cli import config
-    from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.calibration import running
 
-    conduct.board(config.load({}), out, paper, square_mm, width_mm, yes=yes, as_json=as_json)
+    running.board(config.load({}), out, paper, square_mm, width_mm, yes=yes, as_json=as_json)
 
 
 @app.command()
@@ -104,15 +104,15 @@ def check(
     """
     from functools import partial
 
-    from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.calibration import running
     from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.wiring import calibration as wiring
     from adaptsim_cli.wiring import settings
 
     flags = {"task": task, "world": world, "seed": seed, "hw": hw}
     resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
-    request = conduct.CalibrationRequest(guide=guide, views=conduct.CHECK_PLACES, fresh=True, yes=yes, as_json=as_json)
-    conduct.check(resolved, request, partial(wiring.open_calibration_rig, screen=screen), wiring.calibrations, screen)
+    request = running.CalibrationRequest(guide=guide, views=running.CHECK_PLACES, fresh=True, yes=yes, as_json=as_json)
+    running.check(resolved, request, partial(wiring.open_calibration_rig, screen=screen), wiring.calibrations, screen)
 
 
 @app.command()
@@ -141,7 +141,7 @@ def solve(
 
     Example: adaptsim calibrate solve my-views --json
     """
-    from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.calibration import running
     from adaptsim_cli.calibration.solving import Wishes
     from adaptsim_cli.errors import UsageError
 
@@ -149,7 +149,7 @@ def solve(
     if any(len(pair) != 2 for pair in pairs):
         raise UsageError("--exchange takes two names of views with a colon between them, as 25:26")
     wishes = Wishes(refine_intrinsics, tuple((a, b) for a, b in pairs), shift, first, last)
-    conduct.solve(folder, out, wishes, as_json=as_json)
+    running.solve(folder, out, wishes, as_json=as_json)
 
 
 @app.command()
@@ -172,13 +172,13 @@ def together(
 
     Example: adaptsim calibrate together camera-0 camera-1 camera-2
     """
-    from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.calibration import running
     from adaptsim_cli.errors import UsageError
 
     named = [tuple(one.rsplit(":", 2)) for one in exchange or ()]
     if any(len(one) != 3 for one in named):
         raise UsageError("--exchange takes a folder's name and two of its views with colons between, as cam:25:26")
-    conduct.solve_cameras(folders, out, [(a, b, c) for a, b, c in named], as_json=as_json)
+    running.solve_cameras(folders, out, [(a, b, c) for a, b, c in named], as_json=as_json)
 
 
 @app.command()
@@ -195,9 +195,9 @@ def overlay(
 
     Example: adaptsim calibrate overlay my-views
     """
-    from adaptsim_cli.calibration import conduct
+    from adaptsim_cli.calibration import running
 
-    conduct.overlay(folder, out, as_json=as_json)
+    running.overlay(folder, out, as_json=as_json)
 
 
 _Calibration = Annotated[str, typer.Argument(help="Name or number, as `calibrate list` shows it.")]
@@ -214,12 +214,12 @@ def list_calibrations(
     from adaptsim_cli.calibration import kept
     from adaptsim_cli.screen import console
     from adaptsim_cli.wiring import calibration as wiring
-    from adaptsim_cli.wiring import ground, settings
+    from adaptsim_cli.wiring import rig_frames, settings
 
     resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
     store = wiring.calibrations(resolved.config, resolved.places)
     screen, found = console.Screen(as_json=as_json), kept.listed(store)
-    resting = ground.open_sessions(resolved.config, resolved.places)
+    resting = rig_frames.open_sessions(resolved.config, resolved.places)
     if as_json:
         screen.data("calibrate list", {"rig": store.folder.name, "calibrations": found, "open_sessions": list(resting)})
         return
@@ -239,7 +239,7 @@ def show_calibration(
 
     Example: adaptsim calibrate show calibration-0001 --hw fr3
     """
-    from adaptsim_cli.calibration import conduct, shows
+    from adaptsim_cli.calibration import running, terminal_views
     from adaptsim_cli.calibration.store import REPORT
     from adaptsim_cli.screen import console
     from adaptsim_cli.wiring import calibration as wiring
@@ -250,9 +250,9 @@ def show_calibration(
     path, screen = store.numbered.named(name), console.Screen(as_json=as_json)
     known = store.read(path)
     if as_json:
-        screen.data("calibrate show", conduct.summary(known) | {"folder": str(path)})
+        screen.data("calibrate show", running.summary(known) | {"folder": str(path)})
         return
-    screen.show(shows.calibration(known))
+    screen.show(terminal_views.calibration(known))
     screen.plain(f"Report: {path / REPORT}")
     screen.next((f"adaptsim calibrate restore {path.name} {resolved.config.same_lab}", "puts it in use again"))
 
@@ -276,13 +276,13 @@ def restore_calibration(
 
     from adaptsim_cli.screen import console, resting
     from adaptsim_cli.wiring import calibration as wiring
-    from adaptsim_cli.wiring import ground, settings
+    from adaptsim_cli.wiring import rig_frames, settings
 
     resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
     store = wiring.calibrations(resolved.config, resolved.places)
     screen = console.Screen(as_json=as_json)
     store.numbered.named(name)
-    resting.tell_resting(screen, "the calibration in use", ground.open_sessions(resolved.config, resolved.places))
+    resting.tell_resting(screen, "the calibration in use", rig_frames.open_sessions(resolved.config, resolved.places))
     with store.locked():
         path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
     if as_json:

@@ -111,7 +111,7 @@ def bundle(
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import keeping, shows, store
+    from adaptsim_cli.session import keeping, store, terminal_views
 
     resolved = config.load()
     root = resolved.places.sessions
@@ -127,7 +127,7 @@ def bundle(
     if as_json:
         screen.data("bundle", {"session": folder.name, "bundle": str(made.path), "files": list(made.files)})
         return
-    screen.plain(f"{made.path} ({shows.size(made.path.stat().st_size)}, {len(made.files)} files)")
+    screen.plain(f"{made.path} ({terminal_views.size(made.path.stat().st_size)}, {len(made.files)} files)")
     if made.left_out:
         screen.plain(f"Left out: {made.left_out} files with pictures; --with-pictures packs them.")
     screen.next((f"unzip -l {made.path}", "its contents; check them before you send it"))

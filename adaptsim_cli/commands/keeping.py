@@ -100,14 +100,14 @@ def delete(name: _Name, yes: _Yes = False, as_json: _Json = False) -> None:
     from adaptsim_cli import config
     from adaptsim_cli.errors import StoppedByOperator
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import keeping, shows, store
+    from adaptsim_cli.session import keeping, store, terminal_views
 
     root = config.load().places.sessions
     folder = store.folder_of(root, name)
     screen = console.Screen(as_json=as_json)
     if folder.is_dir() and not yes:
         console.require_terminal("deleting asks for the name of the session: run in a terminal, or add --yes")
-        screen.plain(f"{folder} takes {shows.size(keeping.size_bytes(folder))}. Deleting cannot be undone.")
+        screen.plain(f"{folder} takes {terminal_views.size(keeping.size_bytes(folder))}. Deleting cannot be undone.")
         if screen.ask_text("Type the name of the session to delete it, or Enter to keep it:") != name:
             raise StoppedByOperator(f"kept: session {name} is unchanged")
     keeping.delete(root, name)
@@ -133,12 +133,12 @@ def prune(
     from adaptsim_cli import config
     from adaptsim_cli.errors import StoppedByOperator
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import keeping, shows, store
+    from adaptsim_cli.session import keeping, store, terminal_views
 
     opened = store.SessionStore.open(config.load().places.sessions, name)
     screen = console.Screen(as_json=as_json)
     room = keeping.prunable(opened, rejected_only=rejected)
-    what = f"{room.files} recordings of {room.trials} trials, {shows.size(room.bytes)}"
+    what = f"{room.files} recordings of {room.trials} trials, {terminal_views.size(room.bytes)}"
     if room.files and not yes:
         console.require_terminal("pruning asks first: run in a terminal, or add --yes")
         screen.plain(f"This removes {what}. It cannot be undone.")

@@ -23,7 +23,7 @@ def list_rollouts(as_json: _Json = False) -> None:
     from adaptsim_cli import config
     from adaptsim_cli.outputs.sessions import RolloutRow
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import shows, summary
+    from adaptsim_cli.session import summary, terminal_views
 
     root = config.load().places.data / summary.ROLLOUTS
     found = [summary.rollout_overview(root, name) for name in summary.rollout_names(root)]
@@ -31,7 +31,7 @@ def list_rollouts(as_json: _Json = False) -> None:
     if as_json:
         screen.data("rollouts list", {"rollouts": found})
     elif found:
-        screen.show(shows.rollouts(found))
+        screen.show(terminal_views.rollouts(found))
         for one in [one for one in found if isinstance(one, RolloutRow)][-1:]:
             screen.next((f"adaptsim rollouts report {one.rollout}", "the newest, on a page"))
     else:

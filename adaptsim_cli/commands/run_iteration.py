@@ -75,7 +75,7 @@ def run_iteration(
     from functools import partial
 
     from adaptsim_cli.screen.console import Screen
-    from adaptsim_cli.session import conduct
+    from adaptsim_cli.session import running
     from adaptsim_cli.wiring import session as wiring
     from adaptsim_cli.wiring import settings
     from adaptsim_cli.wiring.hindsight import Reports
@@ -86,9 +86,9 @@ def run_iteration(
     resolved = settings.load({**flags, **said})
     given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
     most = iterations or (None if until_done else 1)
-    request = conduct.SessionRequest(session, given, most, yes, as_json, until_done)
-    looking_on = wiring.beside(view_port) if view or view_port is not None else conduct.terminal_alone
-    begun = conduct.facts_of(resolved, request) if own_calibration else None
+    request = running.SessionRequest(session, given, most, yes, as_json, until_done)
+    looking_on = wiring.beside(view_port) if view or view_port is not None else running.terminal_alone
+    begun = running.facts_of(resolved, request) if own_calibration else None
     screen = Screen(as_json=as_json)
     opener = partial(wiring.open_parts, own=begun, screen=screen)
-    conduct.conduct(resolved, request, opener, Reports().draw, screen, looking_on)
+    running.run_session(resolved, request, opener, Reports().draw, screen, looking_on)

@@ -30,7 +30,7 @@ def list_sessions(
     from adaptsim_cli import config
     from adaptsim_cli.outputs.sessions import Damaged
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import shows, store, summary
+    from adaptsim_cli.session import store, summary, terminal_views
     from adaptsim_cli.session.keeping import archive_of
 
     root = config.load().places.sessions
@@ -44,7 +44,7 @@ def list_sessions(
     if as_json:
         screen.data("sessions list", {"sessions": found})
     elif found:
-        screen.show(shows.sessions(found))
+        screen.show(terminal_views.sessions(found))
         whole = [one.session for one in found if not isinstance(one, Damaged)]
         for name in whole[-1:]:
             screen.next(
@@ -64,14 +64,14 @@ def show(name: _Name, as_json: _Json = False) -> None:
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import shows, store, summary
+    from adaptsim_cli.session import store, summary, terminal_views
 
     shown = summary.details(store.SessionStore.open(config.load().places.sessions, name))
     screen = console.Screen(as_json=as_json)
     if as_json:
         screen.data("sessions show", shown)
     else:
-        screen.show(shows.session(shown))
+        screen.show(terminal_views.session(shown))
         rejected = {one.trial for one in shown.rejected} - {one.trial for one in shown.trials}
         screen.next(
             (f"adaptsim run-iteration --session {name}", "goes on with it"),
@@ -97,7 +97,7 @@ def verify(
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import keeping, shows, store
+    from adaptsim_cli.session import keeping, store, terminal_views
 
     root = config.load().places.sessions
     screen = console.Screen(as_json=as_json)
@@ -108,7 +108,7 @@ def verify(
     if as_json:
         screen.data("sessions verify", {"sessions": [one.as_json() for one in checked]})
     elif checked:
-        screen.show(shows.verified(checked))
+        screen.show(terminal_views.verified(checked))
         if not any(one.damage for one in checked):
             screen.next(("adaptsim sessions list", "all files are intact"))
     else:
@@ -164,11 +164,11 @@ def accept(
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import correcting, shows, store
+    from adaptsim_cli.session import correcting, store, terminal_views
 
     opened = store.SessionStore.open(config.load().places.sessions, name)
     changed = correcting.restore(opened, trial, None if attempt is None else attempt - 1, reason)
-    shows.tell_amended(console.Screen(as_json=as_json), "sessions accept", name, changed, as_json=as_json)
+    terminal_views.tell_amended(console.Screen(as_json=as_json), "sessions accept", name, changed, as_json=as_json)
 
 
 @app.command()
@@ -189,7 +189,7 @@ def amend(
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import correcting, shows, store
+    from adaptsim_cli.session import correcting, store, terminal_views
     from adaptsim_cli.session.operator import choose_amendment
     from adaptsim_cli.wiring.session import seen_by_camera
 
@@ -202,7 +202,7 @@ def amend(
     screen = console.Screen(as_json=as_json)
     chosen = choose_amendment(screen, opened, record, choices, outcome)
     changed = correcting.amend(opened, task, trial, chosen, choices[chosen], reason)
-    shows.tell_amended(screen, "sessions amend", name, changed, as_json=as_json)
+    terminal_views.tell_amended(screen, "sessions amend", name, changed, as_json=as_json)
 
 
 keeping.add_to(app)

@@ -51,16 +51,16 @@ def touch_off(
     from functools import partial
 
     from adaptsim_cli.screen.console import Screen
-    from adaptsim_cli.touch_off import conduct
+    from adaptsim_cli.touch_off import running
     from adaptsim_cli.touch_off.parts import Grasp
-    from adaptsim_cli.wiring import ground, settings
+    from adaptsim_cli.wiring import rig_frames, settings
     from adaptsim_cli.wiring import touch_off as wiring
 
     flags = {"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None}
     resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
-    request = conduct.TouchOffRequest(Grasp(1e-3 * handle_mm, grasp_force_N), yes, as_json)
+    request = running.TouchOffRequest(Grasp(1e-3 * handle_mm, grasp_force_N), yes, as_json)
     open_rig = partial(wiring.open_touch_rig, screen=screen)
-    conduct.touch_off(resolved, request, open_rig, wiring.touch_offs, ground.open_sessions, screen)
+    running.touch_off(resolved, request, open_rig, wiring.touch_offs, rig_frames.open_sessions, screen)
 
 
 @app.command("list")
@@ -73,13 +73,13 @@ def list_touch_offs(
     """
     from adaptsim_cli.screen import console
     from adaptsim_cli.touch_off import kept
-    from adaptsim_cli.wiring import ground, settings
+    from adaptsim_cli.wiring import rig_frames, settings
     from adaptsim_cli.wiring import touch_off as wiring
 
     resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
     store = wiring.touch_offs(resolved.config, resolved.places)
     screen, found = console.Screen(as_json=as_json), kept.listed(store)
-    resting = ground.open_sessions(resolved.config, resolved.places)
+    resting = rig_frames.open_sessions(resolved.config, resolved.places)
     if as_json:
         screen.data("touch-off list", {"rig": store.folder.name, "touch_offs": found, "open_sessions": list(resting)})
         return
@@ -95,7 +95,7 @@ def show_touch_off(
     Example: adaptsim touch-off show 1 --task scooping --hw fr3
     """
     from adaptsim_cli.screen import console, views
-    from adaptsim_cli.touch_off import conduct, kept
+    from adaptsim_cli.touch_off import kept, running
     from adaptsim_cli.wiring import settings
     from adaptsim_cli.wiring import touch_off as wiring
 
@@ -104,7 +104,7 @@ def show_touch_off(
     path, screen = store.numbered.named(name), console.Screen(as_json=as_json)
     known = store.read(path)
     if as_json:
-        screen.data("touch-off show", conduct.summary(known) | {"folder": str(path)})
+        screen.data("touch-off show", running.summary(known) | {"folder": str(path)})
         return
     screen.plain(f"{path.name}, made {known.created}, with {known.tool}")
     screen.show(views.rows(("quantity", "value", "95 % within"), kept.values(known), right=(1, 2)))
@@ -125,14 +125,14 @@ def restore_touch_off(
     from datetime import UTC, datetime
 
     from adaptsim_cli.screen import console, resting
-    from adaptsim_cli.wiring import ground, settings
+    from adaptsim_cli.wiring import rig_frames, settings
     from adaptsim_cli.wiring import touch_off as wiring
 
     resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
     store = wiring.touch_offs(resolved.config, resolved.places)
     screen = console.Screen(as_json=as_json)
     source = store.numbered.named(name)
-    resting.tell_resting(screen, "the touch-off in use", ground.open_sessions(resolved.config, resolved.places))
+    resting.tell_resting(screen, "the touch-off in use", rig_frames.open_sessions(resolved.config, resolved.places))
     path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
     if as_json:
         screen.data("touch-off restore", {"in_use": path.name, "restored_from": source.name, "folder": str(path)})

@@ -29,10 +29,10 @@ AT_HOME_RAD = 0.005
 
 
 class Person:
-    """`hw.ports.Bench`: a person, who places the object before answering the question about it."""
+    """`hw.ports.ObjectPlacer`: a person, who places the object before answering the question about it."""
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
-        """See `hw.ports.Bench`."""
+        """See `hw.ports.ObjectPlacer`."""
         Placing(xy_m, trial, attempt)
 
 

@@ -29,7 +29,7 @@ def folder_of(places: Places, rig: RigDescription) -> Path:
 
 
 @dataclass(frozen=True)
-class Known:
+class ArmFacts:
     """The content of the file."""
 
     stop_button: str = ""  # ISO 8601: when it was last found to stop the arm; "": never
@@ -49,15 +49,15 @@ class KnownArm:
 
     folder: Path
 
-    def read(self) -> Known:
+    def read(self) -> ArmFacts:
         """The content; empty without a file."""
         try:
             found = read_table(self.folder / "known.json")
             setups = {str(setup): str(at) for setup, at in dict(found["setups"]).items()}
-            known = Known(str(found["stop_button"]), str(found["stop_button_by"]), setups)
+            known = ArmFacts(str(found["stop_button"]), str(found["stop_button_by"]), setups)
             known.stop_button_is_due(datetime.now(UTC))
         except (FileNotFoundError, Unreadable, KeyError, TypeError, ValueError):
-            return Known()
+            return ArmFacts()
         return known
 
     def stop_button_checked(self, operator: str) -> None:
@@ -69,7 +69,7 @@ class KnownArm:
         known = self.read()
         self._write(replace(known, setups={**known.setups, setup: _now()}))
 
-    def _write(self, known: Known) -> None:
+    def _write(self, known: ArmFacts) -> None:
         content = {
             "stop_button": known.stop_button,
             "stop_button_by": known.stop_button_by,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from adaptsim_cli.calibration.parts import Hands
+from adaptsim_cli.calibration.parts import BoardHandler
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.session.target import Rig
@@ -27,7 +27,7 @@ class BoardDevices:
     arm: Arm
     camera: Camera  # its frames have an infrared image
     pause: Callable[[float], None]  # seconds; the simulated lab does not wait
-    hands: Hands | None  # None: a person at the terminal
+    hands: BoardHandler | None  # None: a person at the terminal
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,11 +28,11 @@ def open_lab(config: Config, task: Task, drivers: Drivers | None = None, screen:
 
 
 def _simulated(config: Config, task: Task, stack: ExitStack) -> Lab:
-    from adaptsim_cli.devices.simulated import Simulated
+    from adaptsim_cli.devices.simulated import SimulatedLab
     from sim.lab.world import load_world
 
     world = load_world(config.world, task)
-    return Simulated(task, world, config.seed, stack, realtime=config.realtime, pace=config.pace)
+    return SimulatedLab(task, world, config.seed, stack, realtime=config.realtime, pace=config.pace)
 
 
 def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | None, stack: ExitStack) -> Lab:

@@ -33,7 +33,7 @@ def nominal_hand_eye(world: World, seed: int) -> HandEye:
     return HandEye(shipped.X_BC, shipped.sigma_mm, shipped.sigma_deg, shipped.source, shipped.created)
 
 
-class Simulated:
+class SimulatedLab:
     """`devices.lab.Lab`: one task in one world."""
 
     def __init__(

@@ -15,7 +15,7 @@ import numpy as np
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.consent import SLOW_PACE
-from adaptsim_cli.devices.known_arm import Known, KnownArm, folder_of
+from adaptsim_cli.devices.known_arm import ArmFacts, KnownArm, folder_of
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
@@ -142,7 +142,7 @@ def hazards(rig: RigDescription, moves: Motions) -> tuple[Hazard, ...]:
     )
 
 
-def page(there: MountedTask, rig: RigDescription, moves: Motions, known: Known) -> str:
+def page(there: MountedTask, rig: RigDescription, moves: Motions, known: ArmFacts) -> str:
     """The assessment as Markdown, ready to print and sign."""
     payload = rig.tool(there.task.name).payload
     boxes = [f"| {box.name} | {_corner(box.low_m)} | {_corner(box.high_m)} |" for box in there.cell.keep_out]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
-from adaptsim_cli.devices.known_arm import Known
+from adaptsim_cli.devices.known_arm import ArmFacts
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.required import gaps
 from adaptsim_cli.doctor.readings import Limits, Port, RoundTrips, WriteSpeed
@@ -316,7 +316,7 @@ def required(rig: RigDescription, tool: str) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def stop_button(known: Known, waived: bool, now: datetime) -> Finding:
+def stop_button(known: ArmFacts, waived: bool, now: datetime) -> Finding:
     """When the arm's stop button was last found to stop it."""
     if waived:
         return advice(DEVICES, "stop button", "its check is waived by the rig file", "check it by hand every day")

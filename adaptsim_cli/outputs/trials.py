@@ -15,7 +15,7 @@ from sim.adaptation.verdict import Verdict
 from sim.types import Dimension
 
 if TYPE_CHECKING:
-    from sim.adaptation.method import Outlook
+    from sim.adaptation.method import ExpectedGain
 
 UNITS = "unit of every parameter, context and action by its name; empty for a plain number"
 
@@ -71,7 +71,7 @@ class OutlookRecord(Record):
         return [(d, off) for d, off in pairs if abs(off) >= NOTICEABLE * (d.high - d.low)]
 
     @classmethod
-    def of(cls, outlook: Outlook) -> OutlookRecord:
+    def of(cls, outlook: ExpectedGain) -> OutlookRecord:
         """The record of an outlook."""
         return cls(
             gain=outlook.gain,

@@ -10,7 +10,7 @@ import numpy as np
 from adaptsim_cli.report.svg import Canvas, Scale, plain
 from adaptsim_cli.session.records import DimensionRecord, TrialRecord
 from hw.types import Array
-from sim.adaptation.posterior import Posterior, Prospect
+from sim.adaptation.posterior import Posterior, RewardEstimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +42,9 @@ class Judgement:
 
     posteriors: tuple[Posterior, ...]  # before the first iteration, and after each
     predictions: Mapping[int, Prediction]  # by number of the trial
-    first: Prospect  # of the first policies, under the last posterior
-    adapted: Prospect | None  # of the policy at the best parameters; None without a result
-    udr: Prospect  # of policies for all of Omega
+    first: RewardEstimate  # of the first policies, under the last posterior
+    adapted: RewardEstimate | None  # of the policy at the best parameters; None without a result
+    udr: RewardEstimate  # of policies for all of Omega
     is_place: bool  # whether errors are distances on the table
     held_out: HeldOut | None = None  # None: no trial was held out
 

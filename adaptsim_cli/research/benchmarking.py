@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from sim.research.benchmark.recorded import RecordedJob
     from sim.research.benchmark.sessions import Conditions
     from sim.research.benchmark.tables import WorldTable
-    from sim.research.benchmark.targets import Target
+    from sim.research.benchmark.worlds import BenchmarkWorld
     from sim.rollouts.recorded import RecordedTrials
     from sim.tasks.task import Task
 
@@ -39,7 +39,7 @@ class Asked:
 
     resolved: Resolved
     task: Task
-    targets: tuple[Target, ...]
+    targets: tuple[BenchmarkWorld, ...]
     methods: tuple[str, ...]
     conditions: Conditions
     seeds: int
@@ -103,7 +103,7 @@ def asked(
     from sim.research.benchmark.jobs import BEST_ACTION, COMPARED
     from sim.research.benchmark.recorded import CONTROLS
     from sim.research.benchmark.sessions import Conditions
-    from sim.research.benchmark.targets import targets_of
+    from sim.research.benchmark.worlds import targets_of
     from sim.tasks import get_task
 
     config = resolved.config
@@ -194,7 +194,7 @@ def make_tables(
     """
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.research.benchmark.tables import build_table
-    from sim.research.benchmark.targets import targets_of
+    from sim.research.benchmark.worlds import targets_of
     from sim.tasks import get_task
 
     config = resolved.config
@@ -250,7 +250,7 @@ def _runner(asked: Asked) -> Callable[[Job], Row]:
     return run_job
 
 
-def _require_lab(task: Task, targets: Sequence[Target]) -> None:
+def _require_lab(task: Task, targets: Sequence[BenchmarkWorld]) -> None:
     """Raises UsageError for a task without an arm, and for a world with physics that the lab does not have."""
     if task.hardware is None:
         raise UsageError(f"--lab: {task.name} has no motion for an arm, so the lab cannot run it; leave --lab out")
@@ -270,7 +270,7 @@ def _tables(asked: Asked) -> list[WorldTable | None]:
     return [load_table(asked.task, t.world, scenes[t.world.physics], folder / t.set / t.name) for t in asked.targets]
 
 
-def _scenes(task: Task, targets: Sequence[Target]) -> dict[Physics, str]:
+def _scenes(task: Task, targets: Sequence[BenchmarkWorld]) -> dict[Physics, str]:
     """The key of the scene, for each physics among the targets."""
     from sim.lab.physics import in_physics
     from sim.tasks.fingerprint import scene_key

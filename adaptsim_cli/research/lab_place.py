@@ -28,7 +28,7 @@ from sim.errors import NotExecutable, RolloutError
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import World
 from sim.research.benchmark.jobs import LIMITS, UDR, Job, Row, run_job
-from sim.research.benchmark.places import Place, Played, Tabled
+from sim.research.benchmark.trial_sources import Played, Tabled, TrialSource
 from sim.solvers.solver import Executable
 from sim.tasks import get_task
 from sim.tasks.task import Task
@@ -49,15 +49,15 @@ class Nobody:
 
 @dataclass(frozen=True, eq=False)
 class InLab:
-    """A `Place`: trials run in the lab; scores and best actions come from the table of the same world."""
+    """A `TrialSource`: trials run in the lab; scores and best actions come from the table of the same world."""
 
     rig: OnRig
-    table: Place
+    table: TrialSource
     executable: Executable
     _numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
-        """See `Place`.
+        """See `TrialSource`.
 
         Raises RolloutError if a trial keeps failing. The lab draws from its own random numbers, not `rng`.
         """
@@ -72,14 +72,14 @@ class InLab:
         )
 
     def take(self, action: Array) -> None:
-        """See `Place`: any number of times."""
+        """See `TrialSource`: any number of times."""
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """See `Place`: from the table."""
+        """See `TrialSource`: from the table."""
         return self.table.judge(contexts, actions, rng)
 
     def best_actions(self, contexts: Array) -> Array:
-        """See `Place`: from the table."""
+        """See `TrialSource`: from the table."""
         return self.table.best_actions(contexts)
 
     def _trial(self, context: Array, action: Array) -> tuple[Array, ObjectTrack]:

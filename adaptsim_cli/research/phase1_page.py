@@ -15,7 +15,7 @@ import numpy as np
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.research.pretraining.evaluation import LEAST_GAP
 from sim.research.pretraining.gate import GATE_TARGETS
-from sim.research.pretraining.verification.emulator import HeldOut
+from sim.research.pretraining.verification.emulator import EmulatorHeldOut
 from sim.research.pretraining.verification.policies import Pairs
 from sim.research.pretraining.verification.statistics import RankCorrelation
 from sim.research.pretraining.verification.verify import Verification
@@ -180,7 +180,7 @@ def draw_all(verification: Verification, folder: Path, name: str) -> tuple[str, 
     return tuple(files)
 
 
-def emulator(held: HeldOut) -> Figure:
+def emulator(held: EmulatorHeldOut) -> Figure:
     """Predicted against observed successes, their counts, and errors of the position."""
     figure, (left, middle, right) = _panels(3)
     bins, count = held.reliability, held.reliability.count

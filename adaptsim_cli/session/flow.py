@@ -18,7 +18,7 @@ from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.trials import BestRecord, Iteration, OutlookRecord, TrackRecord, as_row, named
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.stopwatch import added
-from adaptsim_cli.session import correcting, shows
+from adaptsim_cli.session import correcting, terminal_views
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.operator import Accept, Operator, Overrule, Proposal, Redo
 from adaptsim_cli.session.preflight import drift
@@ -56,7 +56,7 @@ RIM = 0.1
 
 
 @dataclass(frozen=True)
-class Session:
+class RunningSession:
     """A stored session with the parts, the operator and the screen that run it."""
 
     store: SessionStore
@@ -80,7 +80,7 @@ class Session:
         self.beside_s.update(spent)
 
 
-def run_iteration(session: Session) -> Iteration:
+def run_iteration(session: RunningSession) -> Iteration:
     """Do the missing steps of the present iteration, show the result, and return its summary.
 
     Raises StoppedByOperator, HardwareError, PerceptionError, NotExecutable or SessionError; completed steps stay
@@ -97,7 +97,7 @@ def run_iteration(session: Session) -> Iteration:
             return show(session, stage)
 
 
-def run_trial(session: Session, stage: RunTrial) -> None:
+def run_trial(session: RunningSession, stage: RunTrial) -> None:
     """Execute and record one motion, then track, review and store the trial; or note why it does not count.
 
     The recording is on the disk before it is tracked. A trial interrupted later continues from the recording.
@@ -115,7 +115,7 @@ def run_trial(session: Session, stage: RunTrial) -> None:
     _look(session, stage)
 
 
-def _move(session: Session, stage: RunTrial) -> bool:
+def _move(session: RunningSession, stage: RunTrial) -> bool:
     """Set up, propose, confirm, execute, and store the recording. False: nothing has moved, try again."""
     store, operator, target, progress = session.store, session.operator, session.parts.target, session.screen.busy
     try:
@@ -126,7 +126,7 @@ def _move(session: Session, stage: RunTrial) -> bool:
         planned = target.plan(placed, action, progress)
         mean = particles_of(store, stage.iteration)[stage.particle].mean
         proposal = propose(session.parts.task, stage, mean, policy, planned, partial(store.scratch, "overlay.jpg"))
-        session.screen.show(shows.proposal(session.parts.task, proposal))
+        session.screen.show(terminal_views.proposal(session.parts.task, proposal))
         session.watcher.proposed(proposal, planned.preview)
         operator.approve(proposal, target.is_real)
 
@@ -148,14 +148,14 @@ def _move(session: Session, stage: RunTrial) -> bool:
     return True
 
 
-def _say_drift(session: Session) -> None:
+def _say_drift(session: RunningSession) -> None:
     """Tell the operator if the camera's picture differs from that of the session's first motion."""
     seen = list(session.store.rigs())
     if seen and (said := drift(seen[0], seen[-1])) is not None:
         session.screen.note(said)
 
 
-def _look(session: Session, stage: RunTrial) -> None:
+def _look(session: RunningSession, stage: RunTrial) -> None:
     """Track the recording, have the result reviewed and store the trial; everything is read from the disk."""
     store, operator, task, target = session.store, session.operator, session.parts.task, session.parts.target
     motion = store.motion(stage.iteration, stage.key)
@@ -182,10 +182,10 @@ def _look(session: Session, stage: RunTrial) -> None:
         record = record.model_copy(update={"timing_s": added(motion.timing_s, session.screen.lap_s())})
         store.save_trial(record, seen.files)
     tell(session)
-    session.screen.show(shows.trial_done(record, manual=not isinstance(review, Accept)))
+    session.screen.show(terminal_views.trial_done(record, manual=not isinstance(review, Accept)))
 
 
-def adapt(session: Session, stage: Adapt) -> None:
+def adapt(session: RunningSession, stage: Adapt) -> None:
     """Move the particles, train their task policies and store the result."""
     store, learner = session.store, session.parts.learner
     session.beside()
@@ -224,7 +224,7 @@ def adapt(session: Session, stage: Adapt) -> None:
     tell(session)
 
 
-def tell(session: Session) -> None:
+def tell(session: RunningSession) -> None:
     """Show watchers the present state of the session."""
     learner, last = session.parts.learner, session.store.iterations() - 1
 
@@ -234,29 +234,29 @@ def tell(session: Session) -> None:
     session.watcher.changed(session.store, posterior)
 
 
-def show(session: Session, stage: Show) -> Iteration:
+def show(session: RunningSession, stage: Show) -> Iteration:
     """Show what the iteration changed and return its summary."""
     store, screen = session.store, session.screen
     if (result := store.result(stage.iteration)) is None:
         raise SessionError(f"iteration {stage.iteration + 1} of {store.facts.name} has no result yet")
     before, after = particles_of(store, stage.iteration), particles_of(store, stage.iteration + 1)
-    screen.show(shows.adapted(session.parts.task, before, after, result, screen.width))
+    screen.show(terminal_views.adapted(session.parts.task, before, after, result, screen.width))
     return _summary(session, store.trials(stage.iteration), result)
 
 
-def _summary(session: Session, trials: Sequence[TrialRecord], result: ResultRecord) -> Iteration:
+def _summary(session: RunningSession, trials: Sequence[TrialRecord], result: ResultRecord) -> Iteration:
     before = particles_of(session.store, result.iteration - 1)
     return summary(session.store.facts, before, trials, result)
 
 
-def _place(session: Session, stage: RunTrial) -> Placed:
+def _place(session: RunningSession, stage: RunTrial) -> Placed:
     """Announce the trial, then have the object placed and found."""
     task, parts = session.parts.task, session.parts
     rng = generator(session.seed, Draw.CONTEXT, stage.iteration, stage.particle, stage.trial, stage.key.attempt)
     unit = task.context.normalise(task.context.sample(rng, 1)[0])
     drawn = task.context.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
-    session.screen.show(shows.trial(task, session.store.facts, stage, particle))
+    session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle))
     return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
 
 
@@ -311,20 +311,20 @@ def trial_record(task: Task, motion: MotionRecord, seen: TrackedTrial) -> TrialR
     )
 
 
-def _policy(session: Session, iteration: int, particle: int) -> SolvedPolicy:
+def _policy(session: RunningSession, iteration: int, particle: int) -> SolvedPolicy:
     """The task policy of a particle. If an earlier process trained it, training again gives the same policy."""
     if (iteration, particle) not in session.policies:
         _train(session, iteration, particle, particles_of(session.store, iteration)[particle])
     return session.policies[iteration, particle]
 
 
-def _train(session: Session, iteration: int, index: int, particle: Particle) -> None:
+def _train(session: RunningSession, iteration: int, index: int, particle: Particle) -> None:
     with session.screen.busy(f"Training the task policy of particle {index + 1}", "training"):
         before = history_of(session.parts.task, session.store, iteration - 1)
         session.policies[iteration, index] = session.parts.learner.train(particle, before)
 
 
-def _reject(session: Session, stage: RunTrial, reason: str) -> None:
+def _reject(session: RunningSession, stage: RunTrial, reason: str) -> None:
     session.store.reject(stage.iteration, stage.key, _now(), reason)
     session.beside(REJECTED)
     session.screen.note(f"Trial {stage.key.number}, attempt {stage.key.attempt + 1}, does not count: {reason}")

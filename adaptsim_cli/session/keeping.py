@@ -180,7 +180,7 @@ class About(Record):
 
 
 @dataclass(frozen=True)
-class Room:
+class Prunable:
     """The files that pruning removes or has removed."""
 
     files: int
@@ -236,14 +236,14 @@ def delete(root: Path, name: str) -> None:
     shutil.rmtree(gone, ignore_errors=True)
 
 
-def prunable(store: SessionStore, *, rejected_only: bool = False) -> Room:
+def prunable(store: SessionStore, *, rejected_only: bool = False) -> Prunable:
     """The room that `prune` would make. Raises SessionError."""
     found = [recorded for _, recorded in _recordings(store, rejected_only=rejected_only)]
     sizes = [path.stat().st_size for recorded in found for path in recorded]
-    return Room(len(sizes), sum(sizes), len(found))
+    return Prunable(len(sizes), sum(sizes), len(found))
 
 
-def prune(store: SessionStore, *, rejected_only: bool = False) -> Room:
+def prune(store: SessionStore, *, rejected_only: bool = False) -> Prunable:
     """Remove the recordings of completed trials and rejected attempts, or of rejected attempts only.
 
     Records, key moments and reports stay. The removal is recorded first, so that after a crash no recording seems lost.

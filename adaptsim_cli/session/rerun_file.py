@@ -9,7 +9,7 @@ import numpy as np
 from adaptsim_cli.session import whole
 from adaptsim_cli.session.retracking import tool_poses
 from adaptsim_cli.session.topics import FRAMES, X_FH
-from adaptsim_cli.session.whole import Trial
+from adaptsim_cli.session.whole import WholeTrial
 from hw.kinematics import FLANGE, link_poses
 from hw.types import Array
 from sim.errors import ExtraMissing
@@ -19,7 +19,7 @@ TIMELINE = "arm_clock"
 CAMERA, DEPTH = "base/camera", "base/camera/depth_camera"
 
 
-def encode(trial: Trial) -> bytes:
+def encode(trial: WholeTrial) -> bytes:
     """The whole file in memory. Raises ExtraMissing without rerun-sdk, SessionError."""
     rr = _rerun()
     stream = rr.RecordingStream("adaptsim", recording_id=trial.title)
@@ -41,7 +41,7 @@ def _rerun() -> Any:
     return rerun
 
 
-def _scene(rr: Any, stream: Any, trial: Trial) -> None:
+def _scene(rr: Any, stream: Any, trial: WholeTrial) -> None:
     """The static parts: cameras, table, shapes of the links."""
     model = trial.stored.model
     stream.log("base", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -60,7 +60,7 @@ def _scene(rr: Any, stream: Any, trial: Trial) -> None:
         stream.log(f"base/{primitive.link}/shape-{index}", shape, static=True)
 
 
-def _motion(rr: Any, stream: Any, trial: Trial) -> None:
+def _motion(rr: Any, stream: Any, trial: WholeTrial) -> None:
     """Images, the links, the tool and the joints over time."""
     played, tool_at = trial.stored.execution, tool_poses(trial.file)
     for t_s, jpeg in whole.jpegs(trial):
@@ -80,7 +80,7 @@ def _motion(rr: Any, stream: Any, trial: Trial) -> None:
         stream.log("joints/measured", rr.Scalars(played.q_measured_rad[i]))
 
 
-def _story(rr: Any, stream: Any, trial: Trial) -> None:
+def _story(rr: Any, stream: Any, trial: WholeTrial) -> None:
     """The track and the events."""
     track = trial.record.track.track()
     stream.log("base/track", rr.LineStrips3D([track.state[:, :3]], colors=[(255, 190, 40)]), static=True)
@@ -100,6 +100,6 @@ def _pose(rr: Any, X: Array) -> Any:
     return rr.Transform3D(translation=X[:3, 3], mat3x3=X[:3, :3])
 
 
-def _about(trial: Trial) -> str:
+def _about(trial: WholeTrial) -> str:
     facts = {**trial.metadata(), **{name: str(value) for name, value in trial.outcome().items()}}
     return "\n".join(["| | |", "|---|---|", *(f"| {name} | {value} |" for name, value in facts.items() if value)])

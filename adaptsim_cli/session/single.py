@@ -17,7 +17,7 @@ from adaptsim_cli.outputs.trials import Rollout
 from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import failures
-from adaptsim_cli.session import shows
+from adaptsim_cli.session import terminal_views
 from adaptsim_cli.session.flow import motion_record, propose, trial_record
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.records import RunTrial, TrialKey, TrialRecord
@@ -106,7 +106,7 @@ def rollout(
     picture = folder.with_name(f"{folder.name}-overlay.jpg")
     try:
         proposal = propose(task, chosen.stage, mean, policy, planned, partial(_keep, picture))
-        screen.show(shows.proposal(task, proposal))
+        screen.show(terminal_views.proposal(task, proposal))
         looking_on.proposed(proposal, planned.preview)
         operator.approve(proposal, target.is_real)
         started = datetime.now(UTC).isoformat(timespec="seconds")

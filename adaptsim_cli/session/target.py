@@ -21,10 +21,10 @@ from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import KeyMoment, RigFacts, RunTrial, TrialKey
 from calib.types import HandEye
 from hw.errors import HardwareError
-from hw.ports import Arm, Bench, Camera
+from hw.ports import Arm, Camera, ObjectPlacer
 from hw.types import Array, CameraModel, Frame, JointPath
 from perception.types import ObjectTrack, Outcome
-from sim.adaptation.method import Best, Iteration, Outlook, Particle
+from sim.adaptation.method import Best, ExpectedGain, Iteration, Particle
 from sim.adaptation.posterior import Posterior
 from sim.adaptation.verdict import Verdict
 from sim.tasks.solver import SolvedPolicy
@@ -242,7 +242,7 @@ class Rig:
     title: str  # its name for an operator
     arm: Arm
     camera: Camera
-    bench: Bench
+    bench: ObjectPlacer
     hand_eye: HandEye
     calibration_days: int = 30  # an older calibration gives a warning
     attendant: Attendant | None = None  # None: nobody is needed
@@ -265,7 +265,7 @@ class Assessment(NamedTuple):
 
     best: Best
     verdict: Verdict
-    outlook: Outlook | None  # None: the method makes no forecast
+    outlook: ExpectedGain | None  # None: the method makes no forecast
 
 
 class SessionLearner(Protocol):

@@ -10,14 +10,14 @@ import cv2
 import numpy as np
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.session.whole import Trial, centre_px
+from adaptsim_cli.session.whole import WholeTrial, centre_px
 
 SUFFIX = ".webm"
 _HEIGHT_PX, _FPS = 540, 30.0
 _RING, _DARK = (40, 190, 255), (20, 20, 20)  # BGR
 
 
-def encode(trial: Trial) -> bytes:
+def encode(trial: WholeTrial) -> bytes:
     """The whole video in memory, at the speed of the camera. Raises SessionError without frames or an encoder."""
     if not trial.stored.frames:
         raise SessionError(f"{trial.file} holds no frames of the motion")
@@ -36,7 +36,7 @@ def encode(trial: Trial) -> bytes:
         return file.read_bytes()
 
 
-def _pictures(trial: Trial, size: tuple[int, int]) -> list[np.ndarray[tuple[int, ...], np.dtype[np.uint8]]]:
+def _pictures(trial: WholeTrial, size: tuple[int, int]) -> list[np.ndarray[tuple[int, ...], np.dtype[np.uint8]]]:
     found, way = [], list[tuple[int, int]]()
     scale = size[1] / trial.stored.frames[0].colour.shape[0]
     end_s = trial.start_s + trial.record.track.t_s[-1]
@@ -59,6 +59,6 @@ def _pictures(trial: Trial, size: tuple[int, int]) -> list[np.ndarray[tuple[int,
     return found
 
 
-def _fps(trial: Trial) -> float:
+def _fps(trial: WholeTrial) -> float:
     times_s = np.array([frame.t_s for frame in trial.stored.frames])
     return float(1.0 / np.median(np.diff(times_s))) if len(times_s) > 1 else _FPS

@@ -25,7 +25,7 @@ REAL_ARMS = ("panda", "fr3")
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class WholeTrial:
     """A completed trial with its recording read."""
 
     facts: Facts
@@ -93,13 +93,13 @@ class Trial:
         }
 
 
-def open_trial(store: SessionStore, record: TrialRecord) -> Trial:
+def open_trial(store: SessionStore, record: TrialRecord) -> WholeTrial:
     """Read a trial. Raises SessionError if its recording is missing, pruned or corrupt."""
     file = store.trial_folder(*record.place) / recording.FILE
-    return Trial(store.facts, record, recording.read(file), file)
+    return WholeTrial(store.facts, record, recording.read(file), file)
 
 
-def encode(trial: Trial) -> bytes:
+def encode(trial: WholeTrial) -> bytes:
     """The whole file in memory. Colour images stay bit-identical. Raises SessionError."""
     stored, track = trial.stored, trial.record.track.track()
     played, times_s = stored.execution, [frame.t_s for frame in stored.frames]
@@ -118,7 +118,7 @@ def encode(trial: Trial) -> bytes:
     return recording.as_mcap({**recording.TOPICS, **topics.AFTERWARDS}, messages, {}, trial.metadata())
 
 
-def centre_px(trial: Trial, t_s: float) -> np.ndarray[tuple[int], np.dtype[np.float64]] | None:
+def centre_px(trial: WholeTrial, t_s: float) -> np.ndarray[tuple[int], np.dtype[np.float64]] | None:
     """(2,) the tracked centre in the colour image at an arm clock's time; None outside the track."""
     import cv2
 
@@ -131,7 +131,7 @@ def centre_px(trial: Trial, t_s: float) -> np.ndarray[tuple[int], np.dtype[np.fl
     return np.asarray(pixels.reshape(2), np.float64)
 
 
-def jpegs(trial: Trial) -> list[tuple[float, bytes]]:
+def jpegs(trial: WholeTrial) -> list[tuple[float, bytes]]:
     """(arm clock in s, JPEG) of every image of the motion, as it is stored. Raises SessionError."""
     found = []
     for t_ns, topic, message in _colours(trial.file):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.touch_off import shows
+from adaptsim_cli.touch_off import terminal_views
 from adaptsim_cli.touch_off.asking import Assistant
 from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.parts import TouchRig
@@ -85,7 +85,7 @@ def touch_off(rig: TouchRig, operator: Assistant, screen: Screen) -> TouchOffRun
     slip = _slip(rig, table, tool, screen)
     _go(rig, rig.home_rad, rig.loaded)
     result = solve(fingers, tool, rig.loaded.X_FT, _work(rig.plan.tool))
-    screen.show(shows.result(result, slip.moved_m, slip.pressed_N))
+    screen.show(terminal_views.result(result, slip.moved_m, slip.pressed_N))
     if slip.slipped:
         raise TouchOffFailed(
             f"the tool slipped: pressed with {slip.pressed_N:.0f} N its corner moved by {1e3 * slip.moved_m:+.1f} mm "
@@ -122,7 +122,7 @@ def _touch_all(rig: TouchRig, bench: HeldTool, probes: Sequence[Probe], table: T
             )
         lower_m += float(np.mean(heights)) if number == 0 else 0.0
         found += [Touched(probe, q) for q in slow]
-        screen.show(shows.touched(number + 1, len(probes), probe.name, heights))
+        screen.show(terminal_views.touched(number + 1, len(probes), probe.name, heights))
     return found
 
 
@@ -132,7 +132,7 @@ def _slip(rig: TouchRig, table: Table, tool: Sequence[Touched], screen: Screen) 
     before = [_above(rig.loaded, t.q_rad, probe, table) for t in tool if t.probe is probe]
     expected = Table(table.height_m + float(np.mean(before)), table.slope_x, table.slope_y)
     here = _at(rig, rig.loaded, probe, expected, DEEPER_M)
-    screen.show(shows.pressing(PRESS_N))
+    screen.show(terminal_views.pressing(PRESS_N))
     stages = _last_slow(0.0, PRESS_BEYOND_M)
     _feel(rig, rig.loaded, probe, here, stages, PRESS_BEYOND_M, rig.loaded.guard(probe.feeler, PRESS_N))
     again = [_slowly(rig, rig.loaded, probe, here, 0.0) for _ in range(SLOW_TOUCHES)]

@@ -11,8 +11,8 @@ import numpy as np
 from adaptsim_cli.config import Config, load
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.trials import as_row
-from adaptsim_cli.session.conduct import settings_of
 from adaptsim_cli.session.records import as_records
+from adaptsim_cli.session.running import settings_of
 from adaptsim_cli.session.store import SessionStore, history_of
 from adaptsim_cli.wiring.checkpoints import checkpoint_of_session, task_of
 

@@ -57,7 +57,7 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
 
     from adaptsim_cli.session.store import SessionStore, history_of
     from sim.adaptation.methods.belief import create
-    from sim.adaptation.prospects import weighed
+    from sim.adaptation.reward_table import weighed
 
     if not settings.start_from:
         return checkpoint, ""

@@ -25,7 +25,7 @@ from sim.errors import RecordingsRefused, SimError
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.methods.belief import Belief
-    from sim.adaptation.posterior import Posterior, Prospect
+    from sim.adaptation.posterior import Posterior, RewardEstimate
     from sim.solvers.solver import SolvedPolicy
     from sim.tasks.task import Task
 
@@ -70,7 +70,7 @@ class Hindsight:
         posteriors = tuple(self.posterior(store, i) for i in range(trials[-1].iteration + 1))
         known = posteriors[-1]
 
-        def expected(policies: Sequence[SolvedPolicy]) -> Prospect:
+        def expected(policies: Sequence[SolvedPolicy]) -> RewardEstimate:
             return prospect(checkpoint, known, policies, np.random.default_rng(0))  # the same targets for all
 
         return Judgement(

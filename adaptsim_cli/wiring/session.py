@@ -16,11 +16,11 @@ from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.conduct import OpenView
 from adaptsim_cli.session.in_recordings import InRecordings
 from adaptsim_cli.session.in_simulation import InSimulation
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import FACTS, SessionStore
 from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, Target
 from adaptsim_cli.session.watching import RunHeader, Watcher
@@ -28,7 +28,7 @@ from adaptsim_cli.storage.sealed import versions
 from adaptsim_cli.view.live import live_view
 from adaptsim_cli.wiring.checkpoints import checkpoint_of, task_of
 from adaptsim_cli.wiring.earlier import recordings_of, started_from
-from adaptsim_cli.wiring.ground import ground_of, hash_of, own_ground
+from adaptsim_cli.wiring.rig_frames import ground_of, hash_of, own_ground
 from adaptsim_cli.wiring.touch_off import origin
 from calib.types import HandEye
 from hw.errors import MotionRefused

@@ -13,5 +13,5 @@ class FakeBench:
         self.placed: list[Placing] = []
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
-        """See `hw.ports.Bench`."""
+        """See `hw.ports.ObjectPlacer`."""
         self.placed.append(Placing(xy_m, trial, attempt))

@@ -24,10 +24,10 @@ from hw.franka.starting import FADE_S, SLOW_FADE_S, from_held
 from hw.franka.stops import WHY, StopReport, stop_report
 from hw.franka.touching import contact_of, way_back
 from hw.franka.weighing import READINGS, require_declared
-from hw.listening import ALIVE, PEDAL, REQUESTED
 from hw.ports import Pedal
 from hw.refusal import refuse_while_stopped
 from hw.types import ArmState, Contact, Execution, Guard, JointPath, frozen_array
+from hw.watchdog import ALIVE, PEDAL, REQUESTED
 from hw.workcell import Workcell
 
 __all__ = ["FrankaArm", "Pedal", "Player", "franka", "open_franka"]

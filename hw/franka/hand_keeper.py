@@ -18,7 +18,7 @@ from typing import Any, Protocol
 from hw.child import Child, ChildGone
 from hw.errors import DeviceUnavailable
 from hw.franka.hand_messages import Answer, Done, NotDone, Open, Request, State, Stop, Stopped
-from hw.listening import WORD_EVERY_S, Listener
+from hw.watchdog import WORD_EVERY_S, Watchdog
 
 WORKER_S = 0.5
 """How long a stopped worker may take for its last answer."""
@@ -55,7 +55,7 @@ class Worker(Protocol):
 class Keeper:
     """One hand: its worker, and the connection that stops it."""
 
-    def __init__(self, opened: Open, listener: Listener, worker: Worker, stop: Callable[[], object]) -> None:
+    def __init__(self, opened: Open, listener: Watchdog, worker: Worker, stop: Callable[[], object]) -> None:
         self._opened, self._listener, self._worker, self._stop = opened, listener, worker, stop
         self._ended = False
 
@@ -105,7 +105,7 @@ class Keeper:
         self._worker.kill()
 
 
-def serve(program: Connection, listener: Listener) -> None:
+def serve(program: Connection, listener: Watchdog) -> None:
     """Answer requests until the program is gone. If it goes during a command, the hand is stopped."""
     keeper: Keeper | None = None
     while not listener.orphaned:
@@ -123,7 +123,7 @@ def serve(program: Connection, listener: Listener) -> None:
             program.send(answer)
 
 
-def opened(request: Open, listener: Listener) -> tuple[Keeper | None, Answer]:
+def opened(request: Open, listener: Watchdog) -> tuple[Keeper | None, Answer]:
     """Open the worker's connection to the hand, and a second one through which to stop it."""
     worker, answer = _connected(request, OPEN_S)
     if worker is None:
@@ -173,7 +173,7 @@ def _known(answer: Any) -> Answer:
 def main(connection_fd: str, pipe_fd: str, silence_s: str) -> None:
     """Serve one program until it hangs up; the arguments are file descriptors and a time in seconds."""
     with Connection(int(connection_fd)) as program:
-        serve(program, Listener(int(pipe_fd), float(silence_s)))
+        serve(program, Watchdog(int(pipe_fd), float(silence_s)))
 
 
 if __name__ == "__main__":

@@ -68,7 +68,7 @@ class NotDone:
 class Stopped:
     """The answer to a command that was stopped."""
 
-    why: str  # a value of `hw.listening.WHY`, SILENT or ORPHANED
+    why: str  # a value of `hw.watchdog.WHY`, SILENT or ORPHANED
     after_s: float  # from the request to stop until the hand accepted it
 
 

@@ -9,9 +9,9 @@ from hw.child import Child, ChildGone
 from hw.errors import DeviceUnavailable, HandError
 from hw.franka.hand_keeper import OPEN_S, READ_S, SECOND_S
 from hw.franka.hand_messages import Command, Done, Grasp, Home, Move, NotDone, Open, Request, State, Stopped
-from hw.listening import ALIVE, PEDAL, REQUESTED, SILENCE_S, WORD_EVERY_S
 from hw.ports import Pedal
 from hw.types import HandState
+from hw.watchdog import ALIVE, PEDAL, REQUESTED, SILENCE_S, WORD_EVERY_S
 
 LONGEST_S = 30.0
 """The longest time for a command: the fingers need three seconds for their whole travel."""

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 from hw.errors import DeviceUnavailable, HandError
 from hw.franka.hand import SDKS, FrankaHand
 from hw.franka.hand_messages import Answer, Done, Grasp, Home, Move, NotDone, Open, Request, Stop
-from hw.listening import die_with_parent
+from hw.watchdog import die_with_parent
 
 
 def serve(keeper: Connection) -> None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from hw.franka.driver import Failure, Reading
 from hw.franka.playback import START_S, PlayableMotion, Played
 from hw.franka.settings import FrankaSettings, Payload
-from hw.listening import SILENCE_S
 from hw.types import Guard
+from hw.watchdog import SILENCE_S
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ from hw.franka import connection, fr3, panda, realtime, versions
 from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Driver, Failure
 from hw.franka.messages import Carry, Connect, Connected, Listen, Play, PlayOutcome, Recover, Request, Rhythm, Timing
 from hw.franka.playback import START_S, STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback
-from hw.listening import Listener
 from hw.types import Guard
+from hw.watchdog import Watchdog
 
 REST_READINGS = 2000
 HANDOVER_S = 5.0
@@ -36,7 +36,7 @@ DRIVES: dict[str, connection.Drive] = {"fr3": fr3.drive, "panda": panda.drive}
 def play(
     driver: Driver,
     motion: PlayableMotion,
-    listener: Listener,
+    listener: Watchdog,
     guard: Guard | None = None,
     start_s: float = START_S,
 ) -> PlayOutcome:
@@ -74,7 +74,7 @@ def wait_for_rest(driver: Driver) -> None:
                 return
 
 
-def serve(program: Connection, listener: Listener, connect: Callable[[Connect], Driver]) -> None:
+def serve(program: Connection, listener: Watchdog, connect: Callable[[Connect], Driver]) -> None:
     """Answer requests, each with its result or a `Failure`, until the program is gone."""
     driver: Driver | None = None
     timing = Timing()
@@ -147,7 +147,7 @@ def sole(host: str, within_s: float = HANDOVER_S) -> socket.socket:
 def main(connection_fd: str, pipe_fd: str, silence_s: str) -> None:
     """Serve one program until it hangs up; the arguments are file descriptors and a time in seconds."""
     with Connection(int(connection_fd)) as program:
-        serve(program, Listener(int(pipe_fd), float(silence_s)), connect)
+        serve(program, Watchdog(int(pipe_fd), float(silence_s)), connect)
 
 
 if __name__ == "__main__":

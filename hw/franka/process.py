@@ -23,8 +23,8 @@ from hw.franka.messages import (
 )
 from hw.franka.playback import HOLD_S, PlayableMotion
 from hw.franka.settings import FrankaSettings, Payload
-from hw.listening import WORD_EVERY_S
 from hw.types import Guard
+from hw.watchdog import WORD_EVERY_S
 
 ANSWER_S = 60.0
 """The longest wait for anything but a motion: the start of the process, and libfranka, which is slow to give up."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Reason:
+class Reflex:
     """One error of the arm."""
 
     happened: str
@@ -30,172 +30,172 @@ _REAL_TIME = (
     "check real-time kernel, rtprio, CPU governor and cable (docs/guide/arms.md), end other programs, then recover"
 )
 
-REASONS: dict[str, Reason] = {
-    "joint_position_limits_violation": Reason(
+REASONS: dict[str, Reflex] = {
+    "joint_position_limits_violation": Reflex(
         "a joint reached the end of its range",
         "check which joint is at its stop, and whether somebody pushed the arm there",
         "recover (through the joint limit recovery in Desk, if Desk asks for it), guide that joint towards "
         "its middle, and run the same command again",
     ),
-    "cartesian_position_limits_violation": Reason(
+    "cartesian_position_limits_violation": Reflex(
         "the tool left the workspace that is set in Desk",
         "check the workspace limits in Desk: they must contain the whole table and the home posture",
         _FREE,
     ),
-    "self_collision_avoidance_violation": Reason(
+    "self_collision_avoidance_violation": Reflex(
         "the arm came too close to itself",
         "check whether the tool is longer than the rig file says, or mounted differently",
         _FREE,
     ),
-    "joint_velocity_violation": Reason(
+    "joint_velocity_violation": Reflex(
         "a joint moved faster than it may",
         "check whether somebody or something pushed the arm; the commanded speeds were within the limits",
         f"clear the way, {_RECOVER}",
     ),
-    "cartesian_velocity_violation": Reason(
+    "cartesian_velocity_violation": Reflex(
         "the tool moved faster than it may",
         "check the end effector in Desk: a centre far from the flange moves faster than the flange, whose speed is "
         "checked",
         f"correct it there, {_RECOVER}",
     ),
-    "force_control_safety_violation": Reason("the arm's force control left its safe range", _ELSEWHERE, _END_IT),
-    "joint_reflex": Reason(
+    "force_control_safety_violation": Reflex("the arm's force control left its safe range", _ELSEWHERE, _END_IT),
+    "joint_reflex": Reflex(
         "a joint felt more torque than the collision threshold",
         "check what it touched; if nothing, compare the payload in the rig file with what the hand holds",
         f"clear it, or correct payload and collision thresholds in the rig file, {_RECOVER}",
     ),
-    "cartesian_reflex": Reason(
+    "cartesian_reflex": Reflex(
         "the tool felt more force than the collision threshold",
         "check what the tool touched, and whether the table is where the touch-off found it",
         f"clear it, repeat the touch-off if table or tool moved, {_RECOVER}",
     ),
-    "max_goal_pose_deviation_violation": Reason(
+    "max_goal_pose_deviation_violation": Reflex(
         "the arm did not come close enough to the end of its motion",
         "check whether something held it back, and compare payload and impedance in the rig file with the arm",
         f"clear the way, {_RECOVER}",
     ),
-    "max_path_pose_deviation_violation": Reason(
+    "max_path_pose_deviation_violation": Reflex(
         "the arm was pushed off its path",
         "check what was in the way, or who pushed",
         f"clear the way, {_RECOVER}",
     ),
-    "cartesian_velocity_profile_safety_violation": Reason(
+    "cartesian_velocity_profile_safety_violation": Reflex(
         "the tool was faster than the arm's safety controller allows there",
         "check the safety settings in Desk: with a reduced tool speed, every motion is a fault",
         f"set a speed that the motions need, or run slower ones, {_RECOVER}",
     ),
-    "joint_position_motion_generator_start_pose_invalid": Reason(
+    "joint_position_motion_generator_start_pose_invalid": Reflex(
         "the motion did not begin where the arm was",
         "check whether somebody moved the arm between the check and the motion",
         f"hands off the arm, {_RECOVER}",
     ),
-    "joint_motion_generator_position_limits_violation": Reason(
+    "joint_motion_generator_position_limits_violation": Reflex(
         "a commanded joint lay beyond the end of its range",
         "check whether the rig file names the right model: panda and fr3 have different ranges",
         f"correct arm.model; otherwise {_REPORT}",
     ),
-    "joint_motion_generator_velocity_limits_violation": Reason(
+    "joint_motion_generator_velocity_limits_violation": Reflex(
         "a joint was commanded faster than it may move",
         "check whether the rig file names the right model: panda and fr3 have different limits",
         f"correct arm.model; otherwise {_REPORT}",
     ),
-    "joint_motion_generator_velocity_discontinuity": Reason(
+    "joint_motion_generator_velocity_discontinuity": Reflex(
         "the commanded speed jumped, as after lost cycles",
         "check the success rate of this trial and of earlier ones: below 0.95 the computer did not keep up",
         _REAL_TIME,
     ),
-    "joint_motion_generator_acceleration_discontinuity": Reason(
+    "joint_motion_generator_acceleration_discontinuity": Reflex(
         "the commanded acceleration jumped, as after lost cycles",
         "check the success rate of this trial and of earlier ones: below 0.95 the computer did not keep up",
         _REAL_TIME,
     ),
-    "cartesian_position_motion_generator_start_pose_invalid": Reason(
+    "cartesian_position_motion_generator_start_pose_invalid": Reflex(
         "a Cartesian motion did not begin where the tool was", _ELSEWHERE, _END_IT
     ),
-    "cartesian_motion_generator_elbow_limit_violation": Reason(
+    "cartesian_motion_generator_elbow_limit_violation": Reflex(
         "a Cartesian motion moved the elbow beyond its range", _ELSEWHERE, _END_IT
     ),
-    "cartesian_motion_generator_velocity_limits_violation": Reason(
+    "cartesian_motion_generator_velocity_limits_violation": Reflex(
         "a Cartesian motion was commanded too fast", _ELSEWHERE, _END_IT
     ),
-    "cartesian_motion_generator_velocity_discontinuity": Reason(
+    "cartesian_motion_generator_velocity_discontinuity": Reflex(
         "the commanded speed of a Cartesian motion jumped", _ELSEWHERE, _END_IT
     ),
-    "cartesian_motion_generator_acceleration_discontinuity": Reason(
+    "cartesian_motion_generator_acceleration_discontinuity": Reflex(
         "the commanded acceleration of a Cartesian motion jumped", _ELSEWHERE, _END_IT
     ),
-    "cartesian_motion_generator_elbow_sign_inconsistent": Reason(
+    "cartesian_motion_generator_elbow_sign_inconsistent": Reflex(
         "a Cartesian motion required the elbow on its other side", _ELSEWHERE, _END_IT
     ),
-    "cartesian_motion_generator_start_elbow_invalid": Reason(
+    "cartesian_motion_generator_start_elbow_invalid": Reflex(
         "a Cartesian motion began with a different elbow position from the arm's", _ELSEWHERE, _END_IT
     ),
-    "force_controller_desired_force_tolerance_violation": Reason(
+    "force_controller_desired_force_tolerance_violation": Reflex(
         "the arm's force control could not hold the commanded force", _ELSEWHERE, _END_IT
     ),
-    "start_elbow_sign_inconsistent": Reason("a motion began with the elbow on the wrong side", _ELSEWHERE, _END_IT),
-    "communication_constraints_violation": Reason(
+    "start_elbow_sign_inconsistent": Reflex("a motion began with the elbow on the wrong side", _ELSEWHERE, _END_IT),
+    "communication_constraints_violation": Reflex(
         "too many control cycles came late, twenty in a row or too many in all",
         "check the success rate of earlier trials, and what else the computer is doing: it did not keep up",
         _REAL_TIME,
     ),
-    "power_limit_violation": Reason(
+    "power_limit_violation": Reflex(
         "the arm needed more power than allowed",
         "check whether the payload in the rig file is what the hand holds, and whether something held the arm back",
         f"correct it, or take a slower action, {_RECOVER}",
     ),
-    "cartesian_motion_generator_joint_position_limits_violation": Reason(
+    "cartesian_motion_generator_joint_position_limits_violation": Reflex(
         "a Cartesian motion led a joint beyond its range", _ELSEWHERE, _END_IT
     ),
-    "cartesian_motion_generator_joint_velocity_limits_violation": Reason(
+    "cartesian_motion_generator_joint_velocity_limits_violation": Reflex(
         "a Cartesian motion made a joint too fast", _ELSEWHERE, _END_IT
     ),
-    "cartesian_motion_generator_joint_velocity_discontinuity": Reason(
+    "cartesian_motion_generator_joint_velocity_discontinuity": Reflex(
         "a Cartesian motion made the speed of a joint jump", _ELSEWHERE, _END_IT
     ),
-    "cartesian_motion_generator_joint_acceleration_discontinuity": Reason(
+    "cartesian_motion_generator_joint_acceleration_discontinuity": Reflex(
         "a Cartesian motion made the acceleration of a joint jump", _ELSEWHERE, _END_IT
     ),
-    "cartesian_position_motion_generator_invalid_frame": Reason(
+    "cartesian_position_motion_generator_invalid_frame": Reflex(
         "a Cartesian motion was commanded with an invalid pose", _ELSEWHERE, _END_IT
     ),
-    "controller_torque_discontinuity": Reason(
+    "controller_torque_discontinuity": Reflex(
         "the torque of the arm's controller jumped",
         "check the joint impedance in the rig file and the success rate: a stiff arm or lost cycles cause this",
         f"return to the default impedance, {_RECOVER}",
     ),
-    "joint_p2p_insufficient_torque_for_planning": Reason(
+    "joint_p2p_insufficient_torque_for_planning": Reflex(
         "the arm does not have enough torque for a movement that it planned by itself",
         f"check the payload in Desk and in the rig file; {_ELSEWHERE}",
         _END_IT,
     ),
-    "tau_j_range_violation": Reason(
+    "tau_j_range_violation": Reflex(
         "a joint's torque left the range of its sensor",
         "check what the arm pushed against, and whether the hand holds more than the payload in the rig file",
         f"clear it, correct the payload, {_RECOVER}",
     ),
-    "instability_detected": Reason(
+    "instability_detected": Reflex(
         "the arm began to oscillate",
         "check joint impedance and payload in the rig file, and whether arm and table stand firmly",
         f"return to the default impedance, fasten what is loose, {_RECOVER}",
     ),
-    "joint_move_in_wrong_direction": Reason(
+    "joint_move_in_wrong_direction": Reflex(
         "a joint beyond its range moved further out",
         "check which joint is beyond its range (Desk shows it)",
         _FREE,
     ),
-    "cartesian_spline_motion_generator_violation": Reason(
+    "cartesian_spline_motion_generator_violation": Reflex(
         "the arm could not plan its own movement along a tool curve", _ELSEWHERE, _END_IT
     ),
-    "joint_via_motion_generator_planning_joint_limit_violation": Reason(
+    "joint_via_motion_generator_planning_joint_limit_violation": Reflex(
         "the arm's own movement through given joint positions would have left their range", _ELSEWHERE, _END_IT
     ),
-    "base_acceleration_initialization_timeout": Reason(
+    "base_acceleration_initialization_timeout": Reflex(
         "the sensor of the base's acceleration did not start in time",
         "check the arm's light and its page in Desk for a hardware error",
         "switch the arm off and on, unlock it and activate FCI; if it happens again, ask the maker's support",
     ),
-    "base_acceleration_invalid_reading": Reason(
+    "base_acceleration_invalid_reading": Reflex(
         "the sensor of the base's acceleration gave an invalid value",
         "check whether the base stands firmly: the sensor feels a knock or a shaking table",
         "fasten the base; if it happens again, switch the arm off and on, and ask the maker's support",
@@ -203,9 +203,9 @@ REASONS: dict[str, Reason] = {
 }
 
 
-def reason(name: str) -> Reason:
+def reason(name: str) -> Reflex:
     """The text for an error, also for one that only a later arm knows."""
-    return REASONS.get(name) or Reason(
+    return REASONS.get(name) or Reflex(
         name.replace("_", " "),
         "this error is unknown to the program: look at the arm's page in Desk",
         "do what Desk says, then recover",

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from perception.board.detection import detect, draw, locate
 from perception.board.finding import find
-from perception.board.types import Board, BoardPose, Corners, Target
+from perception.board.types import Board, BoardPose, CalibrationTarget, Corners
 
-__all__ = ["Board", "BoardPose", "Corners", "Target", "detect", "draw", "find", "locate"]
+__all__ = ["Board", "BoardPose", "CalibrationTarget", "Corners", "detect", "draw", "find", "locate"]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
-from perception.board.types import DICTIONARIES, Board, BoardPose, Corners, Target
+from perception.board.types import DICTIONARIES, Board, BoardPose, CalibrationTarget, Corners
 from perception.errors import BoardMirrored, BoardNotFound, WrongBoard
 
 Grey = NDArray[np.uint8]
@@ -50,7 +50,7 @@ def detect(image: NDArray[np.uint8] | NDArray[np.uint16], board: Board, camera: 
     return _refine(grey, predicted, board, camera)
 
 
-def locate(corners: Corners, board: Target, camera: Intrinsics) -> BoardPose:
+def locate(corners: Corners, board: CalibrationTarget, camera: Intrinsics) -> BoardPose:
     """Pose of the board in the camera. Raises BoardNotFound for fewer than `board.least` points or all on one line.
 
     A flat board seen from afar or nearly head-on has a second pose, tilted the other way, that explains the image

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hw.types import Array, Intrinsics
 from perception.board.detection import detect, dictionary_named, in_grey
 from perception.board.targets import Chessboard, Circles, Markers
-from perception.board.types import Board, Corners, Target
+from perception.board.types import Board, CalibrationTarget, Corners
 from perception.errors import BoardNotFound, WrongBoard
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
@@ -23,7 +23,7 @@ _STEP_PX = 0.25
 _CORNER_SHARE = 0.12  # of a side, left out at both ends: near a corner the next side disturbs
 
 
-def find(image: Image, target: Target, camera: Intrinsics) -> Corners:
+def find(image: Image, target: CalibrationTarget, camera: Intrinsics) -> Corners:
     """The points of `target` in a colour (H, W, 3 RGB) or grey (H, W) picture of `camera`.
 
     Raises BoardNotFound, WrongBoard or BoardMirrored, which name what is visible.
@@ -37,7 +37,7 @@ def find(image: Image, target: Target, camera: Intrinsics) -> Corners:
 
 
 @singledispatch
-def _find(target: Target, image: Image, camera: Intrinsics) -> Corners:
+def _find(target: CalibrationTarget, image: Image, camera: Intrinsics) -> Corners:
     raise BoardNotFound(
         f"the program cannot find {target.name} in a picture: give corners_px and points_m with each view"
     )

@@ -22,7 +22,7 @@ DICTIONARIES: Final = {
 """Marker dictionaries and how many markers each has: OpenCV's names without `DICT_`, in small letters."""
 
 
-class Target(Protocol):
+class CalibrationTarget(Protocol):
     """Anything that shows points whose places on it are known, up to its size. Frame M is its own."""
 
     @property

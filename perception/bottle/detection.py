@@ -9,7 +9,7 @@ import numpy as np
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import NO_ARM, Arm
-from perception.bottle.place import ENOUGH_READ, Place, patch, place
+from perception.bottle.place import ENOUGH_READ, BottleFix, patch, place
 from perception.clutter import Thing, things
 from perception.cylinder import Cylinder, distance_m
 from perception.errors import ObjectNotFound, TableNotFound
@@ -98,7 +98,7 @@ class _Candidate:
     """An object on the table, and the bottle in it if there is one."""
 
     thing: Thing
-    best: Place | None
+    best: BottleFix | None
     share: float  # of the object's readings that lie on the bottle
 
 
@@ -114,7 +114,7 @@ def _joined(candidates: list[_Candidate], body: Cylinder) -> list[_Candidate]:
     return joined
 
 
-def _same(one: Place | None, other: Place | None, body: Cylinder) -> bool:
+def _same(one: BottleFix | None, other: BottleFix | None, body: Cylinder) -> bool:
     """Whether two places are too near to each other for two bottles."""
     if one is None or other is None:
         return False
@@ -128,7 +128,7 @@ def _both(one: _Candidate, other: _Candidate) -> _Candidate:
     thing = Thing(points, at_edge=one.thing.at_edge or other.thing.at_edge)
     if one.best is None or other.best is None:
         raise ValueError("not parts of a bottle")
-    return _Candidate(thing, Place.better([one.best, other.best]), share)
+    return _Candidate(thing, BottleFix.better([one.best, other.best]), share)
 
 
 def _judged(scan: Scan, raw: Raw, thing: Thing, body: Cylinder, arm: Arm) -> _Candidate:
@@ -146,7 +146,7 @@ def _judged(scan: Scan, raw: Raw, thing: Thing, body: Cylinder, arm: Arm) -> _Ca
     return _Candidate(thing, best, 1.0) if lies else no_bottle
 
 
-def _require_whole(candidate: _Candidate) -> Place:
+def _require_whole(candidate: _Candidate) -> BottleFix:
     """The place of the bottle, if it stands upright, whole in the picture and untouched."""
     best = candidate.best
     if best is None:

@@ -11,7 +11,7 @@ import numpy as np
 from hw.types import Array
 from perception.arm_mask import Arm
 from perception.cylinder import Cylinder, fit_circle, fit_pose, front_m, lowest_m, tilt_rad
-from perception.geometry import Array32, View, project
+from perception.geometry import Array32, ImageRegion, project
 from perception.scan import Raw, Scan
 
 ABOVE_M = 0.012
@@ -33,7 +33,7 @@ _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class BottleFix:
     """An estimate for one frame, and how far the picture supports it."""
 
     X_BO: Array  # (4, 4), Z along the axis
@@ -67,7 +67,7 @@ class Place:
 class Patch:
     """The depth readings around one place."""
 
-    view: View
+    view: ImageRegion
     depth_m: Array32  # (h, w) 0 where there is no reading
     along: Array32  # (h, w, 3) how a point moves with its depth
     points_m: Array  # (n, 3) above the table, without the arm
@@ -92,7 +92,7 @@ def patch(scan: Scan, raw: Raw, centre_m: Array, arm: Arm) -> Patch | None:
     return Patch(view, depth, along, points[~arm.holds(points)])
 
 
-def place(seen: Patch, body: Cylinder, guess: Array) -> Place | None:
+def place(seen: Patch, body: Cylinder, guess: Array) -> BottleFix | None:
     """The body near X_BO `guess` (4, 4): upright if that explains the readings, else as it leans or lies."""
     if len(seen.points_m) < _FEWEST:
         return None
@@ -103,15 +103,15 @@ def place(seen: Patch, body: Cylinder, guess: Array) -> Place | None:
         if _leans(again, body) and fallen.confidence > _SURE:
             return fallen
     standing = [appraise(seen, body, X) for X in _standing(seen, body, guess)]
-    best = Place.better(standing) if standing else None
+    best = BottleFix.better(standing) if standing else None
     starts = [best.X_BO] if best is not None and best.fit >= _WELL else [guess, *(p.X_BO for p in standing)]
     leaning = [appraise(seen, body, X) for X in (fit_pose(few, X, body) for X in starts) if _leans(X, body)]
-    if best is None or (leaning and Place.better(leaning).confidence > best.confidence - _SAME):
-        best = Place.better(leaning) if leaning else None
+    if best is None or (leaning and BottleFix.better(leaning).confidence > best.confidence - _SAME):
+        best = BottleFix.better(leaning) if leaning else None
     if best is None or best.fit < _BADLY:
         fits = (fit_pose(few, X, body) for X in _lying(seen, body))
         lying = [appraise(seen, body, X) for X in fits if _leans(X, body)]
-        best = Place.better([p for p in (best, *lying) if p is not None]) if lying or best else None
+        best = BottleFix.better([p for p in (best, *lying) if p is not None]) if lying or best else None
     return best
 
 
@@ -120,12 +120,12 @@ def _leans(X_BO: Array, body: Cylinder) -> bool:
     return bool(np.rad2deg(tilt_rad(X_BO)) > _LEANS_DEG and abs(lowest_m(X_BO, body)) < _OFF_TABLE_M)
 
 
-def appraise(seen: Patch, body: Cylinder, X_BO: Array) -> Place:
+def appraise(seen: Patch, body: Cylinder, X_BO: Array) -> BottleFix:
     """How well the body at X_BO agrees with the readings."""
     camera = seen.view.camera
     uv = project(camera, seen.view.X_VB, body.rims_m @ X_BO[:3, :3].T + X_BO[:3, 3])
     inside = float(((uv > 1) & (uv < np.array([camera.width, camera.height]) - 2)).all(axis=1).mean())
-    nothing = Place(X_BO, inside, 0.0, 0.0, 0.0)
+    nothing = BottleFix(X_BO, inside, 0.0, 0.0, 0.0)
     corner = np.array([seen.view.columns.start, seen.view.rows.start])
     low, high = (np.clip(x - corner, 0, seen.depth_m.shape[::-1]) for x in (uv.min(axis=0) - 1, uv.max(axis=0) + 2))
     box = np.s_[int(low[1]) : int(high[1]), int(low[0]) : int(high[0])]
@@ -143,7 +143,7 @@ def appraise(seen: Patch, body: Cylinder, X_BO: Array) -> Place:
     hidden = 1 - (agree + deeper) / len(off)
     share = len(off) / int(face.sum())
     known = min(1.0, share / ENOUGH_READ)
-    return Place(X_BO, inside, share, known * (1 - hidden) * inside, agree / (agree + deeper))
+    return BottleFix(X_BO, inside, share, known * (1 - hidden) * inside, agree / (agree + deeper))
 
 
 def _standing(seen: Patch, body: Cylinder, guess: Array) -> list[Array]:

@@ -12,7 +12,7 @@ from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import Arm
 from perception.bottle.detection import HEIGHT_M, BottleDetection
-from perception.bottle.place import Place, patch, place
+from perception.bottle.place import BottleFix, patch, place
 from perception.clutter import things
 from perception.cylinder import Cylinder, distance_m, tilt_rad
 from perception.errors import TrackingFailed
@@ -99,7 +99,7 @@ class _Clutter(StrEnum):
 class _Sight:
     """The interpretation of one frame."""
 
-    place: Place  # confidence 0: the bottle was not located
+    place: BottleFix  # confidence 0: the bottle was not located
     clutter: _Clutter
 
 
@@ -110,12 +110,12 @@ def _follow(
     sights = []
     for frame in frames:
         arm, raw = arm_at(frame.t_s), scan.raw(frame)
-        best = Place(known[-1][1], 0.0, 0.0, 0.0, 0.0)
+        best = BottleFix(known[-1][1], 0.0, 0.0, 0.0, 0.0)
         for guess in _guesses(known, frame.t_s):
             seen = patch(scan, raw, guess[:3, 3], arm)
             found = None if seen is None else place(seen, detection.body, guess)
             if found is not None:
-                best = Place.better([best, found])
+                best = BottleFix.better([best, found])
             if best.fit >= _FIT and best.confidence >= _SEEN:
                 break
         if best.confidence >= _SEEN:

@@ -11,7 +11,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from hw.types import Array, CameraModel, Frame, frozen_array
 from perception.errors import ObjectNotFound
-from perception.geometry import Area, Array32, View, on_plane, transform, view_of
+from perception.geometry import Area, Array32, ImageRegion, on_plane, transform, view_of
 from perception.piece.proxy import Proxy, Shape, coverage
 
 
@@ -158,7 +158,7 @@ class _Spot:
     in_area: bool
 
 
-def _spots(colour: Array32, table: Array, spread: float, view: View, area: Area) -> list[_Spot]:
+def _spots(colour: Array32, table: Array, spread: float, view: ImageRegion, area: Area) -> list[_Spot]:
     """Every spot of another colour than the table, at least as large as the smallest piece, whole in the view."""
     other = np.linalg.norm(colour - table.astype(np.float32), axis=-1) > max(6 * spread, 0.02)
     mask = cv2.morphologyEx(other.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
@@ -196,7 +196,7 @@ def _complaint(inside: list[_Spot], spots: list[_Spot], area: Area) -> str:
 
 
 def _measure(
-    frame: Frame, model: CameraModel, view: View, share: Array32, spot: _Spot
+    frame: Frame, model: CameraModel, view: ImageRegion, share: Array32, spot: _Spot
 ) -> tuple[Proxy, Array, float, float]:
     """Shape, size and place that explain the matte and the depth around the spot best."""
     rough = np.array([*spot.xy_m, _USUAL_HEIGHT_M / 2])
@@ -244,20 +244,20 @@ def _measure(
     return proxy, np.array([x, y]), offset_m, float(np.clip(1.15 - miss, 0, 1))
 
 
-def depth_window(model: CameraModel, X_BC: Array, centre_m: Array) -> View:
+def depth_window(model: CameraModel, X_BC: Array, centre_m: Array) -> ImageRegion:
     """The part of the depth image around a piece at `centre_m` (3,)."""
     reach = 2.2 * _LARGEST_M
     box = (centre_m[0] - reach, centre_m[0] + reach, centre_m[1] - reach, centre_m[1] + reach)
     return view_of(model.depth, X_BC @ model.X_CD, box, 0.0)
 
 
-def table_depth(view: View) -> Array:
+def table_depth(view: ImageRegion) -> Array:
     """(n,) depth of the plane z = 0 of the base frame along the rays of `view`."""
     depth: Array = -view.X_BV[2, 3] / (view.directions.astype(np.float64) @ view.X_BV[2, :3])
     return depth
 
 
-def table_offset(depth_m: Array, view: View, centre_m: Array, clear: NDArray[np.bool_] | None = None) -> float:
+def table_offset(depth_m: Array, view: ImageRegion, centre_m: Array, clear: NDArray[np.bool_] | None = None) -> float:
     """Median of measured minus expected depth (n,) on the bare table around a piece; 0 if too little of it is seen.
 
     It removes the sensor's systematic error there. `clear` (n,) excludes pixels known not to be table.

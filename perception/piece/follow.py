@@ -10,9 +10,9 @@ import numpy as np
 
 from hw.poses import inverse
 from hw.types import Array, Frame
-from perception.geometry import View, on_plane, transform
+from perception.geometry import ImageRegion, on_plane, transform
 from perception.piece.detection import PieceDetection, chromaticity, matte, without_halo
-from perception.piece.locate import Evidence, Place, appraise, locate
+from perception.piece.locate import Evidence, PieceFix, appraise, locate
 from perception.piece.proxy import Proxy, coverage
 from perception.tool_mask import ToolMask
 
@@ -22,7 +22,9 @@ _READINGS = 8  # of depth, at least, for a place above the table
 _CANDIDATES = 3
 
 
-def places(view: View, depth_view: View, frame: Frame, proxy: Proxy, chroma: tuple[Array, ...]) -> Iterator[Array]:
+def places(
+    view: ImageRegion, depth_view: ImageRegion, frame: Frame, proxy: Proxy, chroma: tuple[Array, ...]
+) -> Iterator[Array]:
     """(3,) m in the base frame: places of spots with the piece's colour and size, the largest spot first.
 
     `chroma` are the chromaticities (2,) of the piece and of everything around it. The height comes from the depth
@@ -44,14 +46,14 @@ def places(view: View, depth_view: View, frame: Frame, proxy: Proxy, chroma: tup
             yield centre_m
 
 
-def _readings(depth_view: View, frame: Frame) -> Array:
+def _readings(depth_view: ImageRegion, frame: Frame) -> Array:
     """(n, 3) m, all readings of depth in the base frame."""
     depth_m = frame.depth_mm[depth_view.rows, depth_view.columns].reshape(-1) / 1000.0
     read = depth_m > 0
     return transform(depth_view.X_BV, depth_view.directions[read] * depth_m[read, None])
 
 
-def _on_ray(ray: Array, view: View, front_m: Array, proxy: Proxy) -> Array:
+def _on_ray(ray: Array, view: ImageRegion, front_m: Array, proxy: Proxy) -> Array:
     """(3,) the centre on a ray of the camera, half a piece behind its readings (n, 3)."""
     lowest_m = float(min(proxy.half_m))
     height_m = lowest_m if len(front_m) < _READINGS else max(lowest_m, float(np.median(front_m[:, 2])) - lowest_m / 2)
@@ -68,11 +70,11 @@ _RIM = np.ones((5, 5), np.uint8)  # the tool's edge may lie this near to its pre
 
 
 @dataclass(frozen=True, eq=False)
-class Rig:
+class TrackingSetup:
     """Everything that is constant during a trial."""
 
-    view: View  # part of the colour image that the piece may reach
-    depth_view: View
+    view: ImageRegion  # part of the colour image that the piece may reach
+    depth_view: ImageRegion
     depth_offset_m: float  # measured minus true depth on the table
     tool: ToolMask
     detection: PieceDetection
@@ -93,9 +95,9 @@ class _Known:
     centre_m: Array
 
 
-def follow(rig: Rig, frames: Sequence[Frame], poses: Sequence[Array]) -> list[Place | None]:
+def follow(rig: TrackingSetup, frames: Sequence[Frame], poses: Sequence[Array]) -> list[PieceFix | None]:
     """One place per frame, given the tool's poses (4, 4); None if the piece cannot be located."""
-    places: list[Place | None] = []
+    places: list[PieceFix | None] = []
     known: tuple[_Known, ...] = (_Known(frames[0].t_s - 1 / 30, poses[0], rig.detection.centre_m),)
     others: tuple[Array, ...] = (rig.detection.table_chroma,)
     tool_chroma: Array | None = None
@@ -111,7 +113,9 @@ def follow(rig: Rig, frames: Sequence[Frame], poses: Sequence[Array]) -> list[Pl
     return places
 
 
-def _step(rig: Rig, frame: Frame, X_BT: Array, known: tuple[_Known, ...], others: tuple[Array, ...]) -> Place | None:
+def _step(
+    rig: TrackingSetup, frame: Frame, X_BT: Array, known: tuple[_Known, ...], others: tuple[Array, ...]
+) -> PieceFix | None:
     guesses = _guesses(rig, frame.t_s, X_BT, known)
     middle = np.mean(guesses, axis=0)
     spread_m = max(float(np.linalg.norm(guess - middle)) for guess in guesses)
@@ -123,7 +127,7 @@ def _step(rig: Rig, frame: Frame, X_BT: Array, known: tuple[_Known, ...], others
     return _anywhere(rig, frame, X_BT, others) or place
 
 
-def _near(rig: Rig, evidence: Evidence, X_BT: Array, guesses: Sequence[Array]) -> Place | None:
+def _near(rig: TrackingSetup, evidence: Evidence, X_BT: Array, guesses: Sequence[Array]) -> PieceFix | None:
     """The best place near the guesses; None if the picture contradicts all of them."""
     tries = [appraise(evidence, rig.proxy, _rotation(X_BT, guess), guess) for guess in guesses]
     tries.sort(key=lambda place: -place.fit)
@@ -134,7 +138,7 @@ def _near(rig: Rig, evidence: Evidence, X_BT: Array, guesses: Sequence[Array]) -
     return place if place.fit >= _LOST_FIT or place.visible < _BARELY_VISIBLE else None
 
 
-def _anywhere(rig: Rig, frame: Frame, X_BT: Array, others: tuple[Array, ...]) -> Place | None:
+def _anywhere(rig: TrackingSetup, frame: Frame, X_BT: Array, others: tuple[Array, ...]) -> PieceFix | None:
     """A place that fits well, in the whole view."""
     chroma = (rig.detection.piece_chroma, *others)
     reach_m = float(np.linalg.norm(rig.proxy.half_m)) + _SEARCH_M
@@ -147,11 +151,11 @@ def _anywhere(rig: Rig, frame: Frame, X_BT: Array, others: tuple[Array, ...]) ->
     return None
 
 
-def _refine(evidence: Evidence, rig: Rig, X_BT: Array, start_m: Array) -> Place:
+def _refine(evidence: Evidence, rig: TrackingSetup, X_BT: Array, start_m: Array) -> PieceFix:
     return locate(evidence, rig.proxy, _rotation(X_BT, start_m), start_m, _PRIOR_STD_M)
 
 
-def _guesses(rig: Rig, t_s: float, X_BT: Array, known: tuple[_Known, ...]) -> list[Array]:
+def _guesses(rig: TrackingSetup, t_s: float, X_BT: Array, known: tuple[_Known, ...]) -> list[Array]:
     """It stayed, it moved with the tool, it continued as before."""
     last = known[-1]
     guesses = [last.centre_m, transform(X_BT, transform(inverse(last.X_BT), last.centre_m))]
@@ -170,7 +174,7 @@ def _rotation(X_BT: Array, centre_m: Array) -> Array:
 
 
 def _evidence(
-    rig: Rig, frame: Frame, X_BT: Array, centre_m: Array, reach_m: float, others: tuple[Array, ...]
+    rig: TrackingSetup, frame: Frame, X_BT: Array, centre_m: Array, reach_m: float, others: tuple[Array, ...]
 ) -> Evidence | None:
     view, depth_view = rig.view.window(centre_m, reach_m), rig.depth_view.window(centre_m, reach_m)
     if view is None or depth_view is None:
@@ -186,7 +190,7 @@ def _evidence(
     return Evidence(view, share.reshape(-1), tool_m, depth_view, rays[on_piece], depth_m[on_piece])
 
 
-def _tool_chroma(rig: Rig, frame: Frame, X_BT: Array, piece_m: Array) -> Array | None:
+def _tool_chroma(rig: TrackingSetup, frame: Frame, X_BT: Array, piece_m: Array) -> Array | None:
     """(2,) the tool's chromaticity where it must be visible, away from the piece; None if it is not in view."""
     reach_m = 0.06
     view = rig.view.window(X_BT[:3, 3] + 0.03 * (X_BT[:3, 2] - X_BT[:3, 0]), reach_m)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from perception.geometry import Array32, View, transform
+from perception.geometry import Array32, ImageRegion, transform
 from perception.piece.proxy import Proxy, coverage
 
 _OUTLINE_NOISE = 0.25  # of a pixel's share; also covers the difference between proxy and piece
@@ -25,10 +25,10 @@ _LONGEST_STEP_M = 0.012
 class Evidence:
     """The readings of both cameras around one place, and the tool there."""
 
-    view: View  # colour
+    view: ImageRegion  # colour
     share: Array32  # (n,) of each pixel that the piece covers
     tool_m: Array32  # (n,) depth of the tool, inf where it is not
-    depth_view: View
+    depth_view: ImageRegion
     depth_rays: Array32  # (m, 3) with z = 1, of readings that belong to the piece by colour
     depth_m: Array  # (m,) these readings, corrected
 
@@ -44,7 +44,7 @@ class Evidence:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class PieceFix:
     """An estimate for one frame."""
 
     centre_m: Array  # (3,) in the base frame
@@ -64,7 +64,7 @@ def pose(R_BO: Array, centre_m: Array) -> Array:
     return X
 
 
-def appraise(evidence: Evidence, proxy: Proxy, R_BO: Array, centre_m: Array) -> Place:
+def appraise(evidence: Evidence, proxy: Proxy, R_BO: Array, centre_m: Array) -> PieceFix:
     """How well the proxy at `centre_m` agrees with the evidence."""
     X_BO = pose(R_BO, centre_m)
     near, cover, _ = coverage(proxy.outline(X_BO, evidence.view), evidence.xy)
@@ -75,10 +75,10 @@ def appraise(evidence: Evidence, proxy: Proxy, R_BO: Array, centre_m: Array) -> 
     miss = stray + float(np.abs(share - expected)[inside].sum())
     whole = stray + float(np.maximum(share, expected)[inside].sum())
     visible = float(expected.sum()) / max(float(cover.sum()), 1.0)
-    return Place(centre_m, visible, float(np.clip(1 - miss / max(whole, 1.0), 0, 1)))
+    return PieceFix(centre_m, visible, float(np.clip(1 - miss / max(whole, 1.0), 0, 1)))
 
 
-def locate(evidence: Evidence, proxy: Proxy, R_BO: Array, start_m: Array, prior_std_m: float) -> Place:
+def locate(evidence: Evidence, proxy: Proxy, R_BO: Array, start_m: Array, prior_std_m: float) -> PieceFix:
     """Gauss-Newton from `start_m` (3,), which is also a prior with standard deviation `prior_std_m`.
 
     The outline fixes the place across the line of sight, the mean depth of the visible front fixes it along the line.
@@ -119,7 +119,7 @@ def _free(evidence: Evidence, proxy: Proxy, X_BO: Array, pixels: NDArray[np.intp
     return free
 
 
-def _image_motion(view: View, centre_m: Array) -> Array:
+def _image_motion(view: ImageRegion, centre_m: Array) -> Array:
     """(2, 3) how a point's ideal pixel moves with its place in the base frame."""
     x, y, z = transform(view.X_VB, centre_m)
     J: Array = view.focal_px / z * np.array([[1, 0, -x / z], [0, 1, -y / z]]) @ view.X_VB[:3, :3]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hw.poses import inverse
 from hw.types import Array
-from perception.geometry import Array32, View, transform
+from perception.geometry import Array32, ImageRegion, transform
 
 
 class Shape(StrEnum):
@@ -36,7 +36,7 @@ class Proxy:
     shape: Shape
     half_m: tuple[float, float, float]  # half widths along X, Y, Z
 
-    def outline(self, X_BO: Array, view: View) -> Array:
+    def outline(self, X_BO: Array, view: ImageRegion) -> Array:
         """(m, 2) convex outline in ideal pixels of `view`, in order around it."""
         half = np.array(self.half_m)
         if self.shape is Shape.ELLIPSOID:
@@ -46,7 +46,7 @@ class Proxy:
         image = view.image_point(transform(X_BO, points * half)).astype(np.float32)
         return np.asarray(cv2.convexHull(image), dtype=np.float64).reshape(-1, 2)
 
-    def front(self, X_BO: Array, view: View, directions: Array32, inflate: float = 1.0) -> tuple[Array, Array]:
+    def front(self, X_BO: Array, view: ImageRegion, directions: Array32, inflate: float = 1.0) -> tuple[Array, Array]:
         """Where rays (n, 3) with z = 1 of `view` meet the body: depth (n,), inf for a miss, and normal (n, 3).
 
         Normals are unit vectors in the base frame, towards the camera. `inflate` scales the body first.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Frame
-from perception.geometry import Array32, View
+from perception.geometry import Array32, ImageRegion
 from perception.tool_mask import ToolMask
 
 BLADE_MIDDLE_M = np.array([-0.045, 0.0, 0.0])
@@ -25,7 +25,7 @@ _STEPS = 6
 
 
 def tool_shift(
-    frames: Sequence[Frame], poses: Sequence[Array], view: View, tool: ToolMask, hidden: tuple[Array, float]
+    frames: Sequence[Frame], poses: Sequence[Array], view: ImageRegion, tool: ToolMask, hidden: tuple[Array, float]
 ) -> Array | None:
     """(2,) px between the visible tool and its predicted place by its poses (4, 4), the median over `frames`.
 
@@ -50,7 +50,7 @@ def turn_camera(X_BC: Array, shift_px: Array, focal_px: float) -> Array:
     return X
 
 
-def _one(frame: Frame, X_BT: Array, view: View, tool: ToolMask, hidden: tuple[Array, float]) -> Array | None:
+def _one(frame: Frame, X_BT: Array, view: ImageRegion, tool: ToolMask, hidden: tuple[Array, float]) -> Array | None:
     part = view.window(X_BT[:3, :3] @ BLADE_MIDDLE_M + X_BT[:3, 3], _REACH_M)
     if part is None:
         return None

@@ -12,8 +12,8 @@ from hw.types import Array, CameraModel, Frame
 from perception.errors import TrackingFailed
 from perception.geometry import Area, on_plane, view_of
 from perception.piece.detection import HEIGHT_M, PieceDetection, depth_window, matte, table_offset
-from perception.piece.follow import Rig, follow
-from perception.piece.locate import Place
+from perception.piece.follow import TrackingSetup, follow
+from perception.piece.locate import PieceFix
 from perception.piece.outcome import judge
 from perception.piece.registration import tool_shift, turn_camera
 from perception.tool_mask import ToolMask
@@ -121,7 +121,7 @@ def _prepare(
     X_BC: Array,
     detection: PieceDetection,
     tool: ToolMask,
-) -> tuple[Rig, tuple[str, ...]]:
+) -> tuple[TrackingSetup, tuple[str, ...]]:
     """Views, sensor correction and camera correction for this trial."""
     x, y = detection.xy_m
     back, forth, side = _REACH_M
@@ -146,10 +146,10 @@ def _prepare(
     clear = ~np.isfinite(tool.depth(poses[0], around, around.directions))
     depth_m = frames[0].depth_mm[around.rows, around.columns].reshape(-1) / 1000.0
     offset_m = table_offset(depth_m, around, detection.centre_m, clear)
-    return Rig(view, depth_view, offset_m, tool, detection, _HIGHEST_M), flags
+    return TrackingSetup(view, depth_view, offset_m, tool, detection, _HIGHEST_M), flags
 
 
-def _flags(t_s: Array, places: Sequence[Place | None], state: Array, detection: PieceDetection) -> tuple[str, ...]:
+def _flags(t_s: Array, places: Sequence[PieceFix | None], state: Array, detection: PieceDetection) -> tuple[str, ...]:
     flags = []
     hidden = np.array([place is not None and place.visible < _HIDDEN for place in places])
     absent = np.array([place is None for place in places])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hw.bounded import Unreadable
-from sim.adaptation.prospects import Prospects, restore_prospects
+from sim.adaptation.reward_table import RewardTable, restore_prospects
 from sim.adaptation.self_test import SELF_TEST, predictions, require_finite, require_same
 from sim.errors import CheckpointError
 from sim.solvers.emulator.network import Emulator
@@ -165,7 +165,7 @@ class Checkpoint:
     card: Card
     solver: Solver
     emulator: Emulator | None  # None: the solver does not use one
-    prospects: Prospects | None  # None with NAF, which cannot answer without simulating
+    prospects: RewardTable | None  # None with NAF, which cannot answer without simulating
     tensors: Tensors  # everything in the checkpoint's weights file
 
     def part(self, prefix: str) -> dict[str, NDArray[Any]]:
@@ -189,7 +189,7 @@ def save_checkpoint(
     emulator: Emulator | None,
     further: Tensors,
     facts: Mapping[str, Any],
-    prospects: Prospects | None = None,
+    prospects: RewardTable | None = None,
 ) -> Path:
     """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder.
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.method import Best, Forecasting, Iteration, Method, Outlook, OwnPolicies
+from sim.adaptation.method import Best, ExpectedGain, Forecasting, Iteration, Method, OwnPolicies
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
 from sim.solvers.misfit import misfit
 from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy, policy_for
@@ -57,7 +57,7 @@ def final_policy(
     return policy_for(policies, choose_best(task, history).particle.samples, executable)
 
 
-def assess(method: Method, task: Task, history: Sequence[Iteration]) -> tuple[Best, Outlook | None]:
+def assess(method: Method, task: Task, history: Sequence[Iteration]) -> tuple[Best, ExpectedGain | None]:
     """The final parameters, and the outlook of a method that forecasts. Raises ValueError if there is no trial."""
     return method.assess(history) if isinstance(method, Forecasting) else (choose_best(task, history), None)
 
@@ -80,7 +80,7 @@ SLACK = 1.5
 
 
 def judge(
-    task: Task, history: Sequence[Iteration], expectations: Expectations, best: Best, ahead: Outlook | None = None
+    task: Task, history: Sequence[Iteration], expectations: Expectations, best: Best, ahead: ExpectedGain | None = None
 ) -> Verdict:
     """Whether to stop or to go on, and whether the simulator can express the object at all.
 
@@ -104,7 +104,7 @@ def judge(
     )
 
 
-def _by_forecast(ahead: Outlook) -> Kind:
+def _by_forecast(ahead: ExpectedGain) -> Kind:
     """The kind of verdict for a method with an outlook."""
     return Kind.HOPELESS if ahead.hopeless else Kind.ENOUGH if ahead.done else Kind.GO_ON
 

@@ -75,7 +75,7 @@ class Best:
 
 
 @dataclass(frozen=True, eq=False)
-class Outlook:
+class ExpectedGain:
     """The outlook of a session, for its final policy if it ended now."""
 
     reward: float  # expected
@@ -133,7 +133,7 @@ class OwnPolicies(Protocol):
 class Forecasting(Protocol):
     """A method that judges its session itself, and says what another iteration would bring."""
 
-    def assess(self, history: Sequence[Iteration]) -> tuple[Best, Outlook]:
+    def assess(self, history: Sequence[Iteration]) -> tuple[Best, ExpectedGain]:
         """The final parameters, and the outlook. Raises ValueError without a trial."""
         ...
 

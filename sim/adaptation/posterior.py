@@ -80,7 +80,7 @@ def predicted(expectations: Expectations, parameters: Array, context: Array, act
 
 
 @dataclass(frozen=True)
-class Prospect:
+class RewardEstimate:
     """The expected reward of a policy if the true parameters follow a posterior."""
 
     mean: float
@@ -90,14 +90,14 @@ class Prospect:
 
 def prospect(
     checkpoint: Checkpoint, belief: Posterior, policies: Sequence[SolvedPolicy], rng: np.random.Generator
-) -> Prospect:
+) -> RewardEstimate:
     """The prospect of `policies`, averaged over them, over contexts, nuisance and action error."""
     solver = checkpoint.solver
     targets, contexts = belief.draw(TARGETS, rng), solver.task.context.sample(rng, CONTEXTS)
     drawn = int(rng.integers(2**31))
     rewards = np.mean([_earned(solver, targets, contexts, policy, drawn) for policy in policies], axis=0)
     low, high = np.quantile(rewards, (0.025, 0.975))
-    return Prospect(float(rewards.mean()), float(low), float(high))
+    return RewardEstimate(float(rewards.mean()), float(low), float(high))
 
 
 def policies_of(checkpoint: Checkpoint, particles: Sequence[Particle]) -> tuple[SolvedPolicy, ...]:

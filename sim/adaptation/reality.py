@@ -21,7 +21,7 @@ from scipy.special import logsumexp
 from hw.types import Array, frozen_array
 from sim.adaptation.discrepancy import Discrepancy, Scale
 from sim.adaptation.method import Trial
-from sim.adaptation.prospects import Prospects
+from sim.adaptation.reward_table import RewardTable
 from sim.errors import NotExecutable
 from sim.rollouts.draws import Disturbances, cover, sobol
 from sim.solvers.among import Among, best_of
@@ -75,7 +75,7 @@ class Simulators:
     """The predictions of a task's simulator, shared during a session."""
 
     solver: Solver
-    prospects: Prospects
+    prospects: RewardTable
     _grid: dict[bytes, _Predicted] = field(default_factory=dict, repr=False)  # of `truths`, by trial
 
     @property

@@ -24,9 +24,9 @@ from sim.errors import SimError
 from sim.lab.arm import laid_board, touching_q_rad
 from sim.lab.board import BODY, HeldBoard
 from sim.lab.cell import Cell
-from sim.lab.chance import calibration_stream, camera_stream, joint_zeros, view_stream
 from sim.lab.film import SLICES
 from sim.lab.kinect import EXPOSURE_S, Renderer, SensorNoise, default_X_BC, kinect_model
+from sim.lab.rng_streams import calibration_stream, camera_stream, joint_zeros, view_stream
 from sim.lab.world import Sensing, World
 from sim.panda.shapes import visuals
 from sim.render.renderer import WORLD

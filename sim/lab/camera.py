@@ -8,11 +8,11 @@ from typing import Self
 
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Array, CameraModel, Frame
-from sim.lab.chance import camera_stream
 from sim.lab.film import Filming
 from sim.lab.kinect import SensorNoise, kinect_model
+from sim.lab.rng_streams import camera_stream
 from sim.lab.room import Room
-from sim.render.studio import Moment, ProcessStudio, Scene, Studio, ThreadStudio
+from sim.render.pool import Moment, ProcessPool, RenderPool, Scene, ThreadPool
 
 STILL_S = 0.3  # duration of a recording without any motion
 MOST_PROCESSES = 4  # that render; each takes 0.6 GB
@@ -23,7 +23,7 @@ class LabCamera:
 
     def __init__(self, room: Room, X_BC: Array) -> None:
         self._room, self._X_BC = room, X_BC
-        self._studio: Studio | None = None
+        self._studio: RenderPool | None = None
 
     def __enter__(self) -> Self:
         if self._studio is None:
@@ -68,17 +68,17 @@ class LabCamera:
             raise CameraError("no frame within 1 s; check the camera's cable and power, then redo the trial")
         return filming.film()
 
-    def _started(self) -> Studio:
+    def _started(self) -> RenderPool:
         if self._room.world.sensing.camera == "small":
-            return ThreadStudio(self._scene)  # such a film is ready before a process has started
-        return ProcessStudio(self._scene(), min(os.cpu_count() or 1, MOST_PROCESSES))
+            return ThreadPool(self._scene)  # such a film is ready before a process has started
+        return ProcessPool(self._scene(), min(os.cpu_count() or 1, MOST_PROCESSES))
 
     def _scene(self) -> Scene:
         room = self._room
         noise = SensorNoise.draw(camera_stream(room.seed), room.world.sensing.depth_noise_scale)
         return Scene(self.model(), self._X_BC, room.cell.visuals, noise)
 
-    def _connected(self) -> Studio:
+    def _connected(self) -> RenderPool:
         if self._studio is None:
             raise DeviceUnavailable("the lab's camera is not connected: use it inside a `with` block")
         return self._studio

@@ -23,7 +23,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from hw.types import Array
 from perception.types import REST_M_S, REST_RAD_S, REST_S, SETTLE_S
 from sim.lab import mounting
-from sim.lab.motion import DivergedError, Motion
+from sim.lab.motion import DivergedError, PlantMotion
 from sim.lab.world import World
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.shapes import visuals
@@ -101,7 +101,9 @@ class Cell:
         """(4, 4) the object in the world."""
         return np.asarray(self._plant.EvalBodyPoseInWorld(self._context, self._object).GetAsMatrix4())
 
-    def simulate(self, t_s: Array, q_rad: Array, so_far: Callable[[Motion], object] = lambda _: None) -> Motion:
+    def simulate(
+        self, t_s: Array, q_rad: Array, so_far: Callable[[PlantMotion], object] = lambda _: None
+    ) -> PlantMotion:
         """Follow the joint path (N,), (N, 7), then hold its end until the object rests, at most `SETTLE_S`.
 
         Calls `so_far` every `PIECE_S` with the motion until then. Raises DivergedError.
@@ -123,13 +125,13 @@ class Cell:
         self.positions = motion.positions[-1]
         return motion
 
-    def travel(self, t_s: Array, q_rad: Array) -> Motion:
+    def travel(self, t_s: Array, q_rad: Array) -> PlantMotion:
         """Follow `q_rad` (M, 7) at `t_s` (M,) exactly, while the object lies still."""
         rows = np.empty((len(t_s), self._plant.num_positions()))
         for row, q in zip(rows, q_rad, strict=True):
             self.positions = self._with_arm(self.positions, q)
             row[:] = self.positions
-        return Motion(t_s, rows, rows[:, self._joints])
+        return PlantMotion(t_s, rows, rows[:, self._joints])
 
     def touches(self) -> tuple[bool, bool]:
         """(whether the object touches the tool, whether it touches anything else)."""
@@ -171,7 +173,7 @@ class Cell:
     def _set_object(self, X_BO: Array) -> None:
         self._plant.SetFreeBodyPose(self._context, self._object, RigidTransform(X_BO))
 
-    def _advanced(self, until_s: float, log: Any) -> Motion:
+    def _advanced(self, until_s: float, log: Any) -> PlantMotion:
         """The motion until then. Raises DivergedError."""
         try:
             self._simulator.AdvanceTo(until_s)
@@ -193,9 +195,9 @@ class Cell:
         full[self._joints] = q_rad
         return full
 
-    def _motion(self, log: Any) -> Motion:
+    def _motion(self, log: Any) -> PlantMotion:
         positions = np.array(log.data()[: self._plant.num_positions()].T)
-        return Motion(np.array(log.sample_times()), positions, positions[:, self._joints])
+        return PlantMotion(np.array(log.sample_times()), positions, positions[:, self._joints])
 
 
 def make_position_controlled(plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:

@@ -11,12 +11,12 @@ import numpy as np
 
 from hw.types import Array, Frame
 from sim.lab.cell import Cell
-from sim.lab.chance import Chance
 from sim.lab.kinect import EXPOSURE_S
-from sim.lab.motion import Motion
+from sim.lab.motion import PlantMotion
+from sim.lab.rng_streams import RngStreams
 from sim.lab.world import Sensing
+from sim.render.pool import Moment, Picture, RenderPool
 from sim.render.rays import held_still
-from sim.render.studio import Moment, Picture, Studio
 
 FRAME_RATE_HZ = 30.0
 SLICES = 4  # per exposure
@@ -45,13 +45,13 @@ class Film(Sequence[Frame]):
 class Filming:
     """Asks for each picture as soon as its exposure has been simulated. A motion in pieces gives the same pictures."""
 
-    studio: Studio
+    studio: RenderPool
     cell: Cell
     sensing: Sensing
-    chance: Chance
+    chance: RngStreams
     t_placed_s: float
     since_s: float
-    _motions: dict[float, Motion] = field(default_factory=dict)  # by their starts, s
+    _motions: dict[float, PlantMotion] = field(default_factory=dict)  # by their starts, s
     _last: Mapping[str, Array] = field(default_factory=dict)  # pose (1, 4, 4) of every body in the latest slice
     _times_s: list[float] = field(default_factory=list)
     _pictures: list[Future[Picture]] = field(default_factory=list)
@@ -59,7 +59,7 @@ class Filming:
     def __post_init__(self) -> None:
         self._next = int(np.ceil(self._number_at(self.since_s + EXPOSURE_S / 2)))
 
-    def saw(self, t_start_s: float, motion: Motion) -> None:
+    def saw(self, t_start_s: float, motion: PlantMotion) -> None:
         """The plant moves along `motion` from `t_start_s` on. May be called again, with more of the same motion."""
         self._motions[t_start_s] = motion
         end_s = t_start_s + float(motion.t_s[-1])

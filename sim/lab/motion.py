@@ -10,7 +10,7 @@ from hw.types import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class PlantMotion:
     """Positions of the whole plant, and of the arm in it, over time."""
 
     t_s: Array  # (M,) increasing
@@ -32,6 +32,6 @@ class Motion:
 class DivergedError(Exception):
     """The solver gave up; `motion` is the motion until then."""
 
-    def __init__(self, t_s: float, reason: str, motion: Motion) -> None:
+    def __init__(self, t_s: float, reason: str, motion: PlantMotion) -> None:
         super().__init__(f"the lab's simulation failed {t_s:.3f} s into the path: {reason}")
         self.motion = motion

@@ -10,9 +10,9 @@ import numpy as np
 
 from hw.types import Array, Execution, JointPath
 from sim.lab.cell import Cell
-from sim.lab.chance import Chance, joint_zeros
 from sim.lab.film import Filming
-from sim.lab.motion import DivergedError, Motion
+from sim.lab.motion import DivergedError, PlantMotion
+from sim.lab.rng_streams import RngStreams, joint_zeros
 from sim.lab.world import World
 from sim.tasks.task import Task
 
@@ -39,14 +39,14 @@ class Room:
     home_q_rad: Array
     t_s: float = 0.0
     t_placed_s: float = 0.0
-    chance: Chance = field(init=False)
+    chance: RngStreams = field(init=False)
     zeros_rad: Array = field(init=False)  # (7,) true minus reported joint positions
     faults_due: set[str] = field(default_factory=set)  # of this trial, not yet triggered
     filming: Filming | None = None  # the running recording
     history: list[dict[str, Any]] = field(default_factory=list)  # true data of every placing, oldest first
 
     def __post_init__(self) -> None:
-        self.chance = Chance.draw(self.seed, 0, 0)
+        self.chance = RngStreams.draw(self.seed, 0, 0)
         self.zeros_rad = joint_zeros(self.seed, self.world.sensing.joint_offset_mrad)
 
     @cached_property
@@ -67,7 +67,7 @@ class Room:
         """Put the object at rest near `xy_m` (on its mark, or with its near side there), the arm at home, clock and
         random numbers to those of this attempt.
         """
-        self.chance = Chance.draw(self.seed, trial, attempt)
+        self.chance = RngStreams.draw(self.seed, trial, attempt)
         self.t_s = self.t_placed_s = TRIAL_S * trial + ATTEMPT_S * attempt
         self.filming = None
         due = vars(self.world.faults).items()
@@ -115,7 +115,7 @@ class Room:
     def wait(self, duration_s: float) -> None:
         """Let time pass with everything at rest."""
         positions = np.tile(self.cell.positions, (2, 1))
-        self._happened(Motion(np.array([0.0, duration_s]), positions, np.tile(self.cell.q_rad, (2, 1))))
+        self._happened(PlantMotion(np.array([0.0, duration_s]), positions, np.tile(self.cell.q_rad, (2, 1))))
 
     def _X_BO_at(self, xy_m: Array) -> Array:
         world, hardware = self.world, self.task.require_hardware()
@@ -126,17 +126,17 @@ class Room:
             X_BO[:2, 3] = xy_m
         return X_BO
 
-    def _shown(self, motion: Motion) -> None:
+    def _shown(self, motion: PlantMotion) -> None:
         if self.filming is not None:
             self.filming.saw(self.t_s, motion)
 
-    def _happened(self, motion: Motion) -> float:
+    def _happened(self, motion: PlantMotion) -> float:
         self._shown(motion)
         t_start_s = self.t_s
         self.t_s = t_start_s + float(motion.t_s[-1])
         return t_start_s
 
-    def _remember(self, t_start_s: float, motion: Motion) -> None:
+    def _remember(self, t_start_s: float, motion: PlantMotion) -> None:
         if not self.history:
             return
         every = max(1, round(TRUTH_PERIOD_S / (motion.t_s[1] - motion.t_s[0])))

@@ -1,6 +1,6 @@
 """The simulated lab: a whole arm, table, object and camera in a world hidden from learning and tracking.
 
-It provides `hw.ports.Arm`, `hw.ports.Camera` and `hw.ports.Bench`. For its models and their limits see
+It provides `hw.ports.Arm`, `hw.ports.Camera` and `hw.ports.ObjectPlacer`. For its models and their limits see
 `docs/decisions/0005-simulated-lab.md`.
 """
 
@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from hw.placing import Placing
-from hw.ports import Arm, Bench, Camera
+from hw.ports import Arm, Camera, ObjectPlacer
 from hw.types import Array, Frame, frozen_array
 from hw.workcell import Workcell
 from sim.lab.arm import LabArm
@@ -31,7 +31,7 @@ class LabBench:
         self._room = room
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
-        """See `hw.ports.Bench`."""
+        """See `hw.ports.ObjectPlacer`."""
         asked = Placing(xy_m, trial, attempt)
         self._room.place(asked.xy_m, asked.trial, asked.attempt)
 
@@ -74,7 +74,7 @@ class SimulatedLab:
         self._room = Room(task, world, seed, frozen_array(home_q_rad, (7,), "home_q_rad"))
         self.arm: Arm = LabArm(self._room, cell)
         self.camera: Camera = LabCamera(self._room, self._X_BC)
-        self.bench: Bench = LabBench(self._room)
+        self.bench: ObjectPlacer = LabBench(self._room)
 
     def __enter__(self) -> Self:
         self.arm.__enter__()

@@ -20,7 +20,7 @@ from hw.types import PATH_RATE_HZ, ArmState, Array, Contact, Execution, Guard, J
 from hw.workcell import Workcell
 from sim.lab import mounting
 from sim.lab.arm import Grip, LabHand
-from sim.lab.chance import REPEATABILITY_RAD, joint_zeros, touch_stream
+from sim.lab.rng_streams import REPEATABILITY_RAD, joint_zeros, touch_stream
 from sim.lab.touch_cell import Felt, TouchCell
 from sim.lab.world import World
 from sim.panda.feelers import FINGERTIPS, empty_hand, feeling, touchable

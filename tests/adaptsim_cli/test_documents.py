@@ -16,7 +16,7 @@ import typer
 from documents import FENCE, PAGES, ROOT, commands, read, shown
 
 from adaptsim_cli import app, config
-from adaptsim_cli.session.conduct import default_name
+from adaptsim_cli.session.running import default_name
 from sim.lab.world import list_worlds
 from sim.tasks import get_task
 

@@ -13,12 +13,12 @@ from scipy.optimize import least_squares
 from calib.closed_form import robust_start
 from calib.condense import condense
 from calib.geometry import distance_mm, move
+from calib.intrinsics_check import settle
 from calib.labelling import told_apart
 from calib.pairing import exchanged, faults
 from calib.projection import project
 from calib.sizing import solve_any_size
 from calib.solve import solve
-from calib.trial import settle
 from calib.types import Mounting, Setup, View
 from calib.volume import where_the_target_was
 from hw.poses import inverse

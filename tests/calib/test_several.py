@@ -10,14 +10,14 @@ import pytest
 import real_views
 
 from calib.errors import TooFewViews, UnusableViews
-from calib.several import Camera, Together, solve_together
+from calib.several import CameraViews, Together, solve_together
 from calib.sizing import solve_any_size
 from calib.types import Mounting
 from hw.types import Array
 
 
-def cameras() -> list[Camera]:
-    return [Camera(f"camera-{k}", tuple(real_views.views(k)), real_views.setup(k), None) for k in range(3)]
+def cameras() -> list[CameraViews]:
+    return [CameraViews(f"camera-{k}", tuple(real_views.views(k)), real_views.setup(k), None) for k in range(3)]
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,10 @@ import real_views
 import rig
 
 from calib.geometry import move
-from calib.pixels import Place, adjust, looks, poses, rms_px
+from calib.intrinsics_check import adopted, check, suspicious, trial
+from calib.pixels import PixelUnknowns, adjust, looks, poses, rms_px
 from calib.projection import LENS, lens_jacobian, project, with_lens
 from calib.sizing import solve_any_size
-from calib.trial import adopted, check, suspicious, trial
 from calib.types import Grade
 from hw.kinematics import forward
 
@@ -78,7 +78,7 @@ def test_two_cameras_and_two_mountings_at_once() -> None:
     target = real_views.MARKER
     cameras = [real_views.camera(0), real_views.camera(2)]
     solved = [solve_any_size(real_views.views(k), real_views.setup(k), None)[0] for k in (0, 2)]
-    truth = Place(
+    truth = PixelUnknowns(
         np.stack([s.X_AC for s in solved]), np.stack([solved[0].X_HM, solved[1].X_HM]), 0.8, np.zeros((2, LENS))
     )
     views = [*real_views.views(0), *real_views.views(2)]

@@ -10,7 +10,7 @@ import pytest
 
 from adaptsim_cli.devices.attended import Person
 from hw.fake import FakeBench
-from hw.ports import Bench
+from hw.ports import ObjectPlacer
 from hw.types import Array
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import load_world
@@ -25,7 +25,7 @@ NEAR_M = 0.02
 class Kind:
     """A bench, and where the object came to lie; None where only a camera could say."""
 
-    bench: Bench
+    bench: ObjectPlacer
     lies_m: Callable[[], Array] | None = None  # (2,) in the base frame
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hw.types import Array, Intrinsics
-from perception.outline import Seen, changes, fit, silhouette
+from perception.outline import OutlineView, changes, fit, silhouette
 
 CAMERA = Intrinsics(640, 480, np.array([[600.0, 0, 319.5], [0, 600.0, 239.5], [0, 0, 1.0]]))
 SIZE_M = np.array([0.20, 0.07, 0.05])
@@ -18,7 +18,7 @@ def box(centre_m: Array) -> Array:
     return centre_m + signs * SIZE_M / 2
 
 
-def series(off_m: Array, pictures: int = 8, contrast: float = 90.0) -> list[Seen]:
+def series(off_m: Array, pictures: int = 8, contrast: float = 90.0) -> list[OutlineView]:
     """The body at places all over the picture, drawn `off_m` from where it is said to be."""
     rng = np.random.default_rng(0)
     room = cv2.GaussianBlur(rng.uniform(60.0, 140.0, (480, 640, 3)), (0, 0), 4)
@@ -28,7 +28,7 @@ def series(off_m: Array, pictures: int = 8, contrast: float = 90.0) -> list[Seen
         mask = silhouette([box(at + off_m)], CAMERA)
         assert mask is not None
         picture = room + contrast * mask[..., None] + rng.normal(0.0, 3.0, room.shape)
-        seen.append(Seen(np.clip(picture, 0, 255).astype(np.uint8), (box(at),), (np.full((1, 3), 0.9),)))
+        seen.append(OutlineView(np.clip(picture, 0, 255).astype(np.uint8), (box(at),), (np.full((1, 3), 0.9),)))
     return seen
 
 

@@ -13,7 +13,7 @@ from toy_rig import ToyLab, opener
 from adaptsim_cli import config
 from adaptsim_cli.report import page
 from adaptsim_cli.screen import console
-from adaptsim_cli.session import conduct
+from adaptsim_cli.session import running
 from adaptsim_cli.session.keeping import verify
 from adaptsim_cli.session.store import TRIAL, SessionStore
 
@@ -25,9 +25,9 @@ class ToySession:
     def run(self, home: Path) -> None:
         with Path(os.devnull).open("w") as nothing:
             vars(console)["CleanConsole"] = lambda **_: Console(file=nothing)
-            request = conduct.SessionRequest(None, frozenset(), iterations=1, yes=True)
+            request = running.SessionRequest(None, frozenset(), iterations=1, yes=True)
             settings = config.load({"task": "toy", "particles": 1}, {"ADAPTSIM_HOME": str(home)}, home)
-            conduct.conduct(settings, request, opener(ToyLab(7)), page.write)
+            running.run_session(settings, request, opener(ToyLab(7)), page.write)
 
     def completed(self, home: Path) -> dict[str, bytes]:
         """Every file of every trial that has its record."""

@@ -10,8 +10,8 @@ from hw.franka.driver import Reading
 from hw.franka.messages import PlayOutcome
 from hw.franka.playback import PlayableMotion
 from hw.franka.settings import Payload
-from hw.listening import WHY
 from hw.types import Guard
+from hw.watchdog import WHY
 
 
 @dataclass

@@ -13,7 +13,7 @@ from perception.arm_mask import NO_ARM
 from perception.clutter import Thing, things
 from perception.cylinder import Circle, fit_circle
 from perception.errors import ObjectNotFound
-from perception.geometry import View
+from perception.geometry import ImageRegion
 from perception.scan import Scan
 
 _RADIUS_M, _RADIUS_STD_M = 0.040, 0.015  # what stands on tables and can be held in a hand
@@ -47,13 +47,13 @@ def survey(
 
     `up` (3,) is roughly the vertical in the depth camera. Raises TableNotFound, ObjectNotFound.
     """
-    everything = View(model.depth, np.eye(4), slice(0, model.depth.height), slice(0, model.depth.width))
+    everything = ImageRegion(model.depth, np.eye(4), slice(0, model.depth.height), slice(0, model.depth.width))
     camera = Scan(everything)
     depth_m = camera.depth(frame.depth_mm)
     points = camera.points(depth_m, (depth_m > 0) & (depth_m < most_m))
     table = find_plane(points, up, rng, near_m=table_m)
     X_BD = table_frame(table)
-    scan = Scan(View(model.depth, X_BD, everything.rows, everything.columns))
+    scan = Scan(ImageRegion(model.depth, X_BD, everything.rows, everything.columns))
     near = np.where(depth_m < most_m, frame.depth_mm, np.uint16(0))
     found = [_standing(scan, thing) for thing in things(scan, near, NO_ARM)]
     good = [s for s in found if s is not None and s.circle.rms_m < _LARGEST_RMS_M]

@@ -15,8 +15,8 @@ from toy_rig import ToyLab, opener, toy_parts
 from adaptsim_cli import config
 from adaptsim_cli.report import page
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session import conduct
-from adaptsim_cli.session.flow import Session
+from adaptsim_cli.session import running
+from adaptsim_cli.session.flow import RunningSession
 from adaptsim_cli.session.operator import Accept, Choices, Operator, Proposal, Review, Unattended
 from adaptsim_cli.session.records import RunTrial, TrialRecord
 from adaptsim_cli.session.store import SessionStore
@@ -57,20 +57,20 @@ def resolved(home: Path, **flags: object) -> config.Resolved:
 def run(home: Path, lab: ToyLab | None = None, *, iterations: int = 1, **flags: object) -> SessionStore:
     """`run-iteration --yes` on the toy rig, in this process."""
     settings = resolved(home, **flags)
-    request = conduct.SessionRequest(None, frozenset(), iterations, yes=True)
-    path = conduct.conduct(settings, request, opener(lab or ToyLab(settings.config.seed)), page.write)
+    request = running.SessionRequest(None, frozenset(), iterations, yes=True)
+    path = running.run_session(settings, request, opener(lab or ToyLab(settings.config.seed)), page.write)
     return SessionStore.open(settings.places.sessions, path.parent.name)
 
 
-def attended(home: Path, operator: Operator, lab: ToyLab | None = None, name: str = "fake") -> Session:
+def attended(home: Path, operator: Operator, lab: ToyLab | None = None, name: str = "fake") -> RunningSession:
     """A new or continued session with an operator of one's own, ready for `run_iteration`."""
     settings = resolved(home)
     parts = toy_parts(lab or ToyLab(0), name)
     root = settings.places.sessions
     store = (
-        SessionStore.open(root, NAME) if (root / NAME).is_dir() else conduct.begin(root, NAME, settings.config, parts)
+        SessionStore.open(root, NAME) if (root / NAME).is_dir() else running.begin(root, NAME, settings.config, parts)
     )
-    return Session(store, parts, operator, silent())
+    return RunningSession(store, parts, operator, silent())
 
 
 def silent() -> Screen:

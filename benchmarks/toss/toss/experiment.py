@@ -24,10 +24,10 @@ from sim.adaptation.judging import judge as verdict_of
 from sim.adaptation.method import Iteration, Method
 from sim.adaptation.methods.adaptsim import AdaptSim
 from sim.adaptation.methods.belief import Belief
-from sim.adaptation.prospects import Prospects
 from sim.adaptation.reality import Simulators
-from sim.research.benchmark.places import Recorded
+from sim.adaptation.reward_table import RewardTable
 from sim.research.benchmark.sessions import Conditions, judge, run_iterations, udr_policies
+from sim.research.benchmark.trial_sources import FromRecordings
 from sim.research.methods.random_search import RandomSearch
 from sim.rollouts.draws import cover
 from sim.rollouts.recorded import RecordedTrials
@@ -64,7 +64,7 @@ class Half:
 
     trials: RecordedTrials
     solver: Among
-    prospects: Prospects
+    prospects: RewardTable
 
     @classmethod
     def of(cls, grid: GridSolver, trials: RecordedTrials) -> Half:
@@ -75,7 +75,7 @@ class Half:
         for policy in solver.policies(grid.points[:, None], np.random.default_rng(0)):
             acts = np.broadcast_to(policy.actions(contexts), (len(grid.points), CONTEXTS, len(TASK.action)))
             rewards.append(solver.expected_rewards(grid.points, contexts, acts, np.random.default_rng(0)))
-        return cls(trials, solver, Prospects(grid.points, grid.points, np.array(rewards)))
+        return cls(trials, solver, RewardTable(grid.points, grid.points, np.array(rewards)))
 
 
 def _bo(half: Half) -> Method:
@@ -151,7 +151,7 @@ class Seed:
     def _references(self, session: Half, scores: Half) -> dict[str, Any]:
         each = [self._scored(policy_for(scores.solver, point[None])) for point in self.grid.points]
         theirs = policy_for(scores.solver, self.grid.points[GRID:])
-        place = Recorded(session.trials, scores.trials)
+        place = FromRecordings(session.trials, scores.trials)
         best = judge(TASK, place.best_actions, place, CONDITIONS, self.number).reward
         return {
             "udr": float(np.mean([self._scored(policy) for policy in udr_policies(scores.solver, self.number)])),
@@ -163,7 +163,9 @@ class Seed:
 
     def _scored(self, policy: SolvedPolicy) -> float:
         session, scores = self.halves
-        return judge(TASK, policy.actions, Recorded(session.trials, scores.trials), CONDITIONS, self.number).reward
+        return judge(
+            TASK, policy.actions, FromRecordings(session.trials, scores.trials), CONDITIONS, self.number
+        ).reward
 
 
 def _control(grid: GridSolver, trials: RecordedTrials, seed: int) -> dict[str, float]:
@@ -174,7 +176,7 @@ def _control(grid: GridSolver, trials: RecordedTrials, seed: int) -> dict[str, f
         "permuted": trials.permuted(seed).split(HELD_OUT, seed),
         "permuted_shown": (split[0].permuted(seed), split[1]),
     }.items():
-        session, scores, place = Half.of(grid, shown), Half.of(grid, held), Recorded(shown, held)
+        session, scores, place = Half.of(grid, shown), Half.of(grid, held), FromRecordings(shown, held)
         history = _history(METHODS["adaptsim"](session), session, held, seed)
         policies = [final_policy(METHODS["adaptsim"](scores), scores.solver, TASK, history)]
         earned = [
@@ -186,13 +188,13 @@ def _control(grid: GridSolver, trials: RecordedTrials, seed: int) -> dict[str, f
 
 
 def _history(method: Method, session: Half, held: RecordedTrials, seed: int) -> tuple[Iteration, ...]:
-    *_, history = run_iterations(session.solver, method, Recorded(session.trials, held), CONDITIONS, seed)
+    *_, history = run_iterations(session.solver, method, FromRecordings(session.trials, held), CONDITIONS, seed)
     return history
 
 
 def _best_on(session: Half, grid: Array, seed: int) -> int:
     """The point of the grid whose policy earns most with all tosses of the session, not only twenty."""
-    place = Recorded(session.trials, session.trials)
+    place = FromRecordings(session.trials, session.trials)
     policies = session.solver.policies(grid[:, None], np.random.default_rng(0))
     return int(np.argmax([judge(TASK, policy.actions, place, CONDITIONS, seed + 10_000).reward for policy in policies]))
 

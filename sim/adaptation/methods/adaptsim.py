@@ -17,8 +17,8 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
-from sim.adaptation.method import Best, Iteration, Outlook, Particle
-from sim.adaptation.outlook import CAUTION, outlook
+from sim.adaptation.expected_gain import CAUTION, outlook
+from sim.adaptation.method import Best, ExpectedGain, Iteration, Particle
 from sim.adaptation.reality import Reality, RealityPolicy, Simulators
 from sim.errors import CheckpointError
 from sim.solvers.solver import Executable, SolvedPolicy, policy_for
@@ -75,7 +75,7 @@ class AdaptSim:
         reality = self.reality(history)
         return RealityPolicy(reality, 0.0 if _all_failed(reality) else -CAUTION, executable)
 
-    def assess(self, history: Sequence[Iteration]) -> tuple[Best, Outlook]:
+    def assess(self, history: Sequence[Iteration]) -> tuple[Best, ExpectedGain]:
         """The final parameters, and the expected gain of another iteration. Raises ValueError without a trial."""
         reality, leading = self.reality(history), self._particles(history, 1)[0]
         if not reality.trials:
@@ -107,7 +107,7 @@ class AdaptSim:
         return tuple(Particle(prospects.candidates[i][None]) for i in chosen)
 
 
-def outlook_after(reality: Reality, for_e: SolvedPolicy, iterations: int, particles: int) -> Outlook:
+def outlook_after(reality: Reality, for_e: SolvedPolicy, iterations: int, particles: int) -> ExpectedGain:
     """The outlook after so many iterations with so many particles; see `outlook`."""
     return outlook(reality, for_e, _optimism(reality, iterations, particles))
 

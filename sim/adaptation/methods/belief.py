@@ -4,7 +4,7 @@ The paper's adaptation policy learns from thousands of sessions in which directi
 in microseconds allows to ask the question directly, for all trials at once and without a fixed step:
 
 1. Each trajectory weighs candidate parameters by how well the emulator explains it there.
-2. The expected reward of an E is the mean of its prospects under these weights (`sim.adaptation.prospects`).
+2. The expected reward of an E is the mean of its prospects under these weights (`sim.adaptation.reward_table`).
 3. No parameters describe the real object exactly. So this expectation is only the prior mean of a Gaussian process over
 E, which the rewards of the trials correct. They change little if the simulator expresses the object; else they decide.
 
@@ -22,7 +22,7 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle, Trial
-from sim.adaptation.prospects import Prospects
+from sim.adaptation.reward_table import RewardTable
 from sim.errors import CheckpointError
 from sim.rollouts.draws import Disturbances
 from sim.solvers.misfit import squared_misfits
@@ -63,7 +63,7 @@ def create(task: Task, checkpoint: Checkpoint | None) -> Belief:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class CandidateRewards:
     """The expected reward of each candidate E on the real target."""
 
     mean: Array  # (C,)
@@ -75,7 +75,7 @@ class Belief:
     """A deterministic `Method` that uses all trials of the session."""
 
     expectations: Expectations
-    prospects: Prospects
+    prospects: RewardTable
     _known: dict[bytes, Array] = field(default_factory=dict, repr=False)  # log-likelihoods, by trial
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
@@ -94,7 +94,7 @@ class Belief:
         likely = np.exp(log - log.max())
         return np.asarray(likely / likely.sum())
 
-    def estimate(self, history: Sequence[Iteration]) -> Estimate:
+    def estimate(self, history: Sequence[Iteration]) -> CandidateRewards:
         """The estimate for all candidates: Rasmussen & Williams 2006, eq.
 
         2.25, with the prospects as mean and covariance.
@@ -113,7 +113,7 @@ class Belief:
             gain = np.linalg.solve(shared[at] + np.diag(noise), shared.T).T
             mean = mean + gain @ (np.array([np.mean(r) for _, r in tried]) - mean[at])
             variance = variance - (gain * shared).sum(axis=1)
-        return Estimate(mean, np.sqrt(np.maximum(variance, 0.0)))
+        return CandidateRewards(mean, np.sqrt(np.maximum(variance, 0.0)))
 
     def _best(self, history: Sequence[Iteration], n: int) -> tuple[Particle, ...]:
         expected, unit = self.estimate(history), self._unit

@@ -10,7 +10,6 @@ from functools import lru_cache
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.methods import METHODS, make_method
 from sim.lab.world import World
-from sim.research.benchmark.places import Place, Simulated, Tabled
 from sim.research.benchmark.sessions import (
     Commands,
     Conditions,
@@ -23,6 +22,7 @@ from sim.research.benchmark.sessions import (
     udr_policies,
 )
 from sim.research.benchmark.tables import WorldTable, world_digest
+from sim.research.benchmark.trial_sources import SimulatedTrials, Tabled, TrialSource
 from sim.tasks import get_task
 
 UDR, ORACLE, BEST_ACTION = "udr", "oracle", "best-action"
@@ -77,7 +77,7 @@ class Row:
     shown: float | None  # only UDR and oracle: the reward in other trials, which select the worlds with a gap
 
 
-def run_job(job: Job, trials: Place | None = None) -> Row:
+def run_job(job: Job, trials: TrialSource | None = None) -> Row:
     """Run the session and judge it, in this process. `trials` replaces the place in which its trials happen.
 
     With `Conditions.fresh`, the trials and the final score are true rollouts, but the curve comes from the table.
@@ -86,8 +86,8 @@ def run_job(job: Job, trials: Place | None = None) -> Row:
     began, checkpoint = time.perf_counter(), _loaded(job.task, job.checkpoint)
     solver, conditions = checkpoint.solver, job.conditions
     task, seen = solver.task, None
-    simulated = Simulated(solver, job.world)
-    place: Place = simulated if job.table is None else Tabled(task, job.table)
+    simulated = SimulatedTrials(solver, job.world)
+    place: TrialSource = simulated if job.table is None else Tabled(task, job.table)
     each = conditions.particles * task.adaptation.trials_per_iteration
 
     def final(act: Commands, policies: int = 1) -> Judged:

@@ -13,8 +13,8 @@ from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.judging import final_policy
 from sim.adaptation.methods import make_method
 from sim.research.benchmark.jobs import BEST_ACTION, UDR, Row, simulations
-from sim.research.benchmark.places import Recorded
 from sim.research.benchmark.sessions import Commands, Conditions, Judged, judge, mean_of, run_iterations, udr_policies
+from sim.research.benchmark.trial_sources import FromRecordings
 from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.among import among
 
@@ -45,7 +45,7 @@ def run_recorded(job: RecordedJob) -> Row:
     began, task, seed = time.perf_counter(), job.trials.task, job.seed
     trials = job.trials.permuted(seed) if job.method in CONTROLS else job.trials
     shown, held = trials.split(job.held_out, seed)
-    place = Recorded(shown, held)
+    place = FromRecordings(shown, held)
     session, scores = (replace(job.checkpoint, solver=among(job.checkpoint.solver, h.actions)) for h in (shown, held))
 
     def judged(act: Commands) -> Judged:

@@ -17,7 +17,7 @@ from sim.adaptation.judging import final_policy
 from sim.adaptation.method import Iteration, Method, ParticleTrials, Trial, policy_of
 from sim.adaptation.methods import udr
 from sim.errors import OutOfRange
-from sim.research.benchmark.places import Place
+from sim.research.benchmark.trial_sources import TrialSource
 from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy, Solver
 from sim.tasks.task import Task
@@ -78,7 +78,7 @@ class _Chance(IntEnum):
 
 
 def run_session(
-    solver: Solver, method: Method, place: Place, conditions: Conditions, seed: int, contexts: Space | None = None
+    solver: Solver, method: Method, place: TrialSource, conditions: Conditions, seed: int, contexts: Space | None = None
 ) -> list[SolvedPolicy]:
     """The final policies of the session if it ended after each iteration; `contexts` default to all of the task."""
     histories = run_iterations(solver, method, place, conditions, seed, contexts)
@@ -86,7 +86,7 @@ def run_session(
 
 
 def run_iterations(
-    solver: Solver, method: Method, place: Place, conditions: Conditions, seed: int, contexts: Space | None = None
+    solver: Solver, method: Method, place: TrialSource, conditions: Conditions, seed: int, contexts: Space | None = None
 ) -> Iterator[tuple[Iteration, ...]]:
     """The session, iteration by iteration: all that it knows after each."""
     task, history = solver.task, list[Iteration]()
@@ -104,7 +104,7 @@ def run_iterations(
         particles = method.next(history, _stream(seed, _Chance.NEXT, i))
 
 
-def judge(task: Task, act: Commands, place: Place, conditions: Conditions, seed: int) -> Judged:
+def judge(task: Task, act: Commands, place: TrialSource, conditions: Conditions, seed: int) -> Judged:
     """The mean reward of these commands over contexts, by rollouts that no session uses."""
     contexts = task.context.sample(_stream(seed, _Chance.JUDGE_CONTEXT), _worthwhile(task, conditions.judged))
     rewards = place.judge(contexts, act(contexts), _stream(seed, _Chance.JUDGE))
@@ -125,7 +125,7 @@ def udr_policies(solver: Solver, seed: int) -> tuple[SolvedPolicy, ...]:
     return udr.udr_policies(solver, _stream(seed, _Chance.UDR), UDR_POLICIES)
 
 
-def choose_oracle(solver: Solver, place: Place, conditions: Conditions, seed: int) -> tuple[SolvedPolicy, float]:
+def choose_oracle(solver: Solver, place: TrialSource, conditions: Conditions, seed: int) -> tuple[SolvedPolicy, float]:
     """The best of many E, chosen by trials in the world in two rounds, and its reward in the second."""
     task = solver.task
     grid = cover(task.parameters, conditions.candidates, np.random.default_rng(0))
@@ -137,7 +137,7 @@ def choose_oracle(solver: Solver, place: Place, conditions: Conditions, seed: in
     return left[best], second[best]
 
 
-def shown(task: Task, act: Commands, place: Place, n: int, seed: int) -> float:
+def shown(task: Task, act: Commands, place: TrialSource, n: int, seed: int) -> float:
     """Mean reward over `n` trials of the kind that sessions have: for choices, never for scores."""
     rng = _stream(seed, _Chance.CHOOSE)
     contexts = task.context.sample(rng, _worthwhile(task, n))
@@ -150,7 +150,7 @@ def _worthwhile(task: Task, n: int) -> int:
 
 
 def _trials(
-    task: Task, policy: SolvedPolicy, place: Place, among: Space, which: tuple[int, int, int]
+    task: Task, policy: SolvedPolicy, place: TrialSource, among: Space, which: tuple[int, int, int]
 ) -> tuple[Trial, ...]:
     """The trials of one particle in one iteration; `which` is (seed, iteration, particle)."""
     seed, *where = which

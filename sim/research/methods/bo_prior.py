@@ -18,7 +18,7 @@ from scipy.stats import norm
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
-from sim.adaptation.prospects import Prospects
+from sim.adaptation.reward_table import RewardTable
 from sim.errors import CheckpointError
 from sim.tasks.task import Task
 
@@ -42,7 +42,7 @@ class BoPrior:
     """A deterministic `Method`."""
 
     task: Task
-    prospects: Prospects
+    prospects: RewardTable
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The E with the highest mean reward in past tasks, and those with the largest expected improvement."""

@@ -28,7 +28,7 @@ SLOTS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class PastIterations:
     """The pasts of B particles: S entries each; an entry is one iteration of one particle.
 
     Entry 0 is the particle's own last iteration. Then come its earlier ones, then those of the other particles, newest
@@ -90,7 +90,7 @@ def networks_of(checkpoint: Checkpoint) -> dict[MemoryName, QNetwork]:
     return {memory: restore_policy(checkpoint.solver.task, memory, part) for memory, part in parts.items() if part}
 
 
-def encode(task: Task, memory: MemoryName, seen: Seen) -> Array:
+def encode(task: Task, memory: MemoryName, seen: PastIterations) -> Array:
     """(B, slots * numbers): the network's input."""
     means = task.parameters.normalise(seen.means)
     goals = seen.contexts[..., : task.adaptation.trials_per_iteration * _goal(task)]
@@ -108,7 +108,7 @@ def encode(task: Task, memory: MemoryName, seen: Seen) -> Array:
     return padded.reshape(len(full), -1)
 
 
-def look_back(means: Array, observations: Array, contexts: Array, rewards: Array) -> Seen:
+def look_back(means: Array, observations: Array, contexts: Array, rewards: Array) -> PastIterations:
     """The pasts of the particles in episodes (E, P, n, ...) of P particles with one target: (E * P, P * n, ...)."""
     episodes, particles, n = means.shape[:3]
     columns: list[list[Array]] = [[], [], [], []]
@@ -121,10 +121,10 @@ def look_back(means: Array, observations: Array, contexts: Array, rewards: Array
     own = np.zeros((episodes * particles, particles * n))
     own[:, :n] = 1.0
     age = np.tile(np.arange(n, dtype=np.float64), (episodes * particles, particles))
-    return Seen(seen[0], seen[1], seen[2], seen[3], own, age)
+    return PastIterations(seen[0], seen[1], seen[2], seen[3], own, age)
 
 
-def seen_in_session(task: Task, history: Sequence[Iteration], particle: int) -> Seen:
+def seen_in_session(task: Task, history: Sequence[Iteration], particle: int) -> PastIterations:
     """The past of one particle of a session. Raises ValueError if it has no trial in the last iteration.
 
     Of more than `trials_per_iteration` trials only the last ones count; fewer are repeated.
@@ -144,7 +144,7 @@ def seen_in_session(task: Task, history: Sequence[Iteration], particle: int) -> 
             reward = np.array([t.reward for t in taken])
             mean, own = history[k][i].particle.mean, float(i == particle)
             rows.append((mean, observed, contexts, reward, own, float(latest - k)))
-    return Seen(*(np.array(column)[None] for column in zip(*rows, strict=True)))
+    return PastIterations(*(np.array(column)[None] for column in zip(*rows, strict=True)))
 
 
 def create_iteration(task: Task, checkpoint: Checkpoint | None) -> QPolicy:

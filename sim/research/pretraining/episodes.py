@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.method import Trial
-from sim.research.methods.q_policy import MemoryName, Seen, encode, look_back
+from sim.research.methods.q_policy import MemoryName, PastIterations, encode, look_back
 from sim.research.pretraining.acting import Acting
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Roll
@@ -80,7 +80,7 @@ class Episodes:
         until = slice(0, t + 1)
         return encode(task, memory, self._seen(until))
 
-    def _seen(self, until: slice) -> Seen:
+    def _seen(self, until: slice) -> PastIterations:
         return look_back(
             self.means[:, :, until],
             self.observations[:, :, until],

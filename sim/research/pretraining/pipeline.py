@@ -26,7 +26,7 @@ from sim.adaptation.checkpoint import CARD, Targets, save_checkpoint
 from sim.adaptation.method import Method
 from sim.adaptation.methods.belief import Belief
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
-from sim.adaptation.prospects import Prospects, ProspectSettings, look_ahead, restore_prospects
+from sim.adaptation.reward_table import ProspectSettings, RewardTable, look_ahead, restore_prospects
 from sim.errors import DatasetError
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import MemoryName, QPolicy, restore_policy, tensors_of
@@ -321,7 +321,7 @@ def _simulator(means: _Means, acting: Acting, seed: int) -> Simulator:
 
 def _prospects(
     folder: Path, means: _Means, settings: ProspectSettings, seed: int, progress: StageProgress
-) -> Prospects:
+) -> RewardTable:
     path = folder / "prospects.safetensors"
     if not path.exists():
         ahead = look_ahead(means.new_solver(), seed, settings, lambda i, n: progress(STAGES[2], i, n))
@@ -334,7 +334,7 @@ def _evaluation(
     folder: Path,
     means: _Means,
     networks: Mapping[MemoryName, QNetwork],
-    ahead: Prospects | None,
+    ahead: RewardTable | None,
     budget: PretrainBudget,
     seed: int,
     progress: StageProgress,

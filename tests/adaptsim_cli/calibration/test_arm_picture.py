@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import real_views
 
-from adaptsim_cli.calibration import arm_picture, conduct
+from adaptsim_cli.calibration import arm_picture, running
 from adaptsim_cli.calibration.solving import Solved, Wishes, solve_folder
 from calib.errors import CalibrationRejected, UnusableViews
 
@@ -63,7 +63,7 @@ def test_every_view_is_drawn_and_looks_other_than_before(folder: Path, solved: S
 
 
 def test_the_command_writes_the_pictures(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    conduct.overlay(folder, tmp_path / "drawn", as_json=True)
+    running.overlay(folder, tmp_path / "drawn", as_json=True)
     told = json.loads(capsys.readouterr().out)
     assert told["outline"]["fits"] is True
     assert Path(told["sheet"]).is_file()
@@ -72,11 +72,11 @@ def test_the_command_writes_the_pictures(folder: Path, tmp_path: Path, capsys: p
 
 def test_solving_leaves_the_picture_beside_the_report(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(CalibrationRejected, match="Solve again with --refine-intrinsics"):  # they state no distortion
-        conduct.solve(folder, tmp_path / "report.html", Wishes(), as_json=False)
+        running.solve(folder, tmp_path / "report.html", Wishes(), as_json=False)
     with pytest.raises(
         CalibrationRejected, match=r"stated error: \d\.\d+ mm, at most 5 mm"
     ):  # a third of the former one
-        conduct.solve(folder, tmp_path / "refined.html", Wishes(refine_intrinsics=True), as_json=False)
+        running.solve(folder, tmp_path / "refined.html", Wishes(refine_intrinsics=True), as_json=False)
     for name in ("report", "refined"):
         assert (tmp_path / name).with_suffix(".arm.jpg").is_file()
         assert (tmp_path / name).with_suffix(".residuals.csv").is_file()
@@ -85,10 +85,10 @@ def test_solving_leaves_the_picture_beside_the_report(folder: Path, tmp_path: Pa
 def test_an_arm_of_unknown_looks_is_not_drawn(tmp_path: Path) -> None:
     unknown = real_views.picture_folder(tmp_path)
     with pytest.raises(UnusableViews, match='write arm = "panda"'):
-        conduct.overlay(unknown, None, as_json=False)
+        running.overlay(unknown, None, as_json=False)
 
 
 def test_views_without_pictures_cannot_be_drawn_into(tmp_path: Path) -> None:
     bare = real_views.corner_folder(tmp_path, extra='arm = "panda"')
     with pytest.raises(UnusableViews, match="no pictures"):
-        conduct.overlay(bare, None, as_json=False)
+        running.overlay(bare, None, as_json=False)

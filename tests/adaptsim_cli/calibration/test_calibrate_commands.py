@@ -17,7 +17,7 @@ import pytest
 from board_rig import COUNT, X_BC, ToyBench, places, quiet, rig, run, said
 
 from adaptsim_cli import app, config
-from adaptsim_cli.calibration import conduct, drift, printing
+from adaptsim_cli.calibration import drift, printing, running
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.visits import Automatic, HandGuided
 from adaptsim_cli.config import Config
@@ -55,7 +55,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> ToyBench:
         yield rig(bench, board=board)
 
     monkeypatch.setattr(wiring_calibration, "open_calibration_rig", opened)
-    monkeypatch.setattr(conduct, "plan", lambda _, count: places(COUNT)[:count])
+    monkeypatch.setattr(running, "plan", lambda _, count: places(COUNT)[:count])
     return bench
 
 

@@ -10,7 +10,7 @@ import pytest
 import real_views
 from scipy.spatial.transform import Rotation
 
-from adaptsim_cli.calibration import conduct
+from adaptsim_cli.calibration import running
 from adaptsim_cli.calibration.solving import Wishes, solve_folder
 from calib.errors import CalibrationRejected, DegenerateViews, UnusableViews
 
@@ -23,7 +23,7 @@ def folder_with_swapped_views(folder: Path) -> Path:
 def test_swapped_views_are_said_and_mended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = folder_with_swapped_views(tmp_path)
     with pytest.raises(CalibrationRejected, match="stated error"):  # two views fewer, of a lens that is not stated
-        conduct.solve(folder, None, Wishes(), as_json=True)
+        running.solve(folder, None, Wishes(), as_json=True)
     told = json.loads(capsys.readouterr().out)
     assert set(told["views_rejected"]) == {"05", "12"}
     (fault,) = told["faults"]
@@ -33,7 +33,7 @@ def test_swapped_views_are_said_and_mended(tmp_path: Path, capsys: pytest.Captur
     far = {row["view"] for row in rows if float(row["off_mm"]) > 6.0}
     assert far == {row["view"] for row in rows if row["used"] == "0"} == {"05", "12"}
     with pytest.raises(CalibrationRejected, match="stated error"):  # a lens that is not stated is in doubt
-        conduct.solve(folder, None, Wishes(exchange=(("05", "12"),)), as_json=True)
+        running.solve(folder, None, Wishes(exchange=(("05", "12"),)), as_json=True)
     mended = json.loads(capsys.readouterr().out)
     assert not mended["views_rejected"]
     assert not mended["faults"]
@@ -55,7 +55,7 @@ def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path: Path, capsy
     assert "the stated intrinsics have no distortion: k1 = +0.1" in said
     assert plain.refined_intrinsics is None
     try:
-        conduct.solve(folder, None, Wishes(refine_intrinsics=True), as_json=True)
+        running.solve(folder, None, Wishes(refine_intrinsics=True), as_json=True)
     except CalibrationRejected as error:
         assert "stated error" in str(error)
     told = json.loads(capsys.readouterr().out)
@@ -66,14 +66,14 @@ def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path: Path, capsy
 
 def test_three_cameras_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folders = [real_views.corner_folder(tmp_path / f"camera-{k}", k) for k in range(3)]
-    conduct.solve_cameras(folders, tmp_path / "together.json", as_json=True)
+    running.solve_cameras(folders, tmp_path / "together.json", as_json=True)
     told = json.loads(capsys.readouterr().out)
     written = json.loads((tmp_path / "together.json").read_text())
     assert written == {key: value for key, value in told.items() if key not in ("file", "version")}
     assert [camera["name"] for camera in written["cameras"]] == ["camera-0", "camera-1", "camera-2"]
     assert written["held_out_px"] < 0.9
     with pytest.raises(UnusableViews, match="same name"):
-        conduct.solve_cameras([folders[0], folders[0]], tmp_path / "together.json", as_json=True)
+        running.solve_cameras([folders[0], folders[0]], tmp_path / "together.json", as_json=True)
 
 
 def test_together_judges_names_what_it_drops_and_mends_an_exchange(
@@ -87,17 +87,17 @@ def test_together_judges_names_what_it_drops_and_mends_an_exchange(
         path.write_text(json.dumps(record | {"corners_px": other["corners_px"]}))
     monkeypatch.setattr("calib.gates.WORST_LIMIT_MM", 0.01)
     with pytest.raises(CalibrationRejected, match="camera-2: stated error"):
-        conduct.solve_cameras(folders, tmp_path / "together.json", as_json=True)
+        running.solve_cameras(folders, tmp_path / "together.json", as_json=True)
     told = json.loads(capsys.readouterr().out)
     assert not told["accepted"]
     assert set(told["cameras"][2]["views_rejected"]) == {"05", "12"}
     assert "05 and 12 look swapped" in told["cameras"][2]["faults"][0]["what"]
     with pytest.raises(CalibrationRejected, match="stated error"):
-        conduct.solve_cameras(folders, tmp_path / "together.json", [("camera-2", "05", "12")], as_json=True)
+        running.solve_cameras(folders, tmp_path / "together.json", [("camera-2", "05", "12")], as_json=True)
     mended = json.loads(capsys.readouterr().out)
     assert not mended["cameras"][2]["views_rejected"]
     with pytest.raises(UnusableViews, match="names camera other"):
-        conduct.solve_cameras(folders, tmp_path / "together.json", [("other", "05", "12")], as_json=True)
+        running.solve_cameras(folders, tmp_path / "together.json", [("other", "05", "12")], as_json=True)
 
 
 def test_the_last_line_names_one_step(tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_reports_with_names_of_their_own_do_not_share_a_table(tmp_path: Path) ->
     folder = real_views.corner_folder(tmp_path / "views")
     for name in ("one", "two"):
         with pytest.raises(CalibrationRejected, match="stated error"):
-            conduct.solve(folder, tmp_path / f"{name}.html", Wishes(), as_json=False)
+            running.solve(folder, tmp_path / f"{name}.html", Wishes(), as_json=False)
     assert (tmp_path / "one.residuals.csv").exists()
     assert (tmp_path / "two.residuals.csv").exists()
 

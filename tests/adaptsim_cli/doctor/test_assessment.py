@@ -9,7 +9,7 @@ import pytest
 from real_lab import RIG, calibrated, own_place, quiet, said, write_rig
 
 from adaptsim_cli import config
-from adaptsim_cli.devices.known_arm import Known
+from adaptsim_cli.devices.known_arm import ArmFacts
 from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.doctor import assessment
@@ -37,7 +37,7 @@ def test_every_hazard_has_a_measure_here_and_one_that_stays_with_the_lab(tmp_pat
 def test_the_page_has_the_rigs_own_numbers(tmp_path: Path) -> None:
     rig = read(write_rig(tmp_path))
     there = mounted(get_task("scooping"), rig, np.zeros(7))
-    text = page(there, rig, MOVES, Known("2026-03-01T08:00:00+00:00", "Kim"))
+    text = page(there, rig, MOVES, ArmFacts("2026-03-01T08:00:00+00:00", "Kim"))
     for words in (
         "lab-1, panda at 172.16.0.2, scooping",
         "0.80 m/s",

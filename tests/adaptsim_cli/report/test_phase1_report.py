@@ -14,11 +14,11 @@ import pytest
 
 from adaptsim_cli import app
 from adaptsim_cli.research import phase1_page as phase1
-from sim.adaptation.prospects import ProspectSettings
+from sim.adaptation.reward_table import ProspectSettings
 from sim.research.pretraining.evaluation import EvaluationSettings
 from sim.research.pretraining.meta_training import MetaSettings
 from sim.research.pretraining.pipeline import PretrainBudget, pretrain
-from sim.research.pretraining.verification.emulator import Errors, HeldOut, reliability_bins
+from sim.research.pretraining.verification.emulator import EmulatorHeldOut, Errors, reliability_bins
 from sim.research.pretraining.verification.policies import Pairs
 from sim.research.pretraining.verification.replays import Agreement
 from sim.research.pretraining.verification.statistics import Estimate, rank_correlation
@@ -136,7 +136,7 @@ def test_the_rewards_of_an_exact_task_hold(verification: Verification) -> None:
 def test_a_whole_report_names_every_number(verification: Verification, tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     probability = rng.random(500)
-    held = HeldOut(
+    held = EmulatorHeldOut(
         trained_on=4096,
         everywhere=Errors(500, 0.7, 0.91, 0.068, 0.0042, 0.0231),
         inside=Errors(120, 0.6, 0.95, 0.05, 0.003, 0.02),

@@ -14,7 +14,7 @@ from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.report import page
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session import conduct
+from adaptsim_cli.session import running
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.operator import Attended
 from perception.types import Outcome
@@ -151,8 +151,8 @@ def test_progress_off_a_terminal_is_a_line_a_tenth() -> None:
 
 def test_json_keeps_stdout_for_data(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     settings = resolved(tmp_path)
-    request = conduct.SessionRequest(None, frozenset(), iterations=1, yes=True, as_json=True)
-    conduct.conduct(settings, request, opener(ToyLab(0)), page.write)
+    request = running.SessionRequest(None, frozenset(), iterations=1, yes=True, as_json=True)
+    running.run_session(settings, request, opener(ToyLab(0)), page.write)
     out, err = capfd.readouterr()
     assert out.count("\n") == 1
     assert out.startswith('{"version": 1, "task": "toy"')

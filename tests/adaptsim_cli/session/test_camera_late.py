@@ -17,7 +17,7 @@ from toy_session import resolved
 
 from adaptsim_cli.config import Config
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session import conduct, recording
+from adaptsim_cli.session import recording, running
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.preflight import calibration_check
 from adaptsim_cli.session.store import SessionStore
@@ -61,8 +61,8 @@ def run(home: Path, late_s: float) -> SessionStore:
         yield parts(late_s)
 
     settings = resolved(home)
-    request = conduct.SessionRequest(None, frozenset(), yes=True)
-    path = conduct.conduct(settings, request, opened, lambda store: store.folder / "report.html")
+    request = running.SessionRequest(None, frozenset(), yes=True)
+    path = running.run_session(settings, request, opened, lambda store: store.folder / "report.html")
     return SessionStore.open(settings.places.sessions, path.parent.name)
 
 

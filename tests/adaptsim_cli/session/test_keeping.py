@@ -102,7 +102,7 @@ def test_pruning_makes_room_and_the_session_stays_whole(root: Path) -> None:
     assert recordings(root) == []
     assert verify(root, NAME).damage == ()
     assert store.trials(0) == trials
-    assert keeping.prune(store) == keeping.Room(0, 0, 0)
+    assert keeping.prune(store) == keeping.Prunable(0, 0, 0)
     with pytest.raises(SessionError, match="removed with adaptsim sessions prune"):
         recording.read(store.trial_folder(0, TrialKey(2, 0)) / recording.FILE)
 

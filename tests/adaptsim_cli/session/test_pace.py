@@ -13,8 +13,8 @@ from toy_rig import ToyLab, on_rig, toy_parts
 from toy_session import resolved, silent, unattended
 
 from adaptsim_cli import app
-from adaptsim_cli.session import conduct
-from adaptsim_cli.session.flow import Session, run_iteration
+from adaptsim_cli.session import running
+from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import RigFacts, TrialKey
 from hw.errors import Rehearsed
@@ -42,9 +42,9 @@ def test_a_rehearsed_trial_does_not_count_and_ends_the_command(tmp_path: Path) -
     target = on_rig(parts)
     parts = replace(parts, target=replace(target, rig=replace(target.rig, pace=0.3)))
     settings = resolved(tmp_path)
-    store = conduct.begin(settings.places.sessions, "s", settings.config, parts)
+    store = running.begin(settings.places.sessions, "s", settings.config, parts)
     with pytest.raises(Rehearsed, match=r"pace 0\.3 .*nothing is learnt .*without --pace") as raised:
-        run_iteration(Session(store, parts, unattended(), silent()))
+        run_iteration(RunningSession(store, parts, unattended(), silent()))
     assert app.exit_code(raised.value) == 7
     existing = store.existing()
     assert existing.completed == {} or not existing.completed

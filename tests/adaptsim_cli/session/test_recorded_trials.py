@@ -15,7 +15,7 @@ from toy_session import NAME, ScriptedOperator, attended, run, unattended
 from adaptsim_cli.errors import SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.correcting import redo
-from adaptsim_cli.session.flow import Session, run_iteration
+from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Choices, Redo, Review
 from adaptsim_cli.session.records import TrialKey, TrialRecord
@@ -61,7 +61,7 @@ def failing(error: BaseException) -> Change:
     return changed
 
 
-def with_tracker(session: Session, change: Change) -> Session:
+def with_tracker(session: RunningSession, change: Change) -> RunningSession:
     target = session.parts.target
     assert isinstance(target, OnRig)
     changed = dataclasses.replace(target, tracker=change(target.tracker))

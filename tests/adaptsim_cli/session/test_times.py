@@ -9,13 +9,13 @@ import pytest
 from toy_rig import ToyLab
 from toy_session import NAME, ScriptedOperator, attended, resolved
 
-from adaptsim_cli.session.flow import REJECTED, TOTAL, Session, run_iteration
+from adaptsim_cli.session.flow import REJECTED, TOTAL, RunningSession, run_iteration
 from adaptsim_cli.session.operator import Accept, Redo
 from adaptsim_cli.session.records import ResultRecord
 from adaptsim_cli.session.store import SessionStore
 
 
-def timed(session: Session) -> tuple[float, ResultRecord]:
+def timed(session: RunningSession) -> tuple[float, ResultRecord]:
     """Wall time of an iteration in s, and its result."""
     session.screen.lap_s()  # as a command does when everything is loaded
     began = time.perf_counter()

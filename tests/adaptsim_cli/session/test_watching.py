@@ -10,7 +10,7 @@ from toy_rig import ToyLab, opener
 from toy_session import NAME, resolved, run, silent
 
 from adaptsim_cli.report import page
-from adaptsim_cli.session import conduct, watching
+from adaptsim_cli.session import running, watching
 from adaptsim_cli.session.store import SessionStore
 from hw.errors import CameraError
 
@@ -78,8 +78,8 @@ def test_a_log_that_cannot_be_written_stops_no_session(tmp_path: Path, monkeypat
 
     monkeypatch.setattr(watching, "_append", full)
     settings = resolved(tmp_path)
-    request = conduct.SessionRequest(None, frozenset(), 1, yes=True)
-    path = conduct.conduct(settings, request, opener(ToyLab(0)), page.write)
+    request = running.SessionRequest(None, frozenset(), 1, yes=True)
+    path = running.run_session(settings, request, opener(ToyLab(0)), page.write)
     assert not (path.parent / watching.FILE).exists()
     assert SessionStore.open(settings.places.sessions, path.parent.name).result(0) is not None
 

@@ -17,7 +17,7 @@ from toy_command import RUN, call
 from toy_rig import ToyLab
 
 from adaptsim_cli.errors import DiskFull, SessionError
-from adaptsim_cli.session import conduct, flow, watching
+from adaptsim_cli.session import flow, running, watching
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
 
@@ -217,7 +217,7 @@ def test_a_session_whose_clock_goes_backwards_ends_like_any_other(
         if trial == 2:
             raise KeyboardInterrupt
 
-    for module in (conduct, flow, watching):
+    for module in (running, flow, watching):
         monkeypatch.setattr(module, "datetime", Backwards)
     assert call(home, RUN, ToyLab(7, hooks={"stop_recording": interrupt}))[0] == 130
     assert call(home, RUN)[0] == 0

@@ -21,7 +21,7 @@ from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.flow import Session, run_iteration
+from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.operator import Choices, Proposal, Redo, Review
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.watching import RunHeader
@@ -153,7 +153,7 @@ def test_everything_is_on_the_page_before_it_is_asked_about(tmp_path: Path) -> N
     facts = session.store.facts
     with live_view(screen, TASK, RunHeader.session(facts), "toy lab", None) as view:
         operator = Looking(view, [Redo("slip")])
-        watched = Session(session.store, session.parts, operator, screen, view)
+        watched = RunningSession(session.store, session.parts, operator, screen, view)
         run_iteration(watched)
         last = dict(view._state)
     first = operator.approvals[0]

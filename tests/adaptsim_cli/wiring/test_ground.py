@@ -19,7 +19,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.records import Facts
 from adaptsim_cli.touch_off.store import EstimateRecord, SavedTouchOff
 from adaptsim_cli.wiring.calibration import calibrations
-from adaptsim_cli.wiring.ground import ground_of, own_ground
+from adaptsim_cli.wiring.rig_frames import ground_of, own_ground
 from adaptsim_cli.wiring.touch_off import correction_by, origin, touch_off_of, touch_offs
 from calib.saved import SavedCalibration
 from hw.types import Array

@@ -17,8 +17,8 @@ from perception.errors import ObjectNotFound
 from sim.errors import RolloutError
 from sim.lab.world import load_world, rollouts_in
 from sim.research.benchmark.jobs import Job, Row
-from sim.research.benchmark.places import Place
 from sim.research.benchmark.sessions import Conditions
+from sim.research.benchmark.trial_sources import TrialSource
 from sim.tasks import get_task
 
 PUSHING = get_task("pushing")
@@ -64,9 +64,9 @@ def test_an_object_that_is_never_found_is_moved_inward_and_then_ends_the_session
 
 
 def test_only_methods_with_trials_go_to_the_lab(monkeypatch: pytest.MonkeyPatch) -> None:
-    went = list[tuple[str, Place | None]]()
+    went = list[tuple[str, TrialSource | None]]()
 
-    def run(job: Job, trials: Place | None = None) -> Row | None:
+    def run(job: Job, trials: TrialSource | None = None) -> Row | None:
         went.append((job.method, trials))
         return None
 

@@ -11,7 +11,7 @@ from recordings import write_tables
 
 from adaptsim_cli import api, app
 from adaptsim_cli.report.posteriors import Believed, disagreements
-from sim.adaptation.prospects import Prospects, weighed
+from sim.adaptation.reward_table import RewardTable, weighed
 
 
 def believed(session: str, low: float, high: float, parameter: str = "mu") -> Believed:
@@ -31,7 +31,7 @@ def test_prospects_weighed_by_a_posterior_repeat_its_truths_and_keep_a_tenth_of_
     truths = np.arange(100.0)[:, None]
     weights = np.zeros(100)
     weights[7] = 1.0
-    found = weighed(Prospects(truths[:3], truths, np.arange(300.0).reshape(3, 100)), weights)
+    found = weighed(RewardTable(truths[:3], truths, np.arange(300.0).reshape(3, 100)), weights)
     assert 0.88 < (found.truths == 7.0).mean() < 0.93
     assert len(np.unique(found.truths)) == pytest.approx(10, abs=2)
     assert found.rewards[1].tolist() == (found.truths[:, 0] + 100.0).tolist()

@@ -16,8 +16,8 @@ from hw.franka.messages import Connect, Connected, Listen, Play, PlayOutcome, Re
 from hw.franka.playback import PlayableMotion, motion_of
 from hw.franka.player import serve
 from hw.franka.settings import FrankaSettings
-from hw.listening import ALIVE, ORPHANED, PEDAL, REQUESTED, SILENT, Listener
 from hw.types import JointPath
+from hw.watchdog import ALIVE, ORPHANED, PEDAL, REQUESTED, SILENT, Watchdog
 
 
 class Clock:
@@ -39,7 +39,7 @@ def pipe() -> Iterator[list[int]]:
 
 def test_the_player_goes_on_while_it_hears_that_all_is_well(pipe: list[int]) -> None:
     clock = Clock()
-    listener = Listener(pipe[0], 0.06, clock)
+    listener = Watchdog(pipe[0], 0.06, clock)
     listener.begin()
     for _ in range(100):
         clock.now_s += 0.05
@@ -49,7 +49,7 @@ def test_the_player_goes_on_while_it_hears_that_all_is_well(pipe: list[int]) -> 
 
 def test_silence_is_a_stop_after_60_ms_and_not_before(pipe: list[int]) -> None:
     clock = Clock()
-    listener = Listener(pipe[0], 0.06, clock)
+    listener = Watchdog(pipe[0], 0.06, clock)
     listener.begin()
     clock.now_s = 0.06
     assert listener.wanted() == ""
@@ -59,20 +59,20 @@ def test_silence_is_a_stop_after_60_ms_and_not_before(pipe: list[int]) -> None:
 
 @pytest.mark.parametrize(("word", "why"), [(PEDAL, "pedal"), (REQUESTED, "request"), (ALIVE + PEDAL + ALIVE, "pedal")])
 def test_a_stop_is_heard_wherever_it_stands(pipe: list[int], word: bytes, why: str) -> None:
-    listener = Listener(pipe[0], 0.06)
+    listener = Watchdog(pipe[0], 0.06)
     os.write(pipe[1], word)
     assert listener.wanted() == why
 
 
 def test_what_was_said_before_a_motion_does_not_count(pipe: list[int]) -> None:
-    listener = Listener(pipe[0], 0.06)
+    listener = Watchdog(pipe[0], 0.06)
     os.write(pipe[1], PEDAL)
     listener.begin()
     assert listener.wanted() == ""
 
 
 def test_the_end_of_the_program_is_a_stop(pipe: list[int]) -> None:
-    listener = Listener(pipe[0], 0.06)
+    listener = Watchdog(pipe[0], 0.06)
     os.close(pipe[1])
     pipe[1] = -1
     assert listener.wanted() == ORPHANED
@@ -137,7 +137,7 @@ def answers(driver: Follower, pipe: list[int], *requests: object) -> list[object
             def send(self, answer: object) -> None:
                 heard.append(answer)
 
-        serve(Serving(), Listener(pipe[0], 60.0), lambda _: driver)  # type: ignore[arg-type, return-value]
+        serve(Serving(), Watchdog(pipe[0], 60.0), lambda _: driver)  # type: ignore[arg-type, return-value]
     program.close()
     return heard
 

@@ -14,14 +14,14 @@ from hw.types import Array
 from perception.board import draw, find, locate
 from perception.board.detection import dictionary_named
 from perception.board.targets import Chessboard, Circles, Markers, Points, marker_grid, single
-from perception.board.types import Board, Target
+from perception.board.types import Board, CalibrationTarget
 from perception.errors import BoardNotFound, WrongBoard
 
 PX = 2000.0  # of the prints, a metre
 MARGIN = 60
 
 
-def printed(target: Target) -> tuple[np.ndarray, Array]:
+def printed(target: CalibrationTarget) -> tuple[np.ndarray, Array]:
     """(H, W) the print, and (2,) where in it the target's origin lies."""
     low = target.outline_m[:, :2].min(axis=0)
     size = np.ceil(PX * np.ptp(target.outline_m[:, :2], axis=0)).astype(int) + 2 * MARGIN
@@ -46,7 +46,7 @@ def printed(target: Target) -> tuple[np.ndarray, Array]:
     return image, origin - 0.5
 
 
-def seen(target: Target, X_CM: Array) -> np.ndarray:
+def seen(target: CalibrationTarget, X_CM: Array) -> np.ndarray:
     """(H, W) the print at X_CM before a grey wall, by a camera without distortion."""
     image, origin = printed(target)
     to_target = np.array([[1 / PX, 0, -origin[0] / PX], [0, 1 / PX, -origin[1] / PX], [0, 0, 1]])
@@ -72,7 +72,7 @@ FLAT = replace(KINECT, distortion=np.zeros(8))
     ],
     ids=lambda target: target.name,
 )
-def test_it_is_found_where_it_is(target: Target) -> None:
+def test_it_is_found_where_it_is(target: CalibrationTarget) -> None:
     middle = target.outline_m.mean(axis=0)
     X_CM = pose(Board(), (0.0, 0.0, 0.7), (15.0, -25.0, 10.0))
     X_CM[:3, 3] = np.array([0.03, -0.02, 0.7]) - X_CM[:3, :3] @ middle
@@ -90,7 +90,7 @@ def test_it_is_found_where_it_is(target: Target) -> None:
 
 
 @pytest.mark.parametrize("target", [single("4x4_50", 9, 0.08), Chessboard(9, 6, 0.03), Circles(7, 5, 0.03)])
-def test_a_picture_without_it_is_named(target: Target) -> None:
+def test_a_picture_without_it_is_named(target: CalibrationTarget) -> None:
     with pytest.raises(BoardNotFound, match="picture"):
         find(np.full((KINECT.height, KINECT.width), 120, np.uint8), target, FLAT)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from table_scenes import at, close_up
 
-from perception.geometry import View, project, transform, view_of
+from perception.geometry import ImageRegion, project, transform, view_of
 from perception.piece.proxy import Proxy, Shape, coverage
 from sim.lab.kinect import default_X_BC
 
@@ -14,7 +14,7 @@ HALF = (0.014, 0.011, 0.009)
 AREA = (0.64, 0.72, -0.04, 0.04)
 
 
-def view() -> View:
+def view() -> ImageRegion:
     return view_of(close_up().colour, default_X_BC(), AREA, 0.03)
 
 

@@ -14,13 +14,13 @@ from sim.adaptation.discrepancy import FREEDOM, Discrepancy, Scale
 from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.adaptsim import AdaptSim, outlook_after
-from sim.adaptation.prospects import ProspectSettings, look_ahead
 from sim.adaptation.reality import KEPT, Reality, RealityPolicy, Simulators
+from sim.adaptation.reward_table import ProspectSettings, look_ahead
 from sim.errors import CheckpointError, NotExecutable
 from sim.lab.drawn import drawn_world
 from sim.lab.world import load_world
-from sim.research.benchmark.places import Simulated
 from sim.research.benchmark.sessions import Conditions, judge, run_session, udr_policies
+from sim.research.benchmark.trial_sources import SimulatedTrials
 from sim.research.identifiability import identifiability
 from sim.rollouts.draws import cover
 from sim.solvers.emulator.solver import EmulatorSolver
@@ -213,7 +213,7 @@ def test_actions_that_the_arm_cannot_do_are_passed_over():
 def test_in_the_pendulum_it_ends_far_above_udr_and_every_session_is_the_same():
     task = get_task("pendulum")
     checkpoint = load_checkpoint(task)
-    place, conditions = Simulated(checkpoint.solver, load_world("ood-4", task)), Conditions(budget=8)
+    place, conditions = SimulatedTrials(checkpoint.solver, load_world("ood-4", task)), Conditions(budget=8)
     runs = [
         run_session(checkpoint.solver, make_method("adaptsim", task, checkpoint), place, conditions, 0)[-1].actions(
             np.zeros((1, 0))
@@ -240,7 +240,7 @@ def test_parameters_that_move_the_piece_are_told_and_others_are_not():
 
 def test_a_pendulum_whose_first_policies_cost_forty_times_the_least_is_balanced_after_four_trials():
     checkpoint = load_checkpoint(FAR_TASK)
-    method, place = make_method("adaptsim", FAR_TASK, checkpoint), Simulated(checkpoint.solver, FAR)
+    method, place = make_method("adaptsim", FAR_TASK, checkpoint), SimulatedTrials(checkpoint.solver, FAR)
     assert isinstance(method, AdaptSim)
     assert method.simulators.end_unit > 1e-3, "a unit of 0 would turn every residual into an enormous one"
     policy = run_session(checkpoint.solver, method, place, Conditions(4), seed=0)[-1]

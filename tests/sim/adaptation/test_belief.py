@@ -10,8 +10,8 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, best_action, simulate
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.methods import make_method
-from sim.adaptation.methods.belief import APART, Belief, Estimate
-from sim.adaptation.prospects import ProspectSettings, look_ahead, restore_prospects
+from sim.adaptation.methods.belief import APART, Belief, CandidateRewards
+from sim.adaptation.reward_table import ProspectSettings, look_ahead, restore_prospects
 from sim.errors import CheckpointError
 from sim.research.methods.random_search import RandomSearch
 from sim.research.pretraining.evaluation import EvaluationSettings, run_session
@@ -133,7 +133,7 @@ def test_particles_are_candidates_that_lie_apart_and_nothing_is_random():
     after = method.next([*history, *history], np.random.default_rng(0))
     assert len(after) == 1
     estimate = method.estimate(history)
-    assert isinstance(estimate, Estimate)
+    assert isinstance(estimate, CandidateRewards)
     assert (estimate.std < method.estimate([]).std).mean() > 0.9
 
 

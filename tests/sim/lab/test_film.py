@@ -13,13 +13,13 @@ from slider import HOME_RAD, TASK
 from hw.joint_limits import LIMITS
 from hw.types import Array
 from sim.lab.cell import Cell
-from sim.lab.chance import Chance
 from sim.lab.film import SLICES, Filming
-from sim.lab.motion import Motion
+from sim.lab.motion import PlantMotion
+from sim.lab.rng_streams import RngStreams
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing
 from sim.panda.moves import move_path
-from sim.render.studio import Moment, Picture, ThreadStudio
+from sim.render.pool import Moment, Picture, ThreadPool
 
 T_PLACED_S, T_START_S = 1000.0, 1003.21
 
@@ -45,10 +45,10 @@ def cell() -> Cell:
 
 
 def filming(cell: Cell, notes: Notes, sensing: Sensing) -> Filming:
-    return Filming(notes, cell, sensing, Chance.draw(3, 1, 0), T_PLACED_S, T_START_S)
+    return Filming(notes, cell, sensing, RngStreams.draw(3, 1, 0), T_PLACED_S, T_START_S)
 
 
-def slow(cell: Cell, duration_s: float = 0.8) -> Motion:
+def slow(cell: Cell, duration_s: float = 0.8) -> PlantMotion:
     """The last joint creeps, at first under the renderer's tolerance in each slice."""
     t_s = np.linspace(0.0, duration_s, 161)
     q_rad = np.tile(HOME_RAD, (len(t_s), 1))
@@ -56,9 +56,9 @@ def slow(cell: Cell, duration_s: float = 0.8) -> Motion:
     return cell.travel(t_s, q_rad)
 
 
-def until(motion: Motion, end_s: float) -> Motion:
+def until(motion: PlantMotion, end_s: float) -> PlantMotion:
     kept = motion.t_s <= end_s
-    return Motion(motion.t_s[kept], motion.positions[kept], motion.q_rad[kept])
+    return PlantMotion(motion.t_s[kept], motion.positions[kept], motion.q_rad[kept])
 
 
 def stacked(notes: Notes) -> dict[str, Array]:
@@ -72,7 +72,7 @@ def test_a_film_of_a_growing_motion_is_that_of_the_whole_one(cell: Cell, sensing
     at_once.saw(T_START_S, motion)
     for end_s in (0.02, 0.11, 0.4, 0.41, 0.8):
         growing.saw(T_START_S, until(motion, end_s))
-    waited = Motion(np.array([0.0, 0.2]), motion.positions[[-1, -1]], motion.q_rad[[-1, -1]])
+    waited = PlantMotion(np.array([0.0, 0.2]), motion.positions[[-1, -1]], motion.q_rad[[-1, -1]])
     for one in (at_once, growing):
         one.saw(T_START_S + 0.8, waited)
     assert 15 <= len(whole.moments) <= 30
@@ -97,7 +97,7 @@ def test_a_picture_is_asked_for_once_its_exposure_is_over(cell: Cell) -> None:
 
 
 def test_a_simulation_tells_of_its_motion_while_it_goes_on() -> None:
-    cell, path, seen = Cell(TASK, world()), shove(), list[Motion]()
+    cell, path, seen = Cell(TASK, world()), shove(), list[PlantMotion]()
     cell.reset(path.q_rad[0], np.eye(4))
     whole = cell.simulate(path.t_s, path.q_rad, seen.append)
     np.testing.assert_allclose([motion.t_s[-1] for motion in seen[:5]], [0.1, 0.2, 0.3, 0.4, 0.5], atol=1e-9)
@@ -107,9 +107,9 @@ def test_a_simulation_tells_of_its_motion_while_it_goes_on() -> None:
 
 
 def test_the_camera_asks_for_pictures_during_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, render = list[Moment](), ThreadStudio.render
+    asked, render = list[Moment](), ThreadPool.render
 
-    def noted(studio: ThreadStudio, moment: Moment) -> Future[Picture]:
+    def noted(studio: ThreadPool, moment: Moment) -> Future[Picture]:
         asked.append(moment)
         return render(studio, moment)
 
@@ -117,7 +117,7 @@ def test_the_camera_asks_for_pictures_during_the_motion(monkeypatch: pytest.Monk
         path = shove()
         lab.bench.place(XY_M, 1, 0)
         lab.arm.execute(move_path(HOME_RAD, path.q_rad[0], LIMITS["panda"]))
-        monkeypatch.setattr(ThreadStudio, "render", noted)
+        monkeypatch.setattr(ThreadPool, "render", noted)
         lab.camera.start_recording()
         lab.arm.execute(path)
         during = len(asked)

@@ -18,8 +18,8 @@ from hw.types import ContactWindow, JointPath
 from sim.errors import NoHardware
 from sim.lab.calibrating import nominal_of
 from sim.lab.cell import Cell
-from sim.lab.chance import Chance
 from sim.lab.kinect import default_X_BC
+from sim.lab.rng_streams import RngStreams
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing
 from sim.panda.moves import move_path
@@ -209,7 +209,7 @@ def test_the_nominal_calibration_is_off_by_what_it_says() -> None:
 
 
 def test_streams_of_chance_are_all_different() -> None:
-    chances = [Chance.draw(s, t, a) for s in (0, 1) for t in (0, 1, 3) for a in (0, 1)]
+    chances = [RngStreams.draw(s, t, a) for s in (0, 1) for t in (0, 1, 3) for a in (0, 1)]
     draws = [tuple(c.placing_m) for c in chances]
     draws += [tuple(c.frame_stream(i).standard_normal(2)) for c in chances for i in (0, 1)]
     draws += [tuple(c.snapshot_stream(t_s).standard_normal(2)) for c in chances for t_s in (0.0, 1.0)]

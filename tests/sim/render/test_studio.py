@@ -12,8 +12,8 @@ import pytest
 
 from hw.errors import CameraError
 from hw.types import CameraModel, Intrinsics
+from sim.render.pool import Moment, Picture, ProcessPool, RenderPool, Scene, ThreadPool
 from sim.render.sensor import SensorNoise
-from sim.render.studio import Moment, Picture, ProcessStudio, Scene, Studio, ThreadStudio
 from sim.types import Visual
 
 SQUARE = np.array([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.1, 0.1, 0.0], [-0.1, 0.1, 0.0]])
@@ -34,23 +34,23 @@ def moment(number: int) -> Moment:
     return Moment({"tile": X[None]}, np.random.default_rng(number))
 
 
-def film(studio: Studio, count: int = 6) -> list[Picture]:
+def film(studio: RenderPool, count: int = 6) -> list[Picture]:
     return [soon.result() for soon in [studio.render(moment(i)) for i in range(count)]]
 
 
 @pytest.fixture
-def processes() -> Iterator[ProcessStudio]:
-    studio = ProcessStudio(scene(), 2)
+def processes() -> Iterator[ProcessPool]:
+    studio = ProcessPool(scene(), 2)
     yield studio
     studio.close(finish=False)
 
 
-def pids(studio: ProcessStudio) -> list[int]:
+def pids(studio: ProcessPool) -> list[int]:
     return [child.pid for child in studio._children]
 
 
-def test_processes_and_a_thread_make_the_same_pictures_in_the_same_order(processes: ProcessStudio) -> None:
-    thread = ThreadStudio(scene)
+def test_processes_and_a_thread_make_the_same_pictures_in_the_same_order(processes: ProcessPool) -> None:
+    thread = ThreadPool(scene)
     expected = film(thread)
     thread.close(finish=True)
     assert len({colour.tobytes() for colour, _ in expected}) == len(expected)
@@ -59,7 +59,7 @@ def test_processes_and_a_thread_make_the_same_pictures_in_the_same_order(process
         np.testing.assert_array_equal(depth, same_depth)
 
 
-def test_a_lost_process_costs_a_picture_and_the_next_one_is_rendered(processes: ProcessStudio) -> None:
+def test_a_lost_process_costs_a_picture_and_the_next_one_is_rendered(processes: ProcessPool) -> None:
     film(processes, 2)
     lost = pids(processes)
     for pid in lost:
@@ -72,7 +72,7 @@ def test_a_lost_process_costs_a_picture_and_the_next_one_is_rendered(processes: 
 
 
 @pytest.mark.parametrize(
-    "make", [ThreadStudio, pytest.param(lambda scene: ProcessStudio(scene(), 1), marks=pytest.mark.long)]
+    "make", [ThreadPool, pytest.param(lambda scene: ProcessPool(scene(), 1), marks=pytest.mark.long)]
 )
 def test_closing_finishes_what_was_asked_for_or_cancels_it(make) -> None:
     studio = make(scene)
@@ -89,13 +89,13 @@ def test_a_folder_of_the_user_is_not_taken_for_our_package(tmp_path: Path, monke
     (tmp_path / "sim").mkdir()
     (tmp_path / "sim" / "__init__.py").write_text("raise SystemExit(7)")
     monkeypatch.chdir(tmp_path)
-    studio = ProcessStudio(scene(), 1)
+    studio = ProcessPool(scene(), 1)
     film(studio, 1)
     studio.close(finish=True)
 
 
 def test_no_process_outlives_its_studio() -> None:
-    studio = ProcessStudio(scene(), 2)
+    studio = ProcessPool(scene(), 2)
     started = pids(studio)
     film(studio, 1)
     studio.close(finish=True)
@@ -105,7 +105,7 @@ def test_no_process_outlives_its_studio() -> None:
 
 
 def test_a_process_ends_when_the_program_hangs_up() -> None:
-    studio = ProcessStudio(scene(), 1)
+    studio = ProcessPool(scene(), 1)
     film(studio, 1)
     (child,) = studio._children
     child.connection.close()

@@ -1,4 +1,4 @@
-"""Recorded trials are checked once, split by seed, and shuffled for the control."""
+"""FromRecordings trials are checked once, split by seed, and shuffled for the control."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from recordings import recordings
 
 from sim.errors import RecordingsRefused
-from sim.research.benchmark.places import Recorded
+from sim.research.benchmark.trial_sources import FromRecordings
 from sim.rollouts.recorded import LEAST, RecordedTrials, require_enough, scores_only
 from sim.tasks import get_task
 from sim.tasks.pendulum import TASK
@@ -39,7 +39,7 @@ def test_a_control_keeps_actions_and_outcomes_but_not_their_pairs() -> None:
 
 def test_a_place_of_recordings_gives_each_once_and_scores_by_the_others() -> None:
     shown, held = trials().split(0.5, 0)
-    place, nowhere, rng = Recorded(shown, held), np.zeros((1, 0)), np.random.default_rng(0)
+    place, nowhere, rng = FromRecordings(shown, held), np.zeros((1, 0)), np.random.default_rng(0)
     action = shown.actions[2]
     assert place.executable(nowhere[0], action)
     place.take(action)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.prospects import ProspectSettings
+from sim.adaptation.reward_table import ProspectSettings
 from sim.errors import CheckpointError, ObjectError
 from sim.research.pretraining.evaluation import EvaluationSettings
 from sim.research.pretraining.meta_training import MetaSettings

@@ -44,7 +44,7 @@ class Errors:
 
 
 @dataclass(frozen=True, eq=False)
-class HeldOut:
+class EmulatorHeldOut:
     """The emulator on its held-out rollouts."""
 
     trained_on: int
@@ -57,7 +57,7 @@ class HeldOut:
 
 def held_out(
     emulator: Emulator, dataset: Dataset, seed: int, settings: EmulatorSettings, stored: Mapping[str, Any]
-) -> HeldOut:
+) -> EmulatorHeldOut:
     """Judge the emulator again on the rollouts behind its report `stored`.
 
     Raises DatasetError if the figures differ from the report: then emulator, dataset and report do not belong together.
@@ -78,7 +78,7 @@ def held_out(
         asked, some = select_rows(task, dataset, within)
         inside = _errors(held_out_errors(emulator, asked, some), some)
     said = emulator.predict(requests.parameters, requests.action, requests.nuisance).success
-    return HeldOut(
+    return EmulatorHeldOut(
         trained_on=int(stored["rollouts"]),
         everywhere=everywhere,
         inside=inside,

@@ -23,7 +23,7 @@ from sim.research.pretraining.gate import gate_visits
 from sim.research.pretraining.logs import wall_times_s
 from sim.research.pretraining.meta_training import MetaSettings
 from sim.research.pretraining.pipeline import MEMORIES, STAGES, policy_files, read_report, stage_seeds
-from sim.research.pretraining.verification.emulator import HeldOut, held_out
+from sim.research.pretraining.verification.emulator import EmulatorHeldOut, held_out
 from sim.research.pretraining.verification.policies import Pairs, PairSettings, compare_policies
 from sim.research.pretraining.verification.replays import Replays, replay
 from sim.rollouts.dataset import Dataset, load_dataset
@@ -108,7 +108,7 @@ class Verification:
     """All data of the report."""
 
     pretrained: Pretrained
-    held_out: HeldOut | None  # None without an emulator, as are the pairs
+    held_out: EmulatorHeldOut | None  # None without an emulator, as are the pairs
     pairs: Pairs | None
     replays: Replays | None
     stages: tuple[StageCost, ...]
@@ -195,7 +195,7 @@ def stage_costs(made: Pretrained) -> tuple[StageCost, ...]:
     )
 
 
-def _held_out(made: Pretrained) -> HeldOut | None:
+def _held_out(made: Pretrained) -> EmulatorHeldOut | None:
     if made.emulator is None or made.dataset is None:
         return None
     seeds = stage_seeds(int(made.plan["seed"]))

@@ -13,10 +13,10 @@ from sim.errors import DatasetError, OutOfRange
 from sim.lab.world import load_world
 from sim.research.benchmark import run
 from sim.research.benchmark.jobs import COMPARED, Job, run_job
-from sim.research.benchmark.places import Simulated, Tabled
 from sim.research.benchmark.run import Results, run_jobs
 from sim.research.benchmark.sessions import Conditions, choose_oracle, judge, run_session
 from sim.research.benchmark.tables import WorldTable
+from sim.research.benchmark.trial_sources import SimulatedTrials, Tabled
 from sim.rollouts import serial_executor
 from sim.rollouts.run import Rollouts
 from sim.tasks import get_task
@@ -35,7 +35,7 @@ class Recorded:
     executable = None
 
     def __init__(self):
-        self.inner = Simulated(load_checkpoint(PENDULUM).solver, load_world("wd", PENDULUM))
+        self.inner = SimulatedTrials(load_checkpoint(PENDULUM).solver, load_world("wd", PENDULUM))
         self.draws = []
 
     def take(self, action):
@@ -74,7 +74,7 @@ def test_the_limits_bound_what_methods_earn():
     assert (udr.real_trials, oracle.real_trials, best.real_trials) == (0, 0, 0)
     assert udr.shown == pytest.approx(udr.reward)
     checkpoint = load_checkpoint(PENDULUM)
-    place = Simulated(checkpoint.solver, load_world("ood-2", PENDULUM))
+    place = SimulatedTrials(checkpoint.solver, load_world("ood-2", PENDULUM))
     chosen, _ = choose_oracle(checkpoint.solver, place, CONDITIONS, 0)
     earned = judge(PENDULUM, chosen.actions, place, CONDITIONS, 0).reward
     middle = checkpoint.solver.policies(
@@ -90,7 +90,7 @@ def test_final_policies_may_be_scored_by_true_rollouts_of_their_own_number():
     assert fresh.curve == plain.curve
     context = replace(CONDITIONS, judged=8)
     checkpoint = load_checkpoint(PENDULUM)
-    place = Simulated(checkpoint.solver, load_world("wd", PENDULUM))
+    place = SimulatedTrials(checkpoint.solver, load_world("wd", PENDULUM))
     method = make_method("adaptsim", PENDULUM, checkpoint)
     last = run_session(checkpoint.solver, method, place, few, 0)[-1]
     assert fresh.reward == judge(PENDULUM, last.actions, place, context, 0).reward

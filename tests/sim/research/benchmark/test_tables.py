@@ -11,8 +11,8 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 from sim.errors import DatasetError
 from sim.lab.world import Faults, Sensing, World
 from sim.research.benchmark import tables
-from sim.research.benchmark.places import Tabled
 from sim.research.benchmark.tables import MANIFEST, build_table, load_table, table_requests
+from sim.research.benchmark.trial_sources import Tabled
 from sim.rollouts import serial_executor
 from sim.solvers.emulator.solver import EmulatorSolver
 

@@ -4,7 +4,7 @@ import pytest
 from sim.errors import UnknownName
 from sim.lab.drawn import effects_of
 from sim.lab.world import list_worlds
-from sim.research.benchmark.targets import DRAWN, targets_of
+from sim.research.benchmark.worlds import DRAWN, targets_of
 from sim.tasks import get_task
 
 PUSHING = get_task("pushing")

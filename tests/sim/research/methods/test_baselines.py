@@ -12,7 +12,7 @@ from toy_task import ACTION, PARAMETERS, TOY, simulate
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import OwnPolicies, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import make_method
-from sim.adaptation.prospects import ProspectSettings, look_ahead
+from sim.adaptation.reward_table import ProspectSettings, look_ahead
 from sim.errors import CheckpointError, ExtraMissing, NotExecutable
 from sim.research.methods import bo, extras, sysid
 from sim.research.methods.bo import BayesianOptimisation

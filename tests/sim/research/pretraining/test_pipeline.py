@@ -11,7 +11,7 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import Method
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
-from sim.adaptation.prospects import ProspectSettings
+from sim.adaptation.reward_table import ProspectSettings
 from sim.errors import CheckpointError, DatasetError, RolloutError
 from sim.research.methods.q_policy import QPolicy, networks_of, new_policy
 from sim.research.methods.random_search import RandomSearch

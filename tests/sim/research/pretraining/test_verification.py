@@ -11,7 +11,7 @@ import pytest
 from toy_learning import SETTINGS, roll, trained
 from toy_task import ACTION, PARAMETERS, TOY, best_action, simulate
 
-from sim.adaptation.prospects import ProspectSettings
+from sim.adaptation.reward_table import ProspectSettings
 from sim.errors import DatasetError
 from sim.research.pretraining.evaluation import EvaluationSettings
 from sim.research.pretraining.logs import TIMINGS

@@ -66,7 +66,7 @@ if __name__ == "__main__":
         serve(connection)
 
 
-class Studio(Protocol):
+class RenderPool(Protocol):
     """Renders pictures of one scene in the background."""
 
     def render(self, moment: Moment) -> Future[Picture]:
@@ -78,7 +78,7 @@ class Studio(Protocol):
         ...
 
 
-class ThreadStudio:
+class ThreadPool:
     """One picture after another in this process: no start-up time."""
 
     def __init__(self, scene: Callable[[], Scene]) -> None:
@@ -87,11 +87,11 @@ class ThreadStudio:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="rendering")
 
     def render(self, moment: Moment) -> Future[Picture]:
-        """See `Studio`."""
+        """See `RenderPool`."""
         return self._thread.submit(self._render, moment)
 
     def close(self, *, finish: bool) -> None:
-        """See `Studio`."""
+        """See `RenderPool`."""
         self._thread.shutdown(cancel_futures=not finish)
 
     def _render(self, moment: Moment) -> Picture:
@@ -104,7 +104,7 @@ class ThreadStudio:
         return scene, scene.renderer()
 
 
-class ProcessStudio:
+class ProcessPool:
     """A picture per process at a time. The processes start at once and prepare the scene in the background."""
 
     def __init__(self, scene: Scene, processes: int) -> None:
@@ -116,18 +116,18 @@ class ProcessStudio:
             self._threads.submit(self._open, self._started())
 
     def render(self, moment: Moment) -> Future[Picture]:
-        """See `Studio`."""
+        """See `RenderPool`."""
         return self._threads.submit(self._render, moment)
 
     def close(self, *, finish: bool) -> None:
-        """See `Studio`."""
+        """See `RenderPool`."""
         self._threads.shutdown(cancel_futures=not finish)
         for child in self._children:
             child.kill()
             child.close()
 
     def _started(self) -> Child:
-        child = Child("sim.render.studio")
+        child = Child("sim.render.pool")
         self._children.add(child)
         return child
 

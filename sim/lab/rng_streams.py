@@ -22,7 +22,7 @@ _TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION, _JOINTS, _VIEW, _TOUCH = range
 
 
 @dataclass(frozen=True, eq=False)
-class Chance:
+class RngStreams:
     """The draws of one attempt."""
 
     key: tuple[int, int, int]  # seed, trial, attempt
@@ -32,7 +32,7 @@ class Chance:
     stop_fraction: float  # share of the path at which a fault stops the arm
 
     @classmethod
-    def draw(cls, seed: int, trial: int, attempt: int) -> Chance:
+    def draw(cls, seed: int, trial: int, attempt: int) -> RngStreams:
         """All draws of an attempt."""
         key = (seed, trial, attempt)
         rng = _stream(seed, _TRIAL, trial, attempt)

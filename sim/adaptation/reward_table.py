@@ -1,4 +1,4 @@
-"""Prospects: the rewards that the policies of some E would earn, for many possible truths in the margin.
+"""RewardTable: the rewards that the policies of some E would earn, for many possible truths in the margin.
 
 Computed once in pretraining and stored in the checkpoint; a session only weighs its columns.
 """
@@ -34,7 +34,7 @@ class ProspectSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Prospects:
+class RewardTable:
     """`rewards[i, j]` is the expected reward of the policy trained for `candidates[i]` if `truths[j]` is true."""
 
     candidates: Array  # (C, p) in Omega, in units
@@ -52,7 +52,7 @@ def look_ahead(
     seed: int,
     settings: ProspectSettings | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Prospects:
+) -> RewardTable:
     """Compute the prospects.
 
     Both sets fill their space evenly; contexts, errors and nuisance are the same for all rewards.
@@ -69,13 +69,13 @@ def look_ahead(
         rewards[i] = solver.expected_rewards(truths, contexts, actions, np.random.default_rng(drawn), s.draws)
         if progress is not None:
             progress(i + 1, s.candidates)
-    return Prospects(candidates, truths, rewards.astype(np.float64))
+    return RewardTable(candidates, truths, rewards.astype(np.float64))
 
 
-def restore_prospects(task: Task, tensors: Tensors) -> Prospects:
+def restore_prospects(task: Task, tensors: Tensors) -> RewardTable:
     """The stored prospects. Raises CheckpointError if the tensors are not prospects of this task."""
     try:
-        found = Prospects(*(tensors[name].astype(np.float64) for name in ("candidates", "truths", "rewards")))
+        found = RewardTable(*(tensors[name].astype(np.float64) for name in ("candidates", "truths", "rewards")))
     except KeyError as error:
         raise CheckpointError(f"the prospects hold no {error}: pretrain again") from error
     parameters = len(task.parameters)
@@ -84,7 +84,7 @@ def restore_prospects(task: Task, tensors: Tensors) -> Prospects:
     return found
 
 
-def weighed(prospects: Prospects, weights: Array) -> Prospects:
+def weighed(prospects: RewardTable, weights: Array) -> RewardTable:
     """The prospects in which each truth is as frequent as its weight (T,): a posterior as the next prior.
 
     Systematic, so the same weights give the same prospects.
@@ -94,4 +94,4 @@ def weighed(prospects: Prospects, weights: Array) -> Prospects:
     places = (np.arange(count) + 0.5) / count
     drawn = np.minimum(np.searchsorted(np.cumsum(share), places), count - 1)
     spread = np.random.default_rng(0).permutation(drawn)  # the first truths stand for all
-    return Prospects(prospects.candidates, prospects.truths[spread], prospects.rewards[:, spread])
+    return RewardTable(prospects.candidates, prospects.truths[spread], prospects.rewards[:, spread])

@@ -23,7 +23,7 @@ DRAWN_SETS = (DEVELOP, REPORT)
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class BenchmarkWorld:
     """A world and its set; results of different sets are never pooled."""
 
     set: str
@@ -48,9 +48,9 @@ SETS: dict[str, Callable[[Task], tuple[World, ...]]] = {
 """Every set of worlds by its name; the only list of them."""
 
 
-def targets_of(task: Task, names: Sequence[str]) -> tuple[Target, ...]:
+def targets_of(task: Task, names: Sequence[str]) -> tuple[BenchmarkWorld, ...]:
     """The worlds of `names` (sets, names of worlds, files), each once, in order. Raises UnknownName, WorldError."""
-    found: dict[str, Target] = {}
+    found: dict[str, BenchmarkWorld] = {}
     for name in names:
         for target in _meant(task, name):
             found.setdefault(target.name, target)
@@ -59,14 +59,14 @@ def targets_of(task: Task, names: Sequence[str]) -> tuple[Target, ...]:
     return tuple(found.values())
 
 
-def _meant(task: Task, name: str) -> tuple[Target, ...]:
+def _meant(task: Task, name: str) -> tuple[BenchmarkWorld, ...]:
     if name in SETS:
-        return tuple(Target(name, world) for world in SETS[name](task))
+        return tuple(BenchmarkWorld(name, world) for world in SETS[name](task))
     for drawn in DRAWN_SETS:
         if found := [world for world in SETS[drawn](task) if world.name == name]:
-            return (Target(drawn, found[0]),)
+            return (BenchmarkWorld(drawn, found[0]),)
     try:
         world = load_world(name, task)
-        return (Target(MUJOCO if world.physics == "mujoco" else NAMED, world),)
+        return (BenchmarkWorld(MUJOCO if world.physics == "mujoco" else NAMED, world),)
     except UnknownName as error:
         raise UnknownName(f"{error}; sets of worlds are {', '.join(SETS)}") from error

@@ -13,7 +13,7 @@ from adaptsim_cli.errors import DiskFull, Interrupted, StoppedByOperator, UsageE
 from adaptsim_cli.screen import console, resting
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.storage.sealed import versions
-from adaptsim_cli.touch_off import flow, shows
+from adaptsim_cli.touch_off import flow, terminal_views
 from adaptsim_cli.touch_off.asking import NEVER_CONFIRMS, HumanAssistant, NoAssistant
 from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.parts import Grasp, TouchRig
@@ -61,7 +61,7 @@ def touch_off(
     store = stores(config, resolved.places)
     resting.tell_resting(screen, "table and tool as now known", ends(config, resolved.places))
     with _how_to_continue(), open_rig(config, resolved.places, request.grasp) as rig:
-        screen.show(shows.explanation(rig))
+        screen.show(terminal_views.explanation(rig))
         found = flow.touch_off(rig, operator, screen)
         saved = record(found, rig, datetime.now(UTC).isoformat(timespec="seconds"), versions())
     folder = store.save(saved)

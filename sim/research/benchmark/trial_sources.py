@@ -37,7 +37,7 @@ class Played:
     contexts: Array  # (N, c) as measured
 
 
-class Place(Protocol):
+class TrialSource(Protocol):
     """One world. Contexts (N, c) and commanded actions (N, a) are in units; all randomness comes from the generator."""
 
     @property
@@ -63,25 +63,25 @@ class Place(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Simulated:
-    """A `Place` with a true rollout for each trial, for tasks with exact, nearly free answers."""
+class SimulatedTrials:
+    """A `TrialSource` with a true rollout for each trial, for tasks with exact, nearly free answers."""
 
     solver: Solver
     world: World
     executable: Executable | None = None
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
-        """See `Place`: true rollouts."""
+        """See `TrialSource`: true rollouts."""
         task, tracks = self.solver.task, self._rolled(contexts, actions, rng)
         shown = np.stack([task.observation(track) for track in tracks])
         ends = tuple(map(task.end_of, tracks))
         return Played(task.observation.with_noise(shown, rng), self._scores(tracks, contexts), ends, contexts)
 
     def take(self, action: Array) -> None:
-        """See `Place`: any number of times."""
+        """See `TrialSource`: any number of times."""
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """See `Place`: true rollouts."""
+        """See `TrialSource`: true rollouts."""
         return self._scores(self._rolled(contexts, actions, rng), contexts)
 
     def best_actions(self, contexts: Array) -> Array:
@@ -101,14 +101,14 @@ class Simulated:
 
 @dataclass(frozen=True, eq=False)
 class Tabled:
-    """A `Place` that answers with the rollout of a table with the nearest executed action, in fractions of ranges."""
+    """A `TrialSource` that looks up the rollout of a table whose executed action is nearest, in fractions of ranges."""
 
     task: Task
     table: WorldTable
     executable: Executable | None = None
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
-        """See `Place`: from the half of the table for trials."""
+        """See `TrialSource`: from the half of the table for trials."""
         task, (_, results) = self.task, self._for_trials
         rows = self._nearest(self._for_trials[0], self._executed(actions, rng))
         found = results[rows]
@@ -116,10 +116,10 @@ class Tabled:
         return Played(seen, found.rewards(task, contexts), found.ends(), contexts)
 
     def take(self, action: Array) -> None:
-        """See `Place`: any number of times."""
+        """See `TrialSource`: any number of times."""
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """See `Place`: from the half of the table for scores."""
+        """See `TrialSource`: from the half of the table for scores."""
         known, results = self._for_scores
         return results[self._nearest(known, self._executed(actions, rng))].rewards(self.task, contexts)
 
@@ -152,8 +152,8 @@ class Tabled:
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
-    """A `Place` of recorded trials: each can be had once, and scores come from those that were held out."""
+class FromRecordings:
+    """A `TrialSource` of recorded trials: each can be had once, and scores come from those that were held out."""
 
     shown: RecordedTrials
     held_out: RecordedTrials
@@ -165,11 +165,11 @@ class Recorded:
         return row >= 0 and row not in self._spent
 
     def take(self, action: Array) -> None:
-        """See `Place`: from now on the recording is spent."""
+        """See `TrialSource`: from now on the recording is spent."""
         self._spent.add(int(self.shown.at(action[None])[0]))
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
-        """See `Place`: the recordings. Raises ValueError for an action that was not recorded."""
+        """See `TrialSource`: the recordings. Raises ValueError for an action that was not recorded."""
         task, rows = self.shown.task, self.shown.at(actions)
         if (rows < 0).any():
             raise ValueError("an action was asked for that nobody recorded")
@@ -179,7 +179,7 @@ class Recorded:
         return Played(seen, self.shown.rewards(rows, contexts), tuple(map(task.end_of, tracks)), there)
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
-        """See `Place`: of the recordings held out."""
+        """See `TrialSource`: of the recordings held out."""
         return self.held_out.rewards(self.held_out.at(actions), contexts)
 
     def best_actions(self, contexts: Array) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 
 from calib.bundle import motion_of
 from calib.geometry import difference
-from calib.pixels import Adjusted, Place, adjust, held_out_px, jackknife, looks
+from calib.pixels import Adjusted, PixelUnknowns, adjust, held_out_px, jackknife, looks
 from calib.projection import LENS, with_lens
 from calib.sizing import solve_any_size
 from calib.types import Check, Forward, Grade, Setup, Solution, View
@@ -35,7 +35,7 @@ _ALIKE = 0.06
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class IntrinsicsCheck:
     """Both fits."""
 
     stated_px: float  # held out: each view predicted without it, with the stated intrinsics
@@ -60,7 +60,7 @@ def suspicious(solution: Solution) -> bool:
 
 def settle(
     views: Sequence[View], setup: Setup, forward: Forward | None, *, refine: bool = False
-) -> tuple[Solution, Setup, Trial | None]:
+) -> tuple[Solution, Setup, IntrinsicsCheck | None]:
     """Solve with the stated or, on request, the refined intrinsics. Raises UnusableViews.
 
     Where the views give reason to doubt the stated lens, the stated error includes that doubt.
@@ -74,7 +74,7 @@ def settle(
     return *solve_any_size(views, replace(setup, lens_covariance=tried.doubt), forward), tried
 
 
-def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forward | None) -> Trial | None:
+def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forward | None) -> IntrinsicsCheck | None:
     """Test with the views that the solution uses; None if they are too few."""
     used = [view for view in views if view.name in set(solution.used)]
     if len(used) < MIN_VIEWS:
@@ -82,7 +82,7 @@ def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forw
     moved = motion_of(used, setup.mounting, forward)
     offsets = np.zeros(moved.joints) if solution.joints is None else solution.joints.offsets_rad
     of = looks([v.corners for v in used], moved.X_AH(offsets), setup.board, [setup.colour], [0] * len(used))
-    start = Place(solution.X_AC[None], solution.X_HM[None], 1.0, np.zeros((1, LENS)))
+    start = PixelUnknowns(solution.X_AC[None], solution.X_HM[None], 1.0, np.zeros((1, LENS)))
     noise = max(solution.fit_px / np.sqrt(2.0), 0.02)
     scale = not setup.size_known
     stated = adjust(of, start, noise, scale=scale, lens=False)
@@ -103,15 +103,15 @@ def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forw
     if better and len(used) >= TO_REFINE and solution.rejected:
         again, _ = solve_any_size(views, replace(setup, colour=refined), forward)
         rescued = len(again.used) - len(used)
-    return Trial(before, after, lens, sigma, refined, by_lens, doubt, better, sentence, names, rescued)
+    return IntrinsicsCheck(before, after, lens, sigma, refined, by_lens, doubt, better, sentence, names, rescued)
 
 
-def adopted(setup: Setup, found: Trial) -> Setup:
+def adopted(setup: Setup, found: IntrinsicsCheck) -> Setup:
     """The setup with the refined intrinsics; their uncertainty enters the stated error."""
     return replace(setup, colour=found.refined, lens_covariance=found.covariance)
 
 
-def check(found: Trial | None, *, refined: bool) -> Check:
+def check(found: IntrinsicsCheck | None, *, refined: bool) -> Check:
     """The result as a check."""
     if found is None:
         reason = "not tried: the views agree within the noise of their corners, or are too few"
@@ -125,7 +125,7 @@ def check(found: Trial | None, *, refined: bool) -> Check:
     return Check(NAME, Grade.SUSPECT, f"{found.sentence}: {advice}", share, 100 * (1 - _BETTER), "%")
 
 
-def rescues(found: Trial) -> str:
+def rescues(found: IntrinsicsCheck) -> str:
     """What refined intrinsics would gain, in words; "" if they were not better or the views are too few."""
     if not found.better or len(found.used) < TO_REFINE:
         return ""

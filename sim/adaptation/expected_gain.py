@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.adaptation.method import FAILED, WORTHWHILE, Outlook
+from sim.adaptation.method import FAILED, WORTHWHILE, ExpectedGain
 from sim.adaptation.reality import KEPT, LEAST_END_STD, Reality
 from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy
@@ -38,7 +38,7 @@ _OTHER_STD = 0.05
 """What reality adds to an end state, in the unit of end states."""
 
 
-def outlook(reality: Reality, for_e: SolvedPolicy, optimism: Array) -> Outlook:
+def outlook(reality: Reality, for_e: SolvedPolicy, optimism: Array) -> ExpectedGain:
     """The outlook by `reality`; `for_e` is the simulator's policy for the parameters shown beside it.
 
     `optimism` (n,) are the standard deviations that the particles of the next iteration add to the expected reward.
@@ -53,7 +53,7 @@ def outlook(reality: Reality, for_e: SolvedPolicy, optimism: Array) -> Outlook:
     low, high = np.clip(mean + WIDER * (np.quantile(now, [0.025, 0.975]) - mean), 0.0, 1.0)
     gains = _gains(reality, earned, _next_trials(earned, optimism, task.adaptation.trials_per_iteration))
     off = answers.actions[chosen] - for_e.actions(contexts)
-    return Outlook(
+    return ExpectedGain(
         reward=mean,
         ci95=(float(low), float(high)),
         gain=max(0.0, float(gains.mean())),

@@ -20,7 +20,7 @@ WORD_EVERY_S = 0.005
 _PR_SET_PDEATHSIG = 1
 
 
-class Listener:
+class Watchdog:
     """The pipe from the program, read once a cycle without waiting."""
 
     def __init__(self, pipe: int, silence_s: float, clock: Callable[[], float] = since_boot_s) -> None:

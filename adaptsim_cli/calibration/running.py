@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from rich.text import Text
 
-from adaptsim_cli.calibration import arm_picture, drift, flow, printing, shows, together
+from adaptsim_cli.calibration import arm_picture, drift, flow, printing, terminal_views, together
 from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.solving import Solved, Wishes, solve_folder
@@ -81,7 +81,7 @@ def calibrate(
     ):
         with screen.busy("Choosing where to hold the board"):
             visits = _visits(rig, screen, request)
-        screen.show(shows.explanation(rig, None if request.guide else request.views))
+        screen.show(terminal_views.explanation(rig, None if request.guide else request.views))
         options = flow.Options(request.fresh, _unattended(resolved, request), _now(), versions())
         solved, folder = flow.calibrate(rig, store, visits, screen, options)
     screen.next(*_after(config))
@@ -130,7 +130,7 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
         screen.note(f"  {sentence}")
     for sentence in solved.not_seen:
         screen.note(f"  not used: {sentence}")
-    screen.show(shows.calibration(solved.record))
+    screen.show(terminal_views.calibration(solved.record))
     for sentence in solved.worth.sentences:
         screen.plain(f"  {sentence}")
     for fault in solved.faults:

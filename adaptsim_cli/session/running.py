@@ -19,10 +19,10 @@ from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.screen.views import failures
-from adaptsim_cli.session import shows
 from adaptsim_cli.session import store as stores
+from adaptsim_cli.session import terminal_views
 from adaptsim_cli.session.advice import after_iteration
-from adaptsim_cli.session.flow import Session, run_iteration, tell
+from adaptsim_cli.session.flow import RunningSession, run_iteration, tell
 from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.preflight import preflight
 from adaptsim_cli.session.records import Draw, Facts, SessionStart, as_records, generator, next_stage
@@ -59,7 +59,7 @@ def terminal_alone(screen: Screen, store: SessionStore, parts: Parts) -> Abstrac
     return nullcontext(Unwatched())
 
 
-def conduct(
+def run_session(
     resolved: Resolved,
     request: SessionRequest,
     open_parts: OpenParts,
@@ -93,7 +93,7 @@ def conduct(
         watcher = stack.enter_context(open_view(screen, store, parts))
         stack.enter_context(store.locked())
         log = stack.enter_context(logged(store, screen, parts.provenance.versions))
-        session = Session(store, parts, operator, screen, AllOf((InTerminal(screen), watcher, log)))
+        session = RunningSession(store, parts, operator, screen, AllOf((InTerminal(screen), watcher, log)))
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}"))
         _ready(session, config)
         tell(session)
@@ -255,11 +255,11 @@ def _ms(t_s: float) -> str:
     return f"{1e3 * t_s:.3f} ms"
 
 
-def _ready(session: Session, config: Config) -> None:
+def _ready(session: RunningSession, config: Config) -> None:
     facts, screen = session.store.facts, session.screen
     existing = session.store.existing()
     stage = next_stage(existing, facts.particles, facts.trials)
-    screen.show(shows.session_header(session.parts.task, facts, stage.iteration, session.parts.target.title))
+    screen.show(terminal_views.session_header(session.parts.task, facts, stage.iteration, session.parts.target.title))
     if existing.completed:
         count = len(existing.completed)
         screen.note(

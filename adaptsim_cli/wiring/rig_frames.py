@@ -28,7 +28,7 @@ from sim.tasks.task import Task
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class RigFrames:
     """The poses with which trials are planned and tracked."""
 
     eye: HandEye  # over the table: in frame W
@@ -46,13 +46,13 @@ def hash_of(X_BC: Array, X_FT: Array) -> str:
     return hashlib.sha256(np.ascontiguousarray(np.stack([X_BC, X_FT])).tobytes()).hexdigest()
 
 
-def ground_of(config: Config, places: Places, task: Task, lab: Lab) -> Ground:
+def ground_of(config: Config, places: Places, task: Task, lab: Lab) -> RigFrames:
     """The poses in use now. Raises the errors of `calibration_of`, `touch_off_of` and `mounted`."""
     eye, zeros_rad = calibration_of(config, places, lab.nominal)
     return _ground(task, lab, eye, zeros_rad, touch_off_of(config, places, task, zeros_rad))
 
 
-def own_ground(config: Config, places: Places, task: Task, lab: Lab, facts: Facts) -> Ground:
+def own_ground(config: Config, places: Places, task: Task, lab: Lab, facts: Facts) -> RigFrames:
     """The poses that a session was begun with, searched among all stored ones. Raises UsageError if they are gone."""
     found = (one for one in _kept(config, places, task, lab) if one.sha256 == facts.calibration_sha256)
     ground = next((one for one in found if one.eye.camera_late_s == facts.camera_late_s), None)
@@ -87,13 +87,13 @@ def open_sessions(config: Config, places: Places) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _ground(task: Task, lab: Lab, eye: HandEye, zeros_rad: Array, touched: SavedTouchOff | None) -> Ground:
+def _ground(task: Task, lab: Lab, eye: HandEye, zeros_rad: Array, touched: SavedTouchOff | None) -> RigFrames:
     correction = None if touched is None else correction_by(touched, lab.rig, task)
     there = mounted(task, lab.rig, zeros_rad, lab.boxes_around_camera(eye.X_BC), correction)
-    return Ground(replace(eye, X_BC=there.correction.X_WB @ eye.X_BC), there, touched)
+    return RigFrames(replace(eye, X_BC=there.correction.X_WB @ eye.X_BC), there, touched)
 
 
-def _kept(config: Config, places: Places, task: Task, lab: Lab) -> Iterator[Ground]:
+def _kept(config: Config, places: Places, task: Task, lab: Lab) -> Iterator[RigFrames]:
     """Every calibration, with each touch-off made with its joint zeros and without any; newest first."""
     eyes: list[tuple[HandEye, Array]] = []
     store = calibrations(config, places)

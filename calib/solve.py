@@ -97,7 +97,13 @@ def _agreeing(views: Sequence[View], setup: Setup, forward: Forward | None) -> _
     moved = motion_of(views, setup.mounting, forward)
     n = moved.joints
     demand_variety(sight.X_CM[0])
-    X_AC, X_HM = robust_start(moved.X_AH(np.zeros(n)), sight.X_CM[0])
+    X_AH = moved.X_AH(np.zeros(n))
+    if (turned := _spread_deg(X_AH)[1]) < MIN_TURN_DEG:
+        raise DegenerateViews(
+            f"the arm's poses hardly turn ({turned:.1f}° about a second axis, at least {MIN_TURN_DEG}° is needed), "
+            "although the board does: check that each view has the pose of its own picture"
+        )
+    X_AC, X_HM = robust_start(X_AH, sight.X_CM[0])
     both = sight.candidate(0), sight.candidate(1)
     flexible = _flexible(n, len(views), setup)
     kept, side, now, far = reject(moved, both, Unknowns(X_AC[None], X_HM, np.zeros(n)), flexible)
@@ -134,9 +140,9 @@ def _flexible(joints: int, views: int, setup: Setup) -> Model:
     return Model(observable_joints(joints) if enough else (), scale=enough or not setup.size_known)
 
 
-def _spread_deg(X_CM: Array) -> Array:
-    """(3,) root mean square rotation of the boards about three axes, largest first, degrees."""
-    turns = rotation_vector(np.swapaxes(X_CM[:1, :3, :3], 1, 2) @ X_CM[:, :3, :3])
+def _spread_deg(X: Array) -> Array:
+    """(3,) root mean square rotation of poses (N, 4, 4) about three axes, largest first, degrees."""
+    turns = rotation_vector(np.swapaxes(X[:1, :3, :3], 1, 2) @ X[:, :3, :3])
     turns = turns - turns.mean(axis=0)
     return np.asarray(np.rad2deg(np.linalg.svd(turns, compute_uv=False)) / np.sqrt(len(turns)))
 

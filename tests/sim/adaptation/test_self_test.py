@@ -51,5 +51,5 @@ def test_a_card_without_a_self_test_gets_one_without_training(copied: Path) -> N
     with pytest.raises(CheckpointError, match="has no self_test"):
         checkpoint.load_checkpoint(get_task("pushing"), str(copied))
     assert checkpoint.add_self_test(copied)
-    assert read_toml(copied / CARD)["self_test"] == stored
+    assert read_toml(copied / CARD)["self_test"] == pytest.approx(stored, abs=1e-6)  # processors round differently
     checkpoint.load_checkpoint(get_task("pushing"), str(copied))

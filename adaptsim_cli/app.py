@@ -26,6 +26,7 @@ from adaptsim_cli.commands import (
     rollouts,
     run_iteration,
     sessions,
+    setup,
     touch_off,
 )
 from adaptsim_cli.research import benchmark, checkpoints, pretrain
@@ -50,6 +51,7 @@ app.command("benchmark")(benchmark.benchmark)
 app.command("world-tables")(benchmark.world_tables)
 app.command("rollout")(rollout.rollout)
 app.command("preview")(rollout.preview)
+app.command("setup")(setup.setup)
 app.command("parts")(parts.parts)
 app.command("report")(report.report)
 app.command("compare")(report.compare)

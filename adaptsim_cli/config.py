@@ -35,7 +35,7 @@ def same_lab(task: str, hw: str, world: str, seed: int | None = None) -> str:
 
 
 PROJECT_FILE = "adaptsim.toml"
-RIG_FILE = "rig.toml"
+RIG_FILE, PRACTICE_FILE = "rig.toml", "practice.toml"
 _PREFIX = "ADAPTSIM_"
 _NOT_SETTINGS = frozenset(
     _PREFIX + name

@@ -71,7 +71,6 @@ def board(
     width_mm: Annotated[
         float | None, typer.Option("--width-mm", help="Measured width of all squares of a row together.")
     ] = None,
-    yes: _Yes = False,
     as_json: _Json = False,
 ) -> None:
     """Write the calibration board at true scale, and store the size that you measured on the print.
@@ -82,8 +81,9 @@ def board(
     """
     from adaptsim_cli import config
     from adaptsim_cli.calibration import running
+    from adaptsim_cli.screen.console import Screen
 
-    running.board(config.load({}), out, paper, square_mm, width_mm, yes=yes, as_json=as_json)
+    running.board(config.load({}), out, paper, square_mm, width_mm, Screen(as_json=as_json), as_json=as_json)
 
 
 @app.command()

@@ -110,6 +110,12 @@ class RealLab:
         shown = SlowedGuardedArm(arm, self._pace) if self._pace < FULL else arm
         return TouchDevices(shown, hand, tool_there, arm.confirm)
 
+    def check_stop_button(self, cell: Workcell) -> None:
+        """Connect the arm; have its stop button pressed and released if that is due. Raises StoppedByOperator."""
+        arm = self._arm(cell, self._task.name, "nothing on the table")
+        self._stack.enter_context(arm)
+        arm.consent.stop_button(arm)
+
     def _arm(self, cell: Workcell, tool: str, on_table: str, watch: ToolWatch | None = None) -> ConfirmedArm:
         """The arm, to be connected last.
 

@@ -7,7 +7,7 @@ import os
 import platform
 import shutil
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
@@ -41,8 +41,8 @@ def examine(resolved: Resolved) -> Iterator[Finding]:
     """Check everything that an iteration with these settings needs. A missing part is a finding, never an error."""
     config, places = resolved.config, resolved.places
     arm = None if config.is_simulated else config.hw
-    yield from _program(arm)
-    yield from _machine(config, places, arm)
+    yield from program(arm)
+    yield from machine(config, places, arm)
     if arm is None:
         yield ok(checks.DEVICES, "arm, camera, bench", "the simulated lab has its own")
         yield from checks.not_needed(
@@ -53,31 +53,29 @@ def examine(resolved: Resolved) -> Iterator[Finding]:
     try:
         rig = rig_of(config, tasks_with_tools())
     except UsageError as error:
-        fix = f"adaptsim config init --arm {arm}, or correct the file"
+        fix = f"adaptsim setup --hw {arm}, or correct the file"
         yield missing(checks.DEVICES, "rig file", str(error), fix)
         yield skipped(checks.DEVICES, "all devices", "not checked: without a rig file the devices are unknown")
         yield from _task(config)
         return
     yield from _devices(config, places, rig)
     yield from _task(config)
-    yield _motion(resolved)
+    yield motion(resolved)
 
 
 def _devices(config: Config, places: Places, rig: RigDescription) -> Iterator[Finding]:
     yield ok(checks.DEVICES, "rig file", f"{config.rig}: {rig.name}, {rig.arm.model} at {rig.arm.address}")
     yield from checks.required(rig, config.task)
-    known = KnownArm(folder_of(places, rig)).read()
-    yield checks.stop_button(known, "stop_button" in rig.waived, datetime.now(UTC))
-    trips = readings.round_trips(rig.arm.address)
-    yield checks.network(rig.arm.address, trips)
-    yield _arm(rig, reached=bool(trips.times_ms))
-    yield from _camera(rig)
-    yield _calibration(config, places)
-    yield from _pedal(rig)
-    yield from _balance(rig)
+    yield stop_button(places, rig)
+    yield from arm(rig)
+    yield from camera(rig)
+    yield calibration(config, places)
+    yield from pedal(rig)
+    yield from balance(rig)
 
 
-def _program(arm: str | None) -> Iterator[Finding]:
+def program(arm: str | None) -> Iterator[Finding]:
+    """Python, its packages and libraries, and the driver of a real arm."""
     about = importlib.metadata.metadata("adaptsim")
     yield checks.python(platform.python_version(), about["Requires-Python"])
     yield checks.packages(importlib.metadata.requires("adaptsim") or (), readings.installed)
@@ -86,7 +84,8 @@ def _program(arm: str | None) -> Iterator[Finding]:
         yield checks.driver(arm, readings.installed)
 
 
-def _machine(config: Config, places: Places, arm: str | None) -> Iterator[Finding]:
+def machine(config: Config, places: Places, arm: str | None) -> Iterator[Finding]:
+    """Disk, and for a real arm the real-time properties of this computer."""
     folder = readings.existing(places.data)
     yield checks.disk(str(folder), shutil.disk_usage(folder).free // 1_000_000, config.min_free_mb)
     yield checks.disk_speed(str(folder), readings.write_speed(folder))
@@ -118,10 +117,20 @@ def _task(config: Config) -> Iterator[Finding]:
         yield checks.attempt("world", world, wrong, f"adaptsim lab list --task {config.task}")
 
 
-def _arm(rig: RigDescription, *, reached: bool) -> Finding:
-    """Check the arm over FCI, without a motion."""
-    if not reached:
-        return skipped(checks.DEVICES, "arm", "not asked: its address does not answer")
+def stop_button(places: Places, rig: RigDescription) -> Finding:
+    """When the arm's stop button was last found to stop it."""
+    known = KnownArm(folder_of(places, rig)).read()
+    return checks.stop_button(known, "stop_button" in rig.waived, datetime.now(UTC))
+
+
+def arm(rig: RigDescription) -> Iterator[Finding]:
+    """Whether the arm's address answers, and its state over FCI; without a motion."""
+    trips = readings.round_trips(rig.arm.address)
+    yield checks.network(rig.arm.address, trips)
+    yield _over_fci(rig) if trips.times_ms else skipped(checks.DEVICES, "arm", "not asked: its address does not answer")
+
+
+def _over_fci(rig: RigDescription) -> Finding:
     from hw.franka.inspection import inspect
     from hw.franka.realtime import kernel_is_real_time
 
@@ -134,7 +143,8 @@ def _arm(rig: RigDescription, *, reached: bool) -> Finding:
     return checks.arm(seen, rig.arm.model)
 
 
-def _camera(rig: RigDescription) -> Iterator[Finding]:
+def camera(rig: RigDescription) -> Iterator[Finding]:
+    """The camera of the rig, its firmware, and half a second of its images."""
     from hw.camera.probe import probe_k4a
 
     found = checks.camera(probe_k4a(patience_s=LOOK_S), rig.camera.serial)
@@ -156,7 +166,8 @@ def _stream(camera: CameraProcess) -> Finding:
         return missing(checks.DEVICES, "camera images", str(error), "docs/guide/cameras.md: USB, power, display")
 
 
-def _calibration(config: Config, places: Places) -> Finding:
+def calibration(config: Config, places: Places) -> Finding:
+    """Presence, error and age of the calibration."""
     try:
         known = wiring_calibration.current_calibration(config, places)
     except (SessionError, CalibrationError) as error:
@@ -164,7 +175,8 @@ def _calibration(config: Config, places: Places) -> Finding:
     return checks.calibration(known, config.calibration_days, datetime.now(UTC), config.hw)
 
 
-def _pedal(rig: RigDescription) -> Iterator[Finding]:
+def pedal(rig: RigDescription) -> Iterator[Finding]:
+    """The pedal's port, and whether it answers; nothing without a pedal."""
     if rig.pedal is None:
         return  # a finding of `checks.required`
     from hw.serial.enable_pedal import EnablePedal
@@ -183,7 +195,8 @@ def _pedal(rig: RigDescription) -> Iterator[Finding]:
     yield checks.answers("pedal", greeting, (DeviceUnavailable,), "docs/guide/enable-pedal.md: cable, board, sketch")
 
 
-def _balance(rig: RigDescription) -> Iterator[Finding]:
+def balance(rig: RigDescription) -> Iterator[Finding]:
+    """The balance's port, and whether it answers."""
     if rig.balance is None:
         yield skipped(checks.DEVICES, "balance", "the rig file names none: the object's mass is not recorded")
         return
@@ -205,7 +218,7 @@ def _balance(rig: RigDescription) -> Iterator[Finding]:
     yield checks.answers("balance", weigh, (DeviceUnavailable,), "switch it on; [balance] protocol in the rig file")
 
 
-def _motion(resolved: Resolved) -> Finding:
+def motion(resolved: Resolved) -> Finding:
     """Whether the task is possible in the session's workcell: the middle action at the reference context."""
     from adaptsim_cli.wiring.motion import mounted_for, planned
 
@@ -230,25 +243,46 @@ _MARKS = {
 
 def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
     """Show the table, then each remedy on an unwrapped line, so that it can be copied."""
+    screen.show(views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw))
+    table = _table()
+    for group, findings in groupby(found, key=lambda finding: finding.group):
+        table.add_row("", Text(group, style="bold"), "")
+        _fill(table, findings)
+    screen.show(table)
+    _remedies(found, screen)
+    if not missing_in(found):
+        screen.plain("\nReady")
+        screen.next((f"adaptsim run-iteration {same_lab(config.task, config.hw, config.world)}", "the first trials"))
+
+
+def show_few(found: Sequence[Finding], screen: Screen) -> None:
+    """Show a few findings, without the groups, and their remedies."""
+    table = _table()
+    _fill(table, found)
+    screen.show(table)
+    _remedies(found, screen)
+
+
+def _table() -> Table:
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
     table.add_column(width=1)
     table.add_column(min_width=17)
     table.add_column(overflow="fold")
-    for group, findings in groupby(found, key=lambda finding: finding.group):
-        table.add_row("", Text(group, style="bold"), "")
-        for finding in findings:
-            table.add_row(Text(*_MARKS[finding.verdict]), finding.name, Text(finding.detail, style=_style(finding)))
-    screen.show(views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw))
-    screen.show(table)
+    return table
+
+
+def _fill(table: Table, found: Iterable[Finding]) -> None:
+    for finding in found:
+        table.add_row(Text(*_MARKS[finding.verdict]), finding.name, Text(finding.detail, style=_style(finding)))
+
+
+def _remedies(found: Sequence[Finding], screen: Screen) -> None:
     for verdict, head in ((Severity.MISSING, "Missing:"), (Severity.ADVICE, "Recommended:")):
         remedies = [finding for finding in found if finding.verdict is verdict]
         if remedies:
             screen.show(Text(f"\n{head}", style="bold"))
         for finding in remedies:
             screen.plain(f"  {finding.name}: {finding.fix}")
-    if not _missing(found):
-        screen.plain("\nReady")
-        screen.next((f"adaptsim run-iteration {same_lab(config.task, config.hw, config.world)}", "the first trials"))
 
 
 def as_json(found: Sequence[Finding], config: Config) -> dict[str, Any]:
@@ -256,16 +290,17 @@ def as_json(found: Sequence[Finding], config: Config) -> dict[str, Any]:
     checks = [
         {"group": f.group, "name": f.name, "verdict": f.verdict.value, "detail": f.detail, "fix": f.fix} for f in found
     ]
-    return {"ready": not _missing(found), "hw": config.hw, "task": config.task, "checks": checks}
+    return {"ready": not missing_in(found), "hw": config.hw, "task": config.task, "checks": checks}
 
 
 def require(found: Sequence[Finding]) -> None:
     """Raises PreflightFailed naming what is missing."""
-    if names := _missing(found):
+    if names := missing_in(found):
         raise PreflightFailed(f'not ready: {", ".join(names)}. Each remedy is listed above, and under "fix" in --json')
 
 
-def _missing(found: Sequence[Finding]) -> list[str]:
+def missing_in(found: Sequence[Finding]) -> list[str]:
+    """The names of what is missing."""
     return [finding.name for finding in found if finding.verdict is Severity.MISSING]
 
 

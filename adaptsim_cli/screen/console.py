@@ -63,8 +63,10 @@ class Listener(Protocol):
 class Screen:
     """The terminal, or its stand-in."""
 
-    def __init__(self, *, as_json: bool = False, console: Console | None = None) -> None:
+    def __init__(self, *, as_json: bool = False, console: Console | None = None, leads: bool = True) -> None:
+        """`leads`: it shows next commands; a walk through several commands shows its own."""
         loading.clear()
+        self._leads = leads
         self._console = console or CleanConsole(stderr=as_json, highlight=False, markup=False)
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
         self._listeners: list[Listener] = []
@@ -235,7 +237,7 @@ class Screen:
 
         Commands stay unwrapped, to be copied.
         """
-        for index, (command, why) in enumerate(steps):
+        for index, (command, why) in enumerate(steps if self._leads else ()):
             self.plain(f"{'Next: ' if not index else '  or: '}{command}")
             self.show(Text(f"      {why}", style="dim"))
 

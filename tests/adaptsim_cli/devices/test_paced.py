@@ -13,6 +13,7 @@ from adaptsim_cli import config
 from adaptsim_cli.app import run
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.paced import PacedArm, PacedGuardedArm
+from adaptsim_cli.devices.rig_file.description import as_shipped
 from adaptsim_cli.devices.simulated import SimulatedLab
 from adaptsim_cli.errors import UsageError
 from hw.collision import Table
@@ -77,7 +78,8 @@ def test_a_touch_takes_its_way_there_and_back() -> None:
 def test_only_who_asks_for_it_waits() -> None:
     task = get_task("scooping")
     with ExitStack() as stack:
-        labs = [SimulatedLab(task, load_world("wd", task), 0, stack, realtime=asked) for asked in (False, True)]
+        world, rig = load_world("wd", task), as_shipped("panda")
+        labs = [SimulatedLab(task, world, 0, stack, rig, realtime=asked) for asked in (False, True)]
         arms = [lab.for_touch_off(CELL, TOOL).arm for lab in labs]
     assert [isinstance(arm, PacedGuardedArm) for arm in arms] == [False, True]
 

@@ -84,6 +84,7 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def options(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    speak: Annotated[bool, typer.Option("--speak", help="Say questions and warnings aloud.")] = False,
     version: Annotated[
         bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
     ] = False,
@@ -91,6 +92,8 @@ def options(
     """Options before a command."""
     if debug:
         os.environ["ADAPTSIM_DEBUG"] = "1"
+    if speak:
+        os.environ["ADAPTSIM_SPEAK"] = "1"
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

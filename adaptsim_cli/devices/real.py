@@ -151,7 +151,12 @@ class RealLab:
     def _pedal(self) -> Pedal | None:
         """The rig's pedal, connected; None: waived."""
         part = self.rig.pedal
-        return None if part is None else self._stack.enter_context(self._drivers.pedal(part.port))
+        if part is None:
+            return None
+        pedal = self._stack.enter_context(self._drivers.pedal(part.port))
+        self._stack.callback(self._screen.hear, None)
+        self._screen.hear(pedal)
+        return pedal
 
     def _hand(self) -> Hand:
         """The arm's hand, connected."""

@@ -23,14 +23,20 @@ from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, pictures, views
 from adaptsim_cli.screen.clean import CleanConsole
 from adaptsim_cli.screen.keys import ESCAPE, HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
+from adaptsim_cli.screen.presses import Presses
+from adaptsim_cli.screen.speaking import Speaker
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+    from hw.ports import Pedal
+
 ANSWERING = "answering"
 """The stage of the time spent waiting for answers."""
+AGAIN = "(again)"
+"""Two presses of the pedal at a question without r."""
 END = "(end of input)"
 """The answer that listeners get at the end of input."""
 _WAY_OUT = "The command ends. Everything completed is stored, and the same command goes on from here."
@@ -72,6 +78,15 @@ class Screen:
         self._listeners: list[Listener] = []
         self._noted: list[str] = []
         self._stopwatch = Stopwatch()
+        self._pedal: Pedal | None = None
+        if os.environ.get("ADAPTSIM_SPEAK"):
+            self.tell(Speaker())
+
+    def hear(self, pedal: Pedal | None) -> None:
+        """From now on short presses of `pedal` answer questions that name keys too: one is Enter, two are r."""
+        self._pedal = pedal
+        if pedal is not None:
+            self.note("  The pedal answers too: one short press is Enter; two are r, or ask the question again")
 
     def tell(self, listener: Listener) -> None:
         """From now on `listener` also gets every wait, question, answer and warning; earlier warnings at once."""
@@ -122,7 +137,11 @@ class Screen:
         StoppedByOperator at the end of input.
         """
         while True:
-            answer = self.ask(f"{question} {prompt(listed or keys)}:")
+            typed = {key.typed for key in keys}
+            presses = {1: ""} if "" in typed else {}
+            answer = self.ask(f"{question} {prompt(listed or keys)}:", presses | {2: "r" if "r" in typed else AGAIN})
+            if answer == AGAIN:
+                continue
             if answer == HELP:
                 self.show(views.keys(explain, explained(keys)))
             elif (key := chosen(keys, answer)) is not None:
@@ -142,9 +161,12 @@ class Screen:
         if self.choose(question, enter(does, then), stop(_WAY_OUT)) == "q":
             raise StoppedByOperator(stopped)
 
-    def words(self, question: str) -> str | None:
-        """Ask for a sentence; "" if it is empty, None at q and Esc. Raises StoppedByOperator."""
-        answer = self.ask_text(question)
+    def words(self, question: str, presses: Mapping[int, str] | None = None) -> str | None:
+        """Ask for a sentence; "" if it is empty, None at q and Esc. Raises StoppedByOperator.
+
+        `presses`: see `ask_text`.
+        """
+        answer = self.ask_text(question, presses)
         return None if answer in ("q", "Q", ESCAPE) else answer
 
     def length(self, question: str, otherwise: float) -> float:
@@ -156,23 +178,42 @@ class Screen:
             self.note(f"  {answer} is not one of these numbers; for example {otherwise:g}")
         raise StoppedByOperator("stopped by the operator; nothing has changed")
 
-    def ask(self, question: str) -> str:
+    def ask(self, question: str, presses: Mapping[int, str] | None = None) -> str:
         """One line of answer, lower case and stripped. Raises StoppedByOperator at the end of input."""
-        return self.ask_text(question).lower()
+        return self.ask_text(question, presses).lower()
 
-    def ask_text(self, question: str) -> str:
-        """One line of answer as it was typed, stripped. Raises StoppedByOperator at the end of input."""
+    def ask_text(self, question: str, presses: Mapping[int, str] | None = None) -> str:
+        """One line of answer as it was typed, stripped. Raises StoppedByOperator at the end of input.
+
+        `presses` are the answers of so many short presses of the pedal, if one is heard.
+        """
         self._console.print(Text(question, style="bold"), end=" ")
         for listener in self._listeners:
             listener.asking(question)
         began = time.monotonic()
         with self._stopwatch.stage(ANSWERING):
-            answer = read_line()
+            answer = read_line(self._by_pedal(presses or {}))
         for listener in self._listeners:
             listener.answered(question, answer.strip(" \t\r\n") if answer else END, time.monotonic() - began)
         if not answer:
             raise StoppedByOperator("the input ended; everything completed is stored")
         return answer.strip(" \t\r\n")
+
+    def _by_pedal(self, answers: Mapping[int, str]) -> Callable[[], str | None]:
+        seen, pedal = Presses(), self._pedal
+
+        def look() -> str | None:
+            nonlocal seen
+            if pedal is None:
+                return None
+            now_s = time.monotonic()
+            seen = seen.after(pedal.pressed(), now_s)
+            if not (count := seen.count(now_s)):
+                return None
+            seen = Presses()
+            return answers.get(count)
+
+        return look
 
     @contextmanager
     def busy(self, what: str, stage: str = "") -> Iterator[None]:

@@ -25,14 +25,19 @@ _WORTH_CONTINUING = (
 
 
 @contextmanager
-def how_to_continue(hint: str, interrupted: str = "interrupted; everything completed is stored") -> Iterator[None]:
-    """Add `hint` to the error that stops a run; Ctrl-C becomes Interrupted with the message `interrupted`."""
+def how_to_continue(
+    hint: str,
+    interrupted: str = "interrupted; everything completed is stored",
+    also: tuple[type[Exception], ...] = (),
+) -> Iterator[None]:
+    """Add `hint` to the error that stops a run, one of these or `also`; Ctrl-C becomes Interrupted(`interrupted`)."""
+    explained: tuple[type[Exception], ...] = (*_WORTH_CONTINUING, *also)
     try:
         yield
     except KeyboardInterrupt as error:
         stopped = Interrupted(interrupted)
         stopped.add_note(hint)
         raise stopped from error
-    except _WORTH_CONTINUING as error:
+    except explained as error:
         error.add_note(hint)
         raise

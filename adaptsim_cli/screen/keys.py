@@ -7,7 +7,7 @@ import os
 import select
 import sys
 import termios
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
@@ -63,20 +63,26 @@ def unknown(answer: str) -> str:
     return f"{shown} means nothing here, and nothing has happened."
 
 
+LOOK_S = 0.02
 _SEQUENCE_S = 0.05
 """Bytes that follow an Esc within this time belong to it: an arrow key sends several."""
 _ENTER, _END, _DELETE, _DELETE_ALL = "\r\n", "\x04", "\x7f\x08", "\x15"
 
 
-def read_line() -> str:
+def read_line(otherwise: Callable[[], str | None] = lambda: None) -> str:
     """The typed line, with its Enter as "\\n"; `ESCAPE` at once if Esc was pressed; "" at the end of input.
 
     Input typed before the call does not answer the question and is discarded, because Enter may start a motion.
+    `otherwise` is asked every `LOOK_S` for an answer that comes another way; it counts if nothing is typed yet.
     """
     if not sys.stdin.isatty():
         return sys.stdin.readline()
     fd = sys.stdin.fileno()
     with key_by_key(fd):
+        while not select.select([fd], [], [], LOOK_S)[0]:
+            if (answer := otherwise()) is not None:
+                _echo(fd, f"{answer}\n")
+                return f"{answer}\n"
         return _line(fd)
 
 

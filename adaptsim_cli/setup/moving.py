@@ -13,6 +13,7 @@ from adaptsim_cli.calibration import printing
 from adaptsim_cli.calibration import running as calibrating
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.consent import SLOW_PACE
+from adaptsim_cli.screen.keys import Key, enter
 from adaptsim_cli.session import single
 from adaptsim_cli.setup.answers import Answers
 from adaptsim_cli.setup.describing import board_payload
@@ -40,15 +41,20 @@ def board(answers: Answers) -> None:
 
 def calibrate(answers: Answers) -> None:
     """Find the camera: the first time on a real rig by hand, since nothing can be planned yet."""
-    config = answers.config
-    first = calibration.current_calibration(config, answers.places) is None
+    config, screen = answers.config, answers.screen
+    known = calibration.current_calibration(config, answers.places)
+    if known is not None and not answers.defaults:
+        keep = enter("to keep it", "The step is done.")
+        again = Key("r", "to calibrate again", "A new calibration begins.")
+        if screen.choose(f"A calibration of {known.created} is in use.", keep, again) == "":
+            return
     calibrating.calibrate(
         _slowly(answers, practice=False),
-        calibrating.CalibrationRequest(first and not config.is_simulated, 25, False, answers.defaults, False),
-        partial(calibration.open_calibration_rig, screen=answers.screen),
+        calibrating.CalibrationRequest(known is None and not config.is_simulated, 25, False, answers.defaults, False),
+        partial(calibration.open_calibration_rig, screen=screen),
         calibration.calibrations,
         rig_frames.open_sessions,
-        answers.screen,
+        screen,
     )
 
 

@@ -15,12 +15,14 @@ from rich.text import Text
 from adaptsim_cli.devices.rig_file.reading import BOARD
 from adaptsim_cli.doctor import checks, examination
 from adaptsim_cli.doctor.checks import Finding
-from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.errors import SessionError, StoppedByOperator, UsageError
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.setup import describing, moving
 from adaptsim_cli.setup.answers import Answers
+from calib.errors import CalibrationError
+from sim.errors import SimError
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,7 @@ def walk(answers: Answers, *, begin: str = "") -> None:
         raise UsageError(f"--from {begin}: choose one of {', '.join(names)}")
     screen.show(views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw))
     screen.plain(f"{len(steps)} steps. Enter takes what stands in brackets, q stops; the same command goes on.")
-    with how_to_continue(f"Go on with: {command(answers)}"):
+    with how_to_continue(f"Go on with: {command(answers)}", also=(CalibrationError, SimError, SessionError)):
         for number, step in enumerate(steps, start=1):
             screen.show(Text(f"\n{number} of {len(steps)}  {step.name}", style="bold"))
             later = begin and names.index(begin) < number

@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import os
 import pty
+import select
+import sys
 import termios
 import threading
 import time
@@ -67,6 +69,7 @@ def test_an_enter_typed_ahead_starts_nothing(keyboard: int) -> None:
     said = io.StringIO()
     screen = Screen(console=Console(file=said, width=80))
     os.write(keyboard, b"\n\n\n")
+    assert select.select([sys.stdin], [], [], 10.0)[0]  # they have arrived
     with pressing(keyboard, b"q\n"):
         assert screen.choose("Is the work area clear?", enter("to start", "It moves."), stop("It ends.")) == "q"
     assert said.getvalue().count("Is the work area clear?") == 1

@@ -47,7 +47,7 @@ class Part:
     @property
     def needs_tables(self) -> bool:
         """Whether trials and scores are looked up."""
-        return self.task != "pendulum" and not self.fresh
+        return self.task != "pendulum"
 
     def commands(self, folder: Path) -> list[list[str]]:
         """One per number of sessions."""
@@ -196,9 +196,11 @@ def section(part: Part, sessions: Sequence[Session]) -> list[str]:
         for method, there in earned.items()
     ]
     judged = part.fresh or Conditions(part.budget).judged
-    kind = f"looked up in tables of true rollouts, scored at {judged} contexts" if part.needs_tables else (
-        f"true rollouts; {judged} further ones score a policy"
-    )  # fmt: skip
+    kind = f"looked up in tables of true rollouts, scored at {judged} contexts"
+    if not part.needs_tables or part.fresh:
+        kind = f"true rollouts; {judged} further ones score the final policy"
+    if part.needs_tables and part.fresh:
+        kind += ", and tables of true rollouts score the earlier ones"
     return [
         f"## {part.name.capitalize()}",
         "",

@@ -452,6 +452,15 @@ def results_of(store: SessionStore) -> tuple[ResultRecord, ...]:
     return tuple(result for i in range(store.iterations()) if (result := store.result(i)) is not None)
 
 
+def completed(store: SessionStore, number: int) -> TrialRecord:
+    """The completed trial `number` (from 1) that counts. Raises UsageError naming those that are, SessionError."""
+    trials = {trial.trial: trial for trial in trials_of(store)}
+    if number not in trials:
+        known = ", ".join(map(str, trials)) or "none"
+        raise UsageError(f"trial {number} of {store.facts.name} is not completed; completed are {known}")
+    return trials[number]
+
+
 def rows(store: SessionStore) -> list[Row]:
     """One row for each trial that counts. Iterations, trials, attempts and particles are numbered from 1.
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs.sessions import ParameterBelief
 from adaptsim_cli.report import page
 from adaptsim_cli.report.agreement import end_error
 from adaptsim_cli.report.figures import HeldOut, Judgement, Prediction
@@ -35,6 +36,9 @@ JUDGED = 64
 
 LIKELY = 24
 """Number of trajectories drawn from the posterior for each trial."""
+
+BELIEVED = (0.05, 0.5, 0.95)
+"""Lower end, median and upper end of what a session believes of a parameter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,6 +162,20 @@ class Hindsight:
             trial.trial: Prediction(seen.times_s, seen.columns, expected[0], expected[1:])
             for trial, expected in zip(trials, states, strict=True)
         }
+
+
+def believed(stores: Sequence[SessionStore]) -> tuple[ParameterBelief, ...]:
+    """What each session believes of each parameter; sessions without a posterior are left out. Raises SessionError."""
+    found = list[ParameterBelief]()
+    for store in stores:
+        try:
+            levels = Hindsight.of(store).posterior(store).quantiles(BELIEVED)
+        except SimError:
+            continue
+        for d, (low, median, high) in zip(store.facts.parameters, levels.T, strict=True):
+            named = {"session": store.facts.name, "parameter": d.name, "unit": d.unit}
+            found.append(ParameterBelief(**named, low=low, median=median, high=high))
+    return tuple(found)
 
 
 @dataclass

@@ -10,6 +10,7 @@ import pytest
 from toy_session import NAME, run
 
 from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.outputs.base import AnyRecord
 from adaptsim_cli.session import records
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session.store import SessionStore, results_of, trials_of
@@ -168,9 +169,13 @@ def test_the_newest_session_is_the_one_begun_last(tmp_path: Path) -> None:
 def test_a_record_is_read_once_however_often_a_session_asks_for_it(
     store: SessionStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    opened = []
-    read = records.read
-    monkeypatch.setattr(records, "read", lambda kind, path: (opened.append(path), read(kind, path))[1])
+    opened, read = list[Path](), records.read
+
+    def counted(kind: type[AnyRecord], path: Path) -> AnyRecord:
+        opened.append(path)
+        return read(kind, path)
+
+    monkeypatch.setattr(records, "read", counted)
     for _ in range(3):
         found = (*trials_of(store), *results_of(store))
     assert len(opened) == len(set(opened)) == len(found) == 5

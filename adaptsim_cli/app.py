@@ -21,8 +21,6 @@ from adaptsim_cli.commands import (
     exporting,
     lab,
     parts,
-    report,
-    rollout,
     rollouts,
     run_iteration,
     sessions,
@@ -49,12 +47,12 @@ app.command("run-iteration")(run_iteration.run_iteration)
 app.command("pretrain")(pretrain.pretrain)
 app.command("benchmark")(benchmark.benchmark)
 app.command("world-tables")(benchmark.world_tables)
-app.command("rollout")(rollout.rollout)
-app.command("preview")(rollout.preview)
+app.command("rollout")(rollouts.rollout)
+app.command("preview")(rollouts.preview)
 app.command("setup")(setup.setup)
 app.command("parts")(parts.parts)
-app.command("report")(report.report)
-app.command("compare")(report.compare)
+app.command("report")(exporting.report)
+app.command("compare")(exporting.compare)
 app.command("bundle")(exporting.bundle)
 app.command("doctor")(doctor.doctor)
 app.command("retrack")(exporting.retrack)
@@ -84,7 +82,6 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def options(
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
-    speak: Annotated[bool, typer.Option("--speak", help="Say questions and warnings aloud.")] = False,
     version: Annotated[
         bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
     ] = False,
@@ -92,8 +89,6 @@ def options(
     """Options before a command."""
     if debug:
         os.environ["ADAPTSIM_DEBUG"] = "1"
-    if speak:
-        os.environ["ADAPTSIM_SPEAK"] = "1"
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

@@ -222,8 +222,6 @@ def board(
     square_mm: float | None,
     width_mm: float | None,
     screen: Screen,
-    *,
-    as_json: bool = False,
 ) -> None:
     """Write the page, and remember it with its measured width. Raises UsageError, SessionError."""
     if out.suffix not in printing.FORMATS:
@@ -243,8 +241,7 @@ def board(
     measured = f"adaptsim calibrate board --paper {paper} --out {out} --width-mm WIDTH"
     step = (measured, "with the width that you measured") if width_mm is None else ("adaptsim calibrate", "with it")
     screen.next(step)
-    if as_json:
-        screen.data("calibrate board", {"file": str(path), "paper": paper, **kept.model_dump()})
+    screen.data("calibrate board", {"file": str(path), "paper": paper, **kept.model_dump()})
 
 
 def summary(record: SavedCalibration) -> dict[str, Any]:

@@ -6,17 +6,18 @@ from typing import Annotated
 
 import typer
 
+from adaptsim_cli import options
+
 
 def setup(
-    task: Annotated[str | None, typer.Option("--task", help="Task of the first session, e.g. scooping.")] = None,
-    world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
+    task: options.Task = None,
+    world: options.World = None,
+    seed: options.Seed = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fr3, panda, or fake to practise.")] = None,
     begin: Annotated[str, typer.Option("--from", help="Do this step and all after it again, e.g. camera.")] = "",
-    operator: Annotated[str | None, typer.Option("--operator", help="Your name, for the record of a real arm.")] = None,
-    yes: Annotated[
-        bool, typer.Option("--yes", "-y", help="Practice: take every default, ask nothing; refused for a real arm.")
-    ] = False,
+    operator: options.Operator = None,
+    speak: options.Speak = False,
+    yes: options.Yes = False,
 ) -> None:
     """Set up a lab: from an unpacked arm to the first trial, with a check after every step.
 

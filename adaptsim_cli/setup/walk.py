@@ -7,15 +7,14 @@ is done again makes all later ones due.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from rich.text import Text
 
-from adaptsim_cli.devices.rig_file.reading import BOARD
-from adaptsim_cli.doctor import checks, examination
-from adaptsim_cli.doctor.checks import Finding
-from adaptsim_cli.errors import SessionError, StoppedByOperator, UsageError
+from adaptsim_cli.doctor import examination
+from adaptsim_cli.doctor.table import Severity
+from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.continuing import how_to_continue
 from adaptsim_cli.screen.keys import Key, enter, stop
@@ -27,58 +26,44 @@ from sim.errors import SimError
 
 @dataclass(frozen=True)
 class Step:
-    """One step: what it asks or does, and the checks that end it."""
+    """One step: what it asks or does, and the doctor's checks that end it."""
 
     name: str
     does: Callable[[Answers], None]
-    checks: Callable[[Answers], Iterable[Finding]]
+    checks: tuple[str, ...] = ()
     practised: str = ""  # what a real lab does here, if the simulated one has nothing to do
     touches: bool = False  # only for a task whose tool finds the table by touch
 
 
-def _computer(answers: Answers) -> Iterable[Finding]:
-    arm = None if answers.config.is_simulated else answers.config.hw
-    return (*examination.program(arm), *examination.machine(answers.config, answers.places, arm))
-
-
-def _stated(answers: Answers, tool: str, *names: str) -> Iterable[Finding]:
-    """The gaps of these names in the rig file."""
-    return (finding for finding in checks.required(answers.rig, tool) if finding.name in names)
-
-
-def _nothing(answers: Answers) -> None:
-    """Nothing is asked."""
-
-
+COMPUTER = (
+    "python", "packages", "libraries", "driver", "disk space", "disk speed", "real-time kernel", "priorities",
+    "clock frequency", "checkpoint",
+)  # fmt: skip
 STEPS = (
-    Step("computer", _nothing, _computer),
+    Step("computer", lambda _: None, COMPUTER),
     Step(
-        "arm", describing.arm, lambda a: examination.arm(a.rig),
+        "arm", describing.arm, ("rig file", "network", "arm"),
         "asks for the arm's address; shows version, mode and limits of the arm, and how fast it answers",
     ),
     Step(
-        "stop button", describing.stop_button, lambda a: (examination.stop_button(a.places, a.rig),),
+        "stop button", describing.stop_button, ("rig file", "stop button"),
         "has you press the arm's stop button, sees that the arm says so, and has you release it",
     ),
     Step(
-        "pedal", describing.pedal,
-        lambda a: (*_stated(a, a.config.task, "pedal"), *examination.pedal(a.rig), *examination.balance(a.rig)),
+        "pedal", describing.pedal, ("rig file", "pedal", "balance"),
         "asks for the serial ports of pedal and balance, and reads both",
     ),
     Step(
-        "camera", describing.camera, lambda a: examination.camera(a.rig),
+        "camera", describing.camera, ("rig file", "camera", "camera images"),
         "lists the cameras, and films half a second with yours",
     ),
-    Step("table and boxes", describing.table, lambda a: _stated(a, a.config.task, "person", "keep_out")),
-    Step(
-        "tool", describing.tool,
-        lambda a: (*_stated(a, a.config.task, "payload"), examination.motion(a.resolved)),
-    ),
-    Step("board", moving.board, lambda a: _stated(a, BOARD, "payload")),
-    Step("calibration", moving.calibrate, lambda a: (examination.calibration(a.config, a.places),)),
-    Step("touch-off", moving.touch, lambda a: (examination.motion(a.resolved),), touches=True),
-    Step("slow motion", moving.slow_motion, lambda _: ()),
-    Step("first trial", moving.trial, lambda _: ()),
+    Step("table and boxes", describing.table, ("rig file",)),
+    Step("tool", describing.tool, ("rig file", "safeguards", "motion")),
+    Step("board", moving.board, ("rig file",)),
+    Step("calibration", moving.calibrate, ("rig file", "calibration")),
+    Step("touch-off", moving.touch, ("rig file", "motion"), touches=True),
+    Step("slow motion", moving.slow_motion),
+    Step("first trial", moving.trial),
 )  # fmt: skip
 
 
@@ -116,27 +101,21 @@ def _touches(answers: Answers) -> bool:
 
 
 def _still_done(answers: Answers, step: Step) -> bool:
-    """Whether the step was done earlier, and its check still passes."""
-    if step.name not in answers.known.read().steps:
-        return False
-    found = tuple(_found(answers, step))
-    examination.show_few(found, answers.screen)
-    return not examination.missing_in(found)
+    """Whether the step was done earlier, and its checks still pass."""
+    return step.name in answers.known.read().steps and not _missing(answers, step)
 
 
 def _do(answers: Answers, step: Step) -> None:
     """Do the step until nothing is missing. Raises StoppedByOperator."""
     screen, asks = answers.screen, True
     while True:
-        if asks and not (step.practised and answers.config.is_simulated):
+        if asks and not _only_told(answers, step):
             step.does(answers)
             answers.save()
-        found = tuple(_found(answers, step))
-        examination.show_few(found, screen)
-        if not examination.missing_in(found):
+        if not (missing := _missing(answers, step)):
             return
         if answers.defaults:
-            examination.require(found)
+            raise PreflightFailed(f"not ready: {', '.join(missing)}")
         again = enter("to check again", "Nothing is asked; the check runs again, after you have mended what it names.")
         other = Key("a", "to answer again", "The questions of this step are asked again.")
         answer = screen.choose("Not ready yet.", again, other, stop("The command ends; the same command goes on."))
@@ -145,8 +124,17 @@ def _do(answers: Answers, step: Step) -> None:
         asks = answer == "a"
 
 
-def _found(answers: Answers, step: Step) -> Iterable[Finding]:
-    if step.practised and answers.config.is_simulated:
-        return (checks.skipped(checks.DEVICES, step.name, f"simulated. A real lab {step.practised}"),)
+def _missing(answers: Answers, step: Step) -> list[str]:
+    """Make and show the checks of the step; the names of what is missing."""
+    if _only_told(answers, step):
+        answers.screen.show(f"  Simulated. A real lab {step.practised}.")
+        return []
     with answers.screen.busy("Checking"):
-        return tuple(step.checks(answers))
+        found = tuple(examination.examine(answers.resolved, step.checks))
+    made = [finding for finding in found if finding.verdict is not Severity.SKIPPED]
+    examination.show_table(made, answers.screen, grouped=False)
+    return examination.missing_in(found)
+
+
+def _only_told(answers: Answers, step: Step) -> bool:
+    return bool(step.practised) and answers.config.is_simulated

@@ -23,6 +23,8 @@ from adaptsim_cli.devices.rig_file.reading import read
 
 COMMAND = [sys.executable, "-c", "from adaptsim_cli.app import main; main()", "setup", "--world", "cucumber"]
 PATIENCE_S = 600.0
+QUIET_S = 0.5
+"""After so long without output a line that ends with a colon is a question, and typing is heard."""
 TYPED = {"How high is the table top?": "0.000", "Name a box": "lamp", "upper corner": "0.7 -0.7 0.5"}
 """The answers that are not Enter, each typed once, by what the question has in it."""
 
@@ -44,7 +46,7 @@ class Terminal:
         fcntl.ioctl(screen, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
         answered = 0
         while True:
-            ready, _, _ = select.select([screen], [], [], 0.1)
+            ready, _, _ = select.select([screen], [], [], QUIET_S)
             if ready:
                 try:
                     self.said += plain(os.read(screen, 65536).decode(errors="replace"))
@@ -52,7 +54,7 @@ class Terminal:
                     break
                 if kill_at and kill_at in self.said:
                     os.kill(process, signal.SIGKILL)
-            elif self.said[answered:].rstrip().endswith(":") and waits(screen):
+            elif self.said[answered:].rstrip().endswith(":"):
                 question, answered = self.said[answered:], len(self.said)
                 key = next((words for words in left if words in question.rpartition("\n\n")[2]), "")
                 os.write(screen, left.pop(key, "").encode() + b"\n")
@@ -62,11 +64,6 @@ class Terminal:
 
 def plain(text: str) -> str:
     return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text).replace("\r", "")
-
-
-def waits(screen: int) -> bool:
-    """Whether the program reads keys."""
-    return not termios.tcgetattr(screen)[3] & termios.ICANON
 
 
 @pytest.mark.slow

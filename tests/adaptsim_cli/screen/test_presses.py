@@ -86,7 +86,7 @@ class Foot(threading.Thread):
 @pytest.fixture
 def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     ours, theirs = pty.openpty()
-    stdin = os.fdopen(theirs, "r+b", buffering=0)
+    stdin = os.fdopen(theirs, encoding="utf-8")
     monkeypatch.setattr("sys.stdin", stdin)
     yield ours
     stdin.close()

@@ -44,5 +44,5 @@ def test_without_a_program_that_speaks_the_command_says_which_to_install(
     own_place(tmp_path, monkeypatch)
     monkeypatch.setenv("ADAPTSIM_SPEAK", "")  # taken back after the test
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert app.run(["--speak", "config", "path"]) == 2
+    assert app.run(["setup", "--speak", "--yes"]) == 2
     assert "sudo apt-get install -y espeak-ng" in capfd.readouterr().err

@@ -12,7 +12,8 @@ from adaptsim_cli import app, config
 from adaptsim_cli.devices.rig_file.description import ArmPart, KeepOutPart, RigDescription
 from adaptsim_cli.devices.rig_file.inventory import serial_ports
 from adaptsim_cli.devices.rig_file.reading import read
-from adaptsim_cli.doctor import checks
+from adaptsim_cli.doctor.checks import CHECKS
+from adaptsim_cli.doctor.table import Check, Examined, Finding, missing, ok
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.setup import describing, walk
 from adaptsim_cli.setup.answers import Answers
@@ -104,11 +105,11 @@ def short(answers: Answers, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     done: list[str] = []
 
     def step(name: str, needed: int = 0) -> walk.Step:
-        def found(_: Answers) -> tuple[checks.Finding, ...]:
-            ready = done.count(name) >= needed
-            return (checks.ok("x", name, "there") if ready else checks.missing("x", name, "gone", "plug it in"),)
+        def probe(_: Examined) -> Finding:
+            return ok("there") if done.count(name) >= needed else missing("gone", "plug it in")
 
-        return walk.Step(name, lambda _: done.append(name), found)
+        monkeypatch.setitem(CHECKS, name, Check("x", name, "", lambda _: "", probe))
+        return walk.Step(name, lambda _: done.append(name), (name,))
 
     monkeypatch.setattr(walk, "STEPS", (step("arm"), step("camera", 2), step("trial")))
     return done

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
+import re
 import shutil
 import time
 from datetime import UTC, datetime
@@ -33,7 +34,6 @@ from adaptsim_cli.doctor.table import (
     with_rig,
 )
 from adaptsim_cli.wiring.calibration import current_calibration
-from hw.camera.process import open_kinect
 from hw.errors import BalanceError
 from hw.franka.realtime import PRIORITY
 from hw.franka.versions import MATRIX, PACKAGES
@@ -229,9 +229,15 @@ def _arm(lab: Examined) -> Finding:
     return advice(told, "; ".join(seen.notes)) if seen.notes else ok(told)
 
 
+WITHDRAWN = "1.1.1"
+"""Firmware of the Femto Bolt."""
+UPDATE = "install a newer firmware with the maker's viewer, on Windows"
+
+
 @check(DEVICES, "camera", "see docs/guide/cameras.md", with_rig)
 def _camera(lab: Examined) -> Finding:
-    report, serial = readings.cameras(), lab.rig.camera.serial
+    part = lab.rig.camera
+    report, serial = readings.cameras(part.kind), part.serial
     if report.error is not None:
         return missing(report.error, report.fix or "")
     if serial and serial not in report.serials:
@@ -243,14 +249,18 @@ def _camera(lab: Examined) -> Finding:
     if not report.depth_engine:
         fix = "install libdepthengine.so.2.0 beside the library; docs/guide/cameras.md"
         return missing(f"{report.library} has no depth engine, so there would be no depth", fix)
-    which = serial or report.serials[0]
-    return ok(f"{which}, {report.maker} library {report.version or '(version unknown)'}")
+    which = next(device for device in report.devices if device.serial == (serial or report.serials[0]))
+    told = f"{which.serial}, firmware {which.firmware or '(not reported)'}"
+    told += f", {report.maker} library {report.version or '(version unknown)'}"
+    if report.maker == "Orbbec" and WITHDRAWN in re.split(r"[ ,]+", which.firmware):
+        return missing(f"{told}; its maker withdrew {WITHDRAWN}, whose time stamps overflow", UPDATE)
+    return ok(told)
 
 
 @check(DEVICES, "camera images", "docs/guide/cameras.md: USB, power, display", after("camera"))
 def _camera_images(lab: Examined) -> Finding:
     """Half a second of synchronised frames, by the camera's own record."""
-    with open_kinect(lab.rig.camera.serial or None, lab.rig.camera.settings()) as camera:
+    with lab.rig.camera.camera() as camera:
         camera.start_recording()
         time.sleep(STREAM_S)
         camera.stop_recording()

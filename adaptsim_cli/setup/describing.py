@@ -15,6 +15,7 @@ from adaptsim_cli.devices.opening import check_stop_button
 from adaptsim_cli.devices.rig_file.inventory import BALANCES, BOARDS, like, serial_ports
 from adaptsim_cli.devices.rig_file.reached import reached
 from adaptsim_cli.devices.rig_file.reading import BOARD
+from adaptsim_cli.doctor import readings
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.setup.answers import NOTHING, Answers, numbers, shown
 from hw.collision import Side
@@ -76,11 +77,11 @@ def _port(text: str, ports: Sequence[str]) -> dict[str, str] | None:
 
 
 def camera(answers: Answers) -> None:
-    """The serial number of the camera."""
-    from hw.camera.probe import probe_k4a
-
+    """The kind of the camera, and its serial number."""
+    kind = answers.one_of("Which camera is it?", ("k4a", "realsense"), answers.rig.camera.kind)
+    answers.put(camera={**asdict(answers.rig.camera), "kind": kind})
     with answers.screen.busy("Looking for cameras"):
-        found = probe_k4a(patience_s=5.0).serials
+        found = readings.cameras(kind).serials
     answers.screen.plain(f"  Cameras seen: {', '.join(found) or NOTHING}")
     given = answers.rig.camera
     default = given.serial or (found[0] if found else ANY)

@@ -11,7 +11,7 @@ from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, camera_on, frames, meanw
 
 from hw.camera import k4a_types as k4a
 from hw.camera.k4a_device import ColourSettings, model_of
-from hw.camera.process import open_kinect
+from hw.camera.process import open_camera
 from hw.errors import CameraError, DeviceUnavailable
 
 LATENCY_S = DELAY_S - 0.5 * 8330e-6
@@ -214,7 +214,7 @@ def test_silence_ends_a_wait_for_a_frame() -> None:
 
 
 def test_out_of_turn() -> None:
-    for closed in (open_kinect("A1"), camera_on(FakeK4a("A1"))):
+    for closed in (open_camera("A1"), camera_on(FakeK4a("A1"))):
         with pytest.raises(DeviceUnavailable, match="not connected"):
             closed.snapshot()
         with pytest.raises(DeviceUnavailable, match="not connected"):
@@ -227,7 +227,7 @@ def test_out_of_turn() -> None:
         with pytest.raises(CameraError, match="recording already"):
             camera.start_recording()
     with pytest.raises(ValueError, match="must be 0 or more"):
-        open_kinect(latency_s=-0.01)
+        open_camera(latency_s=-0.01)
 
 
 def test_the_memory_layouts_are_those_of_the_maker() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 from fake_k4a import PERIOD_S, FakeK4a, Shown, kinect_library
 
 from hw.camera import k4a_types as k4a
-from hw.camera.k4a import KinectCamera
+from hw.camera.k4a import LiveCamera
 from hw.camera.messages import Open
 
 
@@ -47,7 +47,7 @@ class LiveK4a(FakeK4a):
         return k4a.SUCCEEDED
 
 
-def live(asked: Open) -> KinectCamera:
+def live(asked: Open) -> LiveCamera:
     """`hw.camera.served.Make`."""
     library = kinect_library(LiveK4a("A1"))
-    return KinectCamera(asked.serial, asked.settings, infrared=asked.infrared, library=lambda: library)
+    return LiveCamera(asked.serial, asked.settings, infrared=asked.infrared, device=library.driver)

@@ -12,6 +12,7 @@ from adaptsim_cli import app, config
 from adaptsim_cli.devices.rig_file.description import ArmPart, KeepOutPart, RigDescription
 from adaptsim_cli.devices.rig_file.inventory import serial_ports
 from adaptsim_cli.devices.rig_file.reading import read
+from adaptsim_cli.doctor import readings
 from adaptsim_cli.doctor.checks import CHECKS
 from adaptsim_cli.doctor.table import Check, Examined, Finding, missing, ok
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
@@ -35,9 +36,9 @@ def answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Answers:
 
 def test_enter_takes_what_the_machine_has(answers: Answers, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        probe,
-        "probe_k4a",
-        lambda **_: probe.ProbeReport("x", "1", "Orbbec", True, (probe.FoundDevice(0, "000123", ""),), None, None),
+        readings,
+        "cameras",
+        lambda _: probe.ProbeReport("x", "1", "Orbbec", True, (probe.FoundDevice(0, "000123", ""),), None, None),
     )
     typing(monkeypatch, *[""] * 20)
     for step in (describing.arm, describing.pedal, describing.camera, describing.table, describing.tool):

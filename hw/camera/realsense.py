@@ -50,6 +50,7 @@ class RealSenseDevice:
         self._now_s, self._devices = now_s, devices
         self._sizes = {"color": colour_px, "depth": depth_px, "infrared": depth_px}
         self._device: Any = None
+        self._sensors: tuple[Any, ...] = ()  # asked for once: the SDK makes new objects each time
         self._running: list[Any] = []
         self._queue: Any = None
         self._newest: dict[str, tuple[float, Any]] = {}  # stream -> device's stamp in s, pixels
@@ -72,13 +73,14 @@ class RealSenseDevice:
                 f"{wanted}; plugged in: {', '.join(found) or 'none'}. Check its cable and that the port is USB 3"
             )
         self._device = found[self.serial]
+        self._sensors = tuple(self._device.query_sensors())
 
     def close(self) -> None:
         """Stop and close; safe to call again."""
         for sensor in self._running:
             sensor.stop()
             sensor.close()
-        self._running, self._device, self._newest = [], None, {}
+        self._running, self._sensors, self._device, self._newest = [], (), None, {}
 
     def model(self) -> CameraModel:
         """The factory calibration, for the modes in use. Raises CameraError."""
@@ -154,10 +156,11 @@ class RealSenseDevice:
         if self._device is None:
             raise DeviceUnavailable("the camera is not open: use it inside a `with` block")
         rs = _sdk()
+        stream = getattr(rs.stream, kind)
         form = {"color": rs.format.bgr8, "depth": rs.format.z16, "infrared": rs.format.y8}[kind]
-        for sensor in self._device.query_sensors():
+        for sensor in self._sensors:
             for profile in sensor.get_stream_profiles():
-                if (profile.stream_type(), profile.format(), profile.fps()) == (getattr(rs.stream, kind), form, RATE_HZ):
+                if (profile.stream_type(), profile.format(), profile.fps()) == (stream, form, RATE_HZ):
                     video = profile.as_video_stream_profile()
                     if (video.width(), video.height()) == self._sizes[kind] and profile.stream_index() <= 1:
                         return sensor, video
@@ -182,21 +185,28 @@ def lens(given: Any, what: str) -> Intrinsics:
     rs = _sdk()
     u, v = np.meshgrid(np.linspace(0, given.width - 1, 17), np.linspace(0, given.height - 1, 13))
     rays = np.array([rs.rs2_deproject_pixel_to_point(given, [a, b], 1.0) for a, b in zip(u.flat, v.flat, strict=True)])
-    x, y = rays[:, :2].T
-    K = np.array([[given.fx, 0, given.ppx], [0, given.fy, given.ppy], [0, 0, 1]])
-    r2 = x**2 + y**2
-    bent = np.concatenate([(u.ravel() - given.ppx) / given.fx - x, (v.ravel() - given.ppy) / given.fy - y])
-    columns = [np.concatenate([axis * r2**power for axis in (x, y)]) for power in (1, 2, 3)]
-    columns += [np.concatenate([2 * x * y, r2 + 2 * y**2]), np.concatenate([r2 + 2 * x**2, 2 * x * y])]
-    (k1, k2, k3, p1, p2), *_ = np.linalg.lstsq(np.stack(columns, axis=1), bent, rcond=None)
-    found = Intrinsics(given.width, given.height, K, np.array([k1, k2, p1, p2, k3, 0, 0, 0]))
-    off_px = np.abs(_projected(found, rays) - np.stack([u.ravel(), v.ravel()], axis=1)).max()
-    if off_px > MOST_OFF_PX:
+    off_px = float("inf")
+    if np.isfinite(rays).all():
+        found = _fitted(given, u.ravel(), v.ravel(), rays)
+        off_px = float(np.abs(_projected(found, rays) - np.stack([u.ravel(), v.ravel()], axis=1)).max())
+    if not off_px <= MOST_OFF_PX:
         raise CameraError(
             f"the {what} camera's lens ({given.model}) is only known to {off_px:.2f} px, limit {MOST_OFF_PX:g} px: "
             "reset it to the factory calibration with the maker's tools"
         )
     return found
+
+
+def _fitted(given: Any, u: Array, v: Array, rays: Array) -> Intrinsics:
+    """The distortion that bends `rays` (N, 3) at depth 1 into the pixels `u`, `v` (N,): linear least squares."""
+    K = np.array([[given.fx, 0, given.ppx], [0, given.fy, given.ppy], [0, 0, 1]])
+    x, y = rays[:, :2].T
+    r2 = x**2 + y**2
+    bent = np.concatenate([(u - given.ppx) / given.fx - x, (v - given.ppy) / given.fy - y])
+    columns = [np.concatenate([axis * r2**power for axis in (x, y)]) for power in (1, 2, 3)]
+    columns += [np.concatenate([2 * x * y, r2 + 2 * y**2]), np.concatenate([r2 + 2 * x**2, 2 * x * y])]
+    (k1, k2, k3, p1, p2), *_ = np.linalg.lstsq(np.stack(columns, axis=1), bent, rcond=None)
+    return Intrinsics(given.width, given.height, K, np.array([k1, k2, p1, p2, k3, 0, 0, 0]))
 
 
 def _projected(found: Intrinsics, rays: Array) -> Array:

@@ -1,7 +1,7 @@
 """A camera for `hw.camera.served` whose driver is a stand-in that shows captures by itself, in real time.
 
 `ADAPTSIM_STAGED_KINECT` says what goes wrong: "hangs N" has the driver hang at its N-th capture, "hangs open" while it
-is opened, "dies N" ends the process there, "dim N" exposes otherwise from there on.
+is opened, "hangs stop" while it is stopped, "dies N" ends the process there, "dim N" exposes otherwise from there on.
 """
 
 from __future__ import annotations
@@ -31,6 +31,11 @@ class LiveK4a(FakeK4a):
         if self._when == "open":
             threading.Event().wait()
         return super()._device_open(index, handle)
+
+    def _device_stop_cameras(self, handle: int) -> None:
+        if self._when == "stop":
+            threading.Event().wait()
+        super()._device_stop_cameras(handle)
 
     def _device_get_capture(self, handle: int, capture: Any, timeout_ms: int) -> int:
         self._count += 1

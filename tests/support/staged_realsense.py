@@ -73,11 +73,12 @@ def _stream(
 class SoftRealSense:
     """The stage: hands what is shown to the SDK when the camera's thread asks for its next capture."""
 
-    def __init__(self, serial: str = "S1") -> None:
+    def __init__(self, *, units_m: float = 0.001) -> None:
+        self._units_m = units_m
         self.clock = TellingClock(100.0)
         self.handles: dict[int, Any] = {}
         self.open: set[int] = set()
-        self.made, self._sensors, self._profiles = software_device(serial)
+        self.made, self._sensors, self._profiles = software_device(units_m=units_m)
         self._waiting: queue.Queue[Shown | None] = queue.Queue()
         self._taken = self._over = False
         self._number = 0
@@ -123,7 +124,7 @@ class SoftRealSense:
         frame.pixels, frame.bpp, frame.stride = pixels, pixels.strides[1], pixels.strides[0]
         frame.timestamp, frame.domain = 1e3 * (t_s - BOOT_S), rs.timestamp_domain.hardware_clock
         frame.frame_number, frame.profile = self._number, self._profiles[kind]
-        frame.depth_units = 0.001
+        frame.depth_units = self._units_m
         self._sensors[kind].on_video_frame(frame)
 
 

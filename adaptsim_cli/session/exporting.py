@@ -42,7 +42,7 @@ def export(
         return [out]
     if store.facts.curves:
         raise UsageError(f"the task {store.facts.task} has no recordings: export it as csv, parquet or lerobot")
-    from adaptsim_cli.session import rerun_file, whole
+    from adaptsim_cli.session import replaying, whole
 
     made = []
     for done, record in enumerate(records):
@@ -50,7 +50,7 @@ def export(
             progress("trials", done + 1, len(records))
         trial = whole.open_trial(store, record)
         if kind == "rerun":
-            made.append(written(out / f"{trial.title}.rrd", rerun_file.encode(trial)))
+            made.append(written(out / f"{trial.title}.rrd", replaying.rerun_file(trial)))
         else:
             made.append(written(out / f"{trial.title}.mcap", whole.encode(trial)))
     if kind == "mcap":

@@ -14,7 +14,7 @@ from toy_session import NAME, ScriptedOperator, attended, no_space, run, unatten
 from adaptsim_cli.errors import DiskFull, StoppedByOperator, UsageError
 from adaptsim_cli.session.correcting import redo
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.operator import Overrule, Proposal, Redo
+from adaptsim_cli.session.operator import Proposal, Review
 from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.store import SessionStore
 from hw.errors import ArmFault, CameraError, MotionRefused
@@ -92,14 +92,14 @@ def test_the_camera_goes_on_until_the_object_rests(tmp_path: Path) -> None:
 
 
 def test_an_operator_can_overrule_the_outcome(tmp_path: Path) -> None:
-    session = attended(tmp_path, ScriptedOperator(reviews=[Overrule(Outcome.LOST)]))
+    session = attended(tmp_path, ScriptedOperator(reviews=[Review(Outcome.LOST)]))
     run_iteration(session)
     first = session.store.trials(0)[0]
     assert (first.outcome, first.overruled_from, first.reward) == (Outcome.LOST, Outcome.ON_BLADE, 0.0)
 
 
 def test_an_operator_can_have_a_trial_redone(tmp_path: Path) -> None:
-    session = attended(tmp_path, ScriptedOperator(reviews=[Redo("the piece was touched")]))
+    session = attended(tmp_path, ScriptedOperator(reviews=[Review(rejected="the piece was touched")]))
     run_iteration(session)
     first = session.store.trials(0)[0]
     assert (first.trial, first.attempt) == (1, 2)

@@ -1,4 +1,6 @@
-"""What this computer remembers of one real arm: when its stop button was checked, and which set-ups have moved it."""
+"""What this computer remembers of one real arm: when its stop button was checked, which set-ups have moved it, and how its
+last motion ended.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The interface of a lab, real or simulated: its description, known without any device, and its devices."""
+"""The interface of a lab, real or simulated: its description, known without any device, and its devices.
+
+`makers_drivers` names the drivers of real ones.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A trial in a simulated target, without devices: set the context, apply the action, take the trajectory."""
+"""A trial without devices: in a simulated target the trajectory follows from context and action, or it was recorded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`recorded.toml`: where the trials of a folder are, and the names of their columns or topics."""
+"""`recorded.toml`, which says where the trials of a folder are; and what was read of each, checked against its task."""
 
 from __future__ import annotations
 

@@ -78,7 +78,11 @@ def test_a_session_on_a_disk_that_fills_up_goes_on_once_there_is_room(mount: Mou
 
 
 READING: tuple[tuple[str, ...], ...] = (("sessions", "list"), ("sessions", "show", "s"), ("sessions", "verify", "s"))
-WRITING: tuple[tuple[str, ...], ...] = (RUN, ("sessions", "note", "s", "the lamp"), ("sessions", "archive", "s"))
+WRITING: tuple[tuple[str, ...], ...] = (
+    RUN,
+    ("sessions", "mark", "s", "--note", "the lamp"),
+    ("sessions", "mark", "s", "--archive"),
+)
 
 
 def test_commands_on_a_mount_that_is_read_only_read_and_move_nothing(mount: Mount) -> None:

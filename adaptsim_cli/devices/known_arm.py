@@ -1,6 +1,4 @@
-"""What this computer remembers of one real arm: when its stop button was checked, which set-ups have moved it, and how its
-last motion ended.
-"""
+"""What this computer remembers of one real arm: its stop button checked, set-ups that have moved it, its last motion."""
 
 from __future__ import annotations
 

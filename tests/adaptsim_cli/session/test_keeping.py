@@ -84,12 +84,6 @@ def test_a_session_that_runs_is_not_moved_or_deleted(root: Path) -> None:
     assert names(root) == (NAME,)
 
 
-def test_a_deleted_session_is_gone(root: Path) -> None:
-    keeping.delete(root, NAME)
-    assert names(root) == ()
-    assert list(root.iterdir()) == [path for path in root.iterdir() if path.name == ".lock"]
-
-
 def test_pruning_makes_room_and_the_session_stays_whole(root: Path) -> None:
     store = SessionStore.open(root, NAME)
     trials, had = store.trials(0), recordings(root)

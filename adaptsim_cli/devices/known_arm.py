@@ -1,4 +1,4 @@
-"""What this computer remembers of one real arm: its stop button checked, set-ups that have moved it, its last motion."""
+"""What this computer remembers of one real arm: its stop button's check, set-ups that moved it, its last motion."""
 
 from __future__ import annotations
 

@@ -353,7 +353,7 @@ def _told(trial: TrialRecord) -> str:
 
 
 def _pixels(x: Scale, y: Scale, across: Array, up: Array) -> list[tuple[float, float]]:
-    return [(x(a), y(u)) for a, u in zip(across, up, strict=True)]
+    return list(zip(x.many(across), y.many(up), strict=True))
 
 
 def _limits(values: Array) -> tuple[float, float]:

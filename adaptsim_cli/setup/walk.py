@@ -16,7 +16,7 @@ from adaptsim_cli.doctor import examination
 from adaptsim_cli.doctor.table import Severity
 from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
 from adaptsim_cli.screen import views
-from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.screen.console import how_to_continue
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.setup import describing, moving
 from adaptsim_cli.setup.answers import Answers

@@ -20,6 +20,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.setup.answers import NOTHING, Answers, numbers, shown
 from hw.collision import Side
 from hw.mass import Mass
+from hw.serial.balance import PROTOCOLS
 
 ANY = "any"
 """The only camera that is plugged in."""
@@ -61,7 +62,7 @@ def pedal(answers: Answers) -> None:
     port = rig.balance.port if rig.balance else like(left, BALANCES)
     answers.take(f"Serial port of the balance? {choice}", port or NOTHING, lambda text: {"balance": _port(text, ports)})
     if answers.rig.balance is not None:
-        kind = answers.one_of("Which protocol does it use?", ("mt-sics", "sbi"), answers.rig.balance.protocol)
+        kind = answers.one_of("Which protocol does it use?", tuple(PROTOCOLS), answers.rig.balance.protocol)
         answers.put(balance={"port": answers.rig.balance.port, "protocol": kind})
 
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -207,14 +206,6 @@ def load(
     if not values["rig"]:
         values["rig"] = next((str(file) for file in where.rig_files if file.is_file()), "")
     return Resolved(Config(**values), sources, where)
-
-
-def template() -> str:
-    """A settings file with every setting as a comment: default and meaning."""
-    lines = [f"# Settings of adaptsim. A project's {PROJECT_FILE}, ADAPTSIM_<KEY> and flags win over this file.", ""]
-    for name, info in Config.model_fields.items():
-        lines += [f"# {info.description}", f"#{name} = {json.dumps(info.default)}", ""]
-    return "\n".join(lines)
 
 
 def _read(path: Path) -> dict[str, Any]:

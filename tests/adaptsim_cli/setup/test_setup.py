@@ -6,9 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from real_lab import own_place, quiet, said, typing
+from real_lab import ToyDevices, calibrated, own_place, quiet, said, typing
 
 from adaptsim_cli import app, config
+from adaptsim_cli.calibration import running as calibrating
+from adaptsim_cli.devices import lab
 from adaptsim_cli.devices.rig_file.description import ArmPart, KeepOutPart, RigDescription
 from adaptsim_cli.devices.rig_file.inventory import serial_ports
 from adaptsim_cli.devices.rig_file.reading import read
@@ -16,7 +18,7 @@ from adaptsim_cli.doctor import readings
 from adaptsim_cli.doctor.checks import CHECKS
 from adaptsim_cli.doctor.table import Check, Examined, Finding, missing, ok
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
-from adaptsim_cli.setup import describing, walk
+from adaptsim_cli.setup import describing, moving, walk
 from adaptsim_cli.setup.answers import Answers
 from adaptsim_cli.setup.beginning import begun
 from hw.camera import probe
@@ -189,3 +191,37 @@ def test_ports_are_listed_by_the_name_that_lasts(tmp_path: Path) -> None:
     (by_id / "usb-Arduino-if00").symlink_to(tmp_path / "ttyACM0")
     assert serial_ports(tmp_path) == (str(by_id / "usb-Arduino-if00"), str(tmp_path / "ttyUSB0"))
     assert serial_ports(tmp_path / "none") == ()
+
+
+def test_the_stop_button_is_checked_with_the_arm_alone(answers: Answers, monkeypatch: pytest.MonkeyPatch) -> None:
+    devices = ToyDevices()
+    monkeypatch.setattr(lab, "makers_drivers", devices.drivers)
+    typing(monkeypatch, "", "q")
+    with pytest.raises(StoppedByOperator, match="nothing has moved"):
+        describing.stop_button(answers)
+    assert list(devices.opened) == ["arm"]
+    told = said(answers.screen)
+    assert told.count("Press the arm's stop button now (nothing moves).") == 2
+    assert "The arm reports: ready to move" in told, "nobody has pressed it"
+    assert answers.known.read().stop_button == ""
+    answers.known.stop_button_checked("Kim")
+    describing.stop_button(answers)  # asks nothing
+
+
+def test_the_first_calibration_of_a_real_lab_is_guided_by_hand_and_later_ones_are_slow(
+    answers: Answers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[bool, float]] = []
+
+    def calibrate(resolved: config.Resolved, request: calibrating.CalibrationRequest, *_: object) -> None:
+        asked.append((request.guide, resolved.config.pace))
+
+    monkeypatch.setattr(calibrating, "calibrate", calibrate)
+    answers.config = answers.config.model_copy(update={"rig": str(answers.file)})
+    answers.save()
+    moving.calibrate(answers)
+    calibrated(answers.resolved)
+    typing(monkeypatch, "", "r")
+    moving.calibrate(answers)  # kept
+    moving.calibrate(answers)
+    assert asked == [(True, 0.3), (False, 0.3)]

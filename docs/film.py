@@ -147,7 +147,7 @@ def _until_prompt(fd: int, events: list[tuple[float, str]], clock_s: float, afte
     left, answered = dict(ANSWERS), 0
     while time.monotonic() < deadline_s:
         if not select.select([fd], [], [], 1.0)[0]:
-            if seen[answered:].rstrip().endswith(":"):
+            if re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", seen[answered:]).rstrip().endswith(":"):
                 key = next((words for words in left if words in seen[answered:]), "")
                 answered = len(seen)
                 os.write(fd, left.pop(key, "").encode() + b"\n")

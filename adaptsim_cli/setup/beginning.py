@@ -28,7 +28,9 @@ def begun(resolved: Resolved, screen: Screen, *, yes: bool) -> Answers:
     here = project if places.project_file.is_file() else user
     if config.is_simulated:
         file, new = here.with_name(PRACTICE_FILE), as_shipped("panda")
-        rig = read(file, tasks_with_tools()) if file.is_file() else RigDescription("practice", new.arm)
+        rig = (
+            read(file, tasks_with_tools()) if file.is_file() else RigDescription("practice", new.arm, waived=("pedal",))
+        )
     else:
         file = Path(config.rig) if config.rig else here
         arm = ArmPart(cast(Model, config.hw), ADDRESS)

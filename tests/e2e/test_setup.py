@@ -54,6 +54,7 @@ class Terminal:
                     break
                 if kill_at and kill_at in self.said:
                     os.kill(process, signal.SIGKILL)
+                assert "Not ready yet" not in self.said, self.said
             elif self.said[answered:].rstrip().endswith(":"):
                 question, answered = self.said[answered:], len(self.said)
                 key = next((words for words in left if words in question.rpartition("\n\n")[2]), "")

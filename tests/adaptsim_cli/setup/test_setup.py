@@ -14,7 +14,7 @@ from adaptsim_cli.devices import lab
 from adaptsim_cli.devices.rig_file.description import ArmPart, KeepOutPart, RigDescription
 from adaptsim_cli.devices.rig_file.inventory import serial_ports
 from adaptsim_cli.devices.rig_file.reading import read
-from adaptsim_cli.doctor import readings
+from adaptsim_cli.doctor import examination, readings
 from adaptsim_cli.doctor.checks import CHECKS
 from adaptsim_cli.doctor.table import Check, Examined, Finding, missing, ok
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
@@ -225,3 +225,13 @@ def test_the_first_calibration_of_a_real_lab_is_guided_by_hand_and_later_ones_ar
     moving.calibrate(answers)  # kept
     moving.calibrate(answers)
     assert asked == [(True, 0.3), (False, 0.3)]
+
+
+def test_a_practised_lab_lacks_nothing_that_it_cannot_have(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own_place(tmp_path, monkeypatch)
+    practice = begun(config.load({}), quiet(), yes=True)
+    describing.table(practice)
+    describing.tool(practice)
+    practice.save()
+    found = examination.examine(practice.resolved, ("rig file", "safeguards", "motion"))
+    assert examination.missing_in(tuple(found)) == []

@@ -151,7 +151,7 @@ def test_progress_off_a_terminal_is_a_line_a_tenth() -> None:
 
 def test_json_keeps_stdout_for_data(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     settings = resolved(tmp_path)
-    request = running.SessionRequest(None, frozenset(), iterations=1, yes=True, as_json=True)
+    request = running.SessionRequest(None, frozenset({"task"}), iterations=1, yes=True, as_json=True)
     running.run_session(settings, request, opener(ToyLab(0)), page.write)
     out, err = capfd.readouterr()
     assert out.count("\n") == 1

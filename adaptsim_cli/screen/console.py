@@ -33,7 +33,6 @@ ANSWERING = "answering"
 """The stage of the time spent waiting for answers."""
 END = "(end of input)"
 """The answer that listeners get at the end of input."""
-_WAY_OUT = "The command ends. Everything completed is stored, and the same command goes on from here."
 
 
 class Listener(Protocol):
@@ -134,15 +133,19 @@ class Screen:
         does: str = "to go on",
         *,
         then: str,
-        stopped: str = "stopped by the operator; everything completed is stored",
+        kept: str = "everything completed is stored",
     ) -> None:
-        """Wait for Enter; `then` describes its effect. Raises StoppedByOperator(`stopped`) at q and Esc."""
-        if self.choose(question, enter(does, then), stop(_WAY_OUT)) == "q":
-            raise StoppedByOperator(stopped)
+        """Wait for Enter; `then` describes its effect, `kept` the state after q and Esc.
 
-    def words(self, question: str) -> str | None:
-        """Ask for a sentence; "" if it is empty, None at q and Esc. Raises StoppedByOperator."""
-        answer = self.ask_text(question)
+        Raises StoppedByOperator at q and Esc.
+        """
+        if self.choose(question, enter(does, then), stop(f"The command ends; {kept}.")) == "q":
+            raise StoppedByOperator(f"stopped by the operator; {kept}")
+
+    def words(self, question: str, explain: str = "Type the answer and press Enter; q or Esc leaves.") -> str | None:
+        """Ask for a sentence; "" if it is empty, None at q and Esc, `explain` at `?`. Raises StoppedByOperator."""
+        while (answer := self.ask_text(question)) == HELP:
+            self.show(views.indent(Text(explain)))
         return None if answer in ("q", "Q", ESCAPE) else answer
 
     def length(self, question: str, otherwise: float) -> float:

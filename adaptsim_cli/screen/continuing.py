@@ -12,6 +12,7 @@ from sim.errors import ClusterUnavailable, NotExecutable, RolloutError, SolverFa
 
 _WORTH_CONTINUING = (
     StoppedByOperator,
+    Interrupted,
     PreflightFailed,
     DiskFull,
     HardwareError,

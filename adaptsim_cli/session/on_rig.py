@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from adaptsim_cli.errors import Interrupted
 from adaptsim_cli.screen.clear import clear_to_move, top_speed_m_s
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session import recording
@@ -234,13 +235,13 @@ class OnRig:
         approach, motion, back = planned.paths
         arm, camera, after = self.rig.arm, self.rig.camera, None
         stopped: HardwareError | None
-        with progress(f"The robot comes to the {self.task.object_name}", "moving"):
+        with progress(f"The robot comes to the {self.task.object_name}", "moving"), _interruptible("on the way there"):
             arm.execute(approach)
         with progress("The robot makes its motion and the camera records", "moving"):
             played, frames, stopped = self._film(motion)
         if stopped is None:
             try:
-                with progress("The robot goes back", "moving"):
+                with progress("The robot goes back", "moving"), _interruptible("on the way back"):
                     arm.execute(back)
                 if self.hardware.carries:
                     with progress("Taking a picture of the table", "finding"):
@@ -339,8 +340,9 @@ class OnRig:
         rig.await_enabled()
         rig.camera.start_recording()
         try:
-            played = rig.arm.execute(path)
-            rig.wait(SETTLE_S)
+            with _interruptible("in mid-motion"):
+                played = rig.arm.execute(path)
+                rig.wait(SETTLE_S)
         except BaseException as error:
             with suppress(HardwareError):
                 frames = tuple(rig.camera.stop_recording())
@@ -379,6 +381,18 @@ class OnRig:
             except ValueError as error:  # a number that is none must not cost the recording
                 said = {RIG: to_json(RigFacts(problem=str(error)))}
         return {recording.FILE: mcap, "overlay.jpg": placed.overlay or b"", **said}
+
+
+@contextmanager
+def _interruptible(where: str) -> Iterator[None]:
+    """Around a motion, which Ctrl-C brakes: raises Interrupted, which says where the arm stands."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        raise Interrupted(
+            f"interrupted {where}: the arm brakes and stays there. This trial does not count; everything completed "
+            "is stored"
+        ) from error
 
 
 _SHOWN = 120

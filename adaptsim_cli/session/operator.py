@@ -144,7 +144,8 @@ class Attended:
 
     def _reason(self) -> str | None:
         """Why the trial does not count; None if the operator goes back."""
-        reason = self.screen.words("Why does this trial not count? (q or Esc: back, it is not rejected):")
+        explain = "One sentence for the record, e.g. the piece was touched; then the trial is made again."
+        reason = self.screen.words("Why does this trial not count? (q or Esc: back, it is not rejected):", explain)
         return None if reason is None else reason or "the operator had it redone"
 
 

@@ -174,6 +174,7 @@ def test_without_json_a_person_reads_stdout(lab: ToyLab, capfd: pytest.CaptureFi
         ("stop_recording", TrackingFailed("in none of the frames"), 6),
         ("place", NotExecutable("joint 4 would need 3 rad/s"), 4),
         ("stop_recording", KeyboardInterrupt(), 130),
+        ("execute", KeyboardInterrupt(), 130),
     ],
 )
 def test_what_goes_wrong_in_a_trial_has_its_code_and_says_how_to_continue(

@@ -304,6 +304,21 @@ def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] =
     return canvas.svg()
 
 
+def over_film(trial: TrialRecord, expected: Prediction) -> str:
+    """The path predicted before the trial, drawn over its film; the height is the observed one. "" without a film."""
+    if trial.film is None:
+        return ""
+    track = trial.track.track()
+    z_m = np.interp(expected.t_s, track.t_s, track.state[:, 2])
+    p_m = np.column_stack([expected.guess[:, :2], z_m, np.ones(len(z_m))])
+    u, v, w = np.array(trial.film.camera).reshape(3, 4) @ p_m.T
+    points = [(240.0 * x, 240.0 * y) for x, y in zip(u / w, v / w, strict=True)]
+    canvas = Canvas(240, 240, "Predicted path")
+    canvas.curve(points, "in-film")
+    canvas.dot(*points[-1], 4, "in-film", "predicted end")
+    return canvas.svg()
+
+
 def _from_above(trial: TrialRecord, expected: Prediction, seen: Array) -> str:
     """A view from above; both axes have the same scale, so a path keeps its shape."""
     everything = np.concatenate([seen, expected.guess, expected.likely.reshape(-1, seen.shape[1])])[:, :2]

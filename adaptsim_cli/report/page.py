@@ -17,6 +17,7 @@ from adaptsim_cli.report.agreement import Z95, agreement
 from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words
+from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.records import (
     DimensionRecord,
     Facts,
@@ -51,6 +52,8 @@ class TrialView:
 
     record: TrialRecord
     strip: tuple[Still, ...]
+    film: str  # data URL of the sheet, "" without a camera
+    over_film: str  # the figure over it, "" without a prediction
     overlay: str  # data URL, "" if there is none
     context: str
     action: str
@@ -251,7 +254,9 @@ def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) ->
     context = _quantities(_described(facts, facts.context), tuple(record.context.values()))
     action = _quantities(_described(facts, facts.action), tuple(record.action.values()))
     drawn = figures.prediction(record, known.predictions[record.trial], tuple(facts.curves)) if known else ""
-    return TrialView(record, strip, overlay, context, action, drawn)
+    film = picture(folder / FILM) if FILM in record.files else ""
+    over = figures.over_film(record, known.predictions[record.trial]) if known and not facts.curves else ""
+    return TrialView(record, strip, film, over, overlay, context, action, drawn)
 
 
 def _rejected(store: SessionStore, iteration: int) -> tuple[str, ...]:

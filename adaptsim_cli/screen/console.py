@@ -38,8 +38,8 @@ END = "(end of input)"
 class Listener(Protocol):
     """A listener that shows the terminal's events elsewhere."""
 
-    def doing(self, what: str) -> None:
-        """A step, `what`, begins."""
+    def doing(self, what: str, stage: str) -> None:
+        """A step, `what`, of a stage (see `Screen.busy`) begins."""
         ...
 
     def did(self, what: str, stage: str, took_s: float) -> None:
@@ -183,7 +183,7 @@ class Screen:
         """
         began = time.monotonic()
         for listener in self._listeners:
-            listener.doing(what)
+            listener.doing(what, stage or what)
         with self._stopwatch.stage(stage or what), self._waiting(what, began):
             yield
         took_s = time.monotonic() - began

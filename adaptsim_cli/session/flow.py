@@ -20,6 +20,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
 from adaptsim_cli.session.correcting import choices_of, overruled
+from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.operator import Accept, Operator, Overrule, Proposal, Redo
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
@@ -40,6 +41,7 @@ from adaptsim_cli.session.store import SessionStore, history_of, particles_of
 from adaptsim_cli.session.summary import summary
 from adaptsim_cli.session.target import Executed, Parts, Placed, Planned, TrackedTrial
 from adaptsim_cli.session.watching import Unwatched, Watcher
+from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
@@ -171,6 +173,9 @@ def _look(session: RunningSession, stage: RunTrial) -> None:
             return
         raise
     record = trial_record(task, motion, seen)
+    if seen.film is not None:
+        durable.replace_file(folder / FILM, seen.files[FILM])
+        session.screen.plain(f"  Film: {folder / FILM}")
     session.watcher.tracked(record, seen)
     review = operator.review(record, choices_of(task, target.outcomes, seen.track, motion.context_array))
     if isinstance(review, Redo):
@@ -307,6 +312,7 @@ def trial_record(task: Task, motion: MotionRecord, seen: TrackedTrial) -> TrialR
         outcome=seen.track.outcome,
         track=TrackRecord.from_track(seen.track),
         moments=seen.moments,
+        film=seen.film,
         control_success_rate=seen.control_success_rate,
     )
 

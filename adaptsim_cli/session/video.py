@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.session.whole import WholeTrial, centre_px
+from adaptsim_cli.session.film import draw_way, way_px, write
+from adaptsim_cli.session.target import Image
+from adaptsim_cli.session.whole import WholeTrial
 
 SUFFIX = ".webm"
 _HEIGHT_PX, _FPS = 540, 30.0
-_RING, _DARK = (40, 190, 255), (20, 20, 20)  # BGR
+_RING_PX = 9
 
 
 def encode(trial: WholeTrial) -> bytes:
@@ -25,7 +29,8 @@ def encode(trial: WholeTrial) -> bytes:
         file = Path(folder) / f"video{SUFFIX}"
         first = trial.stored.frames[0].colour
         size = (round(first.shape[1] * _HEIGHT_PX / first.shape[0]) // 2 * 2, _HEIGHT_PX)
-        writer = cv2.VideoWriter(os.fspath(file), cv2.VideoWriter.fourcc(*"VP80"), _fps(trial), size)
+        with _silent():  # OpenCV warns of the only tag that it takes for VP8
+            writer = cv2.VideoWriter(os.fspath(file), cv2.VideoWriter.fourcc(*"VP80"), _fps(trial), size)
         if not writer.isOpened():
             raise SessionError("OpenCV has no VP8 encoder here, so no video can be written: try --rerun")
         try:
@@ -36,27 +41,33 @@ def encode(trial: WholeTrial) -> bytes:
         return file.read_bytes()
 
 
-def _pictures(trial: WholeTrial, size: tuple[int, int]) -> list[np.ndarray[tuple[int, ...], np.dtype[np.uint8]]]:
-    found, way = [], list[tuple[int, int]]()
-    scale = size[1] / trial.stored.frames[0].colour.shape[0]
-    end_s = trial.start_s + trial.record.track.t_s[-1]
-    for frame in trial.stored.frames:
-        small = cv2.resize(frame.colour[..., ::-1], size, interpolation=cv2.INTER_AREA)
-        picture = np.ascontiguousarray(small, np.uint8)
-        centre = centre_px(trial, frame.t_s)
-        if centre is not None:
-            way.append((round(centre[0] * scale), round(centre[1] * scale)))
-        if way:
-            cv2.polylines(picture, [np.array(way, np.int32).reshape(-1, 1, 2)], False, _RING, 1, cv2.LINE_AA)
-            for colour, width in ((_DARK, 3), (_RING, 1)):
-                cv2.circle(picture, way[-1], 9, colour, width, cv2.LINE_AA)
-        text = f"{frame.t_s - trial.start_s:5.2f} s"
-        if frame.t_s >= end_s:
+def _pictures(trial: WholeTrial, size: tuple[int, int]) -> list[Image]:
+    found, stored, track = list[Image](), trial.stored, trial.record.track.track()
+    scale = size[1] / stored.frames[0].colour.shape[0]
+    for frame in stored.frames:
+        picture = np.array(cv2.resize(frame.colour, size, interpolation=cv2.INTER_AREA), np.uint8)
+        since_s = frame.t_s - trial.start_s
+        if track.t_s[0] <= since_s:
+            draw_way(picture, scale * way_px(stored.model, stored.X_BC, track, since_s), _RING_PX)
+        text = f"{since_s:5.2f} s"
+        if since_s >= track.t_s[-1]:
             text += f"   {trial.record.outcome_words}, reward {trial.record.reward:.2f}"
-        for colour, width in ((_DARK, 4), ((255, 255, 255), 1)):
-            cv2.putText(picture, text, (14, size[1] - 16), cv2.FONT_HERSHEY_SIMPLEX, 0.7, colour, width, cv2.LINE_AA)
-        found.append(picture)
+        write(picture, text, (14, size[1] - 16), 0.7)
+        found.append(np.ascontiguousarray(picture[..., ::-1]))
     return found
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Discard what libraries write to stderr."""
+    kept = os.dup(2)
+    with Path(os.devnull).open("wb") as nothing:
+        os.dup2(nothing.fileno(), 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 def _fps(trial: WholeTrial) -> float:

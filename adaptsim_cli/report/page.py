@@ -129,7 +129,7 @@ def render(
         trials=trials,
         latest=results[-1] if results else None,
         verdict=in_words(results[-1].verdict, facts.object_name) if results else "",
-        best=_named(facts, results[-1].best.params) if results else "",
+        best=parameters_in_words(facts, results[-1].best.params) if results else "",
         correction=_correction(facts, results[-1].outlook) if results else "",
         successes=sum(t.reward > 0 for t in trials),
         figure_levels=both(lambda width: figures.levels(rows, width)) if rows else "",
@@ -322,7 +322,8 @@ def _correction(facts: Facts, outlook: OutlookRecord | None) -> str:
     return ", ".join(signed) or "none"
 
 
-def _named(facts: Facts, params: Mapping[str, float]) -> str:
+def parameters_in_words(facts: Facts, params: Mapping[str, float]) -> str:
+    """Plain name, value and unit of each parameter."""
     return _quantities(_described(facts, facts.parameters), tuple(params[d.name] for d in facts.parameters))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 
 import pytest
@@ -77,7 +78,7 @@ def test_an_unknown_key_says_so_and_a_question_mark_explains(tmp_path: Path, mon
     with pytest.raises(StoppedByOperator):
         run_iteration(attended(tmp_path, operator, lab))
     assert "go means nothing here, and nothing has happened." in said.getvalue()
-    assert "q or Esc  The command ends; everything completed is stored." in said.getvalue()
+    assert re.search(r"q +The command ends; everything completed is stored\.", said.getvalue())
     assert "Nothing moves yet." in said.getvalue()
 
 
@@ -88,12 +89,9 @@ def test_what_q_promises_is_what_it_then_says(monkeypatch: pytest.MonkeyPatch) -
     assert "The command ends; nothing was stored." in said.getvalue()
 
 
-@pytest.mark.parametrize("way_out", ["q", "\x1b"])
-def test_a_rejection_begun_by_mistake_is_left_without_a_trace(
-    way_out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_rejection_begun_by_mistake_is_left_without_a_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`r`, then second thoughts; then the list of outcomes, and second thoughts again."""
-    operator, said = answering(monkeypatch, "", "", "r", way_out, "o", way_out, "", way_out)
+    operator, said = answering(monkeypatch, "", "", "r", "q", "o", "q", "", "q")
     session = attended(tmp_path, operator)
     with pytest.raises(StoppedByOperator):
         run_iteration(session)
@@ -128,7 +126,7 @@ def test_nothing_runs_past_a_narrow_screen(width: int, tmp_path: Path, monkeypat
     session = attended(tmp_path, operator)
     object.__setattr__(session, "screen", operator.screen)
     run_iteration(session)
-    lines = [line for line in said.getvalue().splitlines() if "overlay.jpg" not in line]  # paths stay whole
+    lines = [line for line in said.getvalue().splitlines() if ".jpg" not in line]  # paths stay whole
     assert max(len(line.rstrip()) for line in lines) <= width
     table = said.getvalue()[said.getvalue().index("What changed") :]
     assert "e [Pa]" in table, "brackets are not taken for markup"
@@ -158,8 +156,8 @@ def test_progress_off_a_terminal_is_a_line_a_tenth() -> None:
 
 def test_json_keeps_stdout_for_data(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     settings = resolved(tmp_path)
-    request = running.SessionRequest(None, frozenset({"task"}), iterations=1, yes=True, as_json=True)
-    running.run_session(settings, request, opener(ToyLab(0)), page.write)
+    request = running.SessionRequest(None, frozenset({"task"}), iterations=1, yes=True)
+    running.run_session(settings, request, opener(ToyLab(0)), page.write, console.Screen(as_json=True))
     out, err = capfd.readouterr()
     assert out.count("\n") == 1
     assert out.startswith('{"version": 1, "task": "toy"')

@@ -181,7 +181,7 @@ class Screen:
 
     @contextmanager
     def busy(self, what: str, stage: str = "") -> Iterator[None]:
-        """Show a running step with its time so far; only one line without a terminal.
+        """Show a running step with its time so far; without a terminal, a line afterwards if it took a second.
 
         `stage` is the word under which `lap_s` adds up the time.
         """
@@ -206,8 +206,9 @@ class Screen:
             with waiting:
                 yield
         else:
-            self.show(Text(f"  {what}", style="dim"))
             yield
+            if (took_s := time.monotonic() - began) >= 1.0:
+                self.show(Text(f"  {what}: {took_s:.0f} s", style="dim"))
 
     @contextmanager
     def progress(self) -> Iterator[Callable[[str, int, int], None]]:

@@ -16,12 +16,12 @@ from pathlib import Path
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.trials import BestRecord, Iteration, OutlookRecord, TrackRecord, as_row, named
-from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.console import ANSWERING, Screen
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.film import FILM
-from adaptsim_cli.session.operator import Accept, Operator, Overrule, Proposal, Redo
+from adaptsim_cli.session.operator import Operator, Overrule, Proposal, Redo
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
     Adapt,
@@ -173,6 +173,7 @@ def _look(session: RunningSession, stage: RunTrial) -> None:
             return
         raise
     record = trial_record(task, motion, seen)
+    session.screen.show(terminal_views.tracked(record))
     if seen.film is not None:
         durable.replace_file(folder / FILM, seen.files[FILM])
         session.screen.plain(f"  Film: {folder / FILM}")
@@ -187,7 +188,8 @@ def _look(session: RunningSession, stage: RunTrial) -> None:
         record = record.model_copy(update={"timing_s": added(motion.timing_s, session.screen.lap_s())})
         store.save_trial(record, seen.files)
     tell(session)
-    session.screen.show(terminal_views.trial_done(record, manual=not isinstance(review, Accept)))
+    if isinstance(review, Overrule):
+        session.screen.show(f"  Counts as {record.outcome_words}, reward {record.reward:.2f}.")
 
 
 def adapt(session: RunningSession, stage: Adapt) -> None:
@@ -261,8 +263,19 @@ def _place(session: RunningSession, stage: RunTrial) -> Placed:
     unit = task.context.normalise(task.context.sample(rng, 1)[0])
     drawn = task.context.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
-    session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle))
+    left_s = _left_s(session.store, stage)
+    session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle, left_s))
     return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
+
+
+def _left_s(store: SessionStore, stage: RunTrial) -> float:
+    """How long the rest of the iteration takes, answers aside, if each trial takes as long as those of this iteration
+    or the one before; 0 without any.
+    """
+    known = store.trials(stage.iteration) or (store.trials(stage.iteration - 1) if stage.iteration else ())
+    took_s = [sum(spent for name, spent in one.timing_s.items() if name != ANSWERING) for one in known]
+    missing = store.facts.particles * store.facts.trials - stage.particle * store.facts.trials - stage.trial
+    return missing * sum(took_s) / len(took_s) if took_s else 0.0
 
 
 def propose(

@@ -121,9 +121,6 @@ class Attended:
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """See `Operator`; Enter accepts."""
-        self.screen.show(f"  Tracked: {tracked.outcome_words}, reward {tracked.reward:.2f}")
-        for flag in tracked.track.flags:
-            self.screen.note(f"  note: {flag}")
         keys = (_ACCEPT, *((_OVERRULE,) if choices else ()), _REDO, _LATER)
         while (answer := self.screen.choose("Is this what you saw?", *keys, explain=_REVIEW)) != "":
             if answer == "q":

@@ -164,8 +164,11 @@ def facts_of(resolved: Resolved, request: SessionRequest) -> Facts:
 
 
 def default_name(config: Config) -> str:
-    """The name of a session if none is given: one for each task, world, method and seed."""
-    parts = (config.task, Path(config.object).stem, config.place, config.method, config.solver, f"seed{config.seed}")
+    """The name of a session if none is given: task and world, and method and seed unless they are the defaults."""
+    usual = Config()
+    method = config.method if config.method != usual.method else ""
+    seed = f"seed{config.seed}" if config.seed != usual.seed else ""
+    parts = (config.task, Path(config.object).stem, config.place, method, config.solver, seed)
     return re.sub(r"[^A-Za-z0-9._-]", "-", "-".join(part for part in parts if part))
 
 
@@ -274,7 +277,8 @@ def _ready(session: RunningSession, config: Config) -> None:
     facts, screen = session.store.facts, session.screen
     existing = session.store.existing()
     stage = next_stage(existing, facts.particles, facts.trials)
-    screen.show(terminal_views.session_header(session.parts.task, facts, stage.iteration, session.parts.target.title))
+    task, title, is_new = session.parts.task, session.parts.target.title, not existing.started
+    screen.show(terminal_views.session_header(task, facts, stage.iteration, title, is_new=is_new))
     if existing.completed:
         count = len(existing.completed)
         screen.note(

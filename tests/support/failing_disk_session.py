@@ -17,7 +17,7 @@ from adaptsim_cli.session import running
 from adaptsim_cli.session.keeping import verify
 from adaptsim_cli.session.store import TRIAL, SessionStore
 
-NAME = "toy-wd-adaptsim-seed0"
+NAME = "toy-wd"
 VOLATILE = {"timing_s", "proposal_s", "started", "created", "at", "checksums", "summary_sha256", "sealed"}
 
 

@@ -21,7 +21,7 @@ from adaptsim_cli.session.operator import Accept, Choices, Operator, Proposal, R
 from adaptsim_cli.session.records import RunTrial, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 
-NAME = "toy-wd-adaptsim-seed0"
+NAME = "toy-wd"
 
 
 @dataclass

@@ -21,7 +21,7 @@ from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.film import FILM
-from adaptsim_cli.session.operator import Operator, Overrule, Proposal, Redo
+from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
     Adapt,
@@ -40,7 +40,7 @@ from adaptsim_cli.session.records import (
 from adaptsim_cli.session.store import SessionStore, history_of, particles_of
 from adaptsim_cli.session.summary import summary
 from adaptsim_cli.session.target import Executed, Parts, Placed, Planned, TrackedTrial
-from adaptsim_cli.session.watching import Unwatched, Watcher
+from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
 from hw.types import Array
@@ -65,7 +65,7 @@ class RunningSession:
     parts: Parts
     operator: Operator
     screen: Screen
-    watcher: Watcher = field(default_factory=Unwatched)
+    watcher: Watcher = field(default_factory=AllOf)
     policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # trained so far in this process
     beside_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
@@ -179,16 +179,16 @@ def _look(session: RunningSession, stage: RunTrial) -> None:
         session.screen.plain(f"  Film: {folder / FILM}")
     session.watcher.tracked(record, seen)
     review = operator.review(record, choices_of(task, target.outcomes, seen.track, motion.context_array))
-    if isinstance(review, Redo):
-        _reject(session, stage, review.reason)
+    if review.rejected:
+        _reject(session, stage, review.rejected)
         return
     with session.screen.busy("Storing the trial", "storing"):
-        if isinstance(review, Overrule):
+        if review.outcome is not None:
             record = overruled(task, record, review.outcome)
         record = record.model_copy(update={"timing_s": added(motion.timing_s, session.screen.lap_s())})
         store.save_trial(record, seen.files)
     tell(session)
-    if isinstance(review, Overrule):
+    if review.outcome is not None:
         session.screen.show(f"  Counts as {record.outcome_words}, reward {record.reward:.2f}.")
 
 

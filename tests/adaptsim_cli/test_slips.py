@@ -85,9 +85,8 @@ SLIPS = [
             (7, ("Q",)),
             (130, (CTRL_C,)),
             (7, ()),  # the terminal was closed
-            (7, ("?", "yes", "start", "123", "", "q")[: 4 if motions == 0 else 6] + ("q",)),
+            (7, ("?", "yes", "start", "123", "q")),
         )
-        if not (motions and "" in answers)
     ),
     Slip(GO_ON, 7, ("", "", "r", "?", "q", "q"), 1),
     Slip(GO_ON, 7, ("", "", "o", "9", "?", "q", "q"), 1),

@@ -13,7 +13,7 @@ from toy_session import ScriptedOperator, attended, run
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.film import COLUMNS, FILM, MOST_BYTES, ROWS, Filmed
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.operator import Redo
+from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.store import SessionStore
 from hw.bounded import decode_image
 from hw.poses import inverse
@@ -42,7 +42,7 @@ def test_every_trial_has_its_film(store: SessionStore) -> None:
 
 
 def test_a_rejected_trial_keeps_its_film(tmp_path: Path) -> None:
-    session = attended(tmp_path, ScriptedOperator(reviews=[Redo("slip")]))
+    session = attended(tmp_path, ScriptedOperator(reviews=[Review(rejected="slip")]))
     run_iteration(session)
     (key,) = session.store.existing().rejected
     assert (session.store.trial_folder(0, key) / FILM).is_file()

@@ -61,15 +61,6 @@ def test_q_or_the_end_of_input_stops_at_every_question(
     assert ("asks for its review again" in str(stopped.value)) == at_review
 
 
-def test_any_other_key_asks_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    lab = ToyLab(0)
-    operator, said = answering(monkeypatch, "go", "yes", "", "q")
-    with pytest.raises(StoppedByOperator):
-        run_iteration(attended(tmp_path, operator, lab))
-    assert said.getvalue().count("The simulated lab puts the toy piece") == 3
-    assert lab.executions == []
-
-
 def test_an_unknown_key_says_so_and_a_question_mark_explains(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lab = ToyLab(0)
     operator, said = answering(monkeypatch, "go", "?", "q", width=200)
@@ -78,6 +69,7 @@ def test_an_unknown_key_says_so_and_a_question_mark_explains(tmp_path: Path, mon
     assert "go means nothing here, and nothing has happened." in said.getvalue()
     assert re.search(r"q +The command ends; everything completed is stored\.", said.getvalue())
     assert "Nothing moves yet." in said.getvalue()
+    assert lab.executions == []
 
 
 def test_what_q_promises_is_what_it_then_says(monkeypatch: pytest.MonkeyPatch) -> None:

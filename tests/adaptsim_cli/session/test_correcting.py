@@ -61,8 +61,12 @@ def test_of_two_attempts_either_can_count_and_each_change_adapts_again(tmp_path:
     assert result is not None
     (amended,) = result.amended
     assert "trial 2" in amended and "it was not" in amended
-    redo(store, 2, "it was after all")
-    run(tmp_path)
+    assert redo(store, 2, "it was after all") == 3, "done again means a new attempt, not the one of before"
+    lab = ToyLab(0)
+    run(tmp_path, lab)
+    assert lab.executions == [(2, 2)]
+    assert [t.attempt for t in opened(tmp_path).trials(0)] == [1, 3, 1, 1]
+    restore(opened(tmp_path), 2, 1, "the second was best")
     assert [t.attempt for t in opened(tmp_path).trials(0)] == [1, 2, 1, 1]
 
 

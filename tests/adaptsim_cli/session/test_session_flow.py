@@ -10,7 +10,7 @@ import pytest
 from toy_rig import PARAMETERS, ToyLab, on_rig
 from toy_session import NAME, ScriptedOperator, attended, run, unattended
 
-from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.errors import Interrupted, StoppedByOperator, UsageError
 from adaptsim_cli.session.correcting import redo
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.operator import Proposal, Review
@@ -158,6 +158,18 @@ def interrupted_in_motion(home: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         run_iteration(attended(home, ScriptedOperator(), ToyLab(0, hooks={"stop_recording": interrupt})))
+
+
+@pytest.mark.parametrize("path", ["on the way there", "in mid-motion", "on the way back"])
+def test_ctrl_c_says_where_the_arm_stands_and_that_the_trial_does_not_count(path: str, tmp_path: Path) -> None:
+    motions = iter(("on the way there", "in mid-motion", "on the way back"))
+
+    def interrupt(trial: int, attempt: int) -> None:
+        if next(motions) == path:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted, match=f"{path}: the arm brakes and stays there. This trial does not count"):
+        run_iteration(attended(tmp_path, ScriptedOperator(), ToyLab(0, hooks={"execute": interrupt})))
 
 
 def test_an_interrupted_motion_is_never_repeated_silently(tmp_path: Path) -> None:

@@ -157,7 +157,7 @@ def test_the_newest_session_is_the_one_begun_last(tmp_path: Path) -> None:
         stores.newest(tmp_path / "data" / "sessions")
     run(tmp_path, seed=2)
     run(tmp_path, seed=1)
-    assert stores.newest(tmp_path / "data" / "sessions") == "toy-wd-adaptsim-seed1"
+    assert stores.newest(tmp_path / "data" / "sessions") == "toy-wd-seed1"
 
 
 def test_a_record_is_read_once_however_often_a_session_asks_for_it(

@@ -19,7 +19,7 @@ from sim.errors import CheckpointError
 
 pytestmark = pytest.mark.long
 
-ADAPTED, UDR = "pendulum-wd-adaptsim-seed0", "pendulum-wd-udr-seed0"
+ADAPTED, UDR = "pendulum-wd", "pendulum-wd-udr-seed0"
 
 
 @pytest.fixture(scope="module")

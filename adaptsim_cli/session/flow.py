@@ -19,6 +19,7 @@ from adaptsim_cli.outputs.trials import BestRecord, Iteration, OutlookRecord, Tr
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
+from adaptsim_cli.session.beside import Beside
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.operator import Accept, Operator, Overrule, Proposal, Redo
 from adaptsim_cli.session.preflight import drift
@@ -64,6 +65,7 @@ class RunningSession:
     operator: Operator
     screen: Screen
     watcher: Watcher = field(default_factory=Unwatched)
+    worker: Beside = field(default_factory=Beside)
     policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # trained so far in this process
     beside_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
@@ -103,6 +105,7 @@ def run_trial(session: RunningSession, stage: RunTrial) -> None:
     The recording is on the disk before it is tracked. A trial interrupted later continues from the recording.
     """
     session.beside()
+    executed: Executed | None = None
     if stage.recorded:
         session.screen.note(
             f"Trial {stage.key.number} continues from its recording: the motion is over, nothing moves."
@@ -110,17 +113,17 @@ def run_trial(session: RunningSession, stage: RunTrial) -> None:
     elif stage.interrupted and session.parts.target.spent(stage, session.operator):
         _reject(session, stage, "interrupted while the arm may have moved")
         return
-    elif not _move(session, stage):
+    elif (executed := _move(session, stage)) is None:
         return
-    _look(session, stage)
+    _look(session, stage, executed)
 
 
-def _move(session: RunningSession, stage: RunTrial) -> bool:
-    """Set up, propose, confirm, execute, and store the recording. False: nothing has moved, try again."""
+def _move(session: RunningSession, stage: RunTrial) -> Executed | None:
+    """Set up, propose, confirm, execute, and store the recording. None: nothing has moved, try again."""
     store, operator, target, progress = session.store, session.operator, session.parts.target, session.screen.busy
     try:
         policy = _policy(session, stage.iteration, stage.particle)
-        placed = _place(session, stage)
+        placed = _place(session, stage, policy)
         with progress("Choosing the action: the best that the arm can do", "choosing"):
             action = policy(placed.context)
         planned = target.plan(placed, action, progress)
@@ -143,9 +146,9 @@ def _move(session: RunningSession, stage: RunTrial) -> bool:
     except (HardwareError, PerceptionError, NotExecutable) as error:
         _reject(session, stage, str(error))
         if isinstance(error, PerceptionError) and operator.try_again(stage):
-            return False
+            return None
         raise
-    return True
+    return executed
 
 
 def _say_drift(session: RunningSession) -> None:
@@ -155,8 +158,11 @@ def _say_drift(session: RunningSession) -> None:
         session.screen.note(said)
 
 
-def _look(session: RunningSession, stage: RunTrial) -> None:
-    """Track the recording, have the result reviewed and store the trial; everything is read from the disk."""
+def _look(session: RunningSession, stage: RunTrial, executed: Executed | None) -> None:
+    """Track the recording, have the result reviewed and store the trial.
+
+    `executed` is the motion, if this process made it; else the recording is read from the disk.
+    """
     store, operator, task, target = session.store, session.operator, session.parts.task, session.parts.target
     motion = store.motion(stage.iteration, stage.key)
     if motion.stopped is not None:
@@ -164,7 +170,7 @@ def _look(session: RunningSession, stage: RunTrial) -> None:
         return
     folder = store.trial_folder(stage.iteration, stage.key)
     try:
-        seen = target.track(motion.context_array, motion.action_array, folder, session.screen.busy)
+        seen = target.track(motion.context_array, motion.action_array, folder, session.screen.busy, executed)
     except PerceptionError as error:
         _reject(session, stage, str(error))
         if operator.try_again(stage):
@@ -249,15 +255,19 @@ def _summary(session: RunningSession, trials: Sequence[TrialRecord], result: Res
     return summary(session.store.facts, before, trials, result)
 
 
-def _place(session: RunningSession, stage: RunTrial) -> Placed:
-    """Announce the trial, then have the object placed and found."""
+def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Placed:
+    """Announce the trial, then have the object placed and found; meanwhile the policy prepares for its drawn place."""
     task, parts = session.parts.task, session.parts
     rng = generator(session.seed, Draw.CONTEXT, stage.iteration, stage.particle, stage.trial, stage.key.attempt)
     unit = task.context.normalise(task.context.sample(rng, 1)[0])
     drawn = task.context.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
     session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle))
-    return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
+    ahead = session.worker.begin(partial(policy, drawn))
+    try:
+        return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
+    finally:
+        ahead.settle()
 
 
 def propose(

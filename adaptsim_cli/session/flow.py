@@ -263,7 +263,7 @@ def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Pl
     drawn = task.context.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
     session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle))
-    ahead = session.worker.begin(partial(policy, drawn))
+    ahead = session.worker.begin(partial(policy.actions, drawn[None]))
     try:
         return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
     finally:

@@ -92,7 +92,11 @@ def export(
     name: options.Session,
     kind: Annotated[
         str,
-        typer.Option("--format", autocompletion=options.export_formats, help="csv, parquet, mcap, lerobot or rerun."),
+        typer.Option(
+            "--format",
+            autocompletion=options.export_formats,
+            help="csv, parquet, mcap, lerobot, rerun, sdf or mjcf.",
+        ),
     ] = "csv",
     out: Annotated[
         Path | None,
@@ -100,19 +104,21 @@ def export(
     ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """Export the trials of a session: a table, MCAP files with everything, Rerun files, or a LeRobot data set.
+    """Export a session: its trials as a table, MCAP, Rerun or LeRobot, or its adapted scene for Drake or MuJoCo.
 
-    Parquet and LeRobot need the extra `export`, Rerun the extra `rerun`.
+    sdf and mjcf write the scene at the posterior mean with one trial of the best policy. Parquet and LeRobot need the
+    extra `export`, Rerun the extra `rerun`, mjcf the extra `mujoco`.
 
     Example: adaptsim sessions export scooping-oreo-adaptsim-seed0 --format mcap
     """
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import exporting
+    from adaptsim_cli.wiring import scene
 
     opened, screen = options.stored(name), console.Screen(as_json=as_json)
     path = out or Path(exporting.default_name(opened, kind))
     with screen.progress() as progress:
-        written = exporting.export(opened, kind, path, progress)
+        written = exporting.export(opened, kind, path, scene.files_of, progress)
     files = [str(file.absolute()) for file in written]
     if not screen.data("sessions export", {"session": name, "format": kind, "written": files}):
         for file in written:

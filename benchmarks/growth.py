@@ -49,7 +49,6 @@ class Size:
 
     trials: int
     iteration_s: float  # mean of the last `NEAR` iterations
-    adapting_s: float  # the part of it that learns
     report_s: float  # of a report, drawn after earlier ones
     page_mb: float
     opened: int  # records read by one iteration
@@ -96,26 +95,24 @@ def session(sizes: Sequence[int]) -> Sequence[Size]:
     with open_parts(resolved.config, Path(os.environ["ADAPTSIM_HOME"]) / "learnt") as parts:
         store = running.begin(resolved.places.sessions, "grows", resolved.config, parts)
         running_session = RunningSession(store, parts, Unattended(screen), screen)
-        each, took_s, learnt_s = store.facts.particles * store.facts.trials, list[float](), list[float]()
-        print("trials  iteration  learning  report     page  records read  peak memory")
+        each, took_s = store.facts.particles * store.facts.trials, list[float]()
+        print("trials  iteration  report     page  records read  peak memory")
         for iteration in range(max(sizes, default=0) // each):
             before = opened[0]
-            spent_s, summary = cpu_s(lambda: run_iteration(running_session))
+            spent_s, _ = cpu_s(lambda: run_iteration(running_session))
             store.mark_shown(iteration, "measured")
             took_s.append(spent_s)
-            learnt_s.append(summary.timing_s.get("adapting", 0.0) + summary.timing_s.get("training", 0.0))
             if (trials := each * (iteration + 1)) in sizes:
                 one = opened[0] - before
                 reports.draw(store)  # the first one loads the checkpoint
                 report_s, page = cpu_s(lambda: reports.draw(store))
                 peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
                 size_mb = page.stat().st_size / 1e6
-                mean_s, adapting_s = (float(np.mean(times[-NEAR:])) for times in (took_s, learnt_s))
-                size = Size(trials, mean_s, adapting_s, report_s, size_mb, one, peak_mb)
+                mean_s = float(np.mean(took_s[-NEAR:]))
+                size = Size(trials, mean_s, report_s, size_mb, one, peak_mb)
                 found.append(size)
                 print(
-                    f"{trials:6d}  {mean_s:7.2f} s  {adapting_s:6.2f} s  {report_s:4.2f} s  {size_mb:4.1f} MB  "
-                    f"{one:12d}  {peak_mb:8.0f} MB",
+                    f"{trials:6d}  {mean_s:7.2f} s  {report_s:4.2f} s  {size_mb:4.1f} MB  {one:12d}  {peak_mb:8.0f} MB",
                     flush=True,
                 )
     vars(records)["read"] = read

@@ -66,7 +66,7 @@ class RunningSession:
     screen: Screen
     watcher: Watcher = field(default_factory=Unwatched)
     worker: Beside = field(default_factory=Beside)
-    policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # trained so far in this process
+    policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # of the newest iteration, trained here
     beside_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
     @property
@@ -331,6 +331,8 @@ def _policy(session: RunningSession, iteration: int, particle: int) -> SolvedPol
 def _train(session: RunningSession, iteration: int, index: int, particle: Particle) -> None:
     with session.screen.busy(f"Training the task policy of particle {index + 1}", "training"):
         before = history_of(session.parts.task, session.store, iteration - 1)
+        for earlier in [key for key in session.policies if key[0] < iteration]:
+            del session.policies[earlier]
         session.policies[iteration, index] = session.parts.learner.train(particle, before)
 
 

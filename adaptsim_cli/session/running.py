@@ -95,6 +95,8 @@ def run_session(
         stack.enter_context(store.locked())
         log = stack.enter_context(logged(store, screen, parts.provenance.versions))
         worker = stack.enter_context(one_thread())
+        if parts.task.hardware is not None:
+            worker.begin(_import_for_a_film)
         session = RunningSession(store, parts, operator, screen, AllOf((InTerminal(screen), watcher, log)), worker)
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}"))
         _ready(session, config)
@@ -116,6 +118,12 @@ def run_session(
     if (result := store.result(summary.iteration - 1)) is not None:
         screen.next(*after_iteration(store.facts, result))
     return path
+
+
+def _import_for_a_film() -> None:
+    """Import the slow modules that nothing needs before the first film, so that its track does not wait for them."""
+    import open3d  # noqa: F401
+    import scipy.signal  # noqa: F401
 
 
 def _report(session: RunningSession, draw: Callable[[SessionStore], Path]) -> Path:

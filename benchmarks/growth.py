@@ -64,14 +64,12 @@ def main() -> None:
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as home:
         os.environ["ADAPTSIM_HOME"] = home
-        found = list(session(sorted(args.trials)))
+        session(sorted(args.trials), args.plot)
         root = config.load({"task": "pendulum"}).places.sessions
         for count in sorted(args.sessions):
             print(f"{count} stored sessions: `sessions list` takes {listed_s(root, count):.2f} s")
         for count in sorted(args.frames):
             print(f"a recording of {count} frames: {film(Path(home), count)}")
-    if args.plot is not None and found:
-        draw(found, args.plot)
 
 
 def cpu_s(work: Callable[[], T]) -> tuple[float, T]:
@@ -81,8 +79,8 @@ def cpu_s(work: Callable[[], T]) -> tuple[float, T]:
     return time.process_time() - began, result
 
 
-def session(sizes: Sequence[int]) -> Sequence[Size]:
-    """One session, measured at every size; a report is drawn only there."""
+def session(sizes: Sequence[int], plot: Path | None) -> None:
+    """One session, measured at every size; a report is drawn only there, and the figure anew."""
     resolved = config.load({"task": "pendulum", "world": "wd", "seed": 0})
     screen, reports, found = Screen(console=Console(file=StringIO(), width=80)), Reports(), list[Size]()
     opened, read = [0], records.read
@@ -115,8 +113,9 @@ def session(sizes: Sequence[int]) -> Sequence[Size]:
                     f"{trials:6d}  {mean_s:7.2f} s  {report_s:4.2f} s  {size_mb:4.1f} MB  {one:12d}  {peak_mb:8.0f} MB",
                     flush=True,
                 )
+                if plot is not None:
+                    draw(found, plot)
     vars(records)["read"] = read
-    return found
 
 
 def listed_s(root: Path, count: int) -> float:

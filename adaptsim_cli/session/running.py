@@ -106,7 +106,7 @@ def run_session(
             summary, left = run_iteration(session), left - 1
             if report is not None:
                 report.drop()
-            report = worker.begin(partial(_report, session, draw))
+            report = worker.begin(partial(_report, session, draw, store.until(summary.iteration)))
             screen.data("run-iteration", summary)
             if request.until_done and _is_done(summary, config.method):
                 left = 0
@@ -126,8 +126,9 @@ def _import_for_a_film() -> None:
     import scipy.signal  # noqa: F401
 
 
-def _report(session: RunningSession, draw: Callable[[SessionStore], Path]) -> Path:
-    path = draw(session.store)
+def _report(session: RunningSession, draw: Callable[[SessionStore], Path], store: SessionStore) -> Path:
+    """Draw the iterations in `store`, while the session may be beyond them."""
+    path = draw(store)
     session.watcher.reported(path)
     return path
 

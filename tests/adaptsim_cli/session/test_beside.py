@@ -13,7 +13,7 @@ from adaptsim_cli.errors import SessionError
 from adaptsim_cli.report import page
 from adaptsim_cli.session import running
 from adaptsim_cli.session.beside import Beside, one_thread
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.store import SessionStore, results_of, trials_of
 
 WAIT_S = 30.0  # no test waits so long unless it fails
 
@@ -64,23 +64,21 @@ def test_an_error_reaches_whoever_asks_and_nobody_else() -> None:
             ahead.drop()
 
 
-def test_an_iteration_does_not_wait_for_the_report_of_the_one_before(tmp_path: Path) -> None:
-    """The first drawing ends only after a trial of the second iteration was placed."""
-    went_on, drawn = threading.Event(), list[int]()
+def test_a_report_shows_its_iterations_while_the_session_is_beyond_them(tmp_path: Path) -> None:
+    """The first drawing begins to read only after a trial of the second iteration was stored."""
+    went_on, drawn = threading.Event(), list[list[int]]()
 
     def draw(store: SessionStore) -> Path:
-        is_first = not drawn
-        drawn.append(len(store.existing().results))
-        assert not is_first or went_on.wait(WAIT_S), "the second iteration waited for the first report"
+        assert went_on.wait(WAIT_S), "the second iteration waited for the first report"
+        drawn.append([trial.trial for trial in trials_of(store)])
+        assert store.iterations() == len(results_of(store)) == len(drawn)
         return page.write(store)
 
-    settings, lab = (
-        resolved(tmp_path),
-        ToyLab(0, {"place": lambda trial, attempt: went_on.set() if trial > 4 else None}),
-    )
+    settings = resolved(tmp_path)
+    lab = ToyLab(0, {"place": lambda trial, attempt: went_on.set() if trial > 5 else None})
     path = running.run_session(settings, running.SessionRequest(None, frozenset(), 2, yes=True), opener(lab), draw)
     store = SessionStore.open(settings.places.sessions, path.parent.name)
-    assert drawn[-1] == 2, "the last report is drawn before the command ends"
+    assert drawn == [[1, 2, 3, 4], [1, 2, 3, 4, 5, 6, 7, 8]], "the last one is drawn before the command ends"
     assert store.existing().shown == {0, 1}
 
 

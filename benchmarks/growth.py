@@ -172,7 +172,8 @@ def draw(found: Sequence[Size], path: Path) -> None:
     ):
         for label, name in lines.items():
             axis.plot(trials, [asdict(size)[name] for size in found], marker="o", label=label)
-        axis.set(title=title, xlabel="trials", ylabel=unit, xlim=(0, None), ylim=(0, None))
+        axis.set(title=title, xlabel="trials", ylabel=unit, xlim=(0, None))
+        axis.set_ylim(0, 1.1 * axis.get_ylim()[1])
         axis.legend(frameon=False)
         axis.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=110)

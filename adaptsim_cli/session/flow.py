@@ -44,6 +44,7 @@ from adaptsim_cli.session.watching import Unwatched, Watcher
 from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
+from sim.adaptation.method import Iteration as LearntIteration
 from sim.adaptation.method import Particle
 from sim.adaptation.posterior import Posterior
 from sim.errors import NotExecutable
@@ -200,7 +201,7 @@ def adapt(session: RunningSession, stage: Adapt) -> None:
         particles = learner.next(history, generator(session.seed, Draw.NEXT, stage.iteration))
         found = learner.judge(history)
     for index, particle in enumerate(particles):
-        _train(session, stage.iteration + 1, index, particle)
+        _train(session, stage.iteration + 1, index, particle, history)
 
     records, lap_s = store.trials(stage.iteration), session.screen.lap_s()
     timing_s = added(*(record.timing_s for record in records), session.beside_s, lap_s)
@@ -324,13 +325,15 @@ def trial_record(task: Task, motion: MotionRecord, seen: TrackedTrial) -> TrialR
 def _policy(session: RunningSession, iteration: int, particle: int) -> SolvedPolicy:
     """The task policy of a particle. If an earlier process trained it, training again gives the same policy."""
     if (iteration, particle) not in session.policies:
-        _train(session, iteration, particle, particles_of(session.store, iteration)[particle])
+        before = history_of(session.parts.task, session.store, iteration - 1)
+        _train(session, iteration, particle, particles_of(session.store, iteration)[particle], before)
     return session.policies[iteration, particle]
 
 
-def _train(session: RunningSession, iteration: int, index: int, particle: Particle) -> None:
+def _train(
+    session: RunningSession, iteration: int, index: int, particle: Particle, before: Sequence[LearntIteration]
+) -> None:
     with session.screen.busy(f"Training the task policy of particle {index + 1}", "training"):
-        before = history_of(session.parts.task, session.store, iteration - 1)
         for earlier in [key for key in session.policies if key[0] < iteration]:
             del session.policies[earlier]
         session.policies[iteration, index] = session.parts.learner.train(particle, before)

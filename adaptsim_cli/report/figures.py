@@ -300,6 +300,21 @@ def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] =
     return canvas.svg()
 
 
+def over_film(trial: TrialRecord, expected: Prediction) -> str:
+    """The path predicted before the trial, drawn over its film; the height is the observed one. "" without a film."""
+    if trial.film is None:
+        return ""
+    track = trial.track.track()
+    z_m = np.interp(expected.t_s, track.t_s, track.state[:, 2])
+    p_m = np.column_stack([expected.guess[:, :2], z_m, np.ones(len(z_m))])
+    u, v, w = np.array(trial.film.camera).reshape(3, 4) @ p_m.T
+    points = [(240.0 * x, 240.0 * y) for x, y in zip(u / w, v / w, strict=True)]
+    canvas = Canvas(240, 240, "Predicted path")
+    canvas.curve(points, "in-film")
+    canvas.dot(*points[-1], 4, "in-film", "predicted end")
+    return canvas.svg()
+
+
 def _from_above(points_m: Array, label: str, width: float) -> tuple[Canvas, Scale, Scale]:
     """The table around points (N, 2); both axes have the same scale, so a path keeps its shape."""
     low, high = points_m.min(axis=0) - 0.015, points_m.max(axis=0) + 0.015

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from sim.types import ToolMotion
 
 
-KEPT = 128
-"""The number of plans that a planner caches: twice as many as a policy tries for one trial."""
+KEPT = 16
+"""The number of plans that a planner caches. A trial needs the newest again; all together are below 10 MB."""
 
 
 @dataclass(frozen=True, eq=False)

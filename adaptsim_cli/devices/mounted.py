@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 KEPT = 16
-"""The number of plans that a planner caches. A trial needs the newest again; all together are below 10 MB."""
+"""The number of plans that a planner caches. A trial needs its newest plan again."""
 
 
 @dataclass(frozen=True, eq=False)

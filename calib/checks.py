@@ -14,6 +14,7 @@ import numpy as np
 
 from calib.bundle import Unknowns, motion_of, predict
 from calib.condense import condense
+from calib.errors import determined
 from calib.geometry import adjoint, angle_deg, distance_mm, move
 from calib.projection import project_with_jacobian
 from calib.types import Check, Forward, Grade, Setup, Solution, View
@@ -202,6 +203,7 @@ def depth_bias(residuals_m: Sequence[Array]) -> Check:
     return Check("depth bias", Grade.SUSPECT, message + advice, value, DEPTH_LIMIT_MM, "mm")
 
 
+@determined()
 def infrared_board(
     solution: Solution, views: Sequence[View], setup: Setup, forward: Forward | None
 ) -> tuple[Array | None, Check]:

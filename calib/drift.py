@@ -15,7 +15,7 @@ import numpy as np
 
 from calib.bundle import ArmViews, Model, Unknowns, joint_spread, linearise, motion_of, predict
 from calib.condense import PoseCandidates, condense
-from calib.errors import TooFewViews
+from calib.errors import TooFewViews, determined
 from calib.geometry import angle_deg, distance_mm, move
 from calib.types import Drift, Forward, Setup, Solution, View
 from hw.types import Array, frozen_array
@@ -52,6 +52,7 @@ def known(solution: Solution) -> Known:
     return Known(solution.X_AC, solution.X_HM, offsets, solution.noise.joint_rad)
 
 
+@determined()
 def drift(views: Sequence[View], setup: Setup, forward: Forward | None, was: Known) -> Drift:
     """Compare at least three views with the calibration. Raises TooFewViews, UnusableViews."""
     if len(views) < MIN_VIEWS:

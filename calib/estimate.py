@@ -1,8 +1,10 @@
 """The estimator of `solve` and `together`: from views that agree to the poses of one camera or several.
 
-Two fits compete. One weighs every view by the errors of arm, view and corners, whose sizes it estimates; joint offsets
-are adopted in it if the views support them. The other weighs all corners alike: a bundle adjustment over pixels. Each
-predicts every view from the others, a fifth at a time, and the better one is kept (`Choice`).
+Two fits compete. One weighs all corners alike: a bundle adjustment over pixels. The other weighs every view by the
+errors of arm, view and corners, whose sizes it estimates; joint offsets are adopted in it if the views support them.
+Each predicts every view from the others, a fifth at a time. The second is kept only if it predicts clearly better
+(`Choice`): the few views of a series often cannot tell errors of the arm from those of the lens, and wrong weights cost
+more than equal ones.
 """
 
 from __future__ import annotations
@@ -11,7 +13,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.bundle import ArmViews, CondensedViews, Fit, Model, Rows, Unknowns, Weights, fit, observable_joints, predict
+from calib.bundle import (
+    ArmViews,
+    CondensedViews,
+    Fit,
+    Model,
+    Rows,
+    Sizes,
+    Unknowns,
+    Weights,
+    fit,
+    observable_joints,
+    predict,
+)
 from calib.condense import PoseCandidates, about
 from calib.rejection import MIN_TO_FREE
 from calib.types import Choice, JointOffsets
@@ -21,7 +35,7 @@ from hw.types import Array
 FOLDS = 5
 BIC_LIMIT = -2.0  # "positive evidence"; by chance about once in 5,000 calibrations
 HELD_OUT_MARGIN = 1.1  # four held-out views measure their error to about a tenth
-PIXELS_MARGIN = 0.98  # of the other fit's held-out error: below it, the fit over pixels is kept
+CLEARLY = 0.9  # times the held-out error of the fit over pixels: below it, the fit by errors of arm and views is kept
 _LEAST_PX = 0.02
 _ROUNDS = 6
 _SETTLED_M = 1e-6
@@ -97,22 +111,23 @@ class Estimate:
     held: HeldOutViews  # every fifth view, predicted by a fit to the others
     folds: HeldOutViews  # every view, predicted without its fifth
     choice: Choice
+    noise: Sizes  # by the fit weighed by errors of arm and views, kept or not
 
 
 def estimate(data: Data, start: Unknowns, *, scale: bool) -> Estimate:
-    """Fit by both weights, and keep the fit that predicts held-out views better; `scale`: the board's size is free."""
+    """Fit by both weights, and keep one by how well held-out views are predicted; `scale`: the board's size is free."""
     cameras = len(data.sights)
     plain = data.fit(data.kept, start, Model(scale=scale, cameras=cameras))
     by_errors, joints, held = _with_offsets_where_supported(data, plain)
     by_pixels = data.fit(data.kept, plain.state, replace(plain.model, weights=Weights.PIXELS))
     folds, folds_pixels = (_folds(data, found) for found in (by_errors, by_pixels))
-    if not folds_pixels.rms_px < PIXELS_MARGIN * folds.rms_px:
-        return Estimate(by_errors, joints, held, folds, Choice(False, folds.rms_px, folds_pixels.rms_px))
-    choice = Choice(True, folds.rms_px, folds_pixels.rms_px)
+    choice = Choice(folds.rms_px > CLEARLY * folds_pixels.rms_px, folds.rms_px, folds_pixels.rms_px)
+    if not choice.pixels:
+        return Estimate(by_errors, joints, held, folds, choice, by_errors.noise)
     if joints is not None and joints.adopted:
-        reason = f"{joints.reason}; not used, because a fit over pixels without offsets predicts better"
+        reason = f"{joints.reason}; not used, because a fit over pixels without offsets predicts as well"
         joints = replace(joints, adopted=False, offsets_rad=np.zeros(len(joints.offsets_rad)), reason=reason)
-    return Estimate(by_pixels, joints, _every_fifth(data, by_pixels), folds_pixels, choice)
+    return Estimate(by_pixels, joints, _every_fifth(data, by_pixels), folds_pixels, choice, by_errors.noise)
 
 
 def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOffsets | None, HeldOutViews]:

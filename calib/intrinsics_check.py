@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.bundle import motion_of
+from calib.errors import determined
 from calib.geometry import difference
 from calib.pixels import Adjusted, PixelUnknowns, adjust, held_out_px, jackknife, looks
 from calib.projection import LENS, with_lens
@@ -55,7 +56,7 @@ def suspicious(solution: Solution) -> bool:
     """Do the views disagree beyond the noise of their corners, or the corners of a view together?"""
     noise = solution.noise
     apart = solution.fit_px > SUSPICIOUS * np.sqrt(2.0) * noise.corner_px
-    return bool(apart or noise.view_px > SMOOTH * noise.corner_px or solution.choice.pixels)
+    return bool(apart or noise.view_px > SMOOTH * noise.corner_px)
 
 
 def settle(
@@ -74,6 +75,7 @@ def settle(
     return *solve_any_size(views, replace(setup, lens_covariance=tried.doubt), forward), tried
 
 
+@determined()
 def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forward | None) -> IntrinsicsCheck | None:
     """Test with the views that the solution uses; None if they are too few."""
     used = [view for view in views if view.name in set(solution.used)]

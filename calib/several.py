@@ -14,7 +14,7 @@ import numpy as np
 from calib import gates
 from calib.bundle import Unknowns, motion_of, predict
 from calib.condense import condense
-from calib.errors import TooFewViews, UnusableViews
+from calib.errors import TooFewViews, UnusableViews, determined
 from calib.estimate import Data, Estimate, estimate
 from calib.geometry import angle_deg, distance_mm
 from calib.pairing import Fault, faults
@@ -74,6 +74,7 @@ class Together:
         return all(camera.acceptance.accepted for camera in self.cameras)
 
 
+@determined()
 def solve_together(cameras: Sequence[CameraViews]) -> Together:
     """Solve each camera, then all together, by the same estimator.
 

@@ -49,6 +49,7 @@ from adaptsim_cli.touch_off import store as touch_offs
 from adaptsim_cli.wiring.recorded.folder import read_recorded
 from calib import files
 from calib.errors import CalibrationError
+from calib.foreign.chains import any_arm
 from calib.records import SetupRecord, TouchRecord, read
 from calib.saved import SavedCalibration
 from hw.bounded import Unreadable
@@ -178,7 +179,7 @@ TOUCH_OFF = {
 def _beside(path: Path, others: dict[str, bytes]) -> object:
     for name, content in others.items():
         (path.parent / name).write_bytes(content)
-    stored = files.read_folder(path.parent)
+    stored = files.read_folder(path.parent, any_arm)
     files.as_setup(stored.setup)
     return [view.record.flange() if not view.record.questions() else None for view in stored.views]
 

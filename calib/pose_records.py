@@ -2,7 +2,7 @@
 
 A key with unit and order in its name (`q_deg`, `position_mm`, `quaternion_xyzw`) is read as named. Any other (`joints`,
 `position`, `quaternion`, `matrix`, ...) is read as `[poses]` of setup.toml states. If that does not state it, every
-reading is tried (`calib.conventions`), and the recognised one is reported.
+reading is tried (`calib.foreign.conventions`), and the recognised one is reported.
 """
 
 from __future__ import annotations

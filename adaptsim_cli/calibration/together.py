@@ -15,9 +15,10 @@ from adaptsim_cli.calibration import sights
 from adaptsim_cli.screen import views
 from calib import files
 from calib.errors import CalibrationRejected, UnusableViews
-from calib.labelling import told_apart
-from calib.pairing import Fault, pictures_exchanged
-from calib.several import CameraViews, Together, solve_together
+from calib.foreign.chains import any_arm
+from calib.foreign.labelling import told_apart
+from calib.foreign.pairing import Fault, pictures_exchanged
+from calib.foreign.several import CameraViews, Together, solve_together
 from calib.types import Check
 
 
@@ -36,7 +37,7 @@ def solve(folders: Sequence[Path], exchange: Sequence[tuple[str, str, str]] = ()
 
 
 def _camera(folder: Path, pairs: Sequence[tuple[str, str]]) -> CameraViews:
-    stored = files.read_folder(folder)
+    stored = files.read_folder(folder, any_arm)
     looked = sights.look(stored)
     views = looked.views
     if pairs:

@@ -14,15 +14,15 @@ from calib.closed_form import robust_start
 from calib.condense import condense
 from calib.drift import drift, known
 from calib.errors import DegenerateViews, TooFewViews
+from calib.foreign.intrinsics_check import settle
+from calib.foreign.labelling import told_apart
+from calib.foreign.pairing import exchanged, faults
+from calib.foreign.sizing import solve_any_size
+from calib.foreign.volume import where_the_target_was
 from calib.geometry import distance_mm, move
-from calib.intrinsics_check import settle
-from calib.labelling import told_apart
-from calib.pairing import exchanged, faults
 from calib.projection import project
-from calib.sizing import solve_any_size
 from calib.solve import solve
 from calib.types import Mounting, Setup, View
-from calib.volume import where_the_target_was
 from hw.poses import inverse
 from hw.types import Array
 from perception.board.targets import Points
@@ -144,7 +144,7 @@ def test_points_numbered_from_the_other_end_count_like_others() -> None:
 def test_an_exchange_that_makes_it_worse_is_named_but_not_offered(monkeypatch: pytest.MonkeyPatch) -> None:
     some = exchanged(views(0.0), [("05", "12")])
     solution = solve(some, SETUP, None)
-    monkeypatch.setattr("calib.pairing._NO_WORSE", 0.01)  # as if the exchanged views were predicted much worse
+    monkeypatch.setattr("calib.foreign.pairing._NO_WORSE", 0.01)  # as if the exchanged views were predicted much worse
     (fault,) = faults(some, SETUP, None, solution)
     assert "05 and 12 look swapped" in fault.sentence
     assert "so exchanged" in fault.sentence

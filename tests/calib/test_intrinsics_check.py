@@ -8,11 +8,11 @@ import numpy as np
 import real_views
 import rig
 
+from calib.foreign.intrinsics_check import adopted, check, suspicious, trial
+from calib.foreign.pixels import PixelUnknowns, adjust, looks, poses, rms_px
+from calib.foreign.sizing import solve_any_size
 from calib.geometry import move
-from calib.intrinsics_check import adopted, check, suspicious, trial
-from calib.pixels import PixelUnknowns, adjust, looks, poses, rms_px
 from calib.projection import LENS, lens_jacobian, project, with_lens
-from calib.sizing import solve_any_size
 from calib.types import Grade
 from hw.kinematics import forward
 

@@ -10,9 +10,9 @@ import pytest
 import real_views
 
 from calib.errors import UnusableViews
+from calib.foreign.pairing import Fault, exchanged, faults, shifted
+from calib.foreign.sizing import solve_any_size
 from calib.geometry import distance_mm, move
-from calib.pairing import Fault, exchanged, faults, shifted
-from calib.sizing import solve_any_size
 from calib.types import Setup, Solution, View
 from hw.poses import inverse
 from hw.types import Array

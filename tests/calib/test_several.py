@@ -10,8 +10,8 @@ import pytest
 import real_views
 
 from calib.errors import TooFewViews, UnusableViews
-from calib.several import CameraViews, Together, solve_together
-from calib.sizing import solve_any_size
+from calib.foreign.several import CameraViews, Together, solve_together
+from calib.foreign.sizing import solve_any_size
 from calib.types import Mounting
 from hw.types import Array
 

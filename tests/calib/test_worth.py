@@ -6,7 +6,7 @@ import pytest
 import real_views
 import rig
 
-from calib.sizing import solve_any_size
+from calib.foreign.sizing import solve_any_size
 from calib.solve import solve
 from calib.types import Solution, View
 from hw.kinematics import forward

@@ -13,10 +13,10 @@ import numpy as np
 
 from calib.bundle import motion_of
 from calib.errors import determined
+from calib.foreign.pixels import Adjusted, PixelUnknowns, adjust, held_out_px, jackknife, looks
+from calib.foreign.sizing import solve_any_size
 from calib.geometry import difference
-from calib.pixels import Adjusted, PixelUnknowns, adjust, held_out_px, jackknife, looks
 from calib.projection import LENS, with_lens
-from calib.sizing import solve_any_size
 from calib.types import Check, Forward, Grade, Setup, Solution, View
 from hw.types import Array, Intrinsics
 

@@ -15,6 +15,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.errors import ViewFolderError
+from calib.files import known_arm
+from calib.records import SetupRecord
 from calib.types import Forward
 from hw.bounded import Unreadable, read_bytes
 from hw.types import Array
@@ -30,6 +32,18 @@ class Link:
     X: Array  # (4, 4)
     axis: Array  # (3,) of length 1
     kind: Literal["turning", "sliding", "rigid"]
+
+
+def any_arm(record: SetupRecord, folder: Path) -> tuple[Forward | None, int]:
+    """Forward kinematics of the views' arm and its number of joints; None and 0 if unknown. Raises ViewFolderError."""
+    given = record.kinematics
+    if given is None:
+        return known_arm(record, folder)
+    if given.dh is not None:
+        assert given.dh_convention is not None  # checked by the record
+        return denavit_hartenberg(given.dh, given.dh_convention)
+    assert given.urdf is not None
+    return urdf(folder / given.urdf, given.base, given.tip)
 
 
 def denavit_hartenberg(rows: Sequence[Sequence[float]], convention: Literal["craig", "classic"]) -> tuple[Forward, int]:

@@ -16,9 +16,9 @@ from calib.bundle import Unknowns, motion_of, predict
 from calib.condense import condense
 from calib.errors import TooFewViews, UnusableViews, determined
 from calib.estimate import Data, Estimate, estimate
+from calib.foreign.pairing import Fault, faults
+from calib.foreign.sizing import solve_any_size
 from calib.geometry import angle_deg, distance_mm
-from calib.pairing import Fault, faults
-from calib.sizing import solve_any_size
 from calib.types import Acceptance, Choice, Forward, Mounting, Setup, Solution, View, ViewFit
 from calib.uncertainty import jackknife, uncertainty
 from hw.types import Array

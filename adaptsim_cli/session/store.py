@@ -434,6 +434,15 @@ def trials_of(store: SessionStore) -> tuple[TrialRecord, ...]:
     return tuple(trial for i in range(store.iterations()) for trial in store.trials(i))
 
 
+def completed(store: SessionStore, number: int) -> TrialRecord:
+    """The completed trial `number` (from 1) that counts. Raises UsageError naming those that are, SessionError."""
+    trials = {trial.trial: trial for trial in trials_of(store)}
+    if number not in trials:
+        known = ", ".join(map(str, trials)) or "none"
+        raise UsageError(f"trial {number} of {store.facts.name} is not completed; completed are {known}")
+    return trials[number]
+
+
 def rows(store: SessionStore) -> list[Row]:
     """One row for each trial that counts. Iterations, trials, attempts and particles are numbered from 1.
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs.sessions import ParameterBelief
 from adaptsim_cli.report import page
 from adaptsim_cli.report.agreement import end_error
 from adaptsim_cli.report.figures import HeldOut, Judgement, Prediction
@@ -34,6 +35,9 @@ JUDGED = 64
 
 LIKELY = 24
 """Number of trajectories drawn from the posterior for each trial."""
+
+BELIEVED = (0.05, 0.5, 0.95)
+"""Lower end, median and upper end of what a session believes of a parameter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +136,20 @@ class Hindsight:
         states = predicted(solver, np.concatenate([guess[None], drawn]), context, action)
         seen = solver.task.observation
         return Prediction(seen.times_s, seen.columns, states[0], states[1:])
+
+
+def believed(stores: Sequence[SessionStore]) -> tuple[ParameterBelief, ...]:
+    """What each session believes of each parameter; sessions without a posterior are left out. Raises SessionError."""
+    found = list[ParameterBelief]()
+    for store in stores:
+        try:
+            levels = Hindsight.of(store).posterior(store).quantiles(BELIEVED)
+        except SimError:
+            continue
+        for d, (low, median, high) in zip(store.facts.parameters, levels.T, strict=True):
+            named = {"session": store.facts.name, "parameter": d.name, "unit": d.unit}
+            found.append(ParameterBelief(**named, low=low, median=median, high=high))
+    return tuple(found)
 
 
 @dataclass

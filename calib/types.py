@@ -195,28 +195,32 @@ class Noise:
     flange_mm: float  # effect of that (or of errors of the given poses) at the board
 
 
+class Weights(StrEnum):
+    """Which errors the views of a fit are weighed by."""
+
+    ARM_AND_VIEWS = "errors of arm and views"
+    PIXELS = "pixels alone"
+
+
 @dataclass(frozen=True)
 class Choice:
-    """The fit that was kept of two, by the error with which each predicts views that it has not seen."""
+    """What was kept of two fits, by the error with which each predicts views that it has not seen."""
 
-    pixels: bool  # the bundle adjustment over pixels was kept, not the fit weighed by errors of arm and views
+    kept: tuple[Weights, ...]  # one of the two, or both: their mean
     errors_px: float  # held-out error of the fit weighed by errors of arm and views, every view without its fifth
     pixels_px: float  # the same of the fit over pixels
-
-    @property
-    def held_out_px(self) -> float:
-        """Of the kept fit."""
-        return self.pixels_px if self.pixels else self.errors_px
+    held_out_px: float  # the same of what is kept
 
     @property
     def sentence(self) -> str:
         """In words."""
-        by_errors, by_pixels = (
-            f"errors of arm and views ({self.errors_px:.2f} px",
-            f"pixels alone ({self.pixels_px:.2f} px",
-        )
-        kept, other = (by_pixels, by_errors) if self.pixels else (by_errors, by_pixels)
-        return f"views are weighed by {kept} held out), not by {other})"
+        found = {Weights.ARM_AND_VIEWS: self.errors_px, Weights.PIXELS: self.pixels_px}
+        said = {by: f"{by} ({px:.2f} px held out)" for by, px in found.items()}
+        if len(self.kept) > 1:
+            return f"the mean of two fits ({self.held_out_px:.2f} px held out): by {' and by '.join(said.values())}"
+        (kept,) = self.kept
+        (other,) = set(said) - set(self.kept)
+        return f"views are weighed by {said[kept]}, not by {said[other]}"
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,8 @@ import pytest
 import real_views
 from scipy.optimize import least_squares
 
+import calib.estimate as estimator
+from calib.bundle import Fit
 from calib.closed_form import robust_start
 from calib.condense import condense
 from calib.drift import drift, known
@@ -22,7 +24,7 @@ from calib.foreign.volume import where_the_target_was
 from calib.geometry import distance_mm, move
 from calib.projection import project
 from calib.solve import solve
-from calib.types import Mounting, Setup, View
+from calib.types import Mounting, Setup, View, Weights
 from hw.poses import inverse
 from hw.types import Array
 from perception.board.targets import Points
@@ -85,8 +87,31 @@ def test_the_common_error_is_told_from_errors_of_the_arm() -> None:
 def test_the_better_of_two_fits_is_kept_and_named() -> None:
     choice = solve(views(0.5), SETUP, None).choice
     assert choice.held_out_px <= 1.03 * min(choice.errors_px, choice.pixels_px)
-    assert choice.sentence.startswith("views are weighed by")
+    assert all(weights.value in choice.sentence for weights in choice.kept)
     assert f"{choice.pixels_px:.2f} px" in choice.sentence
+
+
+@pytest.mark.parametrize(
+    ("errors_px", "pixels_px", "kept"),
+    [(0.8, 1.0, [Weights.ARM_AND_VIEWS]), (1.0, 0.97, [Weights.PIXELS]), (1.0, 1.0, list(Weights))],
+)
+def test_the_mean_is_taken_where_neither_fit_predicts_better(
+    monkeypatch: pytest.MonkeyPatch, errors_px: float, pixels_px: float, kept: list[Weights]
+) -> None:
+    """As if the fits had predicted held-out views so well; the mean lies half way between them."""
+    told = {Weights.ARM_AND_VIEWS: errors_px, Weights.PIXELS: pixels_px}
+
+    def folds(data: estimator.Data, full: Sequence[Fit]) -> estimator.HeldOutViews:
+        return estimator.HeldOutViews(np.arange(1), np.array([told[full[-1].model.weights]]))
+
+    monkeypatch.setattr(estimator, "_folds", folds)
+    found = solve(views(0.5), SETUP, None)
+    assert list(found.choice.kept) == kept
+    alone = {}
+    for weights in Weights:
+        told.update({w: 0.1 if w is weights else 1.0 for w in Weights})
+        alone[weights] = solve(views(0.5), SETUP, None).X_AC[:3, 3]
+    assert np.allclose(found.X_AC[:3, 3], np.mean([alone[weights] for weights in kept], axis=0), atol=1e-6)
 
 
 def test_a_lens_that_is_not_as_stated_widens_the_stated_error_over_the_true_one() -> None:

@@ -27,7 +27,7 @@ from calib.bundle import (
     predict,
 )
 from calib.condense import PoseCandidates, about
-from calib.geometry import difference, move
+from calib.geometry import difference, move, rms
 from calib.rejection import MIN_TO_FREE
 from calib.types import Choice, JointOffsets, Weights
 from calib.uncertainty import jackknife
@@ -76,7 +76,7 @@ class Data:
         X = predict(start, self.moved)
         found: Fit | None = None
         for _ in range(_ROUNDS):
-            noise_px = max(_rms(self.rms_at(X)[rows]) / float(np.sqrt(2.0)), _LEAST_PX) if pixels else None
+            noise_px = max(rms(self.rms_at(X)[rows]) / float(np.sqrt(2.0)), _LEAST_PX) if pixels else None
             before = X
             found = fit(
                 self.moved.take(rows),
@@ -101,7 +101,7 @@ class HeldOutViews:
     @property
     def rms_px(self) -> float:
         """Over the views."""
-        return _rms(self.px)
+        return rms(self.px)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,7 +190,3 @@ def _without(data: Data, full: Sequence[Fit], postures: Rows, fold: int) -> Held
     without = _mean([data.fit(data.kept[~out], one.state, one.model).state for one in full])
     rows = data.kept[out]
     return HeldOutViews(rows, data.rms_at(predict(without, data.moved))[rows])
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from adaptsim_cli.calibration.store import REPORT, CalibrationStore
-from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.resting import Listing, tell_list
-from adaptsim_cli.storage.numbered import remark, restored_from
+from adaptsim_cli.storage.numbered import remark
 from calib.saved import SavedCalibration
 
 HEAD = ("calibration", "made", "known to", "")
@@ -20,8 +19,7 @@ HEAD = ("calibration", "made", "known to", "")
 
 def listed(store: CalibrationStore) -> list[dict[str, Any]]:
     """One row per calibration, oldest first; the last one is in use. A damaged one has its error."""
-    paths = store.numbered.all()
-    return [_one(store, path, in_use=path == paths[-1]) for path in paths]
+    return store.listed(_one)
 
 
 def rows(found: list[dict[str, Any]]) -> list[tuple[str, ...]]:
@@ -70,21 +68,14 @@ def sentence(found: dict[str, Any]) -> str:
     )
 
 
-def _one(store: CalibrationStore, path: Path, *, in_use: bool) -> dict[str, Any]:
-    try:
-        known: SavedCalibration = store.read(path)
-    except SessionError as error:
-        return {"name": path.name, "error": str(error)}
+def _one(known: SavedCalibration, path: Path) -> dict[str, Any]:
     report = path / REPORT
     return {
-        "name": path.name,
         "created": known.created,
         "camera_m": [row[3] for row in known.X_AC[:3]],
         "sigma_mm": known.uncertainty.sigma_mm,
         "sigma_deg": known.uncertainty.sigma_deg,
         "views": sum(view.used for view in known.views),
-        "in_use": in_use,
-        "restored_from": restored_from(path),
         "report": str(report) if report.is_file() else "",
     }
 

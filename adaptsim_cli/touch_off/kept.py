@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.resting import Listing, tell_list
-from adaptsim_cli.storage.numbered import remark, restored_from
+from adaptsim_cli.storage.numbered import remark
 from adaptsim_cli.touch_off.store import SavedTouchOff, TouchOffStore
 
 HEAD = ("touch-off", "made", "table", "tool higher", "pitch", "")
@@ -28,8 +27,7 @@ VALUES = (
 
 def listed(store: TouchOffStore) -> list[dict[str, Any]]:
     """One row per touch-off, oldest first; the last one is in use. A damaged one has its error."""
-    paths = store.numbered.all()
-    return [_one(store, path, in_use=path == paths[-1]) for path in paths]
+    return store.listed(_one)
 
 
 def rows(found: list[dict[str, Any]]) -> list[tuple[str, ...]]:
@@ -95,20 +93,9 @@ def tell(screen: Screen, store: TouchOffStore, found: list[dict[str, Any]], rest
     tell_list(screen, Listing("touch-offs", "touch-off", store.folder, HEAD), found, rows(found), resting)
 
 
-def _one(store: TouchOffStore, path: Path, *, in_use: bool) -> dict[str, Any]:
-    try:
-        known: SavedTouchOff = store.read(path)
-    except SessionError as error:
-        return {"name": path.name, "error": str(error)}
+def _one(known: SavedTouchOff, path: Path) -> dict[str, Any]:
     values = {
         f"{key.rpartition('_')[0]}_{'deg' if unit == '°' else unit}": round(scale * getattr(known, key).value, 4)
         for key, _, scale, unit in VALUES
     }
-    return {
-        "name": path.name,
-        "created": known.created,
-        **values,
-        "touches": len(known.touches),
-        "in_use": in_use,
-        "restored_from": restored_from(path),
-    }
+    return {"created": known.created, **values, "touches": len(known.touches)}

@@ -7,18 +7,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
 from pathlib import Path
 
-from adaptsim_cli.errors import SessionError
-from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.numbered import Numbered
+from adaptsim_cli.storage.numbered import NumberedRecords
 from adaptsim_cli.touch_off.flow import TouchOffRun
 from adaptsim_cli.touch_off.parts import TouchRig
 from adaptsim_cli.touch_off.solving import MeasuredValue, Touched
-from calib.errors import ViewFolderError
 from calib.record import Record
-from calib.records import read
 from hw.collision import Table
 from sim.panda.correction import ToolCorrection
 
@@ -128,39 +123,11 @@ def record(found: TouchOffRun, rig: TouchRig, created: str, versions: dict[str, 
     )
 
 
-@dataclass(frozen=True)
-class TouchOffStore:
+class TouchOffStore(NumberedRecords[SavedTouchOff]):
     """All touch-offs of one rig."""
 
-    folder: Path
+    kind, file, prefix, command = SavedTouchOff, FILE, PREFIX, "touch-off"
 
     def save(self, saved: SavedTouchOff) -> Path:
         """Store a touch-off, which becomes the current one; return its folder. Raises DiskFull, SessionError."""
-        durable.make_folder(self.folder)
-        path = self.numbered.next()
-        durable.write_folder(path, {FILE: saved.content()})
-        return path
-
-    def current(self) -> SavedTouchOff | None:
-        """The latest touch-off. Raises SessionError if it is unreadable: an older one is never used silently."""
-        found = self.numbered.all()
-        if not found:
-            return None
-        try:
-            return read(SavedTouchOff, found[-1] / FILE)
-        except ViewFolderError as error:
-            raise SessionError(
-                f"{error}. Go back to an earlier one: adaptsim touch-off restore; or touch off again"
-            ) from error
-
-    @property
-    def numbered(self) -> Numbered:
-        """The touch-offs by name."""
-        return Numbered(self.folder, PREFIX)
-
-    def read(self, path: Path) -> SavedTouchOff:
-        """One touch-off. Raises SessionError if it is unreadable."""
-        try:
-            return read(SavedTouchOff, path / FILE)
-        except ViewFolderError as error:
-            raise SessionError(str(error)) from error
+        return self.add({FILE: saved.content()})

@@ -19,7 +19,7 @@ from calib.files import known_arm
 from calib.records import SetupRecord
 from calib.types import Forward
 from hw.bounded import Unreadable, read_bytes
-from hw.types import Array
+from hw.types import Array, frozen_array
 
 URDF_BYTES = 8 * 2**20
 _TURNING, _SLIDING, _RIGID = ("revolute", "continuous"), ("prismatic",), ("fixed",)
@@ -113,9 +113,9 @@ def _attribute(joint: ElementTree.Element, tag: str, name: str) -> str:
 def _numbers(element: ElementTree.Element | None, name: str, default: str) -> Array:
     text = default if element is None else element.get(name, default)
     try:
-        return np.array([float(word) for word in text.split()])
+        return frozen_array([float(word) for word in text.split()], (3,), name)
     except ValueError as error:
-        raise ViewFolderError(f"the URDF holds {text[:40]!r} where numbers belong") from error
+        raise ViewFolderError(f"the URDF holds {text[:40]!r} where three numbers belong") from error
 
 
 def _forward(links: Sequence[Link]) -> tuple[Forward, int]:

@@ -15,7 +15,7 @@ from calib.bundle import motion_of
 from calib.errors import determined
 from calib.foreign.pixels import Adjusted, PixelUnknowns, adjust, held_out_px, jackknife, looks
 from calib.foreign.sizing import solve_any_size
-from calib.geometry import difference
+from calib.geometry import difference, rms
 from calib.projection import LENS, with_lens
 from calib.types import Check, Forward, Grade, Setup, Solution, View
 from hw.types import Array, Intrinsics
@@ -90,8 +90,8 @@ def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forw
     stated = adjust(of, start, noise, scale=scale, lens=False)
     free = adjust(of, stated.place, max(stated.px / np.sqrt(2.0), 0.02), scale=scale, lens=True)
     free = adjust(of, free.place, max(free.px / np.sqrt(2.0), 0.02), scale=scale, lens=True)
-    before = _rms(held_out_px(of, stated, FOLDS, scale=scale, lens=False))
-    after = _rms(held_out_px(of, free, FOLDS, scale=scale, lens=True))
+    before = rms(held_out_px(of, stated, FOLDS, scale=scale, lens=False))
+    after = rms(held_out_px(of, free, FOLDS, scale=scale, lens=True))
     lens, covariance = free.place.lens[0], jackknife(free)
     sigma = np.sqrt(np.diagonal(covariance)[-LENS:])
     better = after < _BETTER * before and bool((np.abs(lens) > _SIGNIFICANT * sigma).any())
@@ -166,7 +166,3 @@ def _into_pose(free: Adjusted, covariance: Array) -> Array:
     lens = np.arange(len(free.normal) - LENS, len(free.normal))
     moves = -np.linalg.solve(free.normal[np.ix_(rest, rest)], free.normal[np.ix_(rest, lens)])[:6]
     return np.asarray(moves @ covariance[np.ix_(lens, lens)] @ moves.T)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -18,7 +18,7 @@ from calib.errors import TooFewViews, UnusableViews, determined
 from calib.estimate import Data, Estimate, estimate
 from calib.foreign.pairing import Fault, faults
 from calib.foreign.sizing import solve_any_size
-from calib.geometry import angle_deg, distance_mm
+from calib.geometry import angle_deg, distance_mm, rms
 from calib.types import Acceptance, Choice, Forward, Mounting, Setup, Solution, View, ViewFit
 from calib.uncertainty import jackknife, uncertainty
 from hw.types import Array
@@ -122,7 +122,7 @@ def _placed(
     held = found.folds.px[rows[found.folds.rows]]
     X, known = found.fit.state.X_AC[k], uncertainty(found.fit, data.moved, setup, found.joints, k)
     figures = gates.Figures(
-        len(alone.used), len(alone.views), _rms(fit_px[rows]), _rms(held), known.worst_95_mm, alone.distance_m
+        len(alone.used), len(alone.views), rms(fit_px[rows]), rms(held), known.worst_95_mm, alone.distance_m
     )
     return Placed(
         name=camera.name,
@@ -183,7 +183,3 @@ def _same_arm(cameras: Sequence[CameraViews]) -> None:
 def _poses(camera: CameraViews, views: Sequence[View]) -> Array:
     moved = motion_of(views, camera.setup.mounting, camera.forward)
     return moved.X_AH(np.zeros(moved.joints))
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

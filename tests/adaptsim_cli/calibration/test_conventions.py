@@ -186,6 +186,14 @@ def test_kinematics_that_cannot_be_meant(kinematics: str, message: str, tmp_path
         solved(folder)
 
 
+@pytest.mark.parametrize("numbers", ["0 0", "0 0 0 0", "0 0 up", "0 0 nan"])
+def test_a_urdf_needs_three_finite_numbers_for_a_place(numbers: str, tmp_path: Path) -> None:
+    folder = corner_folder(tmp_path, pose=_joints, extra='[kinematics]\nurdf = "foreign.urdf"')
+    (folder / "foreign.urdf").write_text(urdf().replace("0 0 1", numbers))
+    with pytest.raises(ViewFolderError, match=numbers):
+        solved(folder)
+
+
 def test_pictures_of_the_same_camera_at_another_resolution_are_recognised(tmp_path: Path) -> None:
     folder = real_views.picture_folder(tmp_path)
     toml = (folder / "setup.toml").read_text()

@@ -161,7 +161,7 @@ RIG = b"name = 'lab'\n[arm]\nmodel = 'panda'\naddress = '10.0.0.2'\n"
 
 
 def _estimate(value: float) -> dict[str, Any]:
-    return dict.fromkeys(touch_offs.EstimateRecord.model_fields, value)
+    return dict.fromkeys(("value", "within"), value)
 
 
 _TOUCHED = ["table_height_m", "tilt_x", "tilt_y", "tool_height_m", "tool_forward_m", "tool_pitch_rad", "tool_roll_rad"]

@@ -118,7 +118,7 @@ def _timing(folder: Path, setup: Setup, solution: Solution, forward: Forward | N
     if not path.exists() or forward is None:
         return Check("time offset", Grade.NOT_MEASURED, "no swing of the board was filmed")
     frames, arm_t_s, q_rad = read_motion(path)
-    return time_offset(frames, arm_t_s, q_rad, solution, setup, forward)[1]
+    return time_offset(frames, arm_t_s, q_rad, solution, setup, forward)
 
 
 def read_motion(path: Path) -> tuple[list[tuple[float, Corners]], Array, Array]:

@@ -189,28 +189,24 @@ def test_the_time_offset_is_found_within_a_millisecond(
     true: Truth, views: list[View], solution: Solution, late_ms: float
 ) -> None:
     frames, t, q = _swing(true, views, 1e-3 * late_ms)
-    found, check = time_offset(frames, t, q, solution, rig.SETUP, forward)
-    assert found is not None
-    assert 1e3 * found.offset_s == pytest.approx(late_ms, abs=1.0)
+    check = time_offset(frames, t, q, solution, rig.SETUP, forward)
+    assert check.value == pytest.approx(late_ms, abs=1.0)
     assert check.verdict is (Grade.GOOD if late_ms == 0.0 else Grade.SUSPECT)
 
 
 def test_the_time_offset_survives_a_calibration_that_is_off(true: Truth, views: list[View], solution: Solution) -> None:
     frames, t, q = _swing(true, views, 0.012)
     off = replace(solution, X_AC=move(solution.X_AC, np.array([0.004, 0.003, 0, 0.005, 0, 0.005])))
-    found, _ = time_offset(frames, t, q, off, rig.SETUP, forward)
-    assert found is not None
-    assert found.offset_s == pytest.approx(0.012, abs=2e-3)
+    assert time_offset(frames, t, q, off, rig.SETUP, forward).value == pytest.approx(12.0, abs=2.0)
 
 
 def test_a_motion_too_slow_says_so(true: Truth, views: list[View], solution: Solution) -> None:
     frames, t, q = _swing(true, views, 0.0)
-    found, check = time_offset(frames[:4], t, q, solution, rig.SETUP, forward)
-    assert found is None
+    check = time_offset(frames[:4], t, q, solution, rig.SETUP, forward)
     assert check.verdict is Grade.NOT_MEASURED
     still = [(moment, frames[0][1]) for moment, _ in frames]
-    found, check = time_offset(still, t, np.repeat(q[:1], len(q), axis=0), solution, rig.SETUP, forward)
-    assert found is None
+    check = time_offset(still, t, np.repeat(q[:1], len(q), axis=0), solution, rig.SETUP, forward)
+    assert check.verdict is Grade.NOT_MEASURED
     assert "px/s" in check.message
 
 

@@ -82,27 +82,18 @@ def why_rejected(solution: Solution) -> str:
 
 
 def _at_least(name: str, value: float, limit: float, unit: str, advice: str) -> Check:
-    good = value >= limit
     message = f"{name}: {value:.3g} {unit}, at least {limit:.3g} {unit}".replace(" ,", ",").rstrip()
-    return Check(
-        name, Grade.GOOD if good else Grade.BAD, message if good else f"{message}: {advice}", value, limit, unit
-    )
+    return Check.graded(name, message, (value, limit, unit), f": {advice}", good=value >= limit, worse=Grade.BAD)
 
 
 def _at_most(name: str, value: float, limit: float, unit: str, advice: str) -> Check:
-    good = value <= limit
     message = f"{name}: {value:.3g} {unit}, at most {limit:.3g} {unit}"
-    return Check(
-        name, Grade.GOOD if good else Grade.BAD, message if good else f"{message}: {advice}", value, limit, unit
-    )
+    return Check.graded(name, message, (value, limit, unit), f": {advice}", good=value <= limit, worse=Grade.BAD)
 
 
 def _cross(name: str, value: float) -> Check:
     """Only a doubt, because closed forms are the weaker estimate."""
     limit = CROSS_CHECK_LIMIT_MM
     message = f"{name}: median {value:.1f} mm from the solution, at most {limit:.0f} mm"
-    if value <= limit:
-        return Check(name, Grade.GOOD, message, value, limit, "mm")
-    return Check(
-        name, Grade.SUSPECT, f"{message}: look at the views' tilts and at the poses' units", value, limit, "mm"
-    )
+    advice = ": look at the views' tilts and at the poses' units"
+    return Check.graded(name, message, (value, limit, "mm"), advice, good=value <= limit, worse=Grade.SUSPECT)

@@ -65,10 +65,9 @@ def time_offset(
         f"the camera's time stamps are {value:+.1f} ms (± {1e3 * sigma:.1f}) later than the arm's, limit {LIMIT_MS:g} "
         "ms"
     )
-    if abs(value) <= LIMIT_MS:
-        return Check(NAME, Grade.GOOD, message, value, LIMIT_MS, "ms")
     advice = f": at 0.6 m/s that is {abs(600e-3 * value):.0f} mm. A session subtracts it"
-    return Check(NAME, Grade.SUSPECT, message + advice, value, LIMIT_MS, "ms")
+    good = abs(value) <= LIMIT_MS
+    return Check.graded(NAME, message, (value, LIMIT_MS, "ms"), advice, good=good, worse=Grade.SUSPECT)
 
 
 @dataclass(frozen=True, eq=False)

@@ -317,6 +317,13 @@ class Check:
     limit: float = float("nan")
     unit: str = ""
 
+    @classmethod
+    def graded(
+        cls, name: str, message: str, measured: tuple[float, float, str], advice: str, *, good: bool, worse: Grade
+    ) -> Check:
+        """Good, or `worse` with the `advice` behind the message; `measured` are value, limit and unit."""
+        return cls(name, Grade.GOOD, message, *measured) if good else cls(name, worse, message + advice, *measured)
+
 
 @dataclass(frozen=True)
 class Acceptance:

@@ -118,13 +118,10 @@ def check(found: IntrinsicsCheck | None, *, refined: bool) -> Check:
     if found is None:
         reason = "not tried: the views agree within the noise of their corners, or are too few"
         return Check(NAME, Grade.NOT_MEASURED, reason)
-    share = 100 * (1 - found.refined_px / found.stated_px)
-    if refined:
-        return Check(NAME, Grade.GOOD, f"refined: {found.sentence}", share, 100 * (1 - _BETTER), "%")
-    if not found.better:
-        return Check(NAME, Grade.GOOD, found.sentence, share, 100 * (1 - _BETTER), "%")
-    advice = "add --refine-intrinsics to use these, or state the right ones"
-    return Check(NAME, Grade.SUSPECT, f"{found.sentence}: {advice}", share, 100 * (1 - _BETTER), "%")
+    said = f"refined: {found.sentence}" if refined else found.sentence
+    measured = 100 * (1 - found.refined_px / found.stated_px), 100 * (1 - _BETTER), "%"
+    advice = ": add --refine-intrinsics to use these, or state the right ones"
+    return Check.graded(NAME, said, measured, advice, good=refined or not found.better, worse=Grade.SUSPECT)
 
 
 def rescues(found: IntrinsicsCheck) -> str:

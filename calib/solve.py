@@ -88,8 +88,7 @@ def _usable(views: Sequence[View], setup: Setup) -> tuple[list[View], tuple[View
     if len(good) < MIN_VIEWS:
         told = "; ".join(f"view {name}: {reasons[name]}" for name in bad)
         raise TooFewViews(f"{len(good)} usable views, at least {MIN_VIEWS} are needed and 20 are good ({told})")
-    nan = float("nan")
-    return good, tuple(ViewFit(n, False, reasons[n], nan, nan, nan, nan, False, nan, False) for n in bad)
+    return good, tuple(ViewFit(name=name, used=False, reason=reasons[name]) for name in bad)
 
 
 def _agreeing(views: Sequence[View], setup: Setup, forward: Forward | None) -> _Agreed:

@@ -21,6 +21,7 @@ from itertools import product
 
 import numpy as np
 
+from calib.record import Measured, Record
 from hw.types import Array, Intrinsics, frozen_array
 from perception.board.types import CalibrationTarget, Corners
 
@@ -115,20 +116,20 @@ class View:
             object.__setattr__(self, "X_BF", frozen_array(self.X_BF, (4, 4), "X_BF"))
 
 
-@dataclass(frozen=True)
-class ViewFit:
-    """The outcome of one view."""
+class ViewFit(Record):
+    """The outcome of one view, also as stored; what was not measured is None."""
 
     name: str
     used: bool
     reason: str  # why it was not used, with value and limit; "" if used
-    rms_px: float  # distance between seen and predicted corners in the final fit, root mean square
-    own_rms_px: float  # the same with the pose fitted to this view alone: quality of its corners
-    off_mm: float  # distance of the board's centre from the final fit's prediction
-    off_deg: float
-    held_out: bool  # one of the held-out fifth, predicted by a fit without them
-    held_out_px: float  # error of that prediction; nan if not held out or not used
-    mirrored: bool  # the mirror pose fits the picture better, but contradicts the arm's motion
+    rms_px: Measured = None  # distance between seen and predicted corners in the final fit, root mean square
+    own_rms_px: Measured = None  # the same with the pose fitted to this view alone: quality of its corners
+    off_mm: Measured = None  # distance of the board's centre from the final fit's prediction
+    off_deg: Measured = None
+    held_out: bool = False  # one of the held-out fifth, predicted by a fit without them
+    held_out_px: Measured = None  # error of that prediction
+    mirrored: bool = False  # the mirror pose fits the picture better, but contradicts the arm's motion
+    sha256: str = ""  # of the stored view's record, which holds the hashes of its images
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,12 +176,10 @@ class Uncertainty:
     covariance: Array  # (6, 6) of X_AC in the arm's own frame: rotation rad, position m, in axes of A about C's origin
 
 
-@dataclass(frozen=True, eq=False)
-class ClosedForm:
-    """A closed form, for comparison."""
+class ClosedForm(Record):
+    """How far a closed form lies from the solution, for comparison."""
 
     name: str
-    X_AC: Array  # (4, 4)
     from_solution_mm: float
     from_solution_deg: float
 

@@ -45,7 +45,7 @@ def world_names(incomplete: str) -> list[str]:
 
 def export_formats(incomplete: str) -> list[str]:
     """Formats of `sessions export` that begin like this."""
-    return _like(incomplete, {"csv", "parquet", "mcap", "lerobot", "rerun"})
+    return _like(incomplete, {"csv", "parquet", "mcap", "lerobot", "rerun", "sdf", "mjcf"})
 
 
 def _folders(kind: str, incomplete: str) -> list[str]:

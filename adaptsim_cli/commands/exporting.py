@@ -92,7 +92,11 @@ def export(
     name: options.Session,
     kind: Annotated[
         str,
-        typer.Option("--format", autocompletion=options.export_formats, help="csv, parquet, mcap, lerobot or rerun."),
+        typer.Option(
+            "--format",
+            autocompletion=options.export_formats,
+            help="csv, parquet, mcap, lerobot, rerun, sdf or mjcf.",
+        ),
     ] = "csv",
     out: Annotated[
         Path | None,
@@ -100,19 +104,21 @@ def export(
     ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """Export the trials of a session: a table, MCAP files with everything, Rerun files, or a LeRobot data set.
+    """Export a session: its trials as a table, MCAP, Rerun or LeRobot, or its adapted scene for Drake or MuJoCo.
 
-    Parquet and LeRobot need the extra `export`, Rerun the extra `rerun`.
+    sdf and mjcf write the scene at the posterior mean with one trial of the best policy. Parquet and LeRobot need the
+    extra `export`, Rerun the extra `rerun`, mjcf the extra `mujoco`.
 
     Example: adaptsim sessions export scooping-oreo-adaptsim-seed0 --format mcap
     """
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import exporting
+    from adaptsim_cli.wiring import scene
 
     opened, screen = options.stored(name), console.Screen(as_json=as_json)
     path = out or Path(exporting.default_name(opened, kind))
     with screen.progress() as progress:
-        written = exporting.export(opened, kind, path, progress)
+        written = exporting.export(opened, kind, path, scene.files_of, progress)
     files = [str(file.absolute()) for file in written]
     if not screen.data("sessions export", {"session": name, "format": kind, "written": files}):
         for file in written:
@@ -136,7 +142,7 @@ def replay(
 
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import rerun_file, store, video, whole
+    from adaptsim_cli.session import replaying, store, whole
     from adaptsim_cli.session.exporting import written
 
     opened, screen = options.stored(session), console.Screen(as_json=as_json)
@@ -146,8 +152,8 @@ def replay(
     with screen.busy("Reading the recording"):
         found = whole.open_trial(opened, record)
     with screen.busy("Writing the Rerun file" if rerun else "Drawing the video"):
-        path = out or Path(f"{found.title}-replay{'.rrd' if rerun else video.SUFFIX}")
-        written(path, (rerun_file if rerun else video).encode(found))
+        path = out or Path(f"{found.title}-replay{'.rrd' if rerun else replaying.VIDEO}")
+        written(path, (replaying.rerun_file if rerun else replaying.video)(found))
     told = {"session": session, "trial": trial, "recording": str(found.file), "written": str(path.absolute())}
     if not screen.data("replay", told):
         screen.plain(str(path))

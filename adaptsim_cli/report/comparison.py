@@ -18,7 +18,7 @@ from adaptsim_cli.report.page import Measured, both, fill, mean_of, trial_std
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
-from adaptsim_cli.session.store import Row, SessionStore, as_csv, rows, trials_of
+from adaptsim_cli.session.store import Row, SessionStore, as_csv, results_of, rows, trials_of
 from adaptsim_cli.storage import durable
 
 UDR = "udr"
@@ -199,7 +199,7 @@ def _compared(store: SessionStore) -> Compared:
         raise UsageError(f"session {store.facts.name!r} has no completed trial yet: leave it out")
     std = trial_std(store.facts.task)
     iterations = sorted({t.iteration for t in trials})
-    results = [result for i in range(store.iterations()) if (result := store.result(i)) is not None]
+    results = results_of(store)
     return Compared(
         facts=store.facts,
         trials=trials,

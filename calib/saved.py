@@ -15,7 +15,7 @@ from calib import timing
 from calib.record import FORMAT, Matrix, Measured, Numbers, Record
 from calib.records import IntrinsicsRecord
 from calib.target_records import AnyTargetRecord
-from calib.types import Acceptance, Check, ClosedForm, Grade, HandEye, Solution, ViewFit
+from calib.types import Check, ClosedForm, Grade, HandEye, Solution, ViewFit, reasons
 from hw.types import Array, Intrinsics
 
 FILE = "calibration.json"
@@ -132,7 +132,7 @@ def record_calibration(
     points_m: Array,
     board: AnyTargetRecord,
     checks: Sequence[Check],
-    acceptance: Acceptance,
+    gates: Sequence[Check],
     origin: Origin,
     refined: Intrinsics | None = None,
 ) -> SavedCalibration:
@@ -154,8 +154,8 @@ def record_calibration(
                 view.model_copy(update={"sha256": origin.view_sha256.get(view.name, "")}) for view in solution.views
             ],
             "checks": checks,
-            "gates": [gate for gate in acceptance.gates if gate.name not in named],
-            "accepted": acceptance.accepted,
+            "gates": [gate for gate in gates if gate.name not in named],
+            "accepted": not reasons(gates),
             "board": board,
             "refined_intrinsics": None if refined is None else IntrinsicsRecord.from_camera(refined),
         }

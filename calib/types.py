@@ -324,21 +324,9 @@ class Check:
         return cls(name, Grade.GOOD, message, *measured) if good else cls(name, worse, message + advice, *measured)
 
 
-@dataclass(frozen=True)
-class Acceptance:
-    """The gates of a calibration, which is accepted if none is bad."""
-
-    gates: tuple[Check, ...]
-
-    @property
-    def accepted(self) -> bool:
-        """Whether no gate forbids it."""
-        return all(gate.verdict is not Grade.BAD for gate in self.gates)
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """The reasons for a rejection, in words; empty if accepted."""
-        return tuple(gate.message for gate in self.gates if gate.verdict is Grade.BAD)
+def reasons(gates: Sequence[Check]) -> tuple[str, ...]:
+    """Why the gates reject a calibration, in words; empty if they accept it."""
+    return tuple(gate.message for gate in gates if gate.verdict is Grade.BAD)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from calib.estimate import Data, Estimate, estimate
 from calib.foreign.pairing import Fault, faults
 from calib.foreign.sizing import solve_any_size
 from calib.geometry import angle_deg, distance_mm, rms
-from calib.types import Acceptance, Choice, Forward, Mounting, Setup, Solution, View, ViewFit
+from calib.types import Check, Choice, Forward, Mounting, Setup, Solution, View, ViewFit, reasons
 from calib.uncertainty import jackknife, uncertainty
 from hw.types import Array
 
@@ -54,7 +54,7 @@ class Placed:
     worst_95_mm: float  # at the worst corner of the work volume
     alone_worst_95_mm: float
     from_alone_mm: float  # distance between the two positions
-    acceptance: Acceptance
+    gates: tuple[Check, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class Together:
     @property
     def accepted(self) -> bool:
         """Whether no gate of any camera forbids it."""
-        return all(camera.acceptance.accepted for camera in self.cameras)
+        return not any(reasons(camera.gates) for camera in self.cameras)
 
 
 @determined()
@@ -138,7 +138,7 @@ def _placed(
         worst_95_mm=known.worst_95_mm,
         alone_worst_95_mm=alone.uncertainty.worst_95_mm,
         from_alone_mm=distance_mm(X, alone.X_AC),
-        acceptance=Acceptance(gates.of_figures(figures, setup, gates.why_rejected(alone))),
+        gates=gates.of_figures(figures, setup, gates.why_rejected(alone)),
     )
 
 

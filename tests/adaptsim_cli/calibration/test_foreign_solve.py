@@ -43,7 +43,7 @@ def test_views_outside_of_the_wished_ones_take_no_part(tmp_path: Path) -> None:
     folder = real_views.corner_folder(tmp_path)
     found = solve_folder(folder, hw="recorded", created="", versions={}, wishes=Wishes(first="03", last="16"))
     assert [view.name for view in found.record.views] == [f"{i:02d}" for i in range(3, 17)]
-    with pytest.raises(UnusableViews, match="--until.*99"):
+    with pytest.raises(UnusableViews, match=r"--until.*99"):
         solve_folder(folder, hw="recorded", created="", versions={}, wishes=Wishes(last="99"))
 
 

@@ -28,7 +28,7 @@ class Speaker:
         self._speaking: subprocess.Popen[bytes] | None = None
         threading.Thread(target=self._speak, name="speaker", daemon=True).start()
 
-    def doing(self, what: str) -> None:
+    def doing(self, what: str, stage: str) -> None:
         """See `console.Listener`; says nothing."""
 
     def did(self, what: str, stage: str, took_s: float) -> None:

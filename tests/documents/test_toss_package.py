@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import inspect
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,8 +16,6 @@ import pytest
 
 from adaptsim_cli.wiring.recorded.folder import read_recorded
 from sim import tasks
-from sim.rollouts.draws import cover
-from sim.solvers.grid import PROBES, GridSolver
 from sim.tasks.task import Task
 
 ROOT = Path(__file__).parents[2]
@@ -85,21 +84,56 @@ def test_a_cube_that_starts_at_rest_stays_and_a_slippery_one_slides_farther(toss
     assert ends == pytest.approx(expected, rel=0.15)
 
 
+def write_file(toss: Task, path: Path) -> None:
+    """Simulated tosses in the format of the real ones."""
+    table = importlib.import_module("toss.physics").Table(0.15, 1e6, 4.0)
+    state, start = [], [0]
+    for action in read_recorded(toss, FEW).actions:
+        flight = table.toss(action.copy())
+        rows = np.zeros((len(flight.t_s), 13))
+        rows[:, :4], rows[:, 4:7] = flight.rotation[:, [3, 0, 1, 2]], flight.position_m
+        rows[0, 7:] = action[6:]
+        state.append(rows)
+        start.append(start[-1] + len(rows))
+    np.savez(path, state=np.concatenate(state), start=start, number=np.arange(len(state)))
+
+
 @pytest.mark.long
-def test_the_experiment_scores_by_tosses_that_no_session_saw_and_the_best_one_bounds_all(
-    toss: Task, monkeypatch: pytest.MonkeyPatch
+def test_the_experiment_scores_by_tosses_that_no_session_saw_writes_its_page_and_goes_on_where_it_was(
+    toss: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     experiment = importlib.import_module("toss.experiment")
-    monkeypatch.setattr(experiment, "CONDITIONS", experiment.Conditions(4, 2, judged=16))
-    monkeypatch.setattr(experiment, "GRID", 3)
-    trials = read_recorded(toss, FEW)
-    points = cover(toss.parameters, 4, np.random.default_rng(0))
-    grid = GridSolver(toss, points, trials.actions[:PROBES])
-    monkeypatch.setattr(experiment, "TASK", toss)
-    seed = experiment.Seed(grid, trials, 0)
-    row = seed.run(experiment.REFERENCES)
-    for name in experiment.METHODS:
-        row |= seed.run(name)
-    assert all(row[name] <= row["best_recorded"] + 1e-9 for name in ("udr", "best_of_grid", *experiment.METHODS))
-    assert {"permuted", "permuted_shown", "inexpressible", "prior_error_mm", "posterior"} <= row.keys()
-    assert row["adaptsim"] == experiment.Seed(grid, trials, 0).run("adaptsim")["adaptsim"]
+    for name, value in {"CONDITIONS": experiment.Conditions(4, 2, judged=16), "GRID": 3, "AUTHORS": 2}.items():
+        monkeypatch.setattr(experiment, name, value)
+    write_file(toss, tmp_path / "tosses.npz")
+    asked = ["toss", str(tmp_path / "tosses.npz"), "--out", str(tmp_path / "out"), "--seeds", "2"]
+    monkeypatch.setattr(sys, "argv", [*asked, "--page", str(tmp_path / "docs/results/tosses.md")])
+    experiment.main()
+    out, told = capsys.readouterr()
+    found = json.loads(out.splitlines()[-1])
+    assert list(found) == ["udr", *experiment.METHODS, "best_recorded", "permuted", "seeds"]
+    assert all(found[name] <= found["best_recorded"] + 1e-9 for name in ("udr", *experiment.METHODS))
+    assert "simulated 12 of 12 tosses" in told
+    page = (tmp_path / "docs/results/tosses.md").read_text()
+    assert f"| `random`, 20 tosses | {found['random']:.3f} (" in page
+    assert (tmp_path / "docs/figures/tosses.jpg").stat().st_size > 10_000
+
+    next((tmp_path / "out").rglob("seed-0001-adaptsim.json")).unlink()
+    experiment.main()
+    again, told = capsys.readouterr()
+    assert again == out
+    assert "simulated" not in told
+
+
+def test_a_damaged_file_of_tosses_is_refused(
+    toss: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    experiment = importlib.import_module("toss.experiment")
+    np.savez(tmp_path / "short.npz", state=np.zeros((9, 13)), start=[0, 12], number=[0])
+    np.savez(tmp_path / "narrow.npz", state=np.zeros((9, 12)), start=[0, 9], number=[0])
+    (tmp_path / "text.npz").write_text("no file of tosses")
+    for name, reason in {"short": "start must give", "narrow": "(T, 13)", "text": "is no file of tosses"}.items():
+        monkeypatch.setattr(sys, "argv", ["toss", str(tmp_path / f"{name}.npz"), "--out", str(tmp_path / "out")])
+        with pytest.raises(SystemExit):
+            experiment.main()
+        assert reason in capsys.readouterr().err

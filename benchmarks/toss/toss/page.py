@@ -72,6 +72,7 @@ def write(
     middle = TASK.parameters.denormalise(np.full(len(TASK.parameters), 0.5))
     first = TASK.parameters.denormalise(np.array(rows[0]["posterior"]))
     draw(tosses, held[:SHOWN], (("prior", middle), ("posterior", first)), figure)
+    path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 

@@ -21,8 +21,6 @@ from adaptsim_cli.commands import (
     exporting,
     lab,
     parts,
-    report,
-    rollout,
     rollouts,
     run_iteration,
     sessions,
@@ -48,11 +46,11 @@ app.command("run-iteration")(run_iteration.run_iteration)
 app.command("pretrain")(pretrain.pretrain)
 app.command("benchmark")(benchmark.benchmark)
 app.command("world-tables")(benchmark.world_tables)
-app.command("rollout")(rollout.rollout)
-app.command("preview")(rollout.preview)
+app.command("rollout")(rollouts.rollout)
+app.command("preview")(rollouts.preview)
 app.command("parts")(parts.parts)
-app.command("report")(report.report)
-app.command("compare")(report.compare)
+app.command("report")(exporting.report)
+app.command("compare")(exporting.compare)
 app.command("bundle")(exporting.bundle)
 app.command("doctor")(doctor.doctor)
 app.command("retrack")(exporting.retrack)

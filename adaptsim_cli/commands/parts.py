@@ -7,10 +7,12 @@ from typing import Annotated
 
 import typer
 
+from adaptsim_cli import options
+
 
 def parts(
     out: Annotated[Path, typer.Option("--out", help="A new folder for the files.")] = Path("parts"),
-    as_json: Annotated[bool, typer.Option("--json", help="The parts on stdout.")] = False,
+    as_json: options.Json = False,
 ) -> None:
     """Write the parts that a lab prints: pusher, adapter of the turner, holder of the board, and a sheet.
 
@@ -39,9 +41,8 @@ def parts(
             screen.plain(line)
         screen.plain("")
     screen.plain(f"Written: {out / 'parts.pdf'}")
-    if as_json:
-        told = [
-            {"file": str(out / f"{part.name}.stl"), "count": part.count, "notes": list(sheet.lines(part))}
-            for part in solids
-        ]
-        screen.data("parts", {"sheet": str(out / "parts.pdf"), "parts": told})
+    told = [
+        {"file": str(out / f"{part.name}.stl"), "count": part.count, "notes": list(sheet.lines(part))}
+        for part in solids
+    ]
+    screen.data("parts", {"sheet": str(out / "parts.pdf"), "parts": told})

@@ -248,7 +248,7 @@ def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], n
     for trial, path in sorted(zip(trials, paths, strict=True), key=lambda pair: pair[0].trial):
         css = f"c{trial.particle - 1}" + ("" if trial.iteration == newest else " faint")
         told = f"trial {trial.trial}: {trial.outcome_words}, reward {trial.reward:.2f}"
-        pixels = [(x(px), y(py)) for px, py in path]
+        pixels = _pixels(x, y, *path.T)
         if trial.goal_m is not None:
             gx, gy = x(trial.goal_m[0]), y(trial.goal_m[1])
             canvas.line(*pixels[-1], gx, gy, f"miss {css}")
@@ -275,7 +275,7 @@ def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: i
         css = f"track c{trial.particle - 1}" + ("" if trial.iteration == newest else " faint")
         css += "" if trial.reward > 0 else " failed"
         told = f"trial {trial.trial}: {trial.outcome_words}, reward {trial.reward:.2f}"
-        canvas.curve([(x(t), y(v)) for t, v in zip(t_s, values, strict=True)], css, told)
+        canvas.curve(_pixels(x, y, t_s, values), css, told)
     return canvas.svg()
 
 
@@ -336,7 +336,7 @@ def _from_above(trial: TrialRecord, expected: Prediction, seen: Array) -> str:
 
 
 def _pixels(x: Scale, y: Scale, across: Array, up: Array) -> list[tuple[float, float]]:
-    return [(x(a), y(u)) for a, u in zip(across, up, strict=True)]
+    return list(zip(x.many(across), y.many(up), strict=True))
 
 
 def _limits(values: Array) -> tuple[float, float]:

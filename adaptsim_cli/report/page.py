@@ -6,8 +6,10 @@ import base64
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,6 +33,9 @@ from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
 from sim.tasks import TASKS, get_task
 from sim.types import Dimension
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 _FIRST, _ADAPTED, _UDR = "c3", "c2", "c4"  # colours that no figure of two particles uses
@@ -166,14 +171,18 @@ def render(
 
 def fill(template: str, **values: object) -> str:
     """Fill a template of this package, with the page's style and script."""
+    folder = resources.files("adaptsim_cli.report")
+    style, script = ((folder / name).read_text(encoding="utf-8") for name in ("style.css", "enlarge.js"))
+    return _compiled(template).render(style=style, script=script, **values)
+
+
+@cache
+def _compiled(template: str) -> Template:
     from jinja2 import Environment, StrictUndefined
 
-    folder = resources.files("adaptsim_cli.report")
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["plain"] = plain
-    text = environment.from_string((folder / template).read_text(encoding="utf-8"))
-    style, script = ((folder / name).read_text(encoding="utf-8") for name in ("style.css", "enlarge.js"))
-    return text.render(style=style, script=script, **values)
+    return environment.from_string((resources.files("adaptsim_cli.report") / template).read_text(encoding="utf-8"))
 
 
 def both(draw: Callable[[float], str]) -> str:

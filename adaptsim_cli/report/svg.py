@@ -10,6 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 
+import numpy as np
+
+from hw.types import Array
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -25,6 +29,12 @@ class Scale:
         """Pixels of a value in units of the data."""
         low, high, value = (math.log(v) if self.log else v for v in (self.low, self.high, value))
         return self.start + (value - low) / (high - low) * (self.end - self.start)
+
+    def many(self, values: Array) -> list[float]:
+        """Pixels of many values (N,)."""
+        low, high = (math.log(v) if self.log else v for v in (self.low, self.high))
+        share = ((np.log(values) if self.log else np.asarray(values)) - low) / (high - low)
+        return list(map(float, self.start + share * (self.end - self.start)))
 
     def ticks(self, most: int = 5) -> list[float]:
         """Round values inside the range."""

@@ -22,7 +22,7 @@ from rich.text import Text
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, pictures, views
 from adaptsim_cli.screen.clean import CleanConsole
-from adaptsim_cli.screen.keys import ESCAPE, HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
+from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
 
@@ -65,6 +65,7 @@ class Screen:
 
     def __init__(self, *, as_json: bool = False, console: Console | None = None) -> None:
         loading.clear()
+        self._as_json = as_json
         self._console = console or CleanConsole(stderr=as_json, highlight=False, markup=False)
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
         self._listeners: list[Listener] = []
@@ -105,15 +106,21 @@ class Screen:
         self._noted.append(text.strip())
         self.tell_listeners(text.strip())
 
-    def data(self, command: str, value: Mapping[str, Any] | BaseModel) -> None:
-        """Print the --json output of `command` on one line of stdout, checked against its model, version first."""
+    def data(self, command: str, value: Mapping[str, Any] | BaseModel) -> bool:
+        """With --json, print the output of `command` on one line of stdout, checked against its model, version first.
+
+        Returns whether it did; text for a person then goes to stderr.
+        """
+        if not self._as_json:
+            return False
         from adaptsim_cli.outputs import catalogue
 
         sys.stdout.write(json.dumps(catalogue.output(command, value), allow_nan=False) + "\n")
         sys.stdout.flush()
+        return True
 
     def choose(self, question: str, *keys: Key, explain: str = "", listed: Sequence[Key] = ()) -> str:
-        """Ask until one of the `keys` is typed, and return it ("" for Enter). Esc counts as the key that is a way out.
+        """Ask until one of the `keys` is typed, and return it ("" for Enter).
 
         The question names all keys, or those `listed`.
         `?` shows `explain`, then the meaning of each key. Any other answer is named and changes nothing. Raises
@@ -136,17 +143,17 @@ class Screen:
         then: str,
         stopped: str = "stopped by the operator; everything completed is stored",
     ) -> None:
-        """Wait for Enter; `then` describes its effect. Raises StoppedByOperator(`stopped`) at q and Esc."""
+        """Wait for Enter; `then` describes its effect. Raises StoppedByOperator(`stopped`) at q."""
         if self.choose(question, enter(does, then), stop(_WAY_OUT)) == "q":
             raise StoppedByOperator(stopped)
 
     def words(self, question: str) -> str | None:
-        """Ask for a sentence; "" if it is empty, None at q and Esc. Raises StoppedByOperator."""
+        """Ask for a sentence; "" if it is empty, None at q. Raises StoppedByOperator."""
         answer = self.ask_text(question)
-        return None if answer in ("q", "Q", ESCAPE) else answer
+        return None if answer in ("q", "Q") else answer
 
     def length(self, question: str, otherwise: float) -> float:
-        """Ask until the answer is a positive number; Enter gives `otherwise`. Raises StoppedByOperator at q and Esc."""
+        """Ask until the answer is a positive number; Enter gives `otherwise`. Raises StoppedByOperator at q."""
         while (answer := self.words(question)) is not None:
             with suppress(ValueError):
                 if (value := float(answer.replace(",", ".")) if answer else otherwise) > 0.0:

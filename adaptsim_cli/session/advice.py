@@ -53,6 +53,8 @@ def _worth(verdict: Verdict) -> str:
     """What another iteration is worth, for a method with a forecast."""
     if verdict.gain is None or verdict.likely is None or verdict.kind is Kind.HOPELESS:
         return ""
+    if Reason.UNTRIED in verdict.reasons:
+        return "; no trial has tried this policy yet, the next iteration does"
     worth = f"; another iteration is predicted to gain {verdict.gain:.2f}"
     if verdict.kind is Kind.ENOUGH:
         return worth

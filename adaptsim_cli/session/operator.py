@@ -144,7 +144,7 @@ class Attended:
 
     def _reason(self) -> str | None:
         """Why the trial does not count; None if the operator goes back."""
-        reason = self.screen.words("Why does this trial not count? (q or Esc: back, it is not rejected):")
+        reason = self.screen.words("Why does this trial not count? (q: back, it is not rejected):")
         return None if reason is None else reason or "the operator had it redone"
 
 

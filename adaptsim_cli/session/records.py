@@ -84,6 +84,7 @@ Stage = RunTrial | Adapt | Show
 def next_stage(existing: Existing, particles: int, trials: int) -> Stage:
     """The next stage of a session with `particles` x `trials` trials per iteration. There is always one."""
     iteration = 0
+    used = max((key.number for key in existing.started | existing.completed | existing.recorded), default=0)
     while True:
         keys = tuple(current_key(existing, n) for n in trial_numbers(iteration, particles, trials))
         for index, key in enumerate(keys):
@@ -92,21 +93,20 @@ def next_stage(existing: Existing, particles: int, trials: int) -> Stage:
                 recorded = key in existing.recorded
                 interrupted = key in existing.started and not recorded
                 return RunTrial(iteration, particle, trial, key, interrupted, recorded)
-        if not _is_settled(existing, iteration, keys, trial_numbers(iteration + 1, particles, trials).start):
+        if not _is_settled(existing, iteration, keys, is_used=used > keys[-1].number):
             return Adapt(iteration, keys)
         if iteration not in existing.shown:
             return Show(iteration)
         iteration += 1
 
 
-def _is_settled(existing: Existing, iteration: int, keys: tuple[TrialKey, ...], next_number: int) -> bool:
+def _is_settled(existing: Existing, iteration: int, keys: tuple[TrialKey, ...], *, is_used: bool) -> bool:
     """Whether the newest result of an iteration is final.
 
     A result that later trials depend on is final despite amendments; the next result reports those.
     """
     if iteration not in existing.results:
         return False
-    is_used = any(key.number >= next_number for key in existing.started | existing.completed | existing.recorded)
     is_up_to_date = existing.counted.get(iteration, 0) == changes_until(existing, iteration)
     return is_used or (existing.results[iteration] == keys and is_up_to_date)
 

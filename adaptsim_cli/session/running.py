@@ -50,7 +50,6 @@ class SessionRequest:
     given: frozenset[str]  # settings that came as flags
     iterations: int | None = 1  # None: as many as the task's horizon
     yes: bool = False
-    as_json: bool = False
     until_done: bool = False  # stop once another iteration is not worth its trials
 
 
@@ -79,7 +78,7 @@ def run_session(
     config = _continued(asked, known, request) if known else asked
     if not request.yes:
         console.require_terminal()
-    screen = screen or Screen(as_json=request.as_json)
+    screen = screen or Screen()
     if request.session is not None and known is None:
         _confirm_new(screen, request, root)
     unattended = config.unattended(request.yes)
@@ -102,8 +101,7 @@ def run_session(
             with screen.busy("Drawing the report", "reporting"):
                 path = draw(store)
             session.watcher.reported(path)
-            if request.as_json:
-                screen.data("run-iteration", summary)
+            screen.data("run-iteration", summary)
             store.mark_shown(summary.iteration - 1, datetime.now(UTC).isoformat(timespec="seconds"))
             if request.until_done and _is_done(summary, config.method):
                 break

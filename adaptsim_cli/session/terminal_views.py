@@ -10,12 +10,11 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from adaptsim_cli.outputs.sessions import Damaged, DamagedRollout, RolloutRow, SessionRow, SessionShown
+from adaptsim_cli.outputs.sessions import Damaged, DamagedRollout, RolloutRow, SessionRow, SessionShown, Verified
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.advice import HEADLINES, in_words
 from adaptsim_cli.session.correcting import Amended
-from adaptsim_cli.session.keeping import Verified
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import Facts, ProposedTrial, ResultRecord, RunTrial, TrialRecord
 from hw.types import Array
@@ -187,12 +186,11 @@ def session(shown: SessionShown) -> RenderableType:
     return Group(head, Text(shown.folder, style="dim"), Text(""), table, *rejected, *last)
 
 
-def tell_amended(screen: Screen, command: str, name: str, changed: Amended, *, as_json: bool) -> None:
+def tell_amended(screen: Screen, command: str, name: str, changed: Amended) -> None:
     """Print the amendment or restoration and its effect."""
-    if as_json:
-        key = changed.key
-        told = {"session": name, "trial": key.number, "attempt": key.attempt + 1, "changed": changed.what}
-        screen.data(command, told)
+    key = changed.key
+    told = {"session": name, "trial": key.number, "attempt": key.attempt + 1, "changed": changed.what}
+    if screen.data(command, told):
         return
     screen.plain(f"{changed.what[:1].upper()}{changed.what[1:]}.")
     screen.plain(changed.consequence)

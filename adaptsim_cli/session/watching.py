@@ -178,7 +178,7 @@ class SessionLog:
 
     def answered(self, question: str, answer: str, took_s: float) -> None:
         """See `Listener`."""
-        self.write("answered", question, took_s, answer="Esc" if answer == "\x1b" else answer)
+        self.write("answered", question, took_s, answer=answer)
 
     def noted(self, text: str) -> None:
         """See `Listener`."""

@@ -12,7 +12,7 @@ from adaptsim_cli.screen.views import number
 from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import ResultRecord, TrialRecord
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.store import SessionStore, results_of, trials_of
 from adaptsim_cli.session.target import MotionPreview, TrackedTrial
 from sim.adaptation.posterior import Posterior
 from sim.tasks.task import Task
@@ -81,8 +81,8 @@ def tracked(record: TrialRecord, seen: TrackedTrial, urls: Mapping[str, str]) ->
 
 def so_far(store: SessionStore, task: Task, posterior: Posterior | None) -> dict[str, Any]:
     """Rewards and parameters of the whole session."""
-    trials = [record for i in range(store.iterations()) for record in store.trials(i)]
-    results = [result for i in range(store.iterations()) if (result := store.result(i)) is not None]
+    trials = trials_of(store)
+    results = results_of(store)
     return {
         "rewards": [_reward(record) for record in trials],
         "per_iteration": store.facts.particles * store.facts.trials,

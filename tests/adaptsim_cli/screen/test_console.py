@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 
 import pytest
@@ -77,16 +78,13 @@ def test_an_unknown_key_says_so_and_a_question_mark_explains(tmp_path: Path, mon
     with pytest.raises(StoppedByOperator):
         run_iteration(attended(tmp_path, operator, lab))
     assert "go means nothing here, and nothing has happened." in said.getvalue()
-    assert "q or Esc  The command ends." in said.getvalue()
+    assert re.search(r"q +The command ends\.", said.getvalue())
     assert "Nothing moves yet." in said.getvalue()
 
 
-@pytest.mark.parametrize("way_out", ["q", "\x1b"])
-def test_a_rejection_begun_by_mistake_is_left_without_a_trace(
-    way_out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_rejection_begun_by_mistake_is_left_without_a_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`r`, then second thoughts; then the list of outcomes, and second thoughts again."""
-    operator, said = answering(monkeypatch, "", "", "r", way_out, "o", way_out, "", way_out)
+    operator, said = answering(monkeypatch, "", "", "r", "q", "o", "q", "", "q")
     session = attended(tmp_path, operator)
     with pytest.raises(StoppedByOperator):
         run_iteration(session)
@@ -151,8 +149,8 @@ def test_progress_off_a_terminal_is_a_line_a_tenth() -> None:
 
 def test_json_keeps_stdout_for_data(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     settings = resolved(tmp_path)
-    request = running.SessionRequest(None, frozenset(), iterations=1, yes=True, as_json=True)
-    running.run_session(settings, request, opener(ToyLab(0)), page.write)
+    request = running.SessionRequest(None, frozenset(), iterations=1, yes=True)
+    running.run_session(settings, request, opener(ToyLab(0)), page.write, console.Screen(as_json=True))
     out, err = capfd.readouterr()
     assert out.count("\n") == 1
     assert out.startswith('{"version": 1, "task": "toy"')

@@ -10,8 +10,10 @@ import pytest
 from toy_session import NAME, run
 
 from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.outputs.base import AnyRecord
+from adaptsim_cli.session import records
 from adaptsim_cli.session import store as stores
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.store import SessionStore, results_of, trials_of
 from adaptsim_cli.session.summary import details, overview
 from adaptsim_cli.storage.sealed import seal_toml
 
@@ -162,3 +164,26 @@ def test_the_newest_session_is_the_one_begun_last(tmp_path: Path) -> None:
     run(tmp_path, seed=2)
     run(tmp_path, seed=1)
     assert stores.newest(tmp_path / "data" / "sessions") == "toy-wd-adaptsim-seed1"
+
+
+def test_a_record_is_read_once_however_often_a_session_asks_for_it(
+    store: SessionStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened, read = list[Path](), records.read
+
+    def counted(kind: type[AnyRecord], path: Path) -> AnyRecord:
+        opened.append(path)
+        return read(kind, path)
+
+    monkeypatch.setattr(records, "read", counted)
+    for _ in range(3):
+        found = (*trials_of(store), *results_of(store))
+    assert len(opened) == len(set(opened)) == len(found) == 5
+
+
+def test_the_trials_of_an_iteration_are_found_without_looking_at_other_iterations(store: SessionStore) -> None:
+    (store.folder / "iteration-02").mkdir(exist_ok=True)
+    (store.folder / "iteration-02/foreign.txt").write_text("no record")
+    assert [trial.trial for trial in store.trials(0)] == [1, 2, 3, 4]
+    with pytest.raises(SessionError, match="foreign"):
+        store.existing()

@@ -13,7 +13,7 @@ from toy_session import NAME, run
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.sessions import Damaged, SessionRow
 from adaptsim_cli.session.correcting import amend, amendable, redo
-from adaptsim_cli.session.keeping import annotate, prune, verify
+from adaptsim_cli.session.keeping import mark, prune, verify
 from adaptsim_cli.session.store import SessionStore, names
 from adaptsim_cli.session.summary import overview_or_damage
 from perception.types import Outcome
@@ -47,7 +47,7 @@ def corrected(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
     amend(store, TASK, 3, Outcome.LOST, choices[Outcome.LOST], "seen on the recording")
     store = run(home)
     assert prune(store, rejected_only=True).files > 0
-    annotate(store.folder, note="the lamp was moved", add=("paper",))
+    mark(store.folder.parent, store.facts.name, "the lamp was moved", ("paper",))
     return store
 
 

@@ -44,7 +44,9 @@ def test_a_session_takes_every_recording_once_and_its_report_judges_by_those_hel
     assert "ran on recorded trials" in capsys.readouterr().err
     page = (session.folder / "report.html").read_text()
     assert "Predicted against observed" in page
-    assert "16 recorded trials were held out" in page
+    assert "16 trials held out" in page
+    assert " rad</td>" in page
+    assert "elieve the posterior" in page
     assert "SIMULATED" not in page
 
 

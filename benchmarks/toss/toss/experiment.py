@@ -287,7 +287,7 @@ def main() -> None:
     rows = list(rows_of(grid, trials, methods, asked.seeds, folder))
     if asked.page is not None:
         held = trials.split(HELD_OUT, 0)[1]
-        write(rows, methods, tosses, total, trials.at(held.actions).tolist(), len(grid.points), asked.page)
+        write(rows, methods, tosses, total, trials.at(held.actions).tolist(), grid, asked.page)
     names = ("udr", *methods, "best_recorded", "permuted")
     means = {name: round(float(np.mean([row[name] for row in rows])), 4) for name in names}
     print(json.dumps({**means, "seeds": len(rows)}))

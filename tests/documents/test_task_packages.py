@@ -1,4 +1,4 @@
-"""The task package of the real tosses, installed beside adaptsim as another lab's would be."""
+"""The task packages of real recordings, installed beside adaptsim as another lab's would be."""
 
 from __future__ import annotations
 
@@ -16,25 +16,38 @@ import pytest
 
 from adaptsim_cli.wiring.recorded.folder import read_recorded
 from sim import tasks
+from sim.lab.world import load_world
+from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
 ROOT = Path(__file__).parents[2]
-PACKAGE, FEW = ROOT / "benchmarks/toss", ROOT / "tests/data/tosses"
+PACKAGES, FEW = ("toss", "swing"), ROOT / "tests/data/tosses"
+
+
+@pytest.fixture(autouse=True)
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    for name in PACKAGES:
+        folder = tmp_path / f"{name}-1.0.dist-info"
+        folder.mkdir()
+        (folder / "entry_points.txt").write_text(f"[{tasks.OFFERED}]\n{name} = {name}\n")
+        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        monkeypatch.syspath_prepend(ROOT / "benchmarks" / name)
+    monkeypatch.syspath_prepend(tmp_path)
+    tasks._installed.cache_clear()
+    yield
+    tasks._installed.cache_clear()
+    for module in [one for one in sys.modules if one.partition(".")[0] in PACKAGES]:
+        del sys.modules[module]
 
 
 @pytest.fixture
-def toss(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Task]:
-    installed = tmp_path / "toss-1.0.dist-info"
-    installed.mkdir()
-    (installed / "entry_points.txt").write_text(f"[{tasks.OFFERED}]\ntoss = toss\n")
-    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: toss\nVersion: 1.0\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.syspath_prepend(PACKAGE)
-    tasks._installed.cache_clear()
-    yield tasks.get_task("toss")
-    tasks._installed.cache_clear()
-    for name in [name for name in sys.modules if name == "toss" or name.startswith("toss.")]:
-        del sys.modules[name]
+def toss(installed: None) -> Task:
+    return tasks.get_task("toss")
+
+
+@pytest.fixture
+def swing(installed: None) -> Task:
+    return tasks.get_task("swing")
 
 
 def contract() -> ModuleType:
@@ -47,7 +60,8 @@ def contract() -> ModuleType:
 
 
 @pytest.mark.long
-def test_it_keeps_the_contract_of_every_task(toss: Task) -> None:
+@pytest.mark.parametrize("name", PACKAGES)
+def test_it_keeps_the_contract_of_every_task(name: str) -> None:
     tests = [
         f
         for name, f in vars(contract()).items()
@@ -55,7 +69,7 @@ def test_it_keeps_the_contract_of_every_task(toss: Task) -> None:
     ]
     assert len(tests) >= 5
     for test in tests:
-        test(toss)
+        test(tasks.get_task(name))
 
 
 def test_a_cube_earns_at_its_goal_only_with_the_wanted_face_on_top(toss: Task) -> None:
@@ -137,3 +151,53 @@ def test_a_damaged_file_of_tosses_is_refused(
         with pytest.raises(SystemExit):
             experiment.main()
         assert reason in capsys.readouterr().err
+
+
+def test_a_pendulum_keeps_its_energy_without_friction_and_rests_below_its_friction(swing: Task) -> None:
+    physics = importlib.import_module("swing.physics")
+    j1, lever, g1, g2 = 0.06, 0.33, 0.23, 0.16
+    free = np.array([j1, lever, g1, g2, 0.0, 0.0, 0.0, 0.0])
+    q1, q2, v1, v2 = physics.swing(free, np.array([0.9, -0.6, 2.0, 1.0]), np.zeros((physics.NODES, 2))).T
+    bend, j2 = physics.LENGTH_M * g2 * np.cos(q2), g2 * lever
+    kinetic = 0.5 * (j1 + j2 + 2 * bend) * v1**2 + (j2 + bend) * v1 * v2 + 0.5 * j2 * v2**2
+    energy = kinetic - physics.GRAVITY_M_S2 * (g1 * np.cos(q1) + g2 * np.cos(q1 + q2))
+    assert np.ptp(kinetic) > 0.3
+    assert np.ptp(energy) < 1e-6
+    stuck = np.array([j1, lever, g1, g2, 0.25, 0.2, 0.0, 0.0])
+    below, above = (physics.swing(stuck, np.zeros(4), np.tile([u, 0.0], (physics.NODES, 1))) for u in (0.15, 1.0))
+    assert np.abs(below[:, 0]).max() < 0.02
+    assert np.abs(above[:, 0]).max() > 0.2
+
+
+@pytest.mark.long
+def test_twenty_windows_of_a_simulated_pendulum_find_its_parameters_and_predict_the_others(
+    swing: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    experiment = importlib.import_module("swing.experiment")
+    monkeypatch.setattr(experiment, "POINTS", 64)
+    monkeypatch.setattr(experiment, "SEEDS", 2)
+    truth = cover(swing.parameters, 64, np.random.default_rng(0))[5]
+    actions = np.random.default_rng(0).uniform(-0.8, 0.8, (24, len(swing.action)))
+    tracks = tuple(swing.simulate(truth, np.zeros(1), action, np.zeros(0)) for action in actions)
+    trials = experiment.RecordedTrials(swing, tuple(map(str, range(24))), None, actions, tracks)
+    found, mean = experiment.errors(trials)
+    assert np.mean(found["posterior"]) < 0.2 * np.mean(found["prior"])
+    assert swing.parameters.normalise(mean) == pytest.approx(swing.parameters.normalise(truth), abs=0.1)
+    by_hand = experiment.MODELS["by_hand"][:6]
+    assert by_hand == pytest.approx(load_world("wd", swing).parameters, rel=2e-3)
+
+
+def test_a_damaged_run_is_refused(swing: Task, tmp_path: Path) -> None:
+    experiment = importlib.import_module("swing.experiment")
+    t_s = np.arange(0.0, 3.0, 0.01)
+    good = {name: np.zeros(len(t_s)) for name in ("pos_meas1", "pos_meas2", "tau_meas1", "tau_meas2")}
+    for run, reason in (
+        ({"time": t_s, **good}, "holds 2 windows of one second, and more than 20 are needed"),
+        ({"time": t_s[::-1], **good}, "times must not decrease"),
+        ({"time": t_s, **good, "tau_meas2": np.full(len(t_s), np.nan)}, "must be finite"),
+        ({"time": t_s[:-5], **good}, "equally long"),
+        (good, "is no run"),
+    ):
+        np.savez(tmp_path / "run.npz", **run)
+        with pytest.raises(ValueError, match=reason):
+            experiment.read_windows(tmp_path)

@@ -65,7 +65,9 @@ def simulate(parameters: Array, context: Array, action: Array, nuisance: Array, 
 
 def track_of(state: Array) -> ObjectTrack:
     """The track of states (NODES, 4)."""
-    return ObjectTrack(NODE_S * np.arange(NODES), state, Outcome.SETTLED, np.full(3, np.nan), np.ones(NODES))
+    return ObjectTrack(
+        np.arange(NODES, dtype=np.float64) * NODE_S, state, Outcome.SETTLED, np.full(3, np.nan), np.ones(NODES)
+    )
 
 
 TASK = Task(

@@ -13,6 +13,7 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
@@ -97,7 +98,7 @@ def angles(parameters: Array, trials: RecordedTrials) -> Array:
     return np.stack([swing(parameters, a[:4], u)[..., :2] for a, u in zip(trials.actions, torques, strict=True)])
 
 
-def fitted(grid: GridSolver, trials: RecordedTrials, rows: Array) -> Array:
+def fitted(grid: GridSolver, trials: RecordedTrials, rows: NDArray[np.int_]) -> Array:
     """(K,) probabilities of the grid's points after these trials."""
     history = tuple(
         Trial(np.zeros(1), trials.actions[i], TASK.observation(trials.tracks[i]), 0.0, TASK.end_of(trials.tracks[i]))

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.judging import assess, final_policy
@@ -252,7 +253,7 @@ def rows_of(
         yield row
 
 
-def _best(predicted: Array) -> Array:
+def _best(predicted: Array) -> NDArray[np.intp]:
     """(G, A, K) rewards -> (G, K) the toss that the policy of each point chooses."""
     return np.asarray(predicted.round(9).argmax(axis=1))
 

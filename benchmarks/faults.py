@@ -50,11 +50,10 @@ from rich.console import Console
 from sdk_fake import FakeSdk, NetworkException
 from toy_rig import ToyLab
 
+from adaptsim_cli.devices.attended import ToolWatch
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.devices.known_arm import KnownArm
-from adaptsim_cli.devices.last_motion import LastMotion
-from adaptsim_cli.devices.tool_watch import ToolWatch
+from adaptsim_cli.devices.known_arm import KnownArm, LastMotion
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import running as session_running

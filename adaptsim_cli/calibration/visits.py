@@ -11,9 +11,9 @@ import numpy as np
 
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
-from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
+from adaptsim_cli.screen.views import clear_to_move
 from calib import poses
 from calib.coverage import Coverage
 from hw.types import Array

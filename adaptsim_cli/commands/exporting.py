@@ -142,7 +142,7 @@ def replay(
 
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import rerun_file, store, video, whole
+    from adaptsim_cli.session import replaying, store, whole
     from adaptsim_cli.session.exporting import written
 
     opened, screen = options.stored(session), console.Screen(as_json=as_json)
@@ -152,8 +152,8 @@ def replay(
     with screen.busy("Reading the recording"):
         found = whole.open_trial(opened, record)
     with screen.busy("Writing the Rerun file" if rerun else "Drawing the video"):
-        path = out or Path(f"{found.title}-replay{'.rrd' if rerun else video.SUFFIX}")
-        written(path, (rerun_file if rerun else video).encode(found))
+        path = out or Path(f"{found.title}-replay{'.rrd' if rerun else replaying.VIDEO}")
+        written(path, (replaying.rerun_file if rerun else replaying.video)(found))
     told = {"session": session, "trial": trial, "recording": str(found.file), "written": str(path.absolute())}
     if not screen.data("replay", told):
         screen.plain(str(path))

@@ -9,12 +9,11 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Literal
 
-from adaptsim_cli.devices.known_arm import STOP_BUTTON_DAYS, KnownArm
-from adaptsim_cli.devices.last_motion import LastMotion
+from adaptsim_cli.devices.known_arm import STOP_BUTTON_DAYS, KnownArm, LastMotion
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
+from adaptsim_cli.screen.views import clear_to_move
 from hw.errors import ArmFault
 from hw.ports import Arm
 

@@ -92,6 +92,12 @@ class Canvas:
             self.line(x.start, y(tick), x.end, y(tick), "grid")
             self.text(x.start - 6, y(tick) + 4, plain(round(tick, 4)), anchor="end")
 
+    def rewards(self, left: float, right: float, y: Scale) -> None:
+        """Lines with their values for rewards, from 0 to 1."""
+        for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
+            self.line(left, y(tick), right, y(tick), "grid")
+            self.text(left - 6, y(tick) + 4, f"{tick:g}", anchor="end")
+
     def svg(self) -> str:
         """The drawing as an SVG element with its label for screen readers."""
         return (

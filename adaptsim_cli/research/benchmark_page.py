@@ -119,9 +119,7 @@ def curve(method: MethodSummary, levels: Mapping[str, float]) -> str:
     canvas = Canvas(360, 200, f"Reward of {method.method} against real trials")
     left, right, top, bottom = 38.0, 350.0, 12.0, 166.0
     x, y = Scale(0.0, float(method.trials[-1]), left, right), Scale(0.0, 1.0, bottom, top)
-    for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
-        canvas.line(left, y(tick), right, y(tick), "grid")
-        canvas.text(left - 6, y(tick) + 4, f"{tick:g}", anchor="end")
+    canvas.rewards(left, right, y)
     for name, reward in levels.items():
         canvas.line(left, y(reward), right, y(reward), "area")
         canvas.text(right, y(reward) - 4, name, anchor="end")

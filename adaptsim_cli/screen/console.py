@@ -8,26 +8,31 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Protocol
 
-from rich.console import Console, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.segment import Segment
 from rich.text import Text
 
-from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, pictures, views
-from adaptsim_cli.screen.clean import CleanConsole
 from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
+from hw.errors import HardwareError
+from perception.errors import PerceptionError
+from sim.errors import ClusterUnavailable, NotExecutable, RolloutError, SolverFailed
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
+
 
 ANSWERING = "answering"
 """The stage of the time spent waiting for answers."""
@@ -292,3 +297,51 @@ def require_terminal(
     """Raises UsageError with `otherwise` if no terminal can answer questions."""
     if not sys.stdin.isatty():
         raise UsageError(otherwise)
+
+
+_COMMANDS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+
+
+class CleanConsole(Console):
+    """rich's console; control characters in a text become visible."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """See rich. Control segments of rich itself (a progress bar's) stay."""
+        for segment in super().render(renderable, options):
+            if segment.control or not _COMMANDS.search(segment.text):
+                yield segment
+            else:
+                yield Segment(clean(segment.text), segment.style)
+
+
+def clean(text: str) -> str:
+    """The text with every control character but the line break made visible, as \\x1b."""
+    return _COMMANDS.sub(lambda found: found.group().encode("unicode_escape").decode(), text)
+
+
+_WORTH_CONTINUING = (
+    StoppedByOperator,
+    PreflightFailed,
+    DiskFull,
+    HardwareError,
+    PerceptionError,
+    NotExecutable,
+    SolverFailed,
+    RolloutError,
+    ClusterUnavailable,
+    OSError,
+)
+
+
+@contextmanager
+def how_to_continue(hint: str, interrupted: str = "interrupted; everything completed is stored") -> Iterator[None]:
+    """Add `hint` to the error that stops a run; Ctrl-C becomes Interrupted with the message `interrupted`."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        stopped = Interrupted(interrupted)
+        stopped.add_note(hint)
+        raise stopped from error
+    except _WORTH_CONTINUING as error:
+        error.add_note(hint)
+        raise

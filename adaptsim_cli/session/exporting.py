@@ -50,9 +50,9 @@ def export(
         return _scene(out, kind, scene_of(store, kind))
     if store.facts.curves:
         raise UsageError(f"the task {store.facts.task} has no recordings: export it as csv, parquet or lerobot")
-    from adaptsim_cli.session import rerun_file, whole
+    from adaptsim_cli.session import replaying, whole
 
-    made, (suffix, encode) = [], ("rrd", rerun_file.encode) if kind == "rerun" else ("mcap", whole.encode)
+    made, (suffix, encode) = [], ("rrd", replaying.rerun_file) if kind == "rerun" else ("mcap", whole.encode)
     for done, record in enumerate(records):
         progress("trials", done + 1, len(records))
         trial = whole.open_trial(store, record)

@@ -20,7 +20,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
 from adaptsim_cli.session.correcting import choices_of, overruled
-from adaptsim_cli.session.operator import Accept, Operator, Overrule, Proposal, Redo
+from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
     Adapt,
@@ -39,7 +39,7 @@ from adaptsim_cli.session.records import (
 from adaptsim_cli.session.store import SessionStore, history_of, particles_of
 from adaptsim_cli.session.summary import summary
 from adaptsim_cli.session.target import Executed, Parts, Placed, Planned, TrackedTrial
-from adaptsim_cli.session.watching import Unwatched, Watcher
+from adaptsim_cli.session.watching import AllOf, Watcher
 from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
@@ -63,7 +63,7 @@ class RunningSession:
     parts: Parts
     operator: Operator
     screen: Screen
-    watcher: Watcher = field(default_factory=Unwatched)
+    watcher: Watcher = field(default_factory=AllOf)
     policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # trained so far in this process
     beside_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
@@ -173,16 +173,16 @@ def _look(session: RunningSession, stage: RunTrial) -> None:
     record = trial_record(task, motion, seen)
     session.watcher.tracked(record, seen)
     review = operator.review(record, choices_of(task, target.outcomes, seen.track, motion.context_array))
-    if isinstance(review, Redo):
-        _reject(session, stage, review.reason)
+    if review.rejected:
+        _reject(session, stage, review.rejected)
         return
     with session.screen.busy("Storing the trial", "storing"):
-        if isinstance(review, Overrule):
+        if review.outcome is not None:
             record = overruled(task, record, review.outcome)
         record = record.model_copy(update={"timing_s": added(motion.timing_s, session.screen.lap_s())})
         store.save_trial(record, seen.files)
     tell(session)
-    session.screen.show(terminal_views.trial_done(record, manual=not isinstance(review, Accept)))
+    session.screen.show(terminal_views.trial_done(record, manual=review.outcome is not None))
 
 
 def adapt(session: RunningSession, stage: Adapt) -> None:

@@ -11,8 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from adaptsim_cli.screen.clear import clear_to_move, top_speed_m_s
-from adaptsim_cli.screen.views import Readiness
+from adaptsim_cli.screen.views import Readiness, clear_to_move, top_speed_m_s
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import brightness, rig_checks

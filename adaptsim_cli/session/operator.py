@@ -33,25 +33,11 @@ Choices = dict[Outcome, float]
 
 
 @dataclass(frozen=True)
-class Accept:
-    """The trial counts with its tracked outcome."""
+class Review:
+    """The judgement of a tracked trial; without either it counts as it was tracked."""
 
-
-@dataclass(frozen=True)
-class Overrule:
-    """The trial counts, with the outcome that the operator saw."""
-
-    outcome: Outcome
-
-
-@dataclass(frozen=True)
-class Redo:
-    """The trial does not count."""
-
-    reason: str
-
-
-Review = Accept | Overrule | Redo
+    outcome: Outcome | None = None  # it counts with this one, which the operator saw
+    rejected: str = ""  # why it does not count
 
 
 class Operator(Protocol):
@@ -131,10 +117,10 @@ class Attended:
                     "stopped by the operator; this trial is recorded; the same command asks for its review again"
                 )
             if answer == "r" and (reason := self._reason()) is not None:
-                return Redo(reason)
+                return Review(rejected=reason)
             if answer == "o" and (outcome := which_outcome(self.screen, choices)) is not None:
-                return Overrule(outcome)
-        return Accept()
+                return Review(outcome)
+        return Review()
 
     def try_again(self, stage: RunTrial) -> bool:
         """See `Operator`; the person decides."""
@@ -212,7 +198,7 @@ class Unattended:
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """See `Operator`; accepts every outcome."""
-        return Accept()
+        return Review()
 
     def try_again(self, stage: RunTrial) -> bool:
         """See `Operator`; a fixed number of attempts."""

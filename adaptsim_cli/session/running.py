@@ -16,8 +16,7 @@ from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import PreflightFailed, UsageError
 from adaptsim_cli.outputs.trials import Iteration, as_row
 from adaptsim_cli.screen import console
-from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session import terminal_views
@@ -28,7 +27,7 @@ from adaptsim_cli.session.preflight import preflight
 from adaptsim_cli.session.records import Draw, Facts, SessionStart, as_records, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
-from adaptsim_cli.session.watching import AllOf, InTerminal, Unwatched, Watcher, logged
+from adaptsim_cli.session.watching import AllOf, InTerminal, Watcher, logged
 
 OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
 """(settings, folder for a solver's policies) -> the connected parts."""
@@ -55,7 +54,7 @@ class SessionRequest:
 
 def terminal_alone(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
     """No watcher besides the terminal."""
-    return nullcontext(Unwatched())
+    return nullcontext(AllOf())
 
 
 def run_session(
@@ -92,7 +91,7 @@ def run_session(
         watcher = stack.enter_context(open_view(screen, store, parts))
         stack.enter_context(store.locked())
         log = stack.enter_context(logged(store, screen, parts.provenance.versions))
-        session = RunningSession(store, parts, operator, screen, AllOf((InTerminal(screen), watcher, log)))
+        session = RunningSession(store, parts, operator, screen, AllOf(InTerminal(screen), watcher, log))
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}"))
         _ready(session, config)
         tell(session)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.views import clear_to_move
 from adaptsim_cli.touch_off.parts import TouchRig
 
 NEVER_CONFIRMS = "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"

@@ -16,8 +16,7 @@ from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.in_recordings import InRecordings
-from adaptsim_cli.session.in_simulation import InSimulation
+from adaptsim_cli.session.in_simulation import InRecordings, InSimulation
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.running import OpenView
@@ -43,7 +42,7 @@ from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy
 from sim.tasks.task import Hardware, Task
 
 if TYPE_CHECKING:
-    from adaptsim_cli.devices.drivers import Drivers
+    from adaptsim_cli.devices.lab import Drivers
     from adaptsim_cli.screen.console import Screen
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.methods.belief import Belief

@@ -77,37 +77,6 @@ def test_a_wrong_command_line_ends_with_2(
     assert re.search(message, told(capfd))
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("sead = 0", "adaptsim.toml: unknown key 'sead', did you mean 'seed'?"),
-        ("seed = = 0", "adaptsim.toml is not valid TOML"),
-        ("particles = 'two'", "particles = 'two'"),
-    ],
-)
-def test_a_bad_settings_file_ends_with_2(
-    text: str, message: str, place: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    (place / "adaptsim.toml").write_text(text)
-    assert app.run([*RUN]) == 2
-    assert message in told(capfd)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("[params]\nmu = 0.3\ne = 1e5\ng = 0\nheight = 2.0\n", "'height'"),
-        ("[params]\nmu = 0.3\ne = 1e5\ng = 0\nh = 0.02\n", "looks like m, but the unit is cm"),
-        ("[params]\nmu = -0.3\ne = 1e5\ng = 0\nh = 2.0\n", "mu = -0.3"),
-        ("[params\n", "w.toml"),
-    ],
-)
-def test_a_bad_world_ends_with_2(text: str, message: str, place: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    (place / "w.toml").write_text('task = "scooping"\n' + text)
-    assert app.run(["run-iteration", "--task", "scooping", "--world", "w.toml", "--yes"]) == 2
-    assert message in told(capfd)
-
-
 def test_a_corrupt_or_foreign_checkpoint_ends_with_8(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (place / "ckpt").mkdir()
     (place / "ckpt" / "card.toml").write_text("not a card [")
@@ -251,47 +220,6 @@ def test_a_flag_that_contradicts_the_session_ends_with_2(lab: ToyLab, capfd: pyt
     capfd.readouterr()
     assert app.run([*RUN, "--session", "mine", "--seed", "9"]) == 2
     assert "was begun with seed = 0, not 9" in told(capfd)
-
-
-def test_a_session_is_listed_shown_reported_and_redone(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
-    assert app.run(RUN) == 0
-    capfd.readouterr()
-    assert app.run(["sessions", "list", "--json"]) == 0
-    (listed,) = json.loads(capfd.readouterr().out)["sessions"]
-    assert (listed["session"], listed["iterations"], listed["trials"]) == (NAME, 1, 4)
-    assert app.run(["sessions", "redo", NAME, "2", "--json"]) == 0
-    assert json.loads(capfd.readouterr().out) == {"version": 1, "session": NAME, "trial": 2, "next_attempt": 2}
-    assert app.run(["report", "--json", "--out", "page.html"]) == 0
-    assert json.loads(capfd.readouterr().out)["session"] == NAME
-    assert "<svg" in Path("page.html").read_text()
-
-
-def test_settings_are_shown_with_their_sources(capfd: pytest.CaptureFixture[str]) -> None:
-    assert app.run(["config", "init", "--project", "--arm", "none", "--yes"]) == 0
-    Path("adaptsim.toml").write_text("seed = 7\n")
-    capfd.readouterr()
-    assert app.run(["config", "show", "--json"]) == 0
-    shown = json.loads(capfd.readouterr().out)
-    assert shown["settings"]["seed"] == {"value": 7, "source": str(Path.cwd() / "adaptsim.toml")}
-    assert app.run(["config", "init", "--project", "--arm", "none", "--yes"]) == 0
-    assert "unchanged" in capfd.readouterr().out
-    assert Path("adaptsim.toml").read_text() == "seed = 7\n"
-
-
-def test_every_command_has_help_with_an_example(capfd: pytest.CaptureFixture[str]) -> None:
-    groups: dict[str, list[str]] = {
-        "": ["run-iteration", "pretrain", "report", "doctor"],
-        "sessions": ["list", "show", "redo"],
-        "config": ["show", "path", "init"],
-        "checkpoints": ["list", "verify"],
-        "lab": ["show", "list"],
-    }
-    for group, commands in groups.items():
-        for command in commands:
-            assert app.run([*filter(None, [group]), command, "--help"]) == 0
-            text = capfd.readouterr().out
-            assert "Example: adaptsim" in text, (group, command)
-            assert "--json" in text, (group, command)
 
 
 def test_debug_adds_the_traceback(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

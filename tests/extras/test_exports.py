@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from toy_session import run
 
-from adaptsim_cli.session import episodes, exporting, rerun_file, whole
+from adaptsim_cli.session import episodes, exporting, replaying, whole
 from adaptsim_cli.session.store import SessionStore, rows, trials_of
 from adaptsim_cli.wiring.scene import files_of
 
@@ -73,7 +73,7 @@ def test_in_rerun_depth_is_depth_and_the_arm_moves(store: SessionStore, tmp_path
     played = trial.stored.execution  # the toy's arm rests: here it turns about its base
     turned = played.q_measured_rad + np.outer(np.linspace(0.0, 0.5, len(played.t_s)), np.eye(7)[0])
     moving = replace(trial, stored=replace(trial.stored, execution=replace(played, q_measured_rad=turned)))
-    file = exporting.written(tmp_path / "moving.rrd", rerun_file.encode(moving))
+    file = exporting.written(tmp_path / "moving.rrd", replaying.rerun_file(moving))
     depth = "/base/camera/depth_camera/image"
     assert "DepthImage:buffer" in components(file, depth)
     assert {meter for row in values(file, depth, "DepthImage:meter") for meter in row} == {1000.0}

@@ -17,7 +17,7 @@ from adaptsim_cli.report import page
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import running
 from adaptsim_cli.session.flow import RunningSession
-from adaptsim_cli.session.operator import Accept, Choices, Operator, Proposal, Review, Unattended
+from adaptsim_cli.session.operator import Choices, Operator, Proposal, Review, Unattended
 from adaptsim_cli.session.records import RunTrial, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 
@@ -43,7 +43,7 @@ class ScriptedOperator:
         self.before_motion(proposal)
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
-        return self.reviews.pop(0) if self.reviews else Accept()
+        return self.reviews.pop(0) if self.reviews else Review()
 
     def try_again(self, stage: RunTrial) -> bool:
         self.asked.append(f"again {stage.key.number}.{stage.key.attempt}")

@@ -12,7 +12,7 @@ from real_lab import READY_RAD, quiet, said, typing
 
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.devices.last_motion import LastMotion
+from adaptsim_cli.devices.known_arm import LastMotion
 from adaptsim_cli.screen.console import Screen
 from hw.collision import LEVEL
 from hw.errors import ArmFault, MotionRefused

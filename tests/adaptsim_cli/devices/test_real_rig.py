@@ -109,7 +109,7 @@ def test_a_broken_rig_file_ends_with_2_and_a_missing_driver_with_3(
     run = ["rollout", "--task", "scooping", "--hw", "panda"]
     for lacking in ("arm", "camera", "pedal", "balance"):
         devices = ToyDevices(lacking=lacking)
-        monkeypatch.setattr("adaptsim_cli.devices.drivers.makers_drivers", devices.drivers)
+        monkeypatch.setattr("adaptsim_cli.devices.lab.makers_drivers", devices.drivers)
         assert app.run(run) == 3
         assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err
         assert devices.arm is None or not devices.arm.executed

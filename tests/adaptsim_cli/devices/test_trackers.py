@@ -7,16 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adaptsim_cli.devices.trackers import TRACKERS, tracker_of
+from adaptsim_cli.devices.trackers import tracker_of
 from perception.types import Outcome
 from sim.errors import UnknownName
 from sim.tasks import get_task
 from sim.tasks.pushing.params import START_M, goal_m
-
-
-def test_every_task_with_hardware_names_a_tracker_that_exists() -> None:
-    for name in ("scooping", "pushing"):
-        assert get_task(name).require_hardware().tracker in TRACKERS
 
 
 def test_an_unknown_tracker_is_refused_with_the_known_ones() -> None:

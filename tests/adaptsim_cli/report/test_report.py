@@ -11,7 +11,7 @@ from toy_session import ScriptedOperator, attended, run
 from adaptsim_cli.report import figures, page
 from adaptsim_cli.report.svg import Scale, plain
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.operator import Accept, Overrule, Redo
+from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.store import SessionStore
 from perception.types import Outcome
 
@@ -41,7 +41,7 @@ class Outline(HTMLParser):
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
     home = tmp_path_factory.mktemp("report")
-    reviews: list[Accept | Overrule | Redo] = [Redo("the <piece> was touched"), Overrule(Outcome.LOST)]
+    reviews: list[Review] = [Review(rejected="the <piece> was touched"), Review(Outcome.LOST)]
     session = attended(home, ScriptedOperator(reviews=reviews))
     for iteration in range(2):
         run_iteration(session)

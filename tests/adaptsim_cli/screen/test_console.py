@@ -8,14 +8,12 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
-from toy_rig import ToyLab, opener
-from toy_session import attended, resolved
+from toy_rig import ToyLab
+from toy_session import attended
 
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.report import page
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session import running
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.operator import Attended
 from perception.types import Outcome
@@ -145,16 +143,6 @@ def test_progress_off_a_terminal_is_a_line_a_tenth() -> None:
     lines = said.getvalue().splitlines()
     assert len(lines) == 11
     assert lines[-1].strip() == "dataset: 100 % (1000 of 1000)"
-
-
-def test_json_keeps_stdout_for_data(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    settings = resolved(tmp_path)
-    request = running.SessionRequest(None, frozenset(), iterations=1, yes=True)
-    running.run_session(settings, request, opener(ToyLab(0)), page.write, console.Screen(as_json=True))
-    out, err = capfd.readouterr()
-    assert out.count("\n") == 1
-    assert out.startswith('{"version": 1, "task": "toy"')
-    assert "Trial 4" in err
 
 
 def test_an_error_is_one_line_that_can_be_copied(capfd: pytest.CaptureFixture[str]) -> None:

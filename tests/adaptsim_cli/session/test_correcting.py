@@ -14,7 +14,7 @@ from adaptsim_cli.session import correcting
 from adaptsim_cli.session.correcting import amend, amendable, redo, restore
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.keeping import verify
-from adaptsim_cli.session.operator import Choices, Proposal, Redo, Review
+from adaptsim_cli.session.operator import Choices, Proposal, Review
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from perception.types import Outcome
@@ -31,7 +31,7 @@ def changed(store: SessionStore, number: int, outcome: Outcome) -> str:
 
 def test_a_rejection_is_taken_back_and_its_recording_is_reviewed_again(tmp_path: Path) -> None:
     lab = ToyLab(0)
-    operator = ScriptedOperator(reviews=[Redo("slip of the finger")])
+    operator = ScriptedOperator(reviews=[Review(rejected="slip of the finger")])
     operator.before_motion = lambda made: stop_at_second(made.trial.attempt - 1)
 
     def stop_at_second(attempt: int) -> None:
@@ -116,7 +116,7 @@ def test_what_cannot_be_restored_or_amended_says_why(tmp_path: Path) -> None:
 def test_a_restored_attempt_may_be_rejected_and_restored_once_more(tmp_path: Path) -> None:
     class Undecided(ScriptedOperator):
         def review(self, tracked: TrialRecord, choices: Choices) -> Review:
-            return Redo("no")
+            return Review(rejected="no")
 
         def approve(self, proposal: Proposal, real: bool) -> None:
             if proposal.trial.attempt > 1:

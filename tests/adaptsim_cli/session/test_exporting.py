@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from toy_session import NAME, run
 
 from adaptsim_cli import app
-from adaptsim_cli.session import exporting, recording, topics, whole
+from adaptsim_cli.session import exporting, recording, replaying, topics, whole
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.wiring.scene import files_of
 
@@ -127,7 +127,7 @@ def test_a_replay_is_a_video_with_every_frame(store: SessionStore, tmp_path: Pat
     while video.read()[0]:
         frames += 1
     assert frames == len(trial.stored.frames)
-    assert whole.centre_px(trial, trial.start_s - 1.0) is None
+    assert replaying.centre_px(trial, trial.start_s - 1.0) is None
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,7 @@ import pytest
 from rich.text import Text
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen.clean import CleanConsole, clean
-from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.console import CleanConsole, Screen, clean
 from adaptsim_cli.session import keeping, watching
 from adaptsim_cli.session.store import entries, own_files
 from adaptsim_cli.storage import durable

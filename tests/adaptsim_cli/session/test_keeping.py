@@ -13,7 +13,7 @@ from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import keeping, recording
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.keeping import verify
-from adaptsim_cli.session.operator import Redo
+from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.store import SessionStore, names
 
@@ -22,7 +22,7 @@ from adaptsim_cli.session.store import SessionStore, names
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A session of one iteration, in which the first trial was redone."""
     home = tmp_path_factory.mktemp("keeping")
-    session = attended(home, ScriptedOperator(reviews=[Redo("touched")]))
+    session = attended(home, ScriptedOperator(reviews=[Review(rejected="touched")]))
     run_iteration(session)
     session.store.mark_shown(0, "2024-01-01T00:00:00+00:00")
     return home
@@ -82,12 +82,6 @@ def test_a_session_that_runs_is_not_moved_or_deleted(root: Path) -> None:
             with pytest.raises(UsageError, match="run by another process"):
                 act(root, NAME)
     assert names(root) == (NAME,)
-
-
-def test_a_deleted_session_is_gone(root: Path) -> None:
-    keeping.delete(root, NAME)
-    assert names(root) == ()
-    assert list(root.iterdir()) == [path for path in root.iterdir() if path.name == ".lock"]
 
 
 def test_pruning_makes_room_and_the_session_stays_whole(root: Path) -> None:

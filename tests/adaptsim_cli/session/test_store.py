@@ -14,7 +14,7 @@ from adaptsim_cli.outputs.base import AnyRecord
 from adaptsim_cli.session import records
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session.store import SessionStore, results_of, trials_of
-from adaptsim_cli.session.summary import details, overview
+from adaptsim_cli.session.summary import details
 from adaptsim_cli.storage.sealed import seal_toml
 
 
@@ -55,12 +55,6 @@ def test_a_truncated_file_is_named(store: SessionStore, file: str, cut: float) -
         details(reopened(store))
         reopened(store).summary(0)
     assert str(path) in str(caught.value)
-
-
-def test_a_missing_recording_is_named(store: SessionStore) -> None:
-    (store.folder / "iteration-01/trial-001-attempt-1/recording.mcap").unlink()
-    with pytest.raises(SessionError, match=r"trial-001-attempt-1/recording.mcap .*it is missing"):
-        overview(reopened(store))
 
 
 def test_a_foreign_file_among_the_trials_is_named(store: SessionStore) -> None:

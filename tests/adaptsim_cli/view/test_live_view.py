@@ -22,7 +22,7 @@ from toy_session import ScriptedOperator, attended
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.flow import RunningSession, run_iteration
-from adaptsim_cli.session.operator import Choices, Proposal, Redo, Review
+from adaptsim_cli.session.operator import Choices, Proposal, Review
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.watching import RunHeader
 from adaptsim_cli.view import state
@@ -152,7 +152,7 @@ def test_everything_is_on_the_page_before_it_is_asked_about(tmp_path: Path) -> N
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
     facts = session.store.facts
     with live_view(screen, TASK, RunHeader.session(facts), "toy lab", None) as view:
-        operator = Looking(view, [Redo("slip")])
+        operator = Looking(view, [Review(rejected="slip")])
         watched = RunningSession(session.store, session.parts, operator, screen, view)
         run_iteration(watched)
         last = dict(view._state)

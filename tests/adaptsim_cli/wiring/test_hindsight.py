@@ -133,10 +133,3 @@ def test_what_cannot_be_compared_is_refused(root: Path) -> None:
         comparison.compared([store, other])
     with pytest.raises(SessionError, match="there is no session"):
         SessionStore.open(config.load().places.sessions, "nothing")
-
-
-def test_compare_prints_where_the_page_lies(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert app.run(["compare", ADAPTED, UDR]) == 0
-    said = capsys.readouterr().out
-    assert "comparison.html" in said
-    assert Path(said.split("Page: ")[1].splitlines()[0]).is_file()

@@ -1,11 +1,16 @@
-"""A completed trial for the Rerun viewer: moving arm, depth images, and the track in the scene."""
+"""A completed trial to look at: in the Rerun viewer with the moving arm, or as a video with the tracked centre."""
 
 from __future__ import annotations
 
+import os
+import tempfile
+from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
+from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import whole
 from adaptsim_cli.session.retracking import tool_poses
 from adaptsim_cli.session.topics import FRAMES, X_FH
@@ -19,7 +24,7 @@ TIMELINE = "arm_clock"
 CAMERA, DEPTH = "base/camera", "base/camera/depth_camera"
 
 
-def encode(trial: WholeTrial) -> bytes:
+def rerun_file(trial: WholeTrial) -> bytes:
     """The whole file in memory. Raises ExtraMissing without rerun-sdk, SessionError."""
     rr = _rerun()
     stream = rr.RecordingStream("adaptsim", recording_id=trial.title)
@@ -103,3 +108,66 @@ def _pose(rr: Any, X: Array) -> Any:
 def _about(trial: WholeTrial) -> str:
     facts = {**trial.metadata(), **{name: str(value) for name, value in trial.outcome().items()}}
     return "\n".join(["| | |", "|---|---|", *(f"| {name} | {value} |" for name, value in facts.items() if value)])
+
+
+VIDEO = ".webm"
+_HEIGHT_PX, _FPS = 540, 30.0
+_RING, _DARK = (40, 190, 255), (20, 20, 20)  # BGR
+
+
+def video(trial: WholeTrial) -> bytes:
+    """The whole video in memory, at the speed of the camera. Raises SessionError without frames or an encoder."""
+    if not trial.stored.frames:
+        raise SessionError(f"{trial.file} holds no frames of the motion")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / f"video{VIDEO}"
+        first = trial.stored.frames[0].colour
+        size = (round(first.shape[1] * _HEIGHT_PX / first.shape[0]) // 2 * 2, _HEIGHT_PX)
+        writer = cv2.VideoWriter(os.fspath(file), cv2.VideoWriter.fourcc(*"VP80"), _fps(trial), size)
+        if not writer.isOpened():
+            raise SessionError("OpenCV has no VP8 encoder here, so no video can be written: try --rerun")
+        try:
+            for picture in _pictures(trial, size):
+                writer.write(picture)
+        finally:
+            writer.release()
+        return file.read_bytes()
+
+
+def _pictures(trial: WholeTrial, size: tuple[int, int]) -> list[np.ndarray[tuple[int, ...], np.dtype[np.uint8]]]:
+    found, way = [], list[tuple[int, int]]()
+    scale = size[1] / trial.stored.frames[0].colour.shape[0]
+    end_s = trial.start_s + trial.record.track.t_s[-1]
+    for frame in trial.stored.frames:
+        small = cv2.resize(frame.colour[..., ::-1], size, interpolation=cv2.INTER_AREA)
+        picture = np.ascontiguousarray(small, np.uint8)
+        centre = centre_px(trial, frame.t_s)
+        if centre is not None:
+            way.append((round(centre[0] * scale), round(centre[1] * scale)))
+        if way:
+            cv2.polylines(picture, [np.array(way, np.int32).reshape(-1, 1, 2)], False, _RING, 1, cv2.LINE_AA)
+            for colour, width in ((_DARK, 3), (_RING, 1)):
+                cv2.circle(picture, way[-1], 9, colour, width, cv2.LINE_AA)
+        text = f"{frame.t_s - trial.start_s:5.2f} s"
+        if frame.t_s >= end_s:
+            text += f"   {trial.record.outcome_words}, reward {trial.record.reward:.2f}"
+        for colour, width in ((_DARK, 4), ((255, 255, 255), 1)):
+            cv2.putText(picture, text, (14, size[1] - 16), cv2.FONT_HERSHEY_SIMPLEX, 0.7, colour, width, cv2.LINE_AA)
+        found.append(picture)
+    return found
+
+
+def _fps(trial: WholeTrial) -> float:
+    times_s = np.array([frame.t_s for frame in trial.stored.frames])
+    return float(1.0 / np.median(np.diff(times_s))) if len(times_s) > 1 else _FPS
+
+
+def centre_px(trial: WholeTrial, t_s: float) -> np.ndarray[tuple[int], np.dtype[np.float64]] | None:
+    """(2,) the tracked centre in the colour image at an arm clock's time; None outside the track."""
+    track, since_s = trial.record.track.track(), t_s - trial.start_s
+    if not track.t_s[0] <= since_s <= track.t_s[-1]:
+        return None
+    colour, X_CB = trial.stored.model.colour, np.linalg.inv(trial.stored.X_BC)
+    p_m = track.at(np.array([since_s]))[:, :3] @ X_CB[:3, :3].T + X_CB[:3, 3]
+    pixels, _ = cv2.projectPoints(p_m, np.zeros(3), np.zeros(3), colour.K, colour.distortion)
+    return np.asarray(pixels.reshape(2), np.float64)

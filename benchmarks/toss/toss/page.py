@@ -57,7 +57,8 @@ def write(
         points=len(grid.points),
         seeds=len(rows),
         table=table,
-        conclusion=_conclusion(rows),
+        conclusion=_conclusion(rows, methods),
+        guess=_gain(rows, "average_particle"),
         permuted=_mean(rows, "permuted"),
         permuted_shown=_mean(rows, "permuted_shown"),
         posterior=", ".join(named),
@@ -80,13 +81,19 @@ def write(
         temporary.write_text(text, encoding="utf-8")
 
 
-def _conclusion(rows: Sequence[dict[str, Any]]) -> str:
+def _conclusion(rows: Sequence[dict[str, Any]], methods: Sequence[str]) -> str:
+    """`adaptsim` against UDR, and against the best of the other methods."""
     low, high = _interval([row["adaptsim"] - row["udr"] for row in rows])
+    told = "`adaptsim` does **not** clearly beat UDR here: the interval of its gain holds zero."
     if low > 0.0:
-        return "`adaptsim` earns more than UDR on real tosses that it never saw."
-    if high < 0.0:
-        return "`adaptsim` earns **less** than UDR here: adapting to these tosses does harm."
-    return "`adaptsim` does **not** clearly beat UDR here: the interval of its gain holds zero."
+        told = "`adaptsim` earns more than UDR on real tosses that it never saw."
+    elif high < 0.0:
+        told = "`adaptsim` earns **less** than UDR here: adapting to these tosses does harm."
+    others = [name for name in methods if name != "adaptsim"]
+    if not others:
+        return told
+    best = max(others, key=lambda name: float(np.mean([row[name] for row in rows])))
+    return f"{told} The best other method is `{best}`; `adaptsim` minus it is {_gain(rows, 'adaptsim', best)}, paired."
 
 
 def _expressed(grid: GridSolver, tosses: Tosses) -> dict[str, str]:
@@ -112,8 +119,8 @@ def _mean(rows: Sequence[dict[str, Any]], name: str) -> str:
     return f"{np.mean(values):.3f} ({low:.3f} to {high:.3f})"
 
 
-def _gain(rows: Sequence[dict[str, Any]], name: str) -> str:
-    values = [row[name] - row["udr"] for row in rows]
+def _gain(rows: Sequence[dict[str, Any]], name: str, other: str = "udr") -> str:
+    values = [row[name] - row[other] for row in rows]
     low, high = _interval(values)
     return f"{np.mean(values):+.3f} ({low:+.3f} to {high:+.3f})"
 

@@ -36,7 +36,7 @@ def test_a_session_takes_every_recording_once_and_its_report_judges_by_those_hel
 ) -> None:
     assert run(recorded, "-n", "3") == 0
     assert "RECORDED" in capsys.readouterr().out
-    session = api.open_session("pendulum-swings-adaptsim-seed0")
+    session = api.open_session("pendulum-swings")
     actions = np.array([trial.action_array for trial in session.trials])
     assert len(actions) == 6
     assert len(np.unique(actions, axis=0)) == len(actions)

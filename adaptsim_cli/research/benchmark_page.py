@@ -150,8 +150,8 @@ def differences(methods: Sequence[MethodSummary]) -> str:
         if mean < x.low:
             canvas.text(x.start + 4.0, middle + 4.0, f"{signed(mean)}, far below", "row")
             continue
-        low = max(low, x.low)
-        canvas.rect(x(low), middle - 5.0, max(x(high) - x(low), 1.5), 10.0, "expected c0", 3)
+        left = x(max(low, x.low))
+        canvas.rect(left, middle - 5.0, max(x(high) - left, 1.5), 10.0, "expected c0", 3)
         canvas.dot(x(mean), middle, 4.5, "dot c0", f"{mean:+.3f} ({low:+.3f} to {high:+.3f})")
     return canvas.svg()
 

@@ -76,7 +76,9 @@ def test_a_report_shows_its_iterations_while_the_session_is_beyond_them(tmp_path
 
     settings = resolved(tmp_path)
     lab = ToyLab(0, {"place": lambda trial, attempt: went_on.set() if trial > 5 else None})
-    path = running.run_session(settings, running.SessionRequest(None, frozenset(), 2, yes=True), opener(lab), draw)
+    path = running.run_session(
+        settings, running.SessionRequest(None, frozenset({"task"}), 2, yes=True), opener(lab), draw
+    )
     store = SessionStore.open(settings.places.sessions, path.parent.name)
     assert drawn == [[1, 2, 3, 4], [1, 2, 3, 4, 5, 6, 7, 8]], "the last one is drawn before the command ends"
     assert store.existing().shown == {0, 1}
@@ -88,7 +90,7 @@ def test_a_report_that_fails_stops_the_command_and_is_drawn_again_by_the_next_on
 
     settings, lab = resolved(tmp_path), ToyLab(0)
     with pytest.raises(SessionError, match="the disk is full"):
-        running.run_session(settings, running.SessionRequest(None, frozenset(), 1, yes=True), opener(lab), full)
+        running.run_session(settings, running.SessionRequest(None, frozenset({"task"}), 1, yes=True), opener(lab), full)
     store = run(tmp_path, lab)
     assert (store.iterations(), store.existing().shown) == (1, {0}), "the same iteration, shown again"
     assert (store.folder / "report.html").is_file()

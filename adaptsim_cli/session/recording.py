@@ -7,17 +7,20 @@ import json
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
+from mcap.reader import McapReader, make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from numpy.typing import NDArray
+from zstandard import ZstdError
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import topics
@@ -172,10 +175,17 @@ def read(path: Path) -> Recording:
             f"{path} was removed with adaptsim sessions prune, to free disk space: the numbers and key moments of this "
             "trial are still there, its recording is not. Restore it from a copy"
         )
+    with opened(path) as reader:
+        return _read(reader)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[McapReader]:
+    """A reader of an MCAP file that verifies its checksums. Raises SessionError naming the file if it is damaged."""
     try:
         with path.open("rb") as stream:
-            return _read(make_reader(stream, validate_crcs=True))
-    except (McapError, OSError, KeyError, ValueError, IndexError, struct.error) as error:
+            yield make_reader(stream, validate_crcs=True)
+    except (McapError, ZstdError, OSError, KeyError, ValueError, IndexError, struct.error) as error:
         raise corrupt(path, str(error)) from error
 
 
@@ -183,20 +193,14 @@ def require_whole(path: Path) -> None:
     """Raises SessionError if a checksum inside an MCAP file is wrong; other files pass."""
     if path.suffix != ".mcap":
         return
-    try:
-        with path.open("rb") as stream:
-            reader = make_reader(stream, validate_crcs=True)
-            for _ in reader.iter_attachments():
-                pass
-            for _ in reader.iter_messages():
-                pass
-    except (McapError, OSError, KeyError, ValueError, IndexError, struct.error) as error:
-        raise corrupt(path, str(error)) from error
+    with opened(path) as reader:
+        for _ in chain(reader.iter_attachments(), reader.iter_messages()):
+            pass
 
 
-def _read(reader: object) -> Recording:
+def _read(reader: McapReader) -> Recording:
     camera = None
-    for attachment in reader.iter_attachments():  # type: ignore[attr-defined]
+    for attachment in reader.iter_attachments():
         if attachment.name == "camera.json":
             camera = json.loads(attachment.data)
     if camera is None:
@@ -204,7 +208,7 @@ def _read(reader: object) -> Recording:
     images: dict[str, dict[int, Future[Any]]] = {topic: {} for topic in _IMAGES}
     joints: dict[str, list[tuple[int, tuple[float, ...]]]] = {topics.MEASURED: [], topics.COMMANDED: []}
     with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it decodes
-        for _, channel, message in reader.iter_messages():  # type: ignore[attr-defined]
+        for _, channel, message in reader.iter_messages():
             topic = channel.topic
             if topic in images:
                 t_ns, _ = topics.Reader(message.data).header()

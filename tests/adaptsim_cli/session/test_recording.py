@@ -154,6 +154,15 @@ def test_a_truncated_recording_is_named(file: Path, cut: float) -> None:
         recording.read(file)
 
 
+def test_a_damaged_block_is_named(file: Path) -> None:
+    content = bytearray(file.read_bytes())
+    start = content.index(b"\x28\xb5\x2f\xfd")  # a compressed block
+    content[start + 20 : start + 40] = bytes(20)
+    file.write_bytes(content)
+    with pytest.raises(SessionError, match=r"recording.mcap is corrupt"):
+        recording.read(file)
+
+
 def test_the_same_trial_gives_the_same_bytes() -> None:
     assert encoded(execution())[0] == encoded(execution())[0]
 

@@ -557,7 +557,7 @@ def _shown_meanwhile(fake: FakeK4a, ask: Callable[[], Any], is_gone: bool) -> An
 def run(home: Path, lab: ToyLab) -> None:
     """One iteration of one particle, as `run-iteration --yes`."""
     settings = toy_session.resolved(home, particles=1)
-    request = session_running.SessionRequest(None, frozenset(), 1, yes=True)
+    request = session_running.SessionRequest(None, frozenset({"task"}), 1, yes=True)
     session_running.run_session(
         settings, request, toy_rig.opener(lab), lambda store: store.folder, toy_session.silent()
     )

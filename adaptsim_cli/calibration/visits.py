@@ -78,8 +78,7 @@ class Automatic:
             return
         what = f"brings the board to {len(self.q_rad)} places, slowly, one after the other, without asking again"
         question = clear_to_move(self.rig.is_real, what) + ". Board firm in the gripper?"
-        stopped = "stopped by the operator; nothing has moved"
-        self.screen.go_on(question, "to start", then=f"The arm {what}. Ctrl-C stops it.", stopped=stopped)
+        self.screen.go_on(question, "to start", then=f"The arm {what}. Ctrl-C stops it.", kept="nothing has moved")
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
         """Move to one posture, or skip it if no way leads there. Raises MotionRefused, HardwareError."""

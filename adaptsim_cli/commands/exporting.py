@@ -18,7 +18,7 @@ def report(
 ) -> None:
     """Write one self-contained HTML page of a session: is it better, rewards, parameters, paths, camera frames.
 
-    Example: adaptsim report scooping-oreo-adaptsim-seed0
+    Example: adaptsim report scooping-oreo
     """
     import shlex
 
@@ -50,7 +50,7 @@ def compare(
 ) -> None:
     """Compare sessions: methods, worlds, days, posteriors. Writes a page, and CSV of the sessions and of the trials.
 
-    Example: adaptsim compare scooping-oreo-adaptsim-seed0 scooping-ood-1-udr-seed0
+    Example: adaptsim compare scooping-oreo scooping-ood-1-udr-seed0
     """
     import hashlib
 
@@ -109,7 +109,7 @@ def export(
     sdf and mjcf write the scene at the posterior mean with one trial of the best policy. Parquet and LeRobot need the
     extra `export`, Rerun the extra `rerun`, mjcf the extra `mujoco`.
 
-    Example: adaptsim sessions export scooping-oreo-adaptsim-seed0 --format mcap
+    Example: adaptsim sessions export scooping-oreo --format mcap
     """
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import exporting
@@ -135,7 +135,7 @@ def replay(
 ) -> None:
     """Watch a recorded trial: a video with the tracked centre, or the Rerun viewer with the moving arm.
 
-    Example: adaptsim replay scooping-oreo-adaptsim-seed0 2
+    Example: adaptsim replay scooping-oreo 2
     """
     import subprocess
     import sys
@@ -174,7 +174,7 @@ def bundle(
 
     The home folder is written as ~. Look into the archive before you send it.
 
-    Example: adaptsim bundle scooping-oreo-adaptsim-seed0
+    Example: adaptsim bundle scooping-oreo
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
@@ -209,7 +209,7 @@ def retrack(
 ) -> None:
     """Track the recordings of a session again, with the tracker of this version. Nothing stored is changed.
 
-    Example: adaptsim retrack scooping-oreo-adaptsim-seed0 --trial 2
+    Example: adaptsim retrack scooping-oreo --trial 2
     """
     from adaptsim_cli.devices.trackers import tracker_of
     from adaptsim_cli.screen import console, views

@@ -48,8 +48,9 @@ def run_iteration(
 ) -> None:
     """Run the trials of one iteration, adapt the simulation parameters and train the next task policies.
 
-    Continues where the session stopped. Without --session, its name follows from task, world, method and seed. With
-    --until-done it stops when another iteration is not worth its trials, and runs --iterations at most.
+    Continues where the session stopped. Without --session, its name follows from task, world, method and seed; with
+    none of these it is the newest session. Only --task begins a new one. With --until-done it stops when another
+    iteration is not worth its trials, and runs --iterations at most.
 
     Example: adaptsim run-iteration --task scooping --world oreo --seed 0 --yes
     """
@@ -65,7 +66,7 @@ def run_iteration(
     said = {"recorded": recorded, "held_out": held_out, "start_from": start_from}
     said |= {"realtime": realtime or None, "pace": pace, "operator": operator}
     resolved = settings.load({**flags, **said})
-    given = frozenset(key for key, source in resolved.sources.items() if source == "flag")
+    given = frozenset(key for key, source in resolved.sources.items() if source.startswith(("flag", "world ")))
     most = iterations or (None if until_done else 1)
     request = running.SessionRequest(session, given, most, yes, until_done)
     looking_on = wiring.beside(view_port) if view or view_port is not None else running.terminal_alone

@@ -59,7 +59,7 @@ def list_sessions(
 def show(name: options.Session, as_json: options.Json = False) -> None:
     """Show every completed trial and iteration of a session.
 
-    Example: adaptsim sessions show scooping-oreo-adaptsim-seed0
+    Example: adaptsim sessions show scooping-oreo
     """
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import summary, terminal_views
@@ -89,7 +89,7 @@ def verify(
 
     Ends with exit code 8 when a file is damaged. Nothing is changed.
 
-    Example: adaptsim sessions verify scooping-oreo-adaptsim-seed0
+    Example: adaptsim sessions verify scooping-oreo
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
@@ -132,7 +132,7 @@ def mark(
 
     `sessions list --tag` finds tags, `sessions list --archived` archived sessions.
 
-    Example: adaptsim sessions mark scooping-oreo-adaptsim-seed0 --note "before the camera was moved" --tag paper
+    Example: adaptsim sessions mark scooping-oreo --note "before the camera was moved" --tag paper
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
@@ -157,7 +157,7 @@ def mark(
 def delete(name: options.Session, yes: options.Sure = False, as_json: options.Json = False) -> None:
     """Remove a session for good, after you type its name. `sessions mark --archive` keeps it.
 
-    Example: adaptsim sessions delete scooping-oreo-adaptsim-seed0
+    Example: adaptsim sessions delete scooping-oreo
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import StoppedByOperator
@@ -190,7 +190,7 @@ def prune(
     Without its recordings a session can still be continued, compared and exported as a table; it cannot be replayed or
     tracked again.
 
-    Example: adaptsim sessions prune scooping-oreo-adaptsim-seed0 --rejected
+    Example: adaptsim sessions prune scooping-oreo --rejected
     """
     from adaptsim_cli.errors import StoppedByOperator
     from adaptsim_cli.screen import console
@@ -221,7 +221,7 @@ def redo(
 ) -> None:
     """Mark a trial as bad: the next run-iteration repeats it and adapts again.
 
-    Example: adaptsim sessions redo scooping-oreo-adaptsim-seed0 3 --reason "the piece was touched"
+    Example: adaptsim sessions redo scooping-oreo 3 --reason "the piece was touched"
     """
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import correcting
@@ -249,7 +249,7 @@ def accept(
 ) -> None:
     """Take back a rejection: the attempt counts again. Nothing moves, nothing is deleted.
 
-    Example: adaptsim sessions accept scooping-oreo-adaptsim-seed0 3
+    Example: adaptsim sessions accept scooping-oreo 3
     """
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import correcting, terminal_views
@@ -272,7 +272,7 @@ def amend(
 
     Later trials stay as they are; the next adaptation takes the new outcome into account and says so.
 
-    Example: adaptsim sessions amend scooping-oreo-adaptsim-seed0 1 --outcome on_table --reason "it fell off at home"
+    Example: adaptsim sessions amend scooping-oreo 1 --outcome on_table --reason "it fell off at home"
     """
     from adaptsim_cli import config
     from adaptsim_cli.screen import console
@@ -301,7 +301,7 @@ def policy(
 
     `adaptsim rollout --session NAME --best` runs it.
 
-    Example: adaptsim sessions policy scooping-oreo-adaptsim-seed0 --out policy.json
+    Example: adaptsim sessions policy scooping-oreo --out policy.json
     """
     import json
 

@@ -80,8 +80,7 @@ def offer_recovery(arm: Arm, screen: Screen) -> None:
         screen.note(f"The arm reports: {state.fault}")
         if state.by_hand:
             then = "Reads the arm's state again. Nothing moves."
-            stopped = "stopped by the operator; nothing has moved"
-            screen.go_on("Resolve this first (nothing moves).", "when done", then=then, stopped=stopped)
+            screen.go_on("Resolve this first (nothing moves).", "when done", then=then, kept="nothing has moved")
             continue
         clear = Key("recover", "to clear it", "Clears the arm's fault. Nothing moves.")
         leave = enter("to leave it", "Keeps the fault; the command ends before anything moves.")

@@ -14,7 +14,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.outputs.sessions import ComparedMethod, ParameterBelief
 from adaptsim_cli.report import figures
 from adaptsim_cli.report.figures import Level, Line
-from adaptsim_cli.report.page import Measured, both, fill, mean_of, trial_std
+from adaptsim_cli.report.page import Measured, both, fill, mean_of, parameters_in_words, trial_std
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
@@ -58,6 +58,11 @@ class Compared:
     def verdict(self) -> str:
         """The verdict after its last iteration, in words."""
         return in_words(self.result.verdict, self.facts.object_name) if self.result else "No iteration is complete yet."
+
+    @property
+    def best(self) -> str:
+        """The best parameters so far, with names and units; "" before the first result."""
+        return parameters_in_words(self.facts, self.result.best.params) if self.result else ""
 
     @property
     def pair(self) -> tuple[str, str, int]:

@@ -300,14 +300,30 @@ def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] =
     return canvas.svg()
 
 
+def over_film(trial: TrialRecord, expected: Prediction) -> str:
+    """The path predicted before the trial, drawn over its film; the height is the observed one. "" without a film."""
+    if trial.film is None:
+        return ""
+    track = trial.track.track()
+    z_m = np.interp(expected.t_s, track.t_s, track.state[:, 2])
+    p_m = np.column_stack([expected.guess[:, :2], z_m, np.ones(len(z_m))])
+    u, v, w = np.array(trial.film.camera).reshape(3, 4) @ p_m.T
+    points = [(240.0 * x, 240.0 * y) for x, y in zip(u / w, v / w, strict=True)]
+    canvas = Canvas(240, 240, "Predicted path")
+    canvas.curve(points, "in-film")
+    canvas.dot(*points[-1], 4, "in-film", "predicted end")
+    return canvas.svg()
+
+
 def _from_above(points_m: Array, label: str, width: float) -> tuple[Canvas, Scale, Scale]:
     """The table around points (N, 2); both axes have the same scale, so a path keeps its shape."""
     low, high = points_m.min(axis=0) - 0.015, points_m.max(axis=0) + 0.015
     left, top = 48.0, 12.0
     per_m = min((width - 8.0 - left) / (high[0] - low[0]), 340.0 / (high[1] - low[1]))
-    right, bottom = left + per_m * (high[0] - low[0]), top + per_m * (high[1] - low[1])
+    middle, half = (low[1] + high[1]) / 2, max(high[1] - low[1], 130.0 / per_m) / 2  # room for the names of two ticks
+    right, bottom = left + per_m * (high[0] - low[0]), top + per_m * 2 * half
     canvas = Canvas(min(width, right + 8), bottom + 44, label)
-    x, y = Scale(low[0], high[0], left, right), Scale(low[1], high[1], bottom, top)
+    x, y = Scale(low[0], high[0], left, right), Scale(middle - half, middle + half, bottom, top)
     canvas.rect(left, top, right - left, bottom - top, "table", 6)
     canvas.grid(x, y)
     canvas.text((left + right) / 2, bottom + 36, "x in metres, away from the robot", anchor="middle")

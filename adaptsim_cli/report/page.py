@@ -19,6 +19,7 @@ from adaptsim_cli.report.agreement import Z95, agreement
 from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words
+from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.records import (
     DimensionRecord,
     Facts,
@@ -56,6 +57,8 @@ class TrialView:
 
     record: TrialRecord
     strip: tuple[Still, ...]
+    film: str  # data URL of the sheet, "" without a camera
+    over_film: str  # the figure over it, "" without a prediction
     overlay: str  # data URL, "" if there is none
     context: str
     action: str
@@ -131,7 +134,7 @@ def render(
         trials=trials,
         latest=results[-1] if results else None,
         verdict=in_words(results[-1].verdict, facts.object_name) if results else "",
-        best=_named(facts, results[-1].best.params) if results else "",
+        best=parameters_in_words(facts, results[-1].best.params) if results else "",
         correction=_correction(facts, results[-1].outlook) if results else "",
         successes=sum(t.reward > 0 for t in trials),
         figure_levels=both(lambda width: figures.levels(rows, width)) if rows else "",
@@ -260,7 +263,9 @@ def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) ->
     context = _quantities(_described(facts, facts.context), tuple(record.context.values()))
     action = _quantities(_described(facts, facts.action), tuple(record.action.values()))
     drawn = figures.prediction(record, known.predictions[record.trial], tuple(facts.curves)) if known else ""
-    return TrialView(record, strip, overlay, context, action, drawn)
+    film = picture(folder / FILM) if FILM in record.files else ""
+    over = figures.over_film(record, known.predictions[record.trial]) if known and not facts.curves else ""
+    return TrialView(record, strip, film, over, overlay, context, action, drawn)
 
 
 def _rejected(store: SessionStore, iteration: int) -> tuple[str, ...]:
@@ -326,7 +331,8 @@ def _correction(facts: Facts, outlook: OutlookRecord | None) -> str:
     return ", ".join(signed) or "none"
 
 
-def _named(facts: Facts, params: Mapping[str, float]) -> str:
+def parameters_in_words(facts: Facts, params: Mapping[str, float]) -> str:
+    """Plain name, value and unit of each parameter."""
     return _quantities(_described(facts, facts.parameters), tuple(params[d.name] for d in facts.parameters))
 
 

@@ -38,14 +38,13 @@ ANSWERING = "answering"
 """The stage of the time spent waiting for answers."""
 END = "(end of input)"
 """The answer that listeners get at the end of input."""
-_WAY_OUT = "The command ends. Everything completed is stored, and the same command goes on from here."
 
 
 class Listener(Protocol):
     """A listener that shows the terminal's events elsewhere."""
 
-    def doing(self, what: str) -> None:
-        """A step, `what`, begins."""
+    def doing(self, what: str, stage: str) -> None:
+        """A step, `what`, of a stage (see `Screen.busy`) begins."""
         ...
 
     def did(self, what: str, stage: str, took_s: float) -> None:
@@ -146,15 +145,16 @@ class Screen:
         does: str = "to go on",
         *,
         then: str,
-        stopped: str = "stopped by the operator; everything completed is stored",
+        kept: str = "everything completed is stored",
     ) -> None:
-        """Wait for Enter; `then` describes its effect. Raises StoppedByOperator(`stopped`) at q."""
-        if self.choose(question, enter(does, then), stop(_WAY_OUT)) == "q":
-            raise StoppedByOperator(stopped)
+        """Wait for Enter; `then` describes its effect, `kept` the state after q. Raises StoppedByOperator at q."""
+        if self.choose(question, enter(does, then), stop(f"The command ends; {kept}.")) == "q":
+            raise StoppedByOperator(f"stopped by the operator; {kept}")
 
-    def words(self, question: str) -> str | None:
-        """Ask for a sentence; "" if it is empty, None at q. Raises StoppedByOperator."""
-        answer = self.ask_text(question)
+    def words(self, question: str, explain: str = "Type the answer and press Enter; q leaves.") -> str | None:
+        """Ask for a sentence; "" if it is empty, None at q, `explain` at `?`. Raises StoppedByOperator."""
+        while (answer := self.ask_text(question)) == HELP:
+            self.show(views.indent(Text(explain)))
         return None if answer in ("q", "Q") else answer
 
     def length(self, question: str, otherwise: float) -> float:
@@ -186,13 +186,13 @@ class Screen:
 
     @contextmanager
     def busy(self, what: str, stage: str = "") -> Iterator[None]:
-        """Show a running step with its time so far; only one line without a terminal.
+        """Show a running step with its time so far; without a terminal, a line afterwards if it took a second.
 
         `stage` is the word under which `lap_s` adds up the time.
         """
         began = time.monotonic()
         for listener in self._listeners:
-            listener.doing(what)
+            listener.doing(what, stage or what)
         with self._stopwatch.stage(stage or what), self._waiting(what, began):
             yield
         took_s = time.monotonic() - began
@@ -211,8 +211,9 @@ class Screen:
             with waiting:
                 yield
         else:
-            self.show(Text(f"  {what}", style="dim"))
             yield
+            if (took_s := time.monotonic() - began) >= 1.0:
+                self.show(Text(f"  {what}: {took_s:.0f} s", style="dim"))
 
     @contextmanager
     def progress(self) -> Iterator[Callable[[str, int, int], None]]:
@@ -321,6 +322,7 @@ def clean(text: str) -> str:
 
 _WORTH_CONTINUING = (
     StoppedByOperator,
+    Interrupted,
     PreflightFailed,
     DiskFull,
     HardwareError,

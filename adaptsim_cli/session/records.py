@@ -227,6 +227,13 @@ class KeyMoment(Record):
     file: str
 
 
+class Film(Record):
+    """The film of a trial: `film.jpg`, a sheet of small pictures in reading order, evenly in time (`film.py`)."""
+
+    end_s: float  # time of the last picture since the start of the tool's motion; the first one shows that start
+    camera: Row  # (12,) 3 x 4, row by row: a point in the base frame in m -> its place in a picture, from 0 to 1
+
+
 class ProposedTrial(Record):
     """A trial before its motion. A completed trial's record begins with these fields."""
 
@@ -277,6 +284,7 @@ class TrialRecord(MotionRecord):
     overruled_from: Outcome | None = None
     track: TrackRecord
     moments: tuple[KeyMoment, ...]
+    film: Film | None = None  # None without a camera
     control_success_rate: float
     files: dict[str, int] = Field(default_factory=dict)  # name -> bytes of the other files, without motion.json
 

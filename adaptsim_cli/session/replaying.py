@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,9 @@ import numpy as np
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import whole
+from adaptsim_cli.session.film import draw_way, way_px, write
 from adaptsim_cli.session.retracking import tool_poses
+from adaptsim_cli.session.target import Image
 from adaptsim_cli.session.topics import FRAMES, X_FH
 from adaptsim_cli.session.whole import WholeTrial
 from hw.kinematics import FLANGE, link_poses
@@ -112,7 +116,7 @@ def _about(trial: WholeTrial) -> str:
 
 VIDEO = ".webm"
 _HEIGHT_PX, _FPS = 540, 30.0
-_RING, _DARK = (40, 190, 255), (20, 20, 20)  # BGR
+_RING_PX = 9
 
 
 def video(trial: WholeTrial) -> bytes:
@@ -123,7 +127,8 @@ def video(trial: WholeTrial) -> bytes:
         file = Path(folder) / f"video{VIDEO}"
         first = trial.stored.frames[0].colour
         size = (round(first.shape[1] * _HEIGHT_PX / first.shape[0]) // 2 * 2, _HEIGHT_PX)
-        writer = cv2.VideoWriter(os.fspath(file), cv2.VideoWriter.fourcc(*"VP80"), _fps(trial), size)
+        with _silent():  # OpenCV warns of the only tag that it takes for VP8
+            writer = cv2.VideoWriter(os.fspath(file), cv2.VideoWriter.fourcc(*"VP80"), _fps(trial), size)
         if not writer.isOpened():
             raise SessionError("OpenCV has no VP8 encoder here, so no video can be written: try --rerun")
         try:
@@ -134,40 +139,35 @@ def video(trial: WholeTrial) -> bytes:
         return file.read_bytes()
 
 
-def _pictures(trial: WholeTrial, size: tuple[int, int]) -> list[np.ndarray[tuple[int, ...], np.dtype[np.uint8]]]:
-    found, way = [], list[tuple[int, int]]()
-    scale = size[1] / trial.stored.frames[0].colour.shape[0]
-    end_s = trial.start_s + trial.record.track.t_s[-1]
-    for frame in trial.stored.frames:
-        small = cv2.resize(frame.colour[..., ::-1], size, interpolation=cv2.INTER_AREA)
-        picture = np.ascontiguousarray(small, np.uint8)
-        centre = centre_px(trial, frame.t_s)
-        if centre is not None:
-            way.append((round(centre[0] * scale), round(centre[1] * scale)))
-        if way:
-            cv2.polylines(picture, [np.array(way, np.int32).reshape(-1, 1, 2)], False, _RING, 1, cv2.LINE_AA)
-            for colour, width in ((_DARK, 3), (_RING, 1)):
-                cv2.circle(picture, way[-1], 9, colour, width, cv2.LINE_AA)
-        text = f"{frame.t_s - trial.start_s:5.2f} s"
-        if frame.t_s >= end_s:
+def _pictures(trial: WholeTrial, size: tuple[int, int]) -> list[Image]:
+    found, stored, track = list[Image](), trial.stored, trial.record.track.track()
+    scale = size[1] / stored.frames[0].colour.shape[0]
+    for frame in stored.frames:
+        picture = np.array(cv2.resize(frame.colour, size, interpolation=cv2.INTER_AREA), np.uint8)
+        since_s = frame.t_s - trial.start_s
+        if track.t_s[0] <= since_s:
+            draw_way(picture, scale * way_px(stored.model, stored.X_BC, track, since_s), _RING_PX)
+        text = f"{since_s:5.2f} s"
+        if since_s >= track.t_s[-1]:
             text += f"   {trial.record.outcome_words}, reward {trial.record.reward:.2f}"
-        for colour, width in ((_DARK, 4), ((255, 255, 255), 1)):
-            cv2.putText(picture, text, (14, size[1] - 16), cv2.FONT_HERSHEY_SIMPLEX, 0.7, colour, width, cv2.LINE_AA)
-        found.append(picture)
+        write(picture, text, (14, size[1] - 16), 0.7)
+        found.append(np.ascontiguousarray(picture[..., ::-1]))
     return found
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Discard what libraries write to stderr."""
+    kept = os.dup(2)
+    with Path(os.devnull).open("wb") as nothing:
+        os.dup2(nothing.fileno(), 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 def _fps(trial: WholeTrial) -> float:
     times_s = np.array([frame.t_s for frame in trial.stored.frames])
     return float(1.0 / np.median(np.diff(times_s))) if len(times_s) > 1 else _FPS
-
-
-def centre_px(trial: WholeTrial, t_s: float) -> np.ndarray[tuple[int], np.dtype[np.float64]] | None:
-    """(2,) the tracked centre in the colour image at an arm clock's time; None outside the track."""
-    track, since_s = trial.record.track.track(), t_s - trial.start_s
-    if not track.t_s[0] <= since_s <= track.t_s[-1]:
-        return None
-    colour, X_CB = trial.stored.model.colour, np.linalg.inv(trial.stored.X_BC)
-    p_m = track.at(np.array([since_s]))[:, :3] @ X_CB[:3, :3].T + X_CB[:3, 3]
-    pixels, _ = cv2.projectPoints(p_m, np.zeros(3), np.zeros(3), colour.K, colour.distortion)
-    return np.asarray(pixels.reshape(2), np.float64)

@@ -149,7 +149,7 @@ class SessionLog:
         if problem := damage(folder):
             screen.note(f"{problem}. The session goes on; its records do not depend on the log")
 
-    def doing(self, what: str) -> None:
+    def doing(self, what: str, stage: str) -> None:
         """See `Listener`; the step becomes a line once it is over."""
 
     def did(self, what: str, stage: str, took_s: float) -> None:

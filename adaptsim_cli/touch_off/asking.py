@@ -69,8 +69,7 @@ class HumanAssistant:
         self._go_on(f"{clear_to_move(rig.is_real, what)}.", "to start", f"The arm {what}.")
 
     def _go_on(self, question: str, does: str, then: str) -> None:
-        stopped = "stopped by the operator; nothing was stored"
-        self.screen.go_on(question, does, then=then, stopped=stopped)
+        self.screen.go_on(question, does, then=then, kept="nothing was stored")
 
 
 @dataclass(frozen=True)

@@ -66,8 +66,8 @@ def picture(preview: MotionPreview, name: str) -> dict[str, Any]:
     return {"url": f"picture/{name}", "width": width, "height": height, "path_px": _rounded(preview.path_px, 1)}
 
 
-def tracked(record: TrialRecord, seen: TrackedTrial, urls: Mapping[str, str]) -> dict[str, Any]:
-    """A tracked trial, before its review."""
+def tracked(record: TrialRecord, seen: TrackedTrial, url: str) -> dict[str, Any]:
+    """A tracked trial, before its review; `url` is that of its film."""
     state = seen.track.state
     return {
         "outcome": record.outcome_words,
@@ -75,7 +75,7 @@ def tracked(record: TrialRecord, seen: TrackedTrial, urls: Mapping[str, str]) ->
         "flags": list(record.track.flags),
         "track_px": _rounded(seen.track_px, 1),
         "track_m": _rounded(state[:, :3], 4) if state.shape[1] >= 3 else [],
-        "moments": [{"label": m.label, "t_s": round(m.t_s, 2), "url": urls[m.file]} for m in seen.moments],
+        "film": None if record.film is None else {"url": url, "end_s": record.film.end_s},
     }
 
 

@@ -25,6 +25,7 @@ from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, 
 from adaptsim_cli.session.watching import RunHeader, Watcher
 from adaptsim_cli.storage.sealed import versions
 from adaptsim_cli.view.live import live_view
+from adaptsim_cli.view.server import require_free
 from adaptsim_cli.wiring.checkpoints import checkpoint_of, task_of
 from adaptsim_cli.wiring.earlier import recordings_of, started_from
 from adaptsim_cli.wiring.rig_frames import ground_of, hash_of, own_ground
@@ -268,7 +269,9 @@ def executable_on(hardware: Hardware, planner: Planner) -> Executable:
 
 
 def beside(port: int | None) -> OpenView:
-    """A page at `port`, or at any free port. Opening it raises UsageError if the port is in use."""
+    """A page at `port`, or at any free port. Raises UsageError, before anything begins, if the port is in use."""
+    if port is not None:
+        require_free(port)
 
     @contextmanager
     def open_view(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:

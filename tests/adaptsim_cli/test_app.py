@@ -65,6 +65,7 @@ def told(capfd: pytest.CaptureFixture[str]) -> str:
         (["run-iteration", "--hw", "ur5", "--yes"], "choose one of fake, panda, fr3"),
         (["run-iteration", "--task", "juggling", "--yes"], 'task "juggling" is not known: it must be one of'),
         (["run-iteration", "--world", "narnia", "--yes"], "no world 'narnia'"),
+        (["run-iteration", "--world", "ligt-bottle", "--yes"], "did you mean light-bottle"),
         (["run-iteration", "--world", "./missing.toml", "--yes"], "no world file"),
         (["run-iteration", "--session", "../up", "--yes"], "session name '../up'"),
         (["sessions", "redo", "x"], "Missing argument"),
@@ -101,6 +102,20 @@ def test_without_a_terminal_and_without_yes_nothing_begins(
     assert not (place / "home").exists()
 
 
+def test_only_a_named_task_begins_a_session(lab: ToyLab, place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    sessions = place / "home" / "data" / "sessions"
+    for arguments in ([], ["--session", "nosuch"], ["--world", "wd"], ["--seed", "4"], ["--method", "udr"]):
+        assert app.run(["run-iteration", "--yes", *arguments]) == 2
+        assert "--task" in told(capfd)
+        assert not sessions.exists()
+    assert app.run([*RUN, "--session", "mine"]) == app.run(RUN) == 0
+    assert app.run(["run-iteration", "--session", "mien", "--yes"]) == 2
+    assert "did you mean mine?" in told(capfd)
+    assert app.run(["run-iteration", "--yes"]) == 0  # the newest one goes on
+    begun = {folder.name: len(list(folder.glob("iteration-*"))) for folder in sessions.glob("[!.]*")}
+    assert begun == {"mine": 1, NAME: 2}
+
+
 def test_json_on_stdout_is_one_line_an_iteration_and_nothing_else(
     lab: ToyLab, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -128,6 +143,7 @@ def test_without_json_a_person_reads_stdout(lab: ToyLab, capfd: pytest.CaptureFi
         ("stop_recording", TrackingFailed("in none of the frames"), 6),
         ("place", NotExecutable("joint 4 would need 3 rad/s"), 4),
         ("stop_recording", KeyboardInterrupt(), 130),
+        ("execute", KeyboardInterrupt(), 130),
     ],
 )
 def test_what_goes_wrong_in_a_trial_has_its_code_and_says_how_to_continue(
@@ -198,7 +214,7 @@ def test_too_little_space_is_seen_before_anything_moves(
 def test_an_arm_with_a_fault_is_seen_before_anything_moves(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
     lab.fault = "reflex"
     assert app.run(RUN) == 3
-    assert "arm: it reports reflex" in told(capfd)
+    assert "reflex" in told(capfd)
     assert lab.executions == []
 
 

@@ -21,7 +21,7 @@ from adaptsim_cli.session.operator import Choices, Operator, Proposal, Review, U
 from adaptsim_cli.session.records import RunTrial, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 
-NAME = "toy-wd-adaptsim-seed0"
+NAME = "toy-wd"
 
 
 @dataclass
@@ -57,7 +57,7 @@ def resolved(home: Path, **flags: object) -> config.Resolved:
 def run(home: Path, lab: ToyLab | None = None, *, iterations: int = 1, **flags: object) -> SessionStore:
     """`run-iteration --yes` on the toy rig, in this process."""
     settings = resolved(home, **flags)
-    request = running.SessionRequest(None, frozenset(), iterations, yes=True)
+    request = running.SessionRequest(None, frozenset({"task"}), iterations, yes=True)
     path = running.run_session(settings, request, opener(lab or ToyLab(settings.config.seed)), page.write)
     return SessionStore.open(settings.places.sessions, path.parent.name)
 

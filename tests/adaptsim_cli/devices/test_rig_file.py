@@ -83,9 +83,9 @@ def test_what_is_wrong_is_named_with_key_value_and_limit(wrong: dict[str, Any], 
 
 
 def test_what_is_no_toml_or_not_there_is_said(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="is not valid TOML"):
+    with pytest.raises(UsageError, match="TOML"):
         read(write_rig(tmp_path, "name = "))
-    with pytest.raises(UsageError, match=r"no rig file.*adaptsim config init"):
+    with pytest.raises(UsageError, match=r"none\.toml"):
         read(tmp_path / "none.toml")
 
 

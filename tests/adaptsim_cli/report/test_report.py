@@ -94,6 +94,12 @@ def test_the_default_place_is_the_session_folder_and_it_is_replaced(store: Sessi
     assert page.write(store) == page.write(store) == store.folder / "report.html"
 
 
+def test_no_template_hides_a_figure() -> None:
+    """`wide` and `narrow` are shown at one width only; only `page.both` may use them, as a pair."""
+    for template in Path(page.__file__).parents[1].rglob("*.j2"):
+        assert not re.search(r'class="[^"]*\b(wide|narrow)\b', template.read_text()), template.name
+
+
 def test_ticks_are_round_and_inside() -> None:
     assert Scale(0.2, 0.4, 0, 100).ticks(4) == pytest.approx([0.2, 0.25, 0.3, 0.35, 0.4])
     assert Scale(1e4, 5e5, 0, 100, log=True).ticks() == [1e4, 1e5]

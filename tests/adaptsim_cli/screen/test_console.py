@@ -61,23 +61,22 @@ def test_q_or_the_end_of_input_stops_at_every_question(
     assert ("asks for its review again" in str(stopped.value)) == at_review
 
 
-def test_any_other_key_asks_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    lab = ToyLab(0)
-    operator, said = answering(monkeypatch, "go", "yes", "", "q")
-    with pytest.raises(StoppedByOperator):
-        run_iteration(attended(tmp_path, operator, lab))
-    assert said.getvalue().count("The simulated lab puts the toy piece") == 3
-    assert lab.executions == []
-
-
 def test_an_unknown_key_says_so_and_a_question_mark_explains(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lab = ToyLab(0)
     operator, said = answering(monkeypatch, "go", "?", "q", width=200)
     with pytest.raises(StoppedByOperator):
         run_iteration(attended(tmp_path, operator, lab))
     assert "go means nothing here, and nothing has happened." in said.getvalue()
-    assert re.search(r"q +The command ends\.", said.getvalue())
+    assert re.search(r"q +The command ends; everything completed is stored\.", said.getvalue())
     assert "Nothing moves yet." in said.getvalue()
+    assert lab.executions == []
+
+
+def test_what_q_promises_is_what_it_then_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    operator, said = answering(monkeypatch, "?", "q")
+    with pytest.raises(StoppedByOperator, match="stopped by the operator; nothing was stored"):
+        operator.screen.go_on("Is the hand empty?", then="The hand opens.", kept="nothing was stored")
+    assert "The command ends; nothing was stored." in said.getvalue()
 
 
 def test_a_rejection_begun_by_mistake_is_left_without_a_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,12 +102,12 @@ def test_overruling_offers_the_outcomes_that_the_track_supports(
 
 
 def test_a_redo_asks_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    operator, said = answering(monkeypatch, "", "", "r", "a hand was in the way", "q")
+    operator, said = answering(monkeypatch, "", "", "r", "?", "a hand was in the way", "q")
     session = attended(tmp_path, operator)
     object.__setattr__(session, "screen", operator.screen)
     with pytest.raises(StoppedByOperator):
         run_iteration(session)
-    assert "attempt 1, does not count: a hand was in the way" in said.getvalue()
+    assert "attempt 1, does not count: a hand was in the way" in said.getvalue(), "? is no reason"
 
 
 @pytest.mark.parametrize("width", [80, 50, 40])
@@ -117,7 +116,7 @@ def test_nothing_runs_past_a_narrow_screen(width: int, tmp_path: Path, monkeypat
     session = attended(tmp_path, operator)
     object.__setattr__(session, "screen", operator.screen)
     run_iteration(session)
-    lines = [line for line in said.getvalue().splitlines() if "overlay.jpg" not in line]  # paths stay whole
+    lines = [line for line in said.getvalue().splitlines() if ".jpg" not in line]  # paths stay whole
     assert max(len(line.rstrip()) for line in lines) <= width
     table = said.getvalue()[said.getvalue().index("What changed") :]
     assert "e [Pa]" in table, "brackets are not taken for markup"

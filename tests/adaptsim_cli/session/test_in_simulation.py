@@ -15,7 +15,7 @@ from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.wiring import session as wiring
 from sim.tasks.pendulum.solver import rewards
 
-NAME = "pendulum-ood-1-adaptsim-seed0"
+NAME = "pendulum-ood-1"
 RUN = ["run-iteration", "--task", "pendulum", "--world", "ood-1", "--yes"]
 TRUTH = np.array([1.8, 0.3, 1.5, 1.5])
 

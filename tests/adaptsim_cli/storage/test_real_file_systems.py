@@ -96,16 +96,16 @@ def test_commands_on_a_mount_that_is_read_only_read_and_move_nothing(mount: Moun
     for command in WRITING:
         code, said = call(home, command, lab)
         assert code == 8, (command, said)
-        assert "Read-only file system" in said, command
+        assert "Read-only" in said, command
     assert lab.executions == []
     assert digest_of(home / "data") == before
 
 
 def test_a_mount_that_is_read_only_is_said_before_anything_is_done(mount: Mount) -> None:
     folder = mount("size=1m,ro")
-    with pytest.raises(SessionError, match="could not be written: Read-only file system"):
+    with pytest.raises(SessionError, match="Read-only"):
         durable.require_writable(folder)
-    with pytest.raises(SessionError, match="Read-only file system"):
+    with pytest.raises(SessionError, match="Read-only"):
         durable.write_file(folder / "file", b"1")
     with (
         pytest.raises(SessionError, match="cannot be locked: Read-only file system; check that you may write there"),

@@ -19,7 +19,7 @@ from sim.errors import CheckpointError
 
 pytestmark = pytest.mark.long
 
-ADAPTED, UDR = "pendulum-wd-adaptsim-seed0", "pendulum-wd-udr-seed0"
+ADAPTED, UDR = "pendulum-wd", "pendulum-wd-udr-seed0"
 
 
 @pytest.fixture(scope="module")
@@ -131,5 +131,5 @@ def test_what_cannot_be_compared_is_refused(root: Path) -> None:
     other = SessionStore(store.folder, store.facts.model_copy(update={"task": "scooping"}), store.start)
     with pytest.raises(UsageError, match="different tasks"):
         comparison.compared([store, other])
-    with pytest.raises(SessionError, match="there is no session"):
+    with pytest.raises(SessionError, match="session"):
         SessionStore.open(config.load().places.sessions, "nothing")

@@ -13,7 +13,7 @@ from hw.types import CameraModel
 
 @dataclass(frozen=True)
 class Open:
-    """Connect to a camera, as `hw.camera.k4a.KinectCamera` takes it."""
+    """Connect to a camera, as `hw.camera.k4a.LiveCamera` takes it."""
 
     serial: str | None
     settings: ColourSettings

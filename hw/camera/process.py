@@ -1,4 +1,4 @@
-"""A Kinect behind `hw.ports.Camera`, in a process of its own: every answer has a deadline."""
+"""A live camera behind `hw.ports.Camera`, in a process of its own: every answer has a deadline."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ANSWER_S = 3.0
 STEP_S = 20.0
 """The longest time for one step of connecting: the library, the depth engine, the first images."""
 _END_S = 1.0
-KINECT = "hw.camera.served:kinect"
+KINECT, REALSENSE = "hw.camera.served:kinect", "hw.camera.served:realsense"
 
 _log = logging.getLogger(__name__)
 _Kind = TypeVar("_Kind")
@@ -52,7 +52,7 @@ class CameraProcess:
         answer_s: float = ANSWER_S,
         step_s: float = STEP_S,
     ) -> None:
-        """As `hw.camera.k4a.KinectCamera`, which `maker` (module:function) makes in the process. Raises ValueError."""
+        """As `hw.camera.k4a.LiveCamera`, which `maker` (module:function) makes in the process. Raises ValueError."""
         if latency_s < 0.0:
             raise ValueError(f"a camera latency of {latency_s:g} s: it must be 0 or more")
         self._asked, self._maker = Open(serial, settings, infrared, latency_s), maker
@@ -176,20 +176,21 @@ class CameraProcess:
         return self._child
 
 
-def open_kinect(
+def open_camera(
     serial: str | None = None,
     settings: ColourSettings | None = None,
     *,
+    maker: str = KINECT,
     infrared: bool = False,
     latency_s: float = 0.0,
 ) -> CameraProcess:
-    """The camera with this serial number, or the only one; connects on entering.
+    """The camera with this serial number, or the only one of its kind (`maker`); connects on entering.
 
     `latency_s` is the time from the end of an exposure to its arrival at the host, as the calibration's swing measures
     it; half of the exposure is known and subtracted automatically. With `infrared` every frame carries the depth
     camera's infrared image, for calibrating.
     """
-    return CameraProcess(serial, settings or ColourSettings(), infrared=infrared, latency_s=latency_s)
+    return CameraProcess(serial, settings or ColourSettings(), infrared=infrared, latency_s=latency_s, maker=maker)
 
 
 def _known(answer: Answer, kind: type[_Kind]) -> _Kind:

@@ -14,7 +14,7 @@ from importlib import import_module
 from multiprocessing.connection import Connection
 
 from hw.camera.grabber import Film
-from hw.camera.k4a import KinectCamera
+from hw.camera.k4a import LiveCamera
 from hw.camera.messages import (
     Failed,
     Open,
@@ -27,22 +27,30 @@ from hw.camera.messages import (
     Step,
     StopRecording,
 )
+from hw.camera.realsense import RealSenseDevice
 from hw.errors import CameraError, DeviceUnavailable
 
 ORPHAN_S = 1.0
 """How long a driver may block the process after the program has ended."""
 
-Make = Callable[[Open], KinectCamera]
+Make = Callable[[Open], LiveCamera]
 
 
-def kinect(asked: Open) -> KinectCamera:
+def kinect(asked: Open) -> LiveCamera:
     """The camera that is plugged in."""
-    return KinectCamera(asked.serial, asked.settings, infrared=asked.infrared, latency_s=asked.latency_s)
+    return LiveCamera(asked.serial, asked.settings, infrared=asked.infrared, latency_s=asked.latency_s)
+
+
+def realsense(asked: Open) -> LiveCamera:
+    """The RealSense that is plugged in."""
+    return LiveCamera(
+        asked.serial, asked.settings, infrared=asked.infrared, latency_s=asked.latency_s, device=RealSenseDevice
+    )
 
 
 def serve(program: Connection, make: Make) -> None:
     """Answer requests until the program hangs up."""
-    camera: KinectCamera | None = None
+    camera: LiveCamera | None = None
     try:
         with suppress(EOFError, OSError):
             while True:
@@ -63,7 +71,7 @@ def serve(program: Connection, make: Make) -> None:
             camera.__exit__()
 
 
-def _answer(program: Connection, camera: KinectCamera, request: Request) -> None:
+def _answer(program: Connection, camera: LiveCamera, request: Request) -> None:
     if isinstance(request, Snapshot):
         program.send(camera.shot())
     elif isinstance(request, StartRecording):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from concurrent.futures import ThreadPoolExecutor
 
 import fake_k4a
 import numpy as np
@@ -11,7 +12,8 @@ from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, camera_on, frames, meanw
 
 from hw.camera import k4a_types as k4a
 from hw.camera.k4a_device import ColourSettings, model_of
-from hw.camera.process import open_kinect
+from hw.camera.k4a_library import PROTOTYPES
+from hw.camera.process import open_camera
 from hw.errors import CameraError, DeviceUnavailable
 
 LATENCY_S = DELAY_S - 0.5 * 8330e-6
@@ -214,7 +216,7 @@ def test_silence_ends_a_wait_for_a_frame() -> None:
 
 
 def test_out_of_turn() -> None:
-    for closed in (open_kinect("A1"), camera_on(FakeK4a("A1"))):
+    for closed in (open_camera("A1"), camera_on(FakeK4a("A1"))):
         with pytest.raises(DeviceUnavailable, match="not connected"):
             closed.snapshot()
         with pytest.raises(DeviceUnavailable, match="not connected"):
@@ -227,7 +229,7 @@ def test_out_of_turn() -> None:
         with pytest.raises(CameraError, match="recording already"):
             camera.start_recording()
     with pytest.raises(ValueError, match="must be 0 or more"):
-        open_kinect(latency_s=-0.01)
+        open_camera(latency_s=-0.01)
 
 
 def test_the_memory_layouts_are_those_of_the_maker() -> None:
@@ -254,3 +256,40 @@ def test_calibration_in_the_order_of_the_header() -> None:
     raw.color_camera_calibration.intrinsics.type = 1
     with pytest.raises(CameraError, match="colour camera has lens model 1"):
         model_of(raw, "A1")
+
+
+@pytest.mark.parametrize("boot_s", [100.0 - 1.7e9, 100.0 - 300.0])
+def test_the_devices_clock_may_begin_anywhere(boot_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Orbbec's wrapper has stamped with the time since 1970, and minutes away from what it stamped before."""
+    monkeypatch.setattr(fake_k4a, "BOOT_S", boot_s)
+    fake = FakeK4a("A1")
+    with running(fake, latency_s=LATENCY_S) as camera:
+        camera.start_recording()
+        start_s = fake.clock.now_s() + 0.01
+        fake.show(*frames(start_s, 12, stamped=False))
+        found = meanwhile(fake, camera.stop_recording, *frames(start_s + 12 * PERIOD_S, 3, stamped=False))
+    assert [frame.t_s for frame in found] == pytest.approx([start_s + i * PERIOD_S for i in range(12)], abs=2e-6)
+
+
+def test_a_clock_that_settles_minutes_later_is_mapped_anew_before_the_camera_is_used(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fake, usual_s = FakeK4a("A1"), fake_k4a.BOOT_S
+    camera = camera_on(fake, latency_s=LATENCY_S)
+    with ThreadPoolExecutor(1) as pool:
+        entering = pool.submit(camera.__enter__)
+        monkeypatch.setattr(fake_k4a, "BOOT_S", usual_s - 240.0)
+        fake.show(*frames(100.0, 6))
+        monkeypatch.setattr(fake_k4a, "BOOT_S", usual_s)
+        fake.show(*frames(100.0 + 6 * PERIOD_S, 16))
+        entering.result()
+    asked_s = fake.clock.now_s()
+    shot = meanwhile(fake, camera.shot, *frames(asked_s + 0.01, 3))
+    assert shot.t_s == pytest.approx(asked_s + 0.01, abs=2e-6)
+    fake.end()
+    camera.__exit__()
+
+
+def test_no_transformation_of_the_library_is_used() -> None:
+    """Its depth-to-colour transformation fails with Orbbec's wrapper; the program projects depth itself."""
+    assert not [name for name in PROTOTYPES if "transformation" in name]

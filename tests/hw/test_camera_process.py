@@ -131,3 +131,18 @@ def test_a_killed_program_takes_a_hanging_camera_along(staged: Staged) -> None:
             time.sleep(0.05)
         keeper._say = os.open(os.devnull, os.O_WRONLY)
     assert keeper._process.returncode in (1, -signal.SIGKILL)
+
+
+@pytest.mark.long
+def test_a_driver_that_freezes_while_it_is_stopped_is_ended(staged: Staged) -> None:
+    """Seen in the field with Orbbec's wrapper."""
+    camera = staged("hangs stop")
+    with camera:
+        assert camera._child is not None
+        pid = camera._child.pid
+        camera.snapshot()
+        left_s = time.monotonic()
+    assert time.monotonic() - left_s < 1.0 + SLACK_S
+    assert not Path(f"/proc/{pid}").exists()
+    with camera:
+        camera.snapshot()

@@ -32,6 +32,9 @@ class Held:
             sys.stdout.flush()
         return True
 
+    def pressed(self) -> bool:
+        return True
+
     def why_not(self) -> str:
         return ""
 

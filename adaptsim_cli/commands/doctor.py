@@ -13,13 +13,13 @@ def doctor(
     world: Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")] = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")] = None,
     assessment: Annotated[
-        Path | None, typer.Option("--assessment", help="Write a risk assessment of this rig into a new .md file.")
+        Path | None, typer.Option("--assessment", help="Write a risk assessment of this rig into a new .html file.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The checklist as one JSON object on stdout.")] = False,
 ) -> None:
     """Check everything that an iteration needs, and give the remedy for whatever is missing. Nothing moves.
 
-    Exit code 3 when something is missing. With --assessment it only writes the page, to be completed and signed.
+    Exit code 3 when something is missing. With --assessment it only writes the sheet, to be completed and signed.
 
     Example: adaptsim doctor --hw fr3
     """

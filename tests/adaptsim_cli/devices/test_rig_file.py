@@ -129,7 +129,11 @@ def test_a_touched_off_tool_hangs_where_it_was_measured() -> None:
 
 def test_a_mount_of_ones_own_replaces_the_shipped_one() -> None:
     own = ((1.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    np.testing.assert_array_equal(ToolPart(X_FT=own).designed(np.eye(4)), own)
+    np.testing.assert_allclose(ToolPart(X_FT=own).designed(np.eye(4)), own, atol=1e-12)
+    rounded = ((0.8064, -0.5913, 0.0, 0.1), (0.5913, 0.8064, 0.0, 0.0), (0.0, 0.0, 1.0, 0.2), (0.0, 0.0, 0.0, 1.0))
+    X_FT = ToolPart(X_FT=rounded).designed(np.eye(4))
+    np.testing.assert_allclose(X_FT[:3, :3] @ X_FT[:3, :3].T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(X_FT, rounded, atol=1e-3)
     np.testing.assert_array_equal(ToolPart().designed(np.eye(4)), np.eye(4))
 
 

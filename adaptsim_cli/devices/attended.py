@@ -18,9 +18,8 @@ from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.session.records import RigFacts
 from hw.errors import ArmFault, BalanceError
 from hw.pacing import slowed
-from hw.placing import Placing
 from hw.ports import Arm, Balance, Camera
-from hw.types import Array
+from hw.types import Array, Placing
 
 _WAY_OUT = "The command ends; everything completed is stored, and the same command goes on from here."
 

@@ -1,4 +1,4 @@
-"""A hand that obeys at once, for tests of the code around a hand."""
+"""A hand that obeys at once: for tests of the code around a hand, and in the simulated lab."""
 
 from __future__ import annotations
 
@@ -8,22 +8,23 @@ from hw.errors import DeviceUnavailable, HandError
 from hw.grasping import fits
 from hw.types import HandState
 
-WIDEST_M, STRONGEST_N = 0.08, 70.0
+WIDEST_M = 0.08
+STRONGEST_N = 70.0
+"""Continuous force of the Franka Hand (the maker's data sheet)."""
 
 
 class FakeHand:
-    """Closes at once on an object `between_m` wide (None: nothing is between the fingers).
+    """Closes at once on an object `between_m` wide (None: nothing is between the fingers), and holds it.
 
-    `commands` records every call.
+    `commands` records what it did.
     """
 
     def __init__(self, between_m: float | None = None, *, holds: bool = False) -> None:
         """`holds`: it already grasps the object when the program connects."""
-        self.between_m = between_m
+        self.between_m, self.holds, self.force_N = between_m, holds, 0.0
+        self.width_m = between_m or 0.0 if holds else WIDEST_M
+        self._homed = self._connected = False
         self.commands: list[str] = []
-        self._width_m, self._holds, self._homed, self._connected = WIDEST_M, holds, False, False
-        if holds:
-            self._width_m = between_m or 0.0
 
     def __enter__(self) -> Self:
         self._connected = True
@@ -35,7 +36,7 @@ class FakeHand:
     def state(self) -> HandState:
         """See `hw.ports.Hand`."""
         self._need_connection()
-        return HandState(self._width_m, self._holds, self._homed)
+        return HandState(self.width_m, self.holds, self._homed)
 
     def home(self) -> None:
         """See `hw.ports.Hand`."""
@@ -45,7 +46,7 @@ class FakeHand:
                 "the hand could not be homed: something is between its fingers; take it out and home it again"
             )
         self.commands.append("home")
-        self._homed, self._width_m, self._holds = True, WIDEST_M, False
+        self._homed, self.width_m, self.holds = True, WIDEST_M, False
 
     def move(self, width_m: float) -> None:
         """See `hw.ports.Hand`."""
@@ -57,21 +58,21 @@ class FakeHand:
         if self.between_m is not None and width_m < self.between_m:
             raise HandError(f"the fingers met something {1e3 * self.between_m:.1f} mm wide; grasp it instead")
         self.commands.append("move")
-        self._width_m, self._holds = width_m, False
+        self.width_m, self.holds, self.force_N = width_m, False, 0.0
 
     def grasp(self, width_m: float, force_N: float) -> None:
         """See `hw.ports.Hand`."""
         self._need_homing()
         if not 0.0 < force_N <= STRONGEST_N:
             raise HandError(f"a grasp force of {force_N:g} N: it must be above 0 and at most {STRONGEST_N:g} N")
-        found_m = self.between_m or 0.0
-        if not fits(found_m, width_m):
+        self.width_m = self.between_m or 0.0
+        if not fits(self.width_m, width_m):
             raise HandError(
-                f"the fingers closed to {1e3 * found_m:.1f} mm instead of {1e3 * width_m:.1f} mm: hold the tool's "
+                f"the fingers closed to {1e3 * self.width_m:.1f} mm instead of {1e3 * width_m:.1f} mm: hold the tool's "
                 "handle between them, or correct the width"
             )
         self.commands.append("grasp")
-        self._width_m, self._holds = found_m, True
+        self.holds, self.force_N = True, force_N
 
     def _need_homing(self) -> None:
         self._need_connection()
@@ -80,4 +81,4 @@ class FakeHand:
 
     def _need_connection(self) -> None:
         if not self._connected:
-            raise DeviceUnavailable("the fake hand is not connected: use it inside a `with` block")
+            raise DeviceUnavailable("the simulated hand is not connected: use it inside a `with` block")

@@ -17,34 +17,14 @@ STEPS_OF_WIDTH_M = 0.002
 """A width that differs by more than this from the request is an error."""
 
 Sdk = Callable[[], Any]
-
-
-def fr3_sdk() -> Any:
-    """Raises DeviceUnavailable where the SDK is not installed."""
-    try:
-        import pylibfranka  # noqa: PLC0415
-    except ImportError as error:
-        raise DeviceUnavailable(f"the FR3's SDK does not load ({error}); run: pip install pylibfranka") from error
-    return pylibfranka
-
-
-def panda_sdk() -> Any:
-    """Raises DeviceUnavailable where the SDK is not installed."""
-    try:
-        from panda_py import libfranka  # noqa: PLC0415
-    except ImportError as error:
-        raise DeviceUnavailable(f"the Panda's SDK does not load ({error}); run: pip install panda-python") from error
-    return libfranka
-
-
-SDKS: dict[str, Sdk] = {"panda": panda_sdk, "fr3": fr3_sdk}
+"""Imports the module of an SDK; raises DeviceUnavailable where it is not installed."""
 
 
 class FrankaHand:
     """Entering connects; every command returns once the fingers stand still."""
 
     def __init__(self, host: str, sdk: Sdk) -> None:
-        """`host` is the arm's address; `sdk` one of `SDKS`."""
+        """`host` is the arm's address."""
         self._host, self._load = host, sdk
         self._gripper: Any = None
         self._errors: tuple[type[Exception], ...] = (RuntimeError,)

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from typing import Any, Protocol
+from typing import Any
 
 from hw.child import Child, ChildGone
 from hw.errors import DeviceUnavailable
@@ -32,30 +32,10 @@ STOP_S = 1.0
 """The longest wait for the answer to a stop."""
 
 
-class Worker(Protocol):
-    """The worker's process as the keeper uses it (`hw.child.Child`)."""
-
-    def send(self, request: object) -> None:
-        """See `hw.child.Child`."""
-        ...
-
-    def answers(self, within_s: float) -> bool:
-        """See `hw.child.Child`."""
-        ...
-
-    def receive(self) -> Any:
-        """See `hw.child.Child`."""
-        ...
-
-    def kill(self) -> None:
-        """See `hw.child.Child`."""
-        ...
-
-
 class Keeper:
     """One hand: its worker, and the connection that stops it."""
 
-    def __init__(self, opened: Open, listener: Watchdog, worker: Worker, stop: Callable[[], object]) -> None:
+    def __init__(self, opened: Open, listener: Watchdog, worker: Child, stop: Callable[[], object]) -> None:
         self._opened, self._listener, self._worker, self._stop = opened, listener, worker, stop
         self._ended = False
 
@@ -156,7 +136,7 @@ def _connected(request: Open, within_s: float) -> tuple[Child | None, Answer]:
     return (worker if isinstance(answer, Done) else None), answer
 
 
-def _stopped(stopper: Worker) -> None:
+def _stopped(stopper: Child) -> None:
     """Raises DeviceUnavailable or ChildGone if the hand did not accept the stop."""
     stopper.send(Stop())
     answer = _known(stopper.receive()) if stopper.answers(STOP_S) else NotDone(f"no answer within {STOP_S:g} s")

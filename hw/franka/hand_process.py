@@ -11,18 +11,12 @@ from hw.franka.hand_keeper import OPEN_S, READ_S, SECOND_S
 from hw.franka.hand_messages import Command, Done, Grasp, Home, Move, NotDone, Open, Request, State, Stopped
 from hw.ports import Pedal
 from hw.types import HandState
-from hw.watchdog import ALIVE, PEDAL, REQUESTED, SILENCE_S, WORD_EVERY_S
+from hw.watchdog import ALIVE, IN_WORDS, PEDAL, REQUESTED, SILENCE_S, WORD_EVERY_S
 
 LONGEST_S = 30.0
 """The longest time for a command: the fingers need three seconds for their whole travel."""
 _STOPPED_S = 2.0
 """How long the hand's process may take to report that the hand was stopped."""
-_WHY = {
-    "pedal": "the enabling pedal was released",
-    "request": "a stop was requested",
-    "silence": "the program was silent for too long",
-    "orphaned": "the program ended",
-}
 _THEN = "look at it, then run the command again: it homes the hand again"
 
 
@@ -120,7 +114,7 @@ class HandProcess:
         if isinstance(answer, Stopped):
             self.stopped_after_s = answer.after_s
             self.__exit__()
-            raise HandError(f"the hand was stopped: {_WHY.get(answer.why, answer.why)}; {_THEN}")
+            raise HandError(f"the hand was stopped: {IN_WORDS[answer.why]}; {_THEN}")
         text = answer.text if isinstance(answer, NotDone) else f"it answered {type(answer).__name__}"
         if isinstance(answer, NotDone) and not answer.lost:
             raise HandError(text)

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import sys
 from contextlib import suppress
+from functools import partial
 from multiprocessing.connection import Connection
 
 from hw.errors import DeviceUnavailable, HandError
-from hw.franka.hand import SDKS, FrankaHand
+from hw.franka.hand import FrankaHand
 from hw.franka.hand_messages import Answer, Done, Grasp, Home, Move, NotDone, Open, Request, Stop
+from hw.franka.versions import PACKAGES, load
 from hw.watchdog import die_with_parent
 
 
@@ -25,7 +27,7 @@ def serve(keeper: Connection) -> None:
             answer: Answer
             try:
                 if isinstance(request, Open):
-                    hand = FrankaHand(request.host, SDKS[request.model])
+                    hand = FrankaHand(request.host, partial(load, PACKAGES[request.model]))
                     hand.__enter__()
                 assert hand is not None, "it is opened first"
                 if isinstance(request, Home):

@@ -19,8 +19,9 @@ from typing import Any
 
 from hw.contact import Detector
 from hw.errors import DeviceUnavailable
-from hw.franka import connection, fr3, panda, realtime, versions
-from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Driver, Failure
+from hw.franka import connection, realtime, versions
+from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Failure
+from hw.franka.drives import DRIVES
 from hw.franka.messages import Carry, Connect, Connected, Listen, Play, PlayOutcome, Recover, Request, Rhythm, Timing
 from hw.franka.playback import START_S, STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback
 from hw.types import Guard
@@ -30,11 +31,9 @@ REST_READINGS = 2000
 HANDOVER_S = 5.0
 """How long a player may wait for the one before it, which may still have to brake."""
 
-DRIVES: dict[str, connection.Drive] = {"fr3": fr3.drive, "panda": panda.drive}
-
 
 def play(
-    driver: Driver,
+    driver: connection.Connection,
     motion: PlayableMotion,
     listener: Watchdog,
     guard: Guard | None = None,
@@ -63,7 +62,7 @@ def play(
     return PlayOutcome(playback.played())
 
 
-def wait_for_rest(driver: Driver) -> None:
+def wait_for_rest(driver: connection.Connection) -> None:
     """After the arm stopped by itself: read at 1 kHz until it stands still or does not answer."""
     still = 0
     with suppress(Failure):
@@ -74,9 +73,9 @@ def wait_for_rest(driver: Driver) -> None:
                 return
 
 
-def serve(program: Connection, listener: Watchdog, connect: Callable[[Connect], Driver]) -> None:
+def serve(program: Connection, listener: Watchdog, connect: Callable[[Connect], connection.Connection]) -> None:
     """Answer requests, each with its result or a `Failure`, until the program is gone."""
-    driver: Driver | None = None
+    driver: connection.Connection | None = None
     timing = Timing()
     while not listener.orphaned:
         try:
@@ -107,7 +106,7 @@ def serve(program: Connection, listener: Watchdog, connect: Callable[[Connect], 
             return
 
 
-def connect(request: Connect) -> Driver:
+def connect(request: Connect) -> connection.Connection:
     """Connect to the real arm: real-time priority, SDK, arm. Raises Failure."""
     model, timing = request.model, request.timing
     try:

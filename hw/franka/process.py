@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from hw.child import Child, ChildGone
 from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
@@ -30,6 +30,40 @@ ANSWER_S = 60.0
 """The longest wait for anything but a motion: the start of the process, and libfranka, which is slow to give up."""
 
 _T = TypeVar("_T")
+
+
+class Player(Protocol):
+    """What is asked of the process that plays motions (`hw.franka.process.PlayerProcess`). All raise Failure."""
+
+    @property
+    def alive(self) -> bool:
+        """Whether its process runs."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the computer does not give its process: a sentence each."""
+        ...
+
+    def reading(self) -> Reading:
+        """What the arm reports now."""
+        ...
+
+    def recover(self) -> Reading:
+        """Clear a fault; what the arm reports then."""
+        ...
+
+    def carry(self, payload: Payload) -> Reading:
+        """Set what the hand holds; what the arm reports then."""
+        ...
+
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
+        """Play `motion`; `word` is asked every few milliseconds whether it may go on, `guard` ends it at a contact."""
+        ...
+
+    def close(self) -> None:
+        """End the process; the arm stops if it moves."""
+        ...
 
 
 class PlayerProcess:

@@ -16,7 +16,7 @@ from hw.serial import balance as balances
 from hw.serial.balance import SerialBalance, sbi_mass_kg, sics_mass_kg
 from hw.serial.enable_pedal import EnablePedal
 from hw.serial.pedal_protocol import PERIOD_S, crc8
-from hw.since_boot import since_boot_s
+from hw.watchdog import since_boot_s
 
 
 @pytest.fixture

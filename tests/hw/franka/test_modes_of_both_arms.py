@@ -20,9 +20,9 @@ from hw.errors import ArmFault, DeviceUnavailable
 from hw.franka.arm import FrankaArm, franka
 from hw.franka.connection import Connection
 from hw.franka.driver import UNMOVED, Failure, Reading
+from hw.franka.drives import DRIVES
 from hw.franka.messages import PlayOutcome
 from hw.franka.playback import Playback, motion_of
-from hw.franka.player import DRIVES
 from hw.franka.settings import FrankaSettings
 from hw.types import JointPath
 

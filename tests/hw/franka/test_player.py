@@ -142,7 +142,7 @@ def answers(driver: Follower, pipe: list[int], *requests: object) -> list[object
     return heard
 
 
-CONNECT = Connect("panda", FrankaSettings("172.16.0.2"), Timing())
+CONNECT = Connect("panda", FrankaSettings("172.16.0.2"), Timing(start_s=60.0))
 
 
 def test_requests_are_answered_in_order(pipe: list[int]) -> None:

@@ -15,15 +15,14 @@ from sdk_fake import FakeSdk
 
 from hw.contact import TORQUE_NOISE_NM, began
 from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
-from hw.franka import fr3, panda
 from hw.franka.arm import FrankaArm
 from hw.franka.connection import Connection
+from hw.franka.drives import DRIVES
 from hw.franka.settings import FrankaSettings, Payload
 from hw.kinematics import forward, jacobian
 from hw.types import Array, Guard
 
 SETTINGS = FrankaSettings("172.16.0.2")
-DRIVES = {"panda": panda.drive, "fr3": fr3.drive}
 PATH = down(0.005, 0.008)
 PLANE_M = TOP_M - 0.0025
 STIFFNESS_N_M, ERROR_NM = 4000.0, 0.8

@@ -41,8 +41,8 @@ class Reading:
 
 
 SdkState = Any
-"""Either SDK's RobotState. A cycle reads: q and q_d (held by the controller) in rad, dq in rad/s, tau_ext_hat_filtered in
-Nm, (7,) each, and control_command_success_rate, the share of the last 100 commands that arrived in time.
+"""Either SDK's RobotState. A cycle reads: q and q_d (held by the controller) in rad, dq in rad/s, tau_ext_hat_filtered
+in Nm, (7,) each, and control_command_success_rate, the share of the last 100 commands that arrived in time.
 """
 
 Step = Callable[[SdkState, float], tuple[list[float], bool]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Self
 
 from hw.errors import DeviceUnavailable, HandError
@@ -18,6 +19,22 @@ STEPS_OF_WIDTH_M = 0.002
 
 Sdk = Callable[[], Any]
 """Imports the module of an SDK; raises DeviceUnavailable where it is not installed."""
+
+
+OPEN, STATE = "open", "state"
+"""The two calls that move nothing; the others are `home`, `move` and `grasp` of `hw.ports.Hand`, and `stop`."""
+
+
+@dataclass(frozen=True)
+class Stopped:
+    """The answer to a command that was stopped."""
+
+    why: str  # a key of `hw.watchdog.IN_WORDS`
+    after_s: float  # from the request to stop until the hand accepted it
+
+
+Answer = HandState | HandError | DeviceUnavailable | Stopped
+"""To every call; HandError: it was not carried out, DeviceUnavailable: the hand is lost."""
 
 
 class FrankaHand:

@@ -5,25 +5,14 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Self, TypeVar
 
 from hw.camera.grabber import Film, TimedCapture
 from hw.camera.k4a import decoded, frame_of, require_whole
 from hw.camera.k4a_device import ColourSettings
-from hw.camera.messages import (
-    Answer,
-    Failed,
-    Open,
-    Opened,
-    Recorded,
-    Request,
-    Snapshot,
-    Started,
-    StartRecording,
-    Step,
-    StopRecording,
-)
-from hw.child import Child, ChildGone
+from hw.camera.served import CONNECT, END_FILM
+from hw.child import Call, Child, ChildGone
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import CameraModel, Frame
 
@@ -32,7 +21,7 @@ ANSWER_S = 3.0
 STEP_S = 20.0
 """The longest time for one step of connecting: the library, the depth engine, the first images."""
 _END_S = 1.0
-KINECT = "hw.camera.served:kinect"
+KINECT = "hw.camera.k4a:KinectCamera"
 
 _log = logging.getLogger(__name__)
 _Kind = TypeVar("_Kind")
@@ -52,10 +41,10 @@ class CameraProcess:
         answer_s: float = ANSWER_S,
         step_s: float = STEP_S,
     ) -> None:
-        """As `hw.camera.k4a.KinectCamera`, which `maker` (module:function) makes in the process. Raises ValueError."""
+        """As `hw.camera.k4a.KinectCamera`, which `maker` (module:name) makes in the process. Raises ValueError."""
         if latency_s < 0.0:
             raise ValueError(f"a camera latency of {latency_s:g} s: it must be 0 or more")
-        self._asked, self._maker = Open(serial, settings, infrared, latency_s), maker
+        self._connect, self._maker = Call(CONNECT, (serial, settings, infrared, latency_s)), maker
         self._answer_s, self._step_s = answer_s, step_s
         self._child: Child | None = None
         self._model: CameraModel | None = None
@@ -68,12 +57,11 @@ class CameraProcess:
         self._ended = ""
         child = self._child = Child("hw.camera.served", self._maker, end_s=_END_S)
         try:
-            self._send(self._asked)
-            opened = _known(self._connecting(child), Opened)
+            self._send(self._connect)
+            self._model, self._facts = _known(self._connecting(child), tuple)
         except BaseException:
             self.__exit__()
             raise
-        self._model, self._facts = opened.model, opened.facts
         return self
 
     def __exit__(self, *exc: object) -> None:
@@ -98,30 +86,30 @@ class CameraProcess:
 
     def snapshot(self) -> Frame:
         """The first frame exposed from now on. Raises CameraError."""
-        return frame_of(self._ask(Snapshot(), TimedCapture))
+        return frame_of(self._ask(Call("shot"), TimedCapture))
 
     def start_recording(self) -> None:
         """Raises CameraError when one runs, or the camera is gone."""
-        self._ask(StartRecording(), Started)
+        self._ask(Call("start_recording"), type(None))
 
     def stop_recording(self) -> Sequence[Frame]:
         """Everything exposed since `start_recording`, decoded.
 
         Raises CameraError, also if too many images were lost.
         """
-        head = self._ask(StopRecording(), Recorded)
-        shots = tuple(_known(self._receive(self._answer_s), TimedCapture) for _ in range(head.shots))
-        self._facts = head.facts
-        film = self._film = Film(shots, head.dropped, head.longest_gap_s, head.clock)
+        count, film, facts = self._ask(Call(END_FILM), tuple)
+        shots = tuple(_known(self._receive(self._answer_s), TimedCapture) for _ in range(count))
+        self._facts, film = facts, replace(film, shots=shots)
+        self._film = film
         require_whole(film, self.model().serial)
         return decoded(shots)
 
-    def _ask(self, request: Request, kind: type[_Kind]) -> _Kind:
-        self._send(request)
+    def _ask(self, call: Call, kind: type[_Kind]) -> _Kind:
+        self._send(call)
         return _known(self._receive(self._answer_s), kind)
 
-    def _connecting(self, child: Child) -> Answer:
-        """The answer to `Open`, step by step."""
+    def _connecting(self, child: Child) -> object:
+        """The last answer, after the names of the steps."""
         doing = "it starts"
         while True:
             began_s = time.monotonic()
@@ -134,17 +122,17 @@ class CameraProcess:
                 )
             left_s = max(self._step_s - (time.monotonic() - began_s), 0.0)
             answer = self._receive(left_s, f"{self._step_s:g} s while {doing}")
-            if not isinstance(answer, Step):
+            if not isinstance(answer, str):
                 return answer
-            doing = answer.doing
+            doing = answer
 
-    def _send(self, request: Request) -> None:
+    def _send(self, call: Call) -> None:
         try:
-            self._running.send(request)
+            self._running.send(call)
         except ChildGone as how:
             raise self._gone(f"the camera's process was {how}") from how
 
-    def _receive(self, within_s: float, silent: str = "") -> Answer:
+    def _receive(self, within_s: float, silent: str = "") -> object:
         child = self._running
         try:
             if not child.answers(within_s):
@@ -152,11 +140,11 @@ class CameraProcess:
                 raise self._gone(
                     f"the camera's driver has not answered for {silent or f'{within_s:g} s'}, and was ended"
                 )
-            answer: Answer = child.receive()
+            answer: object = child.receive()
         except ChildGone as how:
             raise self._gone(f"the camera's process was {how}") from how
-        if isinstance(answer, Failed):
-            raise (DeviceUnavailable if answer.unavailable else CameraError)(answer.text)
+        if isinstance(answer, CameraError | DeviceUnavailable):
+            raise answer
         return answer
 
     def _gone(self, why: str) -> CameraError:
@@ -192,7 +180,7 @@ def open_kinect(
     return CameraProcess(serial, settings or ColourSettings(), infrared=infrared, latency_s=latency_s)
 
 
-def _known(answer: Answer, kind: type[_Kind]) -> _Kind:
+def _known(answer: object, kind: type[_Kind]) -> _Kind:
     if not isinstance(answer, kind):
         raise CameraError(f"the camera's process answered {type(answer).__name__} instead of {kind.__name__}")
     return answer

@@ -15,7 +15,7 @@ from fake_k4a import PERIOD_S, FakeK4a, Shown, kinect_library
 
 from hw.camera import k4a_types as k4a
 from hw.camera.k4a import KinectCamera
-from hw.camera.messages import Open
+from hw.camera.k4a_device import ColourSettings
 
 
 class LiveK4a(FakeK4a):
@@ -47,7 +47,7 @@ class LiveK4a(FakeK4a):
         return k4a.SUCCEEDED
 
 
-def live(asked: Open) -> KinectCamera:
-    """`hw.camera.served.Make`."""
+def live(serial: str | None, settings: ColourSettings, *, infrared: bool, latency_s: float) -> KinectCamera:
+    """For `hw.camera.served`."""
     library = kinect_library(LiveK4a("A1"))
-    return KinectCamera(asked.serial, asked.settings, infrared=asked.infrared, library=lambda: library)
+    return KinectCamera(serial, settings, infrared=infrared, library=lambda: library)

@@ -28,7 +28,7 @@ from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from calib.errors import CalibrationError
-from hw.camera.process import CameraProcess, open_kinect
+from hw.camera.process import CameraProcess
 from hw.errors import BalanceError, CameraError, DeviceUnavailable, MotionRefused
 from sim.errors import SimError
 
@@ -141,7 +141,7 @@ def _camera(rig: RigDescription) -> Iterator[Finding]:
     yield found
     if found.fix:
         return
-    yield _stream(open_kinect(rig.camera.serial or None, rig.camera.settings()))
+    yield _stream(CameraProcess(rig.camera.serial or None, rig.camera.settings()))
 
 
 def _stream(camera: CameraProcess) -> Finding:

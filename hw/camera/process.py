@@ -32,8 +32,8 @@ class CameraProcess:
 
     def __init__(
         self,
-        serial: str | None,
-        settings: ColourSettings,
+        serial: str | None = None,
+        settings: ColourSettings | None = None,
         *,
         infrared: bool = False,
         latency_s: float = 0.0,
@@ -41,10 +41,15 @@ class CameraProcess:
         answer_s: float = ANSWER_S,
         step_s: float = STEP_S,
     ) -> None:
-        """As `hw.camera.k4a.KinectCamera`, which `maker` (module:name) makes in the process. Raises ValueError."""
+        """The camera with this serial number, or the only one, which `maker` (module:name) makes in the process.
+
+        `latency_s` is the time from the end of an exposure to its arrival at the host, as the calibration's swing
+        measures it; half of the exposure is known and subtracted. With `infrared` every frame carries the depth
+        camera's infrared image, for calibrating. Raises ValueError.
+        """
         if latency_s < 0.0:
             raise ValueError(f"a camera latency of {latency_s:g} s: it must be 0 or more")
-        self._connect, self._maker = Call(CONNECT, (serial, settings, infrared, latency_s)), maker
+        self._connect, self._maker = Call(CONNECT, (serial, settings or ColourSettings(), infrared, latency_s)), maker
         self._answer_s, self._step_s = answer_s, step_s
         self._child: Child | None = None
         self._model: CameraModel | None = None
@@ -162,22 +167,6 @@ class CameraProcess:
         if self._child is None:
             raise _closed()
         return self._child
-
-
-def open_kinect(
-    serial: str | None = None,
-    settings: ColourSettings | None = None,
-    *,
-    infrared: bool = False,
-    latency_s: float = 0.0,
-) -> CameraProcess:
-    """The camera with this serial number, or the only one; connects on entering.
-
-    `latency_s` is the time from the end of an exposure to its arrival at the host, as the calibration's swing measures
-    it; half of the exposure is known and subtracted automatically. With `infrared` every frame carries the depth
-    camera's infrared image, for calibrating.
-    """
-    return CameraProcess(serial, settings or ColourSettings(), infrared=infrared, latency_s=latency_s)
 
 
 def _known(answer: object, kind: type[_Kind]) -> _Kind:

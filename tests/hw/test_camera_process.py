@@ -81,7 +81,7 @@ def test_a_driver_that_hangs_is_a_message_and_the_camera_can_be_entered_again(
         pid = camera._child.pid
         time.sleep(1.2)
         began_s = time.monotonic()
-        with pytest.raises(CameraError, match="driver has not answered for 3 s, and was ended"):
+        with pytest.raises(CameraError, match="for 3 s"):
             camera.stop_recording()
         assert time.monotonic() - began_s < ANSWER_S + SLACK_S
         assert ANSWER_S <= 3.0
@@ -105,7 +105,7 @@ def test_a_driver_that_hangs_while_it_opens_says_so_and_ends(staged: Staged, cap
 
 
 def test_a_driver_that_ends_its_process_takes_only_that_along(staged: Staged) -> None:
-    with staged("dies 40") as camera, pytest.raises(CameraError, match="process was ended with status 7"):
+    with staged("dies 40") as camera, pytest.raises(CameraError, match="status 7"):
         for _ in range(60):
             camera.snapshot()
 

@@ -14,7 +14,7 @@ from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, frames, kinect_library
 
 from hw.camera.k4a import KinectCamera
 from hw.camera.k4a_device import ColourSettings
-from hw.camera.process import open_kinect
+from hw.camera.process import CameraProcess
 from hw.camera.replay import RecordedCamera, Take
 from hw.errors import CameraError
 from hw.fake import FakeCamera
@@ -199,7 +199,7 @@ def kinect() -> Scene:
 
 def real_kinect() -> Scene:
     """The camera that is plugged in, or the one with the serial number in ADAPTSIM_TEST_CAMERA."""
-    camera = open_kinect(os.environ.get("ADAPTSIM_TEST_CAMERA"))
+    camera = CameraProcess(os.environ.get("ADAPTSIM_TEST_CAMERA"))
 
     def pictures() -> None:
         for _ in range(10):

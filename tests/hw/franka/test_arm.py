@@ -75,7 +75,7 @@ def test_a_contact_that_the_arm_would_take_for_a_collision_is_refused() -> None:
     again = Sink()
     with (
         FrankaArm(cell("fr3", stops_at_N=40.0), hard, lambda: again) as one,
-        pytest.raises(MotionRefused, match="predicted contact force"),
+        pytest.raises(MotionRefused, match="contact force"),
     ):
         one.execute(path(soft))
     assert again.given == []
@@ -92,7 +92,7 @@ def test_an_arm_that_would_not_move_says_why(mode: str, words: str) -> None:
         assert one.state().by_hand == (mode in ("UserStopped", "Guiding"))
         with pytest.raises(ArmFault, match=words):
             one.execute(path())
-        with pytest.raises(ArmFault, match="does not recover"):
+        with pytest.raises(ArmFault, match="recover"):
             one.recover()
         assert not one.state().by_hand, "it is remembered now, until it is recovered from"
     assert sink.given == []

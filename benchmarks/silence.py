@@ -168,14 +168,14 @@ def programmed(server: Fr3Process) -> Iterator[Moving]:
 def happened(noise: Noise, fault: Fault, at_s: float) -> Happened | None:
     """One motion, and one fault so long into it; None if the motion did not come so far."""
     last_s, commands = list[float](), list[int]()
-    with fr3() as server, programmed(server) as moving, first(os.getpid(), moving.player):
+    with fr3() as server, programmed(server) as moving, first(moving.player):
 
         def bring_about() -> None:
+            noise.forget()
             commands.append(len(server.commanded()))
             last_s.append(fault(moving))
 
         mark = server.at(at_s, lambda: threading.Thread(target=bring_about).start())
-        noise.forget()
         moving.box.pressed = True
         assert moving.program.stdout is not None
         said = json.loads(moving.program.stdout.readline())
@@ -199,7 +199,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--times", type=int, default=10, help="of each fault")
     times = parser.parse_args().times
-    with Noise() as noise:
+    with first(os.getpid()), Noise() as noise:
         for name, fault in FAULTS.items():
             seen = [quiet(noise, fault, at_s) for at_s in np.linspace(*AT_S, times)]
             counted = [one for one in seen if one is not None]

@@ -117,8 +117,8 @@ class Session:
 
     def recording(self, trial: int) -> Recording:
         """Frames, joints and camera of a completed trial that counts. Raises SessionError, UsageError."""
-        record = self._trial(trial)
-        folder = self._stored.trial_folder(*record.place)
+        stored = self._stored
+        folder = stored.trial_folder(*store.completed(stored, trial).place)
         return recording.read(folder / recording.FILE)
 
     def hindsight(self) -> Hindsight:
@@ -151,13 +151,6 @@ class Session:
     @property
     def _stored(self) -> store.SessionStore:
         return store.SessionStore.open(self.root, self.name)
-
-    def _trial(self, number: int) -> TrialRecord:
-        trials = {trial.trial: trial for trial in self.trials}
-        if number not in trials:
-            known = ", ".join(map(str, trials)) or "none"
-            raise UsageError(f"trial {number} of {self.name} is not completed; completed are {known}")
-        return trials[number]
 
 
 def sessions() -> tuple[str, ...]:

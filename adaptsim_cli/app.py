@@ -5,6 +5,7 @@ Nothing heavy is imported here or by the command modules: each command imports w
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -21,8 +22,6 @@ from adaptsim_cli.commands import (
     exporting,
     lab,
     parts,
-    report,
-    rollout,
     rollouts,
     run_iteration,
     sessions,
@@ -48,11 +47,11 @@ app.command("run-iteration")(run_iteration.run_iteration)
 app.command("pretrain")(pretrain.pretrain)
 app.command("benchmark")(benchmark.benchmark)
 app.command("world-tables")(benchmark.world_tables)
-app.command("rollout")(rollout.rollout)
-app.command("preview")(rollout.preview)
+app.command("rollout")(rollouts.rollout)
+app.command("preview")(rollouts.preview)
 app.command("parts")(parts.parts)
-app.command("report")(report.report)
-app.command("compare")(report.compare)
+app.command("report")(exporting.report)
+app.command("compare")(exporting.compare)
 app.command("bundle")(exporting.bundle)
 app.command("doctor")(doctor.doctor)
 app.command("retrack")(exporting.retrack)
@@ -100,7 +99,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         code = app(arguments, standalone_mode=False, prog_name="adaptsim")
     except typer.TyperException as error:  # a wrong command line
         if message := error.format_message():  # empty if help was shown
-            _say(message + _example(error))
+            _say(message.replace("Input should be", "it must be") + _example(error))
         return error.exit_code
     except documented_errors() as error:
         return _explain(error)
@@ -111,6 +110,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def main() -> None:
     """The console script."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without Unicode
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: a second thread costs more than it saves
     if foreign := foreign_packages():
         _say(foreign)

@@ -168,11 +168,17 @@ class Resolved:
 
 
 def places(env: Mapping[str, str] | None = None, project: Path | None = None) -> Places:
-    """The folders of data and settings, in this environment and for this project folder (default: the current one)."""
+    """The folders of data and settings, in this environment and for this project folder (default: the current one).
+
+    Raises UsageError if ADAPTSIM_HOME cannot be a folder.
+    """
     env = os.environ if env is None else env
     project = Path.cwd() if project is None else project
     if home := env.get("ADAPTSIM_HOME"):
         root = Path(home).expanduser().absolute()
+        there = next(folder for folder in (root, *root.parents) if folder.exists())
+        if not there.is_dir():
+            raise UsageError(f"ADAPTSIM_HOME = {home}: {there} is not a folder; name one of yours, or unset it")
         return Places(root / "data", root / "config.toml", project / PROJECT_FILE)
     data = Path(platformdirs.user_data_dir("adaptsim", appauthor=False))
     config = Path(platformdirs.user_config_dir("adaptsim", appauthor=False))

@@ -50,11 +50,10 @@ from rich.console import Console
 from sdk_fake import FakeSdk, NetworkException
 from toy_rig import ToyLab
 
+from adaptsim_cli.devices.attended import ToolWatch
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.devices.known_arm import KnownArm
-from adaptsim_cli.devices.last_motion import LastMotion
-from adaptsim_cli.devices.tool_watch import ToolWatch
+from adaptsim_cli.devices.known_arm import KnownArm, LastMotion
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import running as session_running
@@ -558,7 +557,7 @@ def _shown_meanwhile(fake: FakeK4a, ask: Callable[[], Any], is_gone: bool) -> An
 def run(home: Path, lab: ToyLab) -> None:
     """One iteration of one particle, as `run-iteration --yes`."""
     settings = toy_session.resolved(home, particles=1)
-    request = session_running.SessionRequest(None, frozenset(), 1, yes=True)
+    request = session_running.SessionRequest(None, frozenset({"task"}), 1, yes=True)
     session_running.run_session(
         settings, request, toy_rig.opener(lab), lambda store: store.folder, toy_session.silent()
     )

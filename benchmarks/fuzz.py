@@ -37,8 +37,7 @@ from adaptsim_cli.calibration import printing
 from adaptsim_cli.calibration.solving import solve_folder
 from adaptsim_cli.devices.rig_file import reading
 from adaptsim_cli.errors import CliError
-from adaptsim_cli.screen.clean import CleanConsole
-from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.console import CleanConsole, Screen
 from adaptsim_cli.session import watching
 from adaptsim_cli.session.store import SessionStore
 from calib import files

@@ -1,75 +1,98 @@
 """Every method in every set of worlds: runs the missing sessions, then writes docs/results/methods.md.
 
-    python benchmarks/results.py            hours; finished parts stay in build/results
-    python benchmarks/results.py --short    the pendulum alone with a small budget, half a minute
+    python benchmarks/results.py              hours; finished sessions stay in build/results
+    python benchmarks/results.py --page-only  the page of the sessions that have been run so far
+    python benchmarks/results.py --short      the pendulum alone with a small budget, half a minute
 
-    python benchmarks/results.py --page-only    the page of what has been run so far; missing cells stay open
-
-It calls `adaptsim world-tables` and `adaptsim benchmark`, and reads the rows of the latter.
+It calls `adaptsim world-tables` and `adaptsim benchmark`. Every session is a line of docs/results/sessions.csv, and the
+page is made from these lines alone.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from hw.types import Array
 from sim.research.benchmark.jobs import COMPARED
 from sim.research.benchmark.sessions import Conditions
 
-PAGE, FOLDER = Path("docs/results/methods.md"), Path("build/results")
-TABLE_A2 = ("wd", "ood-1", "ood-2", "ood-3", "ood-4")
+PAGE, SESSIONS, FOLDER = Path("docs/results/methods.md"), Path("docs/results/sessions.csv"), Path("build/results")
 FOODS = ("raisin", "carrot", "cucumber", "sprout", "mushroom-slice", "oreo")
-GROUPS = ("foods", "drawn", "Table A2", "selected", "mujoco")
 LIMITS = ("oracle", "best-action")
-DEFAULT = "adaptsim"
+DEFAULT, FIVE = "adaptsim", ("udr", "adaptsim")
+OTHERS = ("adaptsim-iteration", "bo", "bo-prior", "random", "sysid-bayes", *LIMITS)
 
 
 @dataclass(frozen=True)
 class Part:
-    """The benchmarks of one task."""
+    """One set of worlds: a section of the page."""
 
+    name: str
     task: str
-    seeds: Mapping[str, int]  # sessions of each method in each world, for sets of worlds
+    targets: str
+    seeds: Mapping[tuple[str, ...], int]  # methods -> sessions of each in each world
     budget: int = 20
-    methods: str = "all"
-    needs_tables: bool = True
+    fresh: int = 0
+
+    @property
+    def needs_tables(self) -> bool:
+        """Whether trials and scores are looked up."""
+        return self.task != "pendulum"
 
     def commands(self, folder: Path) -> list[list[str]]:
-        """One per number of seeds."""
+        """One per number of sessions."""
+        fresh = ["--fresh", str(self.fresh)] if self.fresh else []
         return [
             [
-                "benchmark", "--task", self.task, "--targets", targets, "--methods", self.methods,
-                "--budget", str(self.budget), "--seeds", str(seeds), "--out", str(folder / self.task),
+                "benchmark", "--task", self.task, "--targets", self.targets, "--methods", ",".join(methods), *fresh,
+                "--budget", str(self.budget), "--seeds", str(seeds), "--out", str(folder / self.name),
             ]
-            for targets, seeds in self.seeds.items()
+            for methods, seeds in self.seeds.items()
         ]  # fmt: skip
 
 
+@dataclass(frozen=True)
+class Session:
+    """What one session earned: a line of the table of sessions."""
+
+    part: str
+    world: str
+    method: str
+    seed: int
+    reward: float
+    after: tuple[tuple[int, float], ...]  # reward after so many trials
+
+
+Earned = Mapping[str, Mapping[int, float]]
+"""world -> seed -> reward"""
+
 WHOLE = (
-    Part("scooping", {",".join(FOODS): 3, "drawn": 1}),
-    Part("pushing", {"drawn": 1}),
-    Part("pendulum", {"drawn": 1}, budget=10, needs_tables=False),
+    Part("foods", "scooping", ",".join(FOODS), {("all",): 3}, fresh=24),
+    Part("scooping", "scooping", "drawn", {FIVE: 5, OTHERS: 1}),
+    Part("pushing", "pushing", "drawn", {FIVE: 5, OTHERS: 1}),
+    Part("pendulum", "pendulum", "drawn", {FIVE: 5, OTHERS: 1}, budget=10),
 )
-SHORT = (
-    Part("pendulum", {"wd,ood-1": 1}, 6, methods="udr,oracle,adaptsim,adaptsim-iteration,random", needs_tables=False),
-)
+SHORT = (Part("pendulum", "pendulum", "wd,ood-1", {(*FIVE, "adaptsim-iteration", "random", "oracle"): 1}, 6),)
 
-HEAD = """Written by `{command}`. Mean reward of the policy that a session ends with, with its 95 % interval over
-worlds. The *foods* are those of the paper. A rule *drew* forty worlds, none discarded. Methods are explained in
-[paper](../why/paper.md#baselines), worlds and scores in [benchmark](../reference/benchmark.md). `oracle` and
-`best-action` are limits, not methods. Bold: the best method. –: not run.
+HEAD = """For who compares methods. `{command}` runs the sessions and writes this page from
+[sessions.csv](sessions.csv), which has a line for each. *Reward*: that of the policy that a session ends with, between
+0 and 1, with its 95 % interval over worlds (bootstrap). *Lead*: `adaptsim` minus this method in the same worlds with
+the same seeds, and the world where that is least. `oracle` and `best-action` are limits, not methods: the best E and
+the best action by the rollouts that trials use. Bold: the best method. Sessions have two particles; one training seed.
+[Methods](../why/paper.md#baselines), [worlds and scores](../reference/benchmark.md).
 
-The comparison is uneven in one point: `adaptsim` and `adaptsim-belief` also weigh parameters of the margin around Ω.
-The other methods, and `oracle`, know Ω alone."""
+`adaptsim` and `adaptsim-belief` also weigh parameters of the margin around Ω. The others, and `oracle`, know Ω
+alone."""
 
 REPORTED = """## Reported by the paper, on a real arm
 
@@ -88,19 +111,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--short", action="store_true", help="the pendulum alone, with a small budget")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where benchmarks lie (default build/results)")
-    parser.add_argument("--page", type=Path, help=f"default: {PAGE}; with --short a file in the folder")
     parser.add_argument("--page-only", action="store_true", help="run nothing, show what there is")
     parser.add_argument("--workers", type=int, default=0, help="processes; 0: one per core")
     asked = parser.parse_args()
     parts = SHORT if asked.short else WHOLE
+    page, table = (asked.folder / PAGE.name, asked.folder / SESSIONS.name) if asked.short else (PAGE, SESSIONS)
     for part in () if asked.page_only else parts:
         if part.needs_tables:
-            call(["world-tables", "--task", part.task, "--targets", ",".join(part.seeds)], asked.workers)
+            call(["world-tables", "--task", part.task, "--targets", part.targets], asked.workers)
         for command in part.commands(asked.folder):
             call(command, asked.workers)
-    page = asked.page or (asked.folder / "methods.md" if asked.short else PAGE)
-    found = {part.task: stored(asked.folder / part.task) for part in parts}
-    page.write_text(written(parts, found, short=asked.short), encoding="utf-8")
+    known = {(s.part, s.world, s.method, s.seed): s for s in read(table)}
+    known |= {(s.part, s.world, s.method, s.seed): s for part in parts for s in stored(asked.folder, part.name)}
+    write(table, [known[key] for key in sorted(known)])
+    page.write_text(written(parts, read(table), short=asked.short), encoding="utf-8")
     print(f"Written: {page}")
 
 
@@ -112,160 +136,128 @@ def call(arguments: Sequence[str], workers: int) -> None:
         raise SystemExit(done.returncode)
 
 
-def stored(folder: Path) -> list[dict[str, Any]]:
-    """The rows of a benchmark, methods in the program's order."""
-    rows = [json.loads(file.read_text(encoding="utf-8")) for file in sorted(folder.glob("rows/*/*/*.json"))]
-    return sorted(rows, key=lambda row: COMPARED.index(row["method"]))
+def stored(folder: Path, part: str) -> Iterable[Session]:
+    """The sessions that a benchmark left in its folder."""
+    for file in (folder / part).glob("rows/*/*/*.json"):
+        row = json.loads(file.read_text(encoding="utf-8"))
+        after = tuple((int(n), round(r, 4)) for n, r in row["curve"])
+        yield Session(part, row["target"], row["method"], row["seed"], round(row["reward"], 4), after)
 
 
-def written(parts: Sequence[Part], found: Mapping[str, Sequence[Mapping[str, Any]]], *, short: bool) -> str:
-    """The page."""
-    lines = [
-        "# Results: every method",
-        "",
-        HEAD.format(command="make results-short" if short else "make results"),
+def read(table: Path) -> list[Session]:
+    """The sessions of the table; none where there is no table yet."""
+    if not table.exists():
+        return []
+    with table.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    after = [(pair.split(":") for pair in row["after"].split()) for row in rows]
+    curves = [tuple((int(n), float(reward)) for n, reward in pairs) for pairs in after]
+    return [
+        Session(r["part"], r["world"], r["method"], int(r["seed"]), float(r["reward"]), curve)
+        for r, curve in zip(rows, curves, strict=True)
     ]
+
+
+def write(table: Path, sessions: Iterable[Session]) -> None:
+    """Write the table, a line a session."""
+    with table.open("w", encoding="utf-8", newline="") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(("part", "world", "method", "seed", "reward", "after"))
+        for s in sessions:
+            out.writerow((s.part, s.world, s.method, s.seed, s.reward, " ".join(f"{n}:{r}" for n, r in s.after)))
+
+
+def written(parts: Sequence[Part], sessions: Sequence[Session], *, short: bool) -> str:
+    """The page."""
+    lines = ["# Results: every method", "", HEAD.format(command="make results-short" if short else "make results")]
     for part in parts:
-        lines += ["", *section(part, found[part.task])]
+        here = [s for s in sessions if s.part == part.name]
+        lines += ["", *(section(part, here) if here else ())]
     return "\n".join((*lines, "", REPORTED))
 
 
-def section(part: Part, rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """One task."""
-    methods = list(dict.fromkeys(row["method"] for row in rows))
-    columns = [group for group in GROUPS if any(group_of(row) == group for row in rows)]
-    earned = {(m, c): by_world(rows, m, c) for m in methods for c in columns}
-    worlds = {c: max(len(earned[m, c]) for m in methods) for c in columns}
-    earned = {at: there for at, there in earned.items() if len(there) == worlds[at[1]]}  # only whole sets are shown
-    best = {
-        c: max(float(np.mean(earned[m, c])) for m in methods if m not in LIMITS and (m, c) in earned) for c in columns
-    }
-    head = ["method", *(f"{c} ({_sessions(earned, c)})" for c in columns)]
+def section(part: Part, sessions: Sequence[Session]) -> list[str]:
+    """The table of one set of worlds; a method is shown if it ran in all of them."""
+    worlds = sorted({s.world for s in sessions})
+    earned = {m: by_world(sessions, m) for m in COMPARED}
+    earned = {method: there for method, there in earned.items() if there.keys() == set(worlds)}
+    best = max(means(there).mean() for m, there in earned.items() if m not in LIMITS)
+    after = max((s.after for s in sessions), key=len)
+    trials = ", ".join(str(n) for n, _ in after)
+    head = ["method", "sessions a world", "reward", "lead", f"after {trials} trials"]
     body = [
-        [f"`{m}`", *(cell(earned.get((m, c), []), best[c], is_limit=m in LIMITS) for c in columns)] for m in methods
+        [
+            f"`{method}`",
+            str(min(map(len, there.values()))),
+            reward(there, best, is_limit=method in LIMITS),
+            "" if method == DEFAULT or DEFAULT not in earned else lead(earned[DEFAULT], there),
+            course(sessions, method),
+        ]
+        for method, there in earned.items()
     ]
-    conditions = Conditions(part.budget)
-    if part.needs_tables:
-        answered = f"Trials and scores, at {conditions.judged} contexts, are looked up in tables of true rollouts."
-    else:
-        answered = f"Trials are true rollouts; others, at {conditions.judged} contexts, score a final policy."
+    judged = part.fresh or Conditions(part.budget).judged
+    kind = f"looked up in tables of true rollouts, scored at {judged} contexts"
+    if not part.needs_tables or part.fresh:
+        kind = f"true rollouts; {judged} further ones score the final policy"
+    if part.needs_tables and part.fresh:
+        kind += ", and tables of true rollouts score the earlier ones"
     return [
-        f"## {part.task.capitalize()}",
+        f"## {part.name.capitalize()}",
         "",
-        f"Sessions of {part.budget} trials with {conditions.particles} particles; one training seed; tool driven "
-        f"directly. {answered}",
+        f"{len(worlds)} worlds, sessions of {part.budget} trials, tool driven directly. Trials are {kind}.",
         "",
-        *_table(head, body),
+        *("| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *body)),
         "",
-        *paired(rows),
-        "",
-        *curves(rows),
         *(f"    adaptsim {' '.join(command)}" for command in part.commands(FOLDER)),
     ]
 
 
-def paired(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """By how much the default method leads every other one, in the same worlds with the same seeds."""
-    named = [group for group in GROUPS if any(group_of(row) == group for row in rows)]
-    reward = {(r["method"], group_of(r), r["target"], r["seed"]): float(r["reward"]) for r in rows}
-    worlds = {s: sorted({r["target"] for r in rows if group_of(r) == s}) for s in named}
-    body = []
-    for method in dict.fromkeys(row["method"] for row in rows):
-        if method == DEFAULT:
-            continue
-        cells = []
-        for s in named:
-            ours, theirs = (_means(reward, m, s) for m in (DEFAULT, method))
-            whole = ours.keys() == theirs.keys() == set(worlds[s])
-            cells.append(lead(np.array([ours[w] - theirs[w] for w in worlds[s]]), worlds[s]) if whole else "–")
-        body.append([f"`{method}`", *cells])
-    head = [f"`{DEFAULT}` minus", *(f"{s} ({len(worlds[s])} worlds)" for s in named)]
-    return [
-        "Paired differences of reward, mean over worlds with its 95 % interval, and the world where it is least:",
-        "",
-        *_table(head, body),
-    ]
+def by_world(sessions: Sequence[Session], method: str) -> Earned:
+    """Rewards of a method's sessions."""
+    found: dict[str, dict[int, float]] = {}
+    for s in sessions:
+        if s.method == method:
+            found.setdefault(s.world, {})[s.seed] = s.reward
+    return found
 
 
-def curves(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """What sessions of each method earn after each iteration, where trials and scores are of one kind."""
-    sets = [group for group in GROUPS if any(group_of(row) == group for row in rows)]
-    worlds = {s: {r["target"] for r in rows if group_of(r) == s} for s in sets}
-    with_trials = [row for row in rows if len(row["curve"]) > 1]
-    after = [n for n, _ in with_trials[0]["curve"]] if with_trials else []
-    body = []
-    for method in dict.fromkeys(row["method"] for row in with_trials):
-        cells = []
-        for s in sets:
-            there = [r for r in with_trials if (r["method"], group_of(r)) == (method, s)]
-            if {r["target"] for r in there} != worlds[s]:
-                cells.append("–")
-                continue
-            earned = np.array([[reward for _, reward in row["curve"]] for row in there]).mean(axis=0)
-            cells.append(", ".join(f"{reward:.3f}" for reward in earned))
-        body.append([f"`{method}`", *cells])
-    told = f"Mean reward after {', '.join(map(str, after[:-1]))} and {after[-1]} trials:" if after else ""
-    return [told, "", *_table(["method", *sets], body), ""] if body else []
+def means(earned: Earned) -> Array:
+    """(W,) reward in each world."""
+    return np.array([np.mean(list(seeds.values())) for seeds in earned.values()])
 
 
-def _means(reward: Mapping[tuple[str, str, str, int], float], method: str, which: str) -> dict[str, float]:
-    """Reward in each world of a set, over its sessions."""
-    found: dict[str, list[float]] = {}
-    for (m, s, world, _), earned in reward.items():
-        if (m, s) == (method, which):
-            found.setdefault(world, []).append(earned)
-    return {world: float(np.mean(earned)) for world, earned in found.items()}
-
-
-def lead(differences: Array, worlds: Sequence[str]) -> str:
-    """One cell."""
-    draws = np.random.default_rng(0).choice(differences, (4000, len(differences))).mean(axis=1)
-    low, high = np.quantile(draws, (0.025, 0.975))
-    least = int(np.argmin(differences))
-    told = f"{differences.mean():+.3f} ({low:+.2f} to {high:+.2f})"
-    return f"{told}; {differences[least]:+.2f} in {worlds[least]}"
-
-
-def _table(head: Sequence[str], body: Sequence[Sequence[str]]) -> list[str]:
-    return ["| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *body)]
-
-
-def group_of(row: Mapping[str, Any]) -> str:
-    """The set of a row's world; shipped worlds are the foods, those of the paper's table, and selected ones."""
-    if row["set"] != "named":
-        return str(row["set"])
-    return "foods" if row["target"] in FOODS else "Table A2" if row["target"] in TABLE_A2 else "selected"
-
-
-def _sessions(earned: Mapping[tuple[str, str], Sequence[Sequence[float]]], group: str) -> str:
-    """How many of them stand behind a column."""
-    worlds = next(there for (_, g), there in earned.items() if g == group)
-    return f"{len(worlds)} worlds, {min(map(len, worlds))} each"
-
-
-def by_world(rows: Sequence[Mapping[str, Any]], method: str, column: str) -> list[list[float]]:
-    """Rewards, one list of sessions a world."""
-    found: dict[str, list[float]] = {}
-    for row in rows:
-        if row["method"] == method and group_of(row) == column:
-            found.setdefault(row["target"], []).append(row["reward"])
-    return list(found.values())
-
-
-def cell(worlds: Sequence[Sequence[float]], best: float, *, is_limit: bool) -> str:
-    """Mean and interval; the best method of a column is bold."""
-    if not worlds:
-        return "–"
-    units: Array = np.array([np.mean(sessions) for sessions in worlds] if len(worlds) > 1 else worlds[0])
-    mean = float(np.mean(units))
-    told = f"{mean:.3f}"
-    if mean >= best - 1e-9 and not is_limit:
+def reward(earned: Earned, best: float, *, is_limit: bool) -> str:
+    """Mean over worlds and its interval; the best method of a section is bold."""
+    units = means(earned)
+    told = f"{units.mean():.3f}"
+    if units.mean() >= best - 1e-9 and not is_limit:
         told = f"**{told}**"
-    if len(units) < 3:
-        return told
-    draws = np.random.default_rng(0).choice(units, (4000, len(units))).mean(axis=1)
-    low, high = np.quantile(draws, (0.025, 0.975))
-    return f"{told} ({low:.2f} to {high:.2f})"
+    return told if len(units) < 3 else "{} ({:.3f} to {:.3f})".format(told, *interval(units))
+
+
+def lead(ours: Earned, theirs: Earned) -> str:
+    """Paired difference over worlds, its interval, and the world where it is least."""
+    differences = {
+        world: float(np.mean([ours[world][seed] - reward for seed, reward in seeds.items()]))
+        for world, seeds in theirs.items()
+    }
+    least = min(differences, key=lambda world: differences[world])
+    units: Array = np.array(list(differences.values()))
+    span = "" if len(units) < 3 else " ({:+.3f} to {:+.3f})".format(*interval(units))
+    return f"{units.mean():+.3f}{span}; {differences[least]:+.2f} in {least}"
+
+
+def interval(units: Array) -> tuple[float, float]:
+    """95 % interval of the mean, by bootstrap."""
+    found = stats.bootstrap((units,), np.mean, n_resamples=4000, method="percentile", rng=0).confidence_interval
+    return float(found.low), float(found.high)
+
+
+def course(sessions: Sequence[Session], method: str) -> str:
+    """Mean reward after each iteration."""
+    curves = [[r for _, r in s.after] for s in sessions if s.method == method]
+    whole = len(curves[0]) > 1 and len({len(curve) for curve in curves}) == 1
+    return ", ".join(f"{r:.3f}" for r in np.mean(curves, axis=0)) if whole else ""
 
 
 if __name__ == "__main__":

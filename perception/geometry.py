@@ -37,6 +37,11 @@ def project(camera: Intrinsics, X_VB: Array, points_B_m: Array) -> Array:
     return np.asarray(uv, dtype=np.float64).reshape(-1, 2)
 
 
+def place(xy_m: Array) -> str:
+    """A place (2,) on the table in words, as the robot sees it: 558 mm ahead, 2 mm left."""
+    return f"{1e3 * xy_m[0]:.0f} mm ahead, {1e3 * abs(xy_m[1]):.0f} mm {'left' if xy_m[1] > 0 else 'right'}"
+
+
 def on_plane(directions: Array, X_BV: Array, height_m: float) -> Array:
     """Where rays (N, 3) of camera V meet the plane z = `height_m` of the base frame -> (N, 2)."""
     along = directions @ X_BV[:3, :3].T

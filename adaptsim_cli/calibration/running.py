@@ -21,8 +21,7 @@ from adaptsim_cli.calibration.visits import Automatic, HandGuided, Visits, plan
 from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console, resting, views
-from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.sealed import versions
 from calib import residuals

@@ -11,9 +11,9 @@ import numpy as np
 
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
-from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
+from adaptsim_cli.screen.views import clear_to_move
 from calib import poses
 from calib.coverage import Coverage
 from hw.types import Array
@@ -78,8 +78,7 @@ class Automatic:
             return
         what = f"brings the board to {len(self.q_rad)} places, slowly, one after the other, without asking again"
         question = clear_to_move(self.rig.is_real, what) + ". Board firm in the gripper?"
-        stopped = "stopped by the operator; nothing has moved"
-        self.screen.go_on(question, "to start", then=f"The arm {what}. Ctrl-C stops it.", stopped=stopped)
+        self.screen.go_on(question, "to start", then=f"The arm {what}. Ctrl-C stops it.", kept="nothing has moved")
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
         """Move to one posture, or skip it if no way leads there. Raises MotionRefused, HardwareError."""

@@ -3,41 +3,39 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from adaptsim_cli import options
+from adaptsim_cli.commands.kept import Kind, add_to
+
+if TYPE_CHECKING:
+    from adaptsim_cli.calibration.store import CalibrationStore
+    from adaptsim_cli.config import Resolved
+    from adaptsim_cli.screen.console import Screen
+    from calib.saved import SavedCalibration
+
 app = typer.Typer()
 
-_Task = Annotated[str | None, typer.Option("--task", help="Which task the world of the simulated lab is for.")]
-_World = Annotated[str | None, typer.Option("--world", help="World of the simulated lab: name or TOML file.")]
-_Seed = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
-_Hw = Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")]
-_Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")]
-_Realtime = Annotated[bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")]
-_Pace = Annotated[
-    float | None, typer.Option("--pace", help="Speed of every motion, 0.1 to 1, to watch a new rig first.")
-]
-_Operator = Annotated[str | None, typer.Option("--operator", help="Your name, for the record of a real arm.")]
-_Json = Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")]
 _Guide = Annotated[bool, typer.Option("--guide", help="Guide the arm by hand; no motion is planned.")]
 
 
 @app.callback(invoke_without_command=True)
 def calibrate(
     context: typer.Context,
-    task: _Task = None,
-    world: _World = None,
-    seed: _Seed = None,
-    hw: _Hw = None,
+    task: options.Task = None,
+    world: options.World = None,
+    seed: options.Seed = None,
+    hw: options.Hw = None,
     guide: _Guide = False,
     views: Annotated[int, typer.Option("--views", min=12, max=100, help="How many places the arm visits.")] = 25,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start again without the stored views.")] = False,
-    yes: _Yes = False,
-    realtime: _Realtime = False,
-    pace: _Pace = None,
-    operator: _Operator = None,
-    as_json: _Json = False,
+    yes: options.Yes = False,
+    realtime: options.Realtime = False,
+    pace: options.Pace = None,
+    operator: options.Operator = None,
+    as_json: options.Json = False,
 ) -> None:
     """Find the camera's pose: the arm shows the camera a board from many sides. Takes about ten minutes.
 
@@ -71,8 +69,8 @@ def board(
     width_mm: Annotated[
         float | None, typer.Option("--width-mm", help="Measured width of all squares of a row together.")
     ] = None,
-    yes: _Yes = False,
-    as_json: _Json = False,
+    yes: options.Yes = False,
+    as_json: options.Json = False,
 ) -> None:
     """Write the calibration board at true scale, and store the size that you measured on the print.
 
@@ -88,15 +86,15 @@ def board(
 
 @app.command()
 def check(
-    task: _Task = None,
-    world: _World = None,
-    seed: _Seed = None,
-    hw: _Hw = None,
+    task: options.Task = None,
+    world: options.World = None,
+    seed: options.Seed = None,
+    hw: options.Hw = None,
     guide: _Guide = False,
-    yes: _Yes = False,
-    pace: _Pace = None,
-    operator: _Operator = None,
-    as_json: _Json = False,
+    yes: options.Yes = False,
+    pace: options.Pace = None,
+    operator: options.Operator = None,
+    as_json: options.Json = False,
 ) -> None:
     """Has the camera moved since it was calibrated, and by how much? Three places, one minute.
 
@@ -135,7 +133,7 @@ def solve(
     ] = 0,
     first: Annotated[str, typer.Option("--from", help="Leave out the views before this one.")] = "",
     last: Annotated[str, typer.Option("--until", help="Leave out the views after this one.")] = "",
-    as_json: _Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Solve from views recorded elsewhere, on any robot, with the same checks and report.
 
@@ -162,7 +160,7 @@ def together(
             "--exchange", help="A folder and two of its views with exchanged poses, as cam:25:26; repeatable."
         ),
     ] = None,
-    as_json: _Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Solve several fixed cameras that saw the same target on the same arm: better than each alone.
 
@@ -187,7 +185,7 @@ def overlay(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the pictures; default: `overlay` in the folder of views.")
     ] = None,
-    as_json: _Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Draw the arm into the pictures of a solved folder: its lines must lie on the edges of the real hand.
 
@@ -200,124 +198,37 @@ def overlay(
     running.overlay(folder, out, as_json=as_json)
 
 
-_Calibration = Annotated[str, typer.Argument(help="Name or number, as `calibrate list` shows it.")]
-
-
-@app.command("list")
-def list_calibrations(
-    task: _Task = None, world: _World = None, seed: _Seed = None, hw: _Hw = None, as_json: _Json = False
-) -> None:
-    """List the calibrations of a rig or world, oldest first, and the sessions that rest on the one in use.
-
-    Example: adaptsim calibrate list --hw fr3
-    """
-    from adaptsim_cli.calibration import kept
-    from adaptsim_cli.screen import console
+def _store(resolved: Resolved) -> CalibrationStore:
     from adaptsim_cli.wiring import calibration as wiring
-    from adaptsim_cli.wiring import rig_frames, settings
 
-    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
-    store = wiring.calibrations(resolved.config, resolved.places)
-    screen, found = console.Screen(as_json=as_json), kept.listed(store)
-    resting = rig_frames.open_sessions(resolved.config, resolved.places)
-    if as_json:
-        screen.data("calibrate list", {"rig": store.folder.name, "calibrations": found, "open_sessions": list(resting)})
-        return
-    kept.tell(screen, store, found, resting)
+    return wiring.calibrations(resolved.config, resolved.places)
 
 
-@app.command("show")
-def show_calibration(
-    name: _Calibration,
-    task: _Task = None,
-    world: _World = None,
-    seed: _Seed = None,
-    hw: _Hw = None,
-    as_json: _Json = False,
-) -> None:
-    """Show one calibration with every check, and where its report lies.
+def _tell(screen: Screen, store: CalibrationStore, resting: tuple[str, ...]) -> None:
+    from adaptsim_cli.calibration import kept
 
-    Example: adaptsim calibrate show calibration-0001 --hw fr3
-    """
+    found = kept.listed(store)
+    told = {"rig": store.folder.name, "calibrations": found, "open_sessions": list(resting)}
+    if not screen.data("calibrate list", told):
+        kept.tell(screen, store, found, resting)
+
+
+def _show(screen: Screen, known: SavedCalibration, path: Path) -> None:
     from adaptsim_cli.calibration import running, terminal_views
     from adaptsim_cli.calibration.store import REPORT
-    from adaptsim_cli.screen import console
-    from adaptsim_cli.wiring import calibration as wiring
-    from adaptsim_cli.wiring import settings
 
-    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
-    store = wiring.calibrations(resolved.config, resolved.places)
-    path, screen = store.numbered.named(name), console.Screen(as_json=as_json)
-    known = store.read(path)
-    if as_json:
-        screen.data("calibrate show", running.summary(known) | {"folder": str(path)})
-        return
-    screen.show(terminal_views.calibration(known))
-    screen.plain(f"Report: {path / REPORT}")
-    screen.next((f"adaptsim calibrate restore {path.name} {resolved.config.same_lab}", "puts it in use again"))
+    if not screen.data("calibrate show", running.summary(known) | {"folder": str(path)}):
+        screen.show(terminal_views.calibration(known))
+        screen.plain(f"Report: {path / REPORT}")
 
 
-@app.command("restore")
-def restore_calibration(
-    name: _Calibration,
-    task: _Task = None,
-    world: _World = None,
-    seed: _Seed = None,
-    hw: _Hw = None,
-    as_json: _Json = False,
-) -> None:
-    """Put an earlier calibration in use again, as a copy with the next number. Nothing is deleted.
-
-    Names the open sessions that rest on the one in use until now.
-
-    Example: adaptsim calibrate restore calibration-0001 --hw fr3
-    """
-    from datetime import UTC, datetime
-
-    from adaptsim_cli.screen import console, resting
-    from adaptsim_cli.wiring import calibration as wiring
-    from adaptsim_cli.wiring import rig_frames, settings
-
-    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
-    store = wiring.calibrations(resolved.config, resolved.places)
-    screen = console.Screen(as_json=as_json)
-    store.numbered.named(name)
-    resting.tell_resting(screen, "the calibration in use", rig_frames.open_sessions(resolved.config, resolved.places))
-    with store.locked():
-        path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
-    if as_json:
-        source = store.numbered.named(name).name
-        screen.data("calibrate restore", {"in_use": path.name, "restored_from": source, "folder": str(path)})
-        return
-    screen.plain(f"In use from now on: {path}")
-    screen.next((f"adaptsim calibrate check {resolved.config.same_lab}", "has the camera moved?"))
-
-
-@app.command("compare")
-def compare_calibrations(
-    first: _Calibration,
-    second: _Calibration,
-    task: _Task = None,
-    world: _World = None,
-    seed: _Seed = None,
-    hw: _Hw = None,
-    as_json: _Json = False,
-) -> None:
-    """Say how far the camera's poses of two calibrations lie apart, beside how well both are known.
-
-    Example: adaptsim calibrate compare 1 2 --hw fr3
-    """
+def _compare(screen: Screen, store: CalibrationStore, first: str, second: str) -> None:
     from adaptsim_cli.calibration import kept
-    from adaptsim_cli.screen import console
-    from adaptsim_cli.wiring import calibration as wiring
-    from adaptsim_cli.wiring import settings
 
-    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw})
-    store = wiring.calibrations(resolved.config, resolved.places)
-    screen, found = console.Screen(as_json=as_json), kept.compared(store, first, second)
-    if as_json:
-        screen.data("calibrate compare", found)
-        return
-    screen.show(kept.sentence(found))
-    again = f"adaptsim calibrate restore {found['first']} {resolved.config.same_lab}"
-    screen.next((again, "puts the first in use again"))
+    found = kept.compared(store, first, second)
+    if not screen.data("calibrate compare", found):
+        screen.show(kept.sentence(found))
+
+
+_THEN = ("adaptsim calibrate check", "has the camera moved?")
+add_to(app, Kind("calibrate", "calibration", "--hw fr3", _THEN, _store, _tell, _show, _compare))

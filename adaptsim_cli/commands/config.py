@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(help="Settings, and where each comes from.", no_args_is_help=True)
+from adaptsim_cli import options
 
-_Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+app = typer.Typer(help="Settings, and where each comes from.", no_args_is_help=True)
 
 
 @app.command()
-def show(as_json: _Json = False) -> None:
+def show(as_json: options.Json = False) -> None:
     """Show every setting with its value and origin, and the contents of the rig file.
 
     Example: adaptsim config show
@@ -28,12 +28,12 @@ def show(as_json: _Json = False) -> None:
     settings = {k: {"value": v, "source": resolved.sources[k]} for k, v in resolved.config.model_dump().items()}
     screen = console.Screen(as_json=as_json)
     body = [(name, str(s["value"]) or '""', str(s["source"])) for name, s in settings.items()]
-    if not as_json:
+    if not as_json:  # before the rig file, which may be damaged
         screen.show(views.rows(("setting", "value", "from"), body))
     rig = asdict(reading.read(Path(resolved.config.rig))) if resolved.config.rig else None
-    if as_json:
-        screen.data("config show", {"settings": settings, "rig_file": rig})
-    elif rig is not None:
+    if screen.data("config show", {"settings": settings, "rig_file": rig}):
+        return
+    if rig is not None:
         screen.plain("")
         screen.show(views.rows((resolved.config.rig, "value"), reading.flat(rig)))
         screen.next(("adaptsim doctor", "checks that everything is ready"))
@@ -43,7 +43,7 @@ def show(as_json: _Json = False) -> None:
 
 
 @app.command()
-def path(as_json: _Json = False) -> None:
+def path(as_json: options.Json = False) -> None:
     """Show the folders of data and settings. ADAPTSIM_HOME moves both.
 
     Example: adaptsim config path
@@ -55,9 +55,7 @@ def path(as_json: _Json = False) -> None:
 
     where = {name: str(place) for name, place in asdict(config.places()).items()}
     screen = console.Screen(as_json=as_json)
-    if as_json:
-        screen.data("config path", where)
-    else:
+    if not screen.data("config path", where):
         for name, place in where.items():
             screen.plain(f"{name.replace('_', ' '):<13} {place}")
         screen.next(("adaptsim config show", "all settings, and where each comes from"))
@@ -69,7 +67,7 @@ def init(
     arm: Annotated[str | None, typer.Option("--arm", help="fr3, panda, or none for the simulated lab alone.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a rig file without asking.")] = False,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Take every default, ask nothing.")] = False,
-    as_json: _Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Ask about the lab and write its rig file, plus a settings file with every setting as a comment.
 
@@ -84,15 +82,14 @@ def init(
     screen = console.Screen(as_json=as_json)
     request = writing.InitRequest(project=project, arm=arm, overwrite=overwrite, yes=yes)
     written = writing.init(config.places(), request, screen)
-    if as_json:
-        screen.data("config init", written.as_json())
+    screen.data("config init", written.as_json())
 
 
 def schema(
     command: Annotated[
         list[str] | None, typer.Argument(help="Command, e.g. sessions list; default: all of them.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="All schemas as one JSON object on stdout.")] = False,
+    as_json: options.Json = False,
 ) -> None:
     """Print the JSON schema of what a command prints with --json: names, types, units, meanings.
 
@@ -113,10 +110,10 @@ def schema(
         meant = f"; did you mean {' or '.join(near)}?" if near else ""
         raise UsageError(f"no command {name!r} takes --json{meant} `adaptsim schema` lists those that do")
     screen = console.Screen(as_json=as_json)
-    if as_json:
-        names = [name] if name else list(catalogue.OUTPUTS)
-        screen.data("schema", {"schemas": {one: catalogue.schema(one) for one in names}})
-    elif name:
+    names = [name] if name else list(catalogue.OUTPUTS)
+    if screen.data("schema", {"schemas": {one: catalogue.schema(one) for one in names}}):
+        return
+    if name:
         screen.plain(json.dumps(catalogue.schema(name), indent=2, ensure_ascii=False))
     else:
         rows = [(one, (kind.__doc__ or "").splitlines()[0]) for one, kind in catalogue.OUTPUTS.items()]

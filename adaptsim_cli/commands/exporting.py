@@ -1,4 +1,4 @@
-"""`adaptsim sessions export` and `adaptsim replay`: trials in the formats of other programs."""
+"""What is made from stored sessions: `report`, `compare`, `sessions export`, `replay`, `bundle`, `retrack`."""
 
 from __future__ import annotations
 
@@ -7,84 +7,155 @@ from typing import Annotated
 
 import typer
 
-from adaptsim_cli.commands import completing
+from adaptsim_cli import options
 
-_Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+
+def report(
+    session: options.NewestSession = None,
+    out: options.Out = None,
+    force: options.Force = False,
+    as_json: options.Json = False,
+) -> None:
+    """Write one self-contained HTML page of a session: is it better, rewards, parameters, paths, camera frames.
+
+    Example: adaptsim report scooping-oreo
+    """
+    import shlex
+
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.storage import durable
+    from adaptsim_cli.wiring.hindsight import Reports
+
+    opened, screen = options.stored(session), console.Screen(as_json=as_json)
+    if out is not None:
+        durable.require_new(out, force=force)
+    with screen.busy("Drawing the report"):
+        path = Reports().draw(opened, out)
+    name = opened.facts.name
+    if not screen.data("report", {"session": name, "report": str(path)}):
+        screen.plain(f"Report: {path}")
+        screen.next(
+            (f"xdg-open {shlex.quote(str(path))}", "opens it in the browser; it is a single file that you can send"),
+            (f"adaptsim run-iteration --session {name}", "goes on with the session"),
+        )
+
+
+def compare(
+    sessions: Annotated[
+        list[str],
+        typer.Argument(help="Names of two sessions or more, of one task.", autocompletion=options.session_names),
+    ],
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for page and tables.")] = None,
+    as_json: options.Json = False,
+) -> None:
+    """Compare sessions: methods, worlds, days, posteriors. Writes a page, and CSV of the sessions and of the trials.
+
+    Example: adaptsim compare scooping-oreo scooping-ood-1-udr-seed0
+    """
+    import hashlib
+
+    from adaptsim_cli import config
+    from adaptsim_cli.report import comparison
+    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.wiring.hindsight import believed
+
+    names = tuple(dict.fromkeys(sessions))
+    stores = [options.stored(name) for name in names]
+    found, beliefs = comparison.compared(stores), believed(stores)
+    digest = hashlib.sha256("\n".join(names).encode()).hexdigest()[:8]
+    name = f"{found[0].facts.task}-{len(found)}-sessions-{digest}"
+    folder = out or config.load().places.data / "comparisons" / name
+    path = comparison.write(found, folder.absolute(), beliefs)
+    screen = console.Screen(as_json=as_json)
+    told = {
+        "task": found[0].facts.task,
+        "sessions": [c.as_row() for c in found],
+        "methods": comparison.by_method(found),
+        "posteriors": beliefs,
+        "page": str(path),
+        "tables": [str(path.with_name(name)) for name in (comparison.SESSIONS, comparison.TRIALS)],
+    }
+    if screen.data("compare", told):
+        return
+    body = [
+        (c.facts.name, f"{c.iterations[0].mean:.2f}", f"{c.iterations[-1].mean:.2f}", str(len(c.trials))) for c in found
+    ]
+    screen.show(views.rows(("session", "first", "last", "trials"), body, right=(1, 2, 3)))
+    screen.plain("First and last: mean reward of the first and of the last iteration.")
+    for sentence in (*comparison.conclusions(found), *comparison.disagreements(beliefs)):
+        screen.plain(sentence)
+    screen.plain(f"Page: {path}")
+    screen.next((f"xdg-open {path}", "the page, in the browser"))
 
 
 def export(
-    name: Annotated[str, typer.Argument(help="Name of the session.", autocompletion=completing.sessions)],
+    name: options.Session,
     kind: Annotated[
-        str, typer.Option("--format", autocompletion=completing.formats, help="csv, parquet, mcap, lerobot or rerun.")
+        str,
+        typer.Option(
+            "--format",
+            autocompletion=options.export_formats,
+            help="csv, parquet, mcap, lerobot, rerun, sdf or mjcf.",
+        ),
     ] = "csv",
     out: Annotated[
         Path | None,
         typer.Option("--out", help="File (tables) or folder (others) to write; default: in the current folder."),
     ] = None,
-    as_json: _Json = False,
+    as_json: options.Json = False,
 ) -> None:
-    """Export the trials of a session: a table, MCAP files with everything, Rerun files, or a LeRobot data set.
+    """Export a session: its trials as a table, MCAP, Rerun or LeRobot, or its adapted scene for Drake or MuJoCo.
 
-    Parquet and LeRobot need the extra `export`, Rerun the extra `rerun`.
+    sdf and mjcf write the scene at the posterior mean with one trial of the best policy. Parquet and LeRobot need the
+    extra `export`, Rerun the extra `rerun`, mjcf the extra `mujoco`.
 
-    Example: adaptsim sessions export scooping-oreo-adaptsim-seed0 --format mcap
+    Example: adaptsim sessions export scooping-oreo --format mcap
     """
-    from adaptsim_cli import config
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import exporting, store
+    from adaptsim_cli.session import exporting
+    from adaptsim_cli.wiring import scene
 
-    opened = store.SessionStore.open(config.load().places.sessions, name)
-    screen = console.Screen(as_json=as_json)
+    opened, screen = options.stored(name), console.Screen(as_json=as_json)
+    path = out or Path(exporting.default_name(opened, kind))
     with screen.progress() as progress:
-        path = out or Path(exporting.default_name(opened, kind))
-        written = exporting.export(opened, kind, path, progress)
-    if as_json:
-        files = [str(file.absolute()) for file in written]
-        screen.data("sessions export", {"session": name, "format": kind, "written": files})
-    else:
+        written = exporting.export(opened, kind, path, scene.files_of, progress)
+    files = [str(file.absolute()) for file in written]
+    if not screen.data("sessions export", {"session": name, "format": kind, "written": files}):
         for file in written:
             screen.plain(str(file))
         screen.next(exporting.next_step(kind, written[0], path))
 
 
 def replay(
-    session: Annotated[str, typer.Argument(help="Name of the session.", autocompletion=completing.sessions)],
-    trial: Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sessions show` lists it.")],
-    out: Annotated[Path | None, typer.Option("--out", help="Where to write the video or the Rerun file.")] = None,
+    session: options.Session,
+    trial: options.Trial,
+    out: options.Out = None,
     rerun: Annotated[bool, typer.Option("--rerun", help="Open it in the Rerun viewer (extra rerun).")] = False,
-    as_json: _Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Watch a recorded trial: a video with the tracked centre, or the Rerun viewer with the moving arm.
 
-    Example: adaptsim replay scooping-oreo-adaptsim-seed0 2
+    Example: adaptsim replay scooping-oreo 2
     """
     import subprocess
     import sys
 
-    from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import rerun_file, store, video, whole
+    from adaptsim_cli.session import replaying, store, whole
     from adaptsim_cli.session.exporting import written
 
-    opened = store.SessionStore.open(config.load().places.sessions, session)
-    records = {record.trial: record for record in store.trials_of(opened)}
-    if trial not in records:
-        known = ", ".join(map(str, records)) or "none"
-        raise UsageError(f"trial {trial} of {session} is not completed; completed are {known}")
+    opened, screen = options.stored(session), console.Screen(as_json=as_json)
+    record = store.completed(opened, trial)
     if opened.facts.curves:
         raise UsageError(f"the task {opened.facts.task} has no recordings; adaptsim report {session} shows its curves")
-    screen = console.Screen(as_json=as_json)
     with screen.busy("Reading the recording"):
-        found = whole.open_trial(opened, records[trial])
+        found = whole.open_trial(opened, record)
     with screen.busy("Writing the Rerun file" if rerun else "Drawing the video"):
-        name = f"replay{'.rrd' if rerun else video.SUFFIX}"
-        path = out or Path(f"{found.title}-{name}")
-        written(path, (rerun_file if rerun else video).encode(found))
-    if as_json:
-        told = {"session": session, "trial": trial, "recording": str(found.file), "written": str(path.absolute())}
-        screen.data("replay", told)
-    else:
+        path = out or Path(f"{found.title}-replay{'.rrd' if rerun else replaying.VIDEO}")
+        written(path, (replaying.rerun_file if rerun else replaying.video)(found))
+    told = {"session": session, "trial": trial, "recording": str(found.file), "written": str(path.absolute())}
+    if not screen.data("replay", told):
         screen.plain(str(path))
         other = (f"adaptsim sessions amend {session} {trial}", "if tracking has the wrong outcome")
         screen.next((f"{sys.executable} -m rerun {path}" if rerun else f"xdg-open {path}", "watch it"), other)
@@ -93,20 +164,17 @@ def replay(
 
 
 def bundle(
-    session: Annotated[
-        str | None,
-        typer.Argument(help="Name of the session; default: the newest.", autocompletion=completing.sessions),
-    ] = None,
+    session: options.NewestSession = None,
     out: Annotated[Path | None, typer.Option("--out", help="Archive to write (.zip).")] = None,
     pictures: Annotated[bool, typer.Option("--with-pictures", help="Pack images, recordings and pages too.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace an archive of that name.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout.")] = False,
+    force: options.Force = False,
+    as_json: options.Json = False,
 ) -> None:
     """Pack a session for a bug report: records, versions, settings. Pictures stay out unless asked for.
 
     The home folder is written as ~. Look into the archive before you send it.
 
-    Example: adaptsim bundle scooping-oreo-adaptsim-seed0
+    Example: adaptsim bundle scooping-oreo
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
@@ -122,44 +190,39 @@ def bundle(
         key: {"value": getattr(resolved.config, key), "from": source} for key, source in resolved.sources.items()
     }
     path = out or Path(f"{folder.name}-bundle.zip")
-    made = keeping.bundle(folder, path, settings, pictures=pictures, force=force)
+    files, left_out = keeping.bundle(folder, path, settings, pictures=pictures, force=force)
     screen = console.Screen(as_json=as_json)
-    if as_json:
-        screen.data("bundle", {"session": folder.name, "bundle": str(made.path), "files": list(made.files)})
+    if screen.data("bundle", {"session": folder.name, "bundle": str(path.absolute()), "files": list(files)}):
         return
-    screen.plain(f"{made.path} ({terminal_views.size(made.path.stat().st_size)}, {len(made.files)} files)")
-    if made.left_out:
-        screen.plain(f"Left out: {made.left_out} files with pictures; --with-pictures packs them.")
-    screen.next((f"unzip -l {made.path}", "its contents; check them before you send it"))
+    screen.plain(f"{path.absolute()} ({terminal_views.size(path.stat().st_size)}, {len(files)} files)")
+    if left_out:
+        screen.plain(f"Left out: {left_out} files with pictures; --with-pictures packs them.")
+    screen.next((f"unzip -l {path}", "its contents; check them before you send it"))
 
 
 def retrack(
-    session: Annotated[str, typer.Argument(help="Name of the session.", autocompletion=completing.sessions)],
+    session: options.Session,
     trial: Annotated[
         int | None, typer.Option("--trial", min=1, help="Number of one trial, as `sessions show` lists it.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    as_json: options.Json = False,
 ) -> None:
     """Track the recordings of a session again, with the tracker of this version. Nothing stored is changed.
 
-    Example: adaptsim retrack scooping-oreo-adaptsim-seed0 --trial 2
+    Example: adaptsim retrack scooping-oreo --trial 2
     """
-    from adaptsim_cli import config
     from adaptsim_cli.devices.trackers import tracker_of
     from adaptsim_cli.screen import console, views
-    from adaptsim_cli.session import retracking, store
+    from adaptsim_cli.session import retracking
     from sim.tasks import get_task
 
-    opened = store.SessionStore.open(config.load().places.sessions, session)
+    opened, screen = options.stored(session), console.Screen(as_json=as_json)
     task = get_task(opened.facts.task)
     retracking.require_camera(task)
-    screen = console.Screen(as_json=as_json)
     with screen.busy("Tracking"):
         found = tuple(retracking.retrack(opened, task, tracker_of(task), trial))
-    if as_json:
-        told = [one.as_json(opened.facts) for one in found]
-        screen.data("retrack", {"session": session, "units": opened.facts.units, "trials": told})
-    else:
+    told = [one.as_json(opened.facts) for one in found]
+    if not screen.data("retrack", {"session": session, "units": opened.facts.units, "trials": told}):
         screen.show(views.rows(retracking.HEAD, retracking.rows(found), right=(0, 3, 4, 5, 6)))
         screen.next(*retracking.next_steps(session, found))
     retracking.require_tracked(found)

@@ -7,23 +7,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from adaptsim_cli import options
+
 if TYPE_CHECKING:
     from adaptsim_cli.screen.console import Screen
     from sim.tasks.task import Task
 
 app = typer.Typer(help="The simulated lab and its worlds.", no_args_is_help=True)
 
-_Task = Annotated[str | None, typer.Option("--task", help="Which task the world is for.")]
-_Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
-
 
 @app.command()
 def show(
-    world: Annotated[str | None, typer.Option("--world", help="Name of a world, or the path of a TOML file.")] = None,
-    task: _Task = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the lab.", min=0)] = None,
+    world: options.World = None,
+    task: options.Task = None,
+    seed: options.Seed = None,
     png: Annotated[Path | None, typer.Option("--png", help="Write the camera picture to this file.")] = None,
-    as_json: _Json = False,
+    as_json: options.Json = False,
 ) -> None:
     """Show the true parameters of a world. For checks only: learning and tracking never read them.
 
@@ -50,32 +49,27 @@ def show(
     if the_world.physics != "drake":
         if png is not None:
             the_world.require_lab()
-        _show(screen, the_task, truth_of(the_task, the_world), as_json)
-        _next(screen, chosen.task, chosen.world, chosen.seed)
-        return
-    lab = SimulatedLab(the_task, the_world, chosen.seed, cell_as_shipped(the_task.hardware, "panda"))
-    _show(screen, the_task, lab.truth(), as_json)
-    if png is not None:
-        import cv2
+        _show(screen, the_task, truth_of(the_task, the_world))
+    else:
+        lab = SimulatedLab(the_task, the_world, chosen.seed, cell_as_shipped(the_task.hardware, "panda"))
+        _show(screen, the_task, lab.truth())
+        if png is not None:
+            import cv2
 
-        from adaptsim_cli.storage import durable
+            from adaptsim_cli.storage import durable
 
-        durable.replace_file(png, cv2.imencode(".png", lab.picture().colour[..., ::-1])[1].tobytes())
-        screen.plain(f"Written: {png}")
-    _next(screen, chosen.task, chosen.world, chosen.seed)
-
-
-def _next(screen: Screen, task: str, world: str, seed: int) -> None:
-    command = f"adaptsim run-iteration --task {task} --world {world} --seed {seed}"
+            durable.replace_file(png, cv2.imencode(".png", lab.picture().colour[..., ::-1])[1].tobytes())
+            screen.plain(f"Written: {png}")
+    command = f"adaptsim run-iteration --task {chosen.task} --world {chosen.world} --seed {chosen.seed}"
     screen.next((command, "a session in this world; it never sees this table"))
 
 
-def _show(screen: Screen, task: Task, truth: dict[str, Any], as_json: bool) -> None:
+def _show(screen: Screen, task: Task, truth: dict[str, Any]) -> None:
     from adaptsim_cli.screen import views
 
-    if as_json:
-        spaces = (task.parameters, task.nuisance)
-        screen.data("lab show", truth | {"units": {d.name: d.unit for space in spaces for d in space.dimensions}})
+    spaces = (task.parameters, task.nuisance)
+    units = {d.name: d.unit for space in spaces for d in space.dimensions}
+    if screen.data("lab show", truth | {"units": units}):
         return
     screen.plain(f"{truth['world']}: {truth['description']}")
     if truth["physics"] != "drake":
@@ -97,7 +91,7 @@ def _show(screen: Screen, task: Task, truth: dict[str, Any], as_json: bool) -> N
 
 
 @app.command("list")
-def list_all(task: _Task = None, as_json: _Json = False) -> None:
+def list_all(task: options.Task = None, as_json: options.Json = False) -> None:
     """List the worlds of a task, and explain its parameters, contexts and actions.
 
     Example: adaptsim lab list --task scooping
@@ -110,18 +104,15 @@ def list_all(task: _Task = None, as_json: _Json = False) -> None:
     the_task = get_task(config.load({"task": task}).config.task)
     worlds = [load_world(name, the_task) for name in list_worlds(the_task)]
     screen = console.Screen(as_json=as_json)
-    if as_json:
-        rows = [{"name": w.name, "task": w.task, "description": w.description, "physics": w.physics} for w in worlds]
-        spaces = (the_task.parameters, the_task.context, the_task.action, the_task.nuisance)
-        words = [
-            {"name": d.name, "plain_name": d.plain, "unit": d.unit, "meaning": d.meaning, "low": d.low, "high": d.high}
-            for space in spaces
-            for d in space.dimensions
-        ]
-        screen.data("lab list", {"worlds": rows, "quantities": words})
-    else:
-        screen.show(
-            views.rows(("world", "physics", "what it is"), [(w.name, w.physics, w.description) for w in worlds])
-        )
-        screen.show(views.meanings(the_task.parameters, the_task.context, the_task.action, the_task.nuisance))
+    rows = [{"name": w.name, "task": w.task, "description": w.description, "physics": w.physics} for w in worlds]
+    spaces = (the_task.parameters, the_task.context, the_task.action, the_task.nuisance)
+    words = [
+        {"name": d.name, "plain_name": d.plain, "unit": d.unit, "meaning": d.meaning, "low": d.low, "high": d.high}
+        for space in spaces
+        for d in space.dimensions
+    ]
+    if not screen.data("lab list", {"worlds": rows, "quantities": words}):
+        body = [(w.name, w.physics, w.description) for w in worlds]
+        screen.show(views.rows(("world", "physics", "what it is"), body))
+        screen.show(views.meanings(*spaces))
         screen.next((f"adaptsim run-iteration --task {the_task.name} --world NAME", "a session in one of these worlds"))

@@ -1,21 +1,189 @@
-"""`adaptsim rollouts list/report`."""
+"""`adaptsim rollout`, `preview`, `rollouts list` and `rollouts report`: single trials outside any session."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from adaptsim_cli.commands import completing
+from adaptsim_cli import options
+
+if TYPE_CHECKING:
+    from adaptsim_cli.outputs.trials import Rollout
+    from adaptsim_cli.screen.console import Screen
 
 app = typer.Typer(help="Look at stored rollouts: single trials outside any session.", no_args_is_help=True)
 
-_Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+
+def rollout(
+    task: options.Task = None,
+    context: options.Context = None,
+    action: options.Action = None,
+    param: Annotated[
+        list[str] | None,
+        typer.Option("--param", help="Parameter to train the policy for, as name=value, repeatable."),
+    ] = None,
+    world: options.World = None,
+    seed: options.Seed = None,
+    hw: options.Hw = None,
+    session: Annotated[
+        str | None,
+        typer.Option(
+            "--session",
+            autocompletion=options.session_names,
+            help="With --best: the session that gives policy, task and world.",
+        ),
+    ] = None,
+    best: Annotated[bool, typer.Option("--best", help="The best policy of --session.")] = False,
+    trials: Annotated[int, typer.Option("--trials", min=1, help="With --best: that many, at drawn contexts.")] = 1,
+    out: Annotated[Path | None, typer.Option("--out", help="New folder for the record and the recording.")] = None,
+    realtime: options.Realtime = False,
+    pace: options.Pace = None,
+    operator: options.Operator = None,
+    view: options.View = False,
+    view_port: options.ViewPort = None,
+    yes: options.Yes = False,
+    as_json: options.Json = False,
+) -> None:
+    """Execute one trial with a chosen action, or with the action of a policy. Nothing is adapted.
+
+    The policy chooses the actions that are not given. `--session NAME --best` takes task, world and the best policy of
+    a session. With `--trials 5` its reward is measured at five drawn contexts, and the session's report says so.
+    `adaptsim rollouts list` lists rollouts.
+
+    Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
+    """
+    from contextlib import ExitStack
+    from datetime import UTC, datetime
+    from tempfile import TemporaryDirectory
+
+    from adaptsim_cli.config import same_lab
+    from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.session import single
+    from adaptsim_cli.session.store import SessionStore
+    from adaptsim_cli.wiring import session as wiring
+    from adaptsim_cli.wiring.best import best_of
+    from adaptsim_cli.wiring.settings import load
+    from sim.adaptation.method import Iteration
+    from sim.tasks import get_task
+
+    named = {"world": world, "seed": seed, "hw": hw, "pace": pace, "operator": operator}
+    resolved = load({"task": task, "realtime": realtime or None, **named})
+    screen = console.Screen(as_json=as_json)
+    settings, history = resolved.config, tuple[Iteration, ...]()
+    _require_together(best == (session is not None), trials == 1 or not (session is None or context or out))
+    if session is not None:
+        if param or task:
+            raise UsageError("--best takes task and parameters from the session: leave out --task and --param")
+        found = best_of(SessionStore.open(resolved.places.sessions, session), settings)
+        if found.config.recorded:
+            raise UsageError(f"session {session} ran on recorded trials, to which none is added: see its report")
+        param, settings, history = found.as_typed(), found.config, found.history
+        changed = {key: getattr(resolved.config, key) for key in named if named[key] is not None}
+        settings = settings.model_copy(update=changed)
+    task_meant = get_task(settings.task)
+    contexts = [context or []] if trials == 1 else single.drawn(task_meant, (settings.seed, len(history)), trials)
+    wanted = [single.Chosen(c, action or [], param or [], session, history, 1 + i) for i, c in enumerate(contexts)]
+    single.typed(task_meant, wanted[0])  # raises before anything is loaded or connected
+    with TemporaryDirectory() as learnt, ExitStack() as stack:
+        with screen.busy("Loading the task, the policies and the devices", "loading"):
+            parts = stack.enter_context(wiring.open_parts(settings, Path(learnt), screen=screen))
+        screen.show(views.badge(settings.hw, parts.target.title))
+        watcher, rewards = None, list[float]()
+        for chosen in wanted:
+            folder = out or resolved.places.data / "rollouts" / f"{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
+            if (view or view_port is not None) and watcher is None:
+                watcher = stack.enter_context(wiring.beside_one(screen, folder.name, settings.hw, parts, view_port))
+            record = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes, watcher=watcher)
+            rewards.append(record.reward)
+            _tell(screen, record, folder)
+    lab = same_lab(settings.task, settings.hw, settings.world)
+    pages = () if out else ((f"adaptsim rollouts report {folder.name}", "the path, on a page"),)
+    if session is None:
+        screen.next(*pages, (f"adaptsim run-iteration {lab}", "adapts in about twenty such trials"))
+    else:
+        _measured(screen, session, rewards, pages)
+
+
+def _require_together(best_of_session: bool, trials_alone: bool) -> None:
+    from adaptsim_cli.errors import UsageError
+
+    if not best_of_session:
+        raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
+    if not trials_alone:
+        raise UsageError("--trials draws the contexts itself: adaptsim rollout --session NAME --best --trials 5")
+
+
+def _measured(screen: Screen, session: str, rewards: list[float], pages: tuple[tuple[str, str], ...]) -> None:
+    """Print what the best policy of a session has earned, and what comes next."""
+    if len(rewards) > 1:
+        mean = sum(rewards) / len(rewards)
+        screen.plain(f"Measured: {len(rewards)} trials of the best policy of {session}, mean reward {mean:.2f}")
+        pages = ((f"adaptsim report {session}", "prediction and measurement side by side"),)
+    screen.next(*pages, (f"adaptsim run-iteration --session {session}", "goes on with it"))
+
+
+def _tell(screen: Screen, record: Rollout, folder: Path) -> None:
+    """Print the result of the trial."""
+    from math import dist
+
+    screen.data("rollout", record)
+    outcome = record.outcome.value.replace("_", " ")
+    if record.goal_m is not None:
+        outcome += f", {1e3 * dist(record.track.state[-1][:2], record.goal_m):.0f} mm from the goal"
+    screen.plain(f"{outcome}, reward {record.reward:.2f}")
+    for flag in record.flags:
+        screen.note(f"note: {flag}")
+    screen.plain(f"Stored: {folder}")
+
+
+def preview(
+    task: options.Task = None,
+    arm: Annotated[str | None, typer.Option("--arm", help="Arm with its factory limits: panda or fr3.")] = None,
+    hw: Annotated[str | None, typer.Option("--hw", help="Plan for the lab of the rig file: panda or fr3.")] = None,
+    context: options.Context = None,
+    action: options.Action = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", help="Write the page to this file instead of serving it.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="The limit table on stdout; no page is served.")] = False,
+) -> None:
+    """Plan one motion, show how close it comes to each limit, and play it in the browser. Nothing moves.
+
+    A value that is not given is the middle of its range. With --hw, tool, table and boxes come from the rig file.
+
+    Example: adaptsim preview --task scooping --action pitch_rate=0.1 --context y=0.02
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.config import SIMULATED
+    from adaptsim_cli.screen import console, keys, views
+    from adaptsim_cli.wiring import motion
+
+    resolved = config.load({"task": task, "hw": hw})
+    screen = console.Screen(as_json=as_json)
+    with screen.busy("Planning the motion"):
+        planned = motion.planned(motion.mounted_for(resolved, arm), context or [], action or [])
+    if not screen.data("preview", planned.as_json()):
+        screen.show(views.badge(SIMULATED, "a preview"))
+        screen.show(planned.table())
+    if html is not None:
+        from adaptsim_cli.storage import durable
+
+        durable.replace_file(html, planned.page().html().encode())
+        screen.plain(f"Written: {html}")
+        screen.next(planned.next_step(resolved.config))
+    elif not as_json:
+        page = planned.page()
+        screen.plain(f"The motion plays at {page.url}")
+        close = keys.enter("to close the page", "The page ends, and so does the command."), keys.stop("The same.")
+        screen.choose("Look at it in a browser.", *close)
+        screen.next(planned.next_step(resolved.config))
 
 
 @app.command("list")
-def list_rollouts(as_json: _Json = False) -> None:
+def list_rollouts(as_json: options.Json = False) -> None:
     """List all rollouts, newest last.
 
     Example: adaptsim rollouts list
@@ -28,24 +196,24 @@ def list_rollouts(as_json: _Json = False) -> None:
     root = config.load().places.data / summary.ROLLOUTS
     found = [summary.rollout_overview(root, name) for name in summary.rollout_names(root)]
     screen = console.Screen(as_json=as_json)
-    if as_json:
-        screen.data("rollouts list", {"rollouts": found})
-    elif found:
-        screen.show(terminal_views.rollouts(found))
-        for one in [one for one in found if isinstance(one, RolloutRow)][-1:]:
-            screen.next((f"adaptsim rollouts report {one.rollout}", "the newest, on a page"))
-    else:
+    if screen.data("rollouts list", {"rollouts": found}):
+        return
+    if not found:
         screen.plain(f"No rollouts yet in {root}. Make one: adaptsim rollout --task scooping --yes")
+        return
+    screen.show(terminal_views.rollouts(found))
+    for one in [one for one in found if isinstance(one, RolloutRow)][-1:]:
+        screen.next((f"adaptsim rollouts report {one.rollout}", "the newest, on a page"))
 
 
 @app.command()
 def report(
     name: Annotated[
         str | None,
-        typer.Argument(help="Name of the rollout; default: the newest.", autocompletion=completing.rollouts),
+        typer.Argument(help="Name of the rollout; default: the newest.", autocompletion=options.rollout_names),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Where to write the page.")] = None,
-    as_json: _Json = False,
+    out: options.Out = None,
+    as_json: options.Json = False,
 ) -> None:
     """Write one self-contained HTML page of a rollout: path, camera frames, numbers.
 
@@ -64,8 +232,6 @@ def report(
     chosen = known[-1] if name is None else name
     path = page.write(summary.rollout_record(root, chosen), root / chosen, out)
     screen = console.Screen(as_json=as_json)
-    if as_json:
-        screen.data("rollouts report", {"rollout": chosen, "report": str(path)})
-    else:
+    if not screen.data("rollouts report", {"rollout": chosen, "report": str(path)}):
         screen.plain(f"Report: {path}")
         screen.next((f"xdg-open {path}", "the page, in the browser"))

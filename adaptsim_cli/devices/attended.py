@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Protocol, runtime_checkable
 
@@ -10,15 +10,14 @@ import numpy as np
 
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.mounted import MountedTask
-from adaptsim_cli.devices.tool_watch import ToolWatch
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
+from adaptsim_cli.screen.views import Readiness, clear_to_move
 from adaptsim_cli.session.records import RigFacts
-from hw.errors import ArmFault, BalanceError
+from hw.errors import ArmFault, BalanceError, DeviceUnavailable, HandError
 from hw.pacing import slowed
-from hw.ports import Arm, Balance, Camera
+from hw.ports import Arm, Balance, Camera, Hand
 from hw.types import Array, Placing
 
 _WAY_OUT = "The command ends; everything completed is stored, and the same command goes on from here."
@@ -80,8 +79,7 @@ def offer_recovery(arm: Arm, screen: Screen) -> None:
         screen.note(f"The arm reports: {state.fault}")
         if state.by_hand:
             then = "Reads the arm's state again. Nothing moves."
-            stopped = "stopped by the operator; nothing has moved"
-            screen.go_on("Resolve this first (nothing moves).", "when done", then=then, stopped=stopped)
+            screen.go_on("Resolve this first (nothing moves).", "when done", then=then, kept="nothing has moved")
             continue
         clear = Key("recover", "to clear it", "Clears the arm's fault. Nothing moves.")
         leave = enter("to leave it", "Keeps the fault; the command ends before anything moves.")
@@ -157,3 +155,44 @@ class PersonBeside:
         self.screen.go_on(question, "to start", then="The arm goes home, slowly. Release the pedal to brake.")
         self.arm.consent.agreed()
         self.arm.execute(path)
+
+
+SLIPPED_M = 0.001
+"""A larger change (m) of the fingers' width means that the tool has slipped, or is another one."""
+
+
+@dataclass
+class ToolWatch:
+    """The fingers' width at the first check counts as that of the held tool. Nothing moves."""
+
+    hand: Hand
+    tool: str  # its name
+    remedy: str  # the command for grasping it again
+    width_m: float | None = field(default=None, init=False)  # at the first check
+
+    def check(self) -> Readiness:
+        """A line of the checklist before a session; names a hand that does not answer."""
+        try:
+            self.require()
+        except (HandError, DeviceUnavailable) as error:
+            return Readiness("tool", False, str(error))
+        assert self.width_m is not None
+        return Readiness("tool", True, f"held, the fingers are {1e3 * self.width_m:.1f} mm apart")
+
+    def require(self) -> None:
+        """Raises HandError if the tool is lost or has slipped, DeviceUnavailable if the hand does not answer."""
+        now = self.hand.state()
+        stands = f"the fingers are {1e3 * now.width_m:.1f} mm apart"
+        if not now.holds:
+            raise HandError(
+                f"the hand does not hold the {self.tool} ({stands}). Find the tool and clear it away, then have the "
+                f"hand grasp it again: {self.remedy}"
+            )
+        if self.width_m is None:
+            self.width_m = now.width_m
+        if abs(now.width_m - self.width_m) > SLIPPED_M:
+            raise HandError(
+                f"the {self.tool} has slipped: {stands}, {1e3 * self.width_m:.1f} mm at first (at most "
+                f"{1e3 * SLIPPED_M:g} mm may change). Its pose is no longer known; have the hand grasp it again: "
+                f"{self.remedy}"
+            )

@@ -8,7 +8,7 @@ from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Literal, Self
 
 from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.devices.drivers import RealArm
+from adaptsim_cli.devices.lab import RealArm
 from hw.around import AroundArm
 from hw.collision import Tool
 from hw.errors import MotionRefused

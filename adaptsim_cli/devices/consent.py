@@ -9,12 +9,11 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Literal
 
-from adaptsim_cli.devices.known_arm import STOP_BUTTON_DAYS, KnownArm
-from adaptsim_cli.devices.last_motion import LastMotion
+from adaptsim_cli.devices.known_arm import STOP_BUTTON_DAYS, KnownArm, LastMotion
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
+from adaptsim_cli.screen.views import clear_to_move
 from hw.errors import ArmFault
 from hw.ports import Arm
 
@@ -68,7 +67,7 @@ class Consent:
         if self.each == "command" or self._motion:
             return
         question = clear_to_move(True, "makes its next motion", duration_s) + "."
-        self.screen.go_on(question, "to let it move", then="This one motion begins.", stopped="stopped by the operator")
+        self.screen.go_on(question, "to let it move", then="This one motion begins.", kept="this motion has not begun")
         self._motion = True
 
     def agreed(self) -> None:
@@ -109,7 +108,7 @@ class Consent:
         ):
             while True:
                 then = "Reads the arm's state. Nothing moves."
-                self.screen.go_on(question, "when done", then=then, stopped=NOBODY)
+                self.screen.go_on(question, "when done", then=then, kept="nothing has moved")
                 state = arm.state()
                 if state.by_hand == pressed and (pressed or state.fault is None):
                     break

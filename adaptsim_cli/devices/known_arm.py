@@ -1,10 +1,11 @@
-"""What this computer remembers of one real arm: when its stop button was checked, and which set-ups have moved it."""
+"""What this computer remembers of one real arm: its stop button's check, set-ups that moved it, its last motion."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -16,6 +17,7 @@ from adaptsim_cli.config import Places
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.storage import durable
 from hw.bounded import Unreadable, read_table
+from hw.errors import MotionRefused
 from hw.types import Array
 from hw.workcell import Workcell
 
@@ -97,3 +99,52 @@ def _plain(cell: Workcell) -> list[Any]:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+CHECK = (
+    "Check before anything moves: the arm stands still and touches nothing, the hand holds the tool as before, and "
+    "object, table and camera have not moved"
+)
+_KILLED = "the program ended during the motion: it was killed, or the computer was switched off"
+
+
+@dataclass(frozen=True)
+class LastMotion:
+    """The file `path` exists from before a motion until after its end; a stop writes its reason into it."""
+
+    path: Path
+
+    @contextmanager
+    def moving(self) -> Iterator[None]:
+        """Around one motion. Raises DiskFull or SessionError before it begins."""
+        durable.make_folder(self.path.parent)
+        began = datetime.now(UTC).isoformat(timespec="seconds")
+        self._write(began, "")
+        try:
+            yield
+        except MotionRefused:
+            self._forget()
+            raise
+        except BaseException as error:
+            with suppress(Exception):  # the file exists already, and this must not hide the first error
+                self._write(began, str(error) or type(error).__name__)
+            raise
+        self._forget()
+
+    def unended(self) -> str | None:
+        """A sentence about the last motion for a person; None if the motion finished."""
+        try:
+            said = read_table(self.path)
+        except FileNotFoundError:
+            return None
+        except Unreadable as error:
+            return f"The last motion of this arm did not come to its end ({self.path} {error}). {CHECK}"
+        why = str(said.get("stopped") or _KILLED)
+        return f"The last motion of this arm, begun {said.get('began')}, did not come to its end: {why}. {CHECK}"
+
+    def _write(self, began: str, stopped: str) -> None:
+        durable.replace_file(self.path, json.dumps({"began": began, "stopped": stopped}).encode())
+
+    def _forget(self) -> None:
+        with suppress(OSError):
+            self.path.unlink(missing_ok=True)

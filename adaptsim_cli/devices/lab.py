@@ -1,4 +1,7 @@
-"""The interface of a lab, real or simulated: its description, known without any device, and its devices."""
+"""The interface of a lab, real or simulated: its description, known without any device, and its devices.
+
+`makers_drivers` names the drivers of real ones.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +15,13 @@ from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool
-from hw.ports import Arm, Camera, GuardedArm, Hand
+from hw.ports import Arm, Balance, Camera, GuardedArm, Hand, Pedal
 from hw.types import Array
 from hw.workcell import Workcell
 
 if TYPE_CHECKING:
+    from adaptsim_cli.devices.rig_file.description import BalancePart, CameraPart
+    from hw.franka.settings import FrankaSettings, Payload
     from sim.lab.board import HeldBoard
 
 
@@ -80,3 +85,43 @@ class Lab(Protocol):
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """`cell` is with the empty hand, `loaded` the hand with the tool."""
         ...
+
+
+class RealArm(GuardedArm, Protocol):
+    """The arm of a lab, which has to know the load in its hand."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Real-time properties that the computer denies its process, one sentence each; known once it is connected."""
+        ...
+
+    def carry(self, tool: Tool, payload: Payload) -> None:
+        """Set the load, for the checks and for the arm's weight compensation. Nothing moves. Raises HardwareError."""
+        ...
+
+
+@dataclass(frozen=True)
+class Drivers:
+    """One function per device: it makes the device, not connected. Raises DeviceUnavailable without its driver."""
+
+    arm: Callable[[Workcell, FrankaSettings, Pedal | None], RealArm]  # it refuses what the cell does not allow
+    camera: Callable[[CameraPart, bool], Camera]  # True: with the infrared image in every frame
+    pedal: Callable[[str], Pedal]  # at a port
+    balance: Callable[[BalancePart], Balance]
+    hand: Callable[[str, str, Pedal | None], Hand]  # of the arm's model, at a host; with a pedal it moves while held
+
+
+def makers_drivers() -> Drivers:
+    """The adapters of `hw`. An SDK is loaded when its device is entered; DeviceUnavailable names a missing one."""
+    from hw.camera.process import CameraProcess
+    from hw.franka.arm import open_franka
+    from hw.franka.hand_process import HandProcess
+    from hw.serial import balance, enable_pedal
+
+    return Drivers(
+        arm=lambda cell, settings, pedal: open_franka(cell, settings, pedal=pedal),
+        camera=lambda part, infrared: CameraProcess(part.serial or None, part.settings(), infrared=infrared),
+        pedal=enable_pedal.EnablePedal,
+        balance=lambda part: balance.SerialBalance(part.port, part.protocol),
+        hand=lambda model, host, pedal: HandProcess(model, host, pedal=pedal),
+    )

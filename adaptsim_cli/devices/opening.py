@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 from adaptsim_cli.config import Config
-from adaptsim_cli.devices.drivers import Drivers
-from adaptsim_cli.devices.lab import Lab
+from adaptsim_cli.devices.lab import Drivers, Lab
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
@@ -41,7 +40,7 @@ def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | 
             f"--realtime slows the simulated lab down, but this is a real arm ({config.hw}). Leave out --realtime, and "
             "remove it from the settings and from ADAPTSIM_REALTIME"
         )
-    from adaptsim_cli.devices.drivers import makers_drivers
+    from adaptsim_cli.devices.lab import makers_drivers
     from adaptsim_cli.devices.real import RealLab
     from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
     from adaptsim_cli.devices.rig_file.required import gaps, in_words

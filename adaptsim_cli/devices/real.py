@@ -8,19 +8,16 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from adaptsim_cli.config import Config, places
-from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, offer_recovery
+from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, ToolWatch, offer_recovery
 from adaptsim_cli.devices.confirmed import ConfirmedArm, ConfirmedHand
 from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.devices.drivers import Drivers
-from adaptsim_cli.devices.known_arm import KnownArm, folder_of, setup_of
-from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
-from adaptsim_cli.devices.last_motion import LastMotion
+from adaptsim_cli.devices.known_arm import KnownArm, LastMotion, folder_of, setup_of
+from adaptsim_cli.devices.lab import BoardDevices, Drivers, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
+from adaptsim_cli.devices.pacing import PacedArm, PacedGuardedArm
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import BOARD
 from adaptsim_cli.devices.rig_file.required import gaps, in_words
-from adaptsim_cli.devices.slowed import SlowedArm, SlowedGuardedArm
-from adaptsim_cli.devices.tool_watch import ToolWatch
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.target import Rig
@@ -29,7 +26,6 @@ from adaptsim_cli.storage import durable
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool, camera_box
 from hw.franka.settings import Payload
-from hw.pacing import FULL
 from hw.ports import Arm, Camera, Hand, Pedal
 from hw.types import Array
 from hw.workcell import Workcell
@@ -74,7 +70,7 @@ class RealLab:
         return Rig(
             self.rig.arm.model,
             self.title,
-            SlowedArm[Arm](arm, self._pace) if self._pace < FULL else arm,
+            PacedArm[Arm](arm, self._pace),
             camera,
             Person(),
             hand_eye,
@@ -91,7 +87,7 @@ class RealLab:
         self._require_payload(BOARD)
         arm, camera = self._arm(cell, BOARD, "nothing on the table but the object"), self._camera(infrared=True)
         self._connect(arm)
-        return BoardDevices(SlowedArm[Arm](arm, self._pace) if self._pace < FULL else arm, camera, time.sleep, None)
+        return BoardDevices(PacedArm[Arm](arm, self._pace), camera, time.sleep, None)
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """See `Lab`."""
@@ -107,8 +103,7 @@ class RealLab:
             arm.carry(loaded if there else cell.tool, self.rig.tool(self._task.name).held() if there else Payload())
 
         self._connect(arm)
-        shown = SlowedGuardedArm(arm, self._pace) if self._pace < FULL else arm
-        return TouchDevices(shown, hand, tool_there, arm.confirm)
+        return TouchDevices(PacedGuardedArm(arm, self._pace), hand, tool_there, arm.confirm)
 
     def _arm(self, cell: Workcell, tool: str, on_table: str, watch: ToolWatch | None = None) -> ConfirmedArm:
         """The arm, to be connected last.
@@ -116,7 +111,7 @@ class RealLab:
         Its confirmation mentions the object `on_table`; `watch` checks the tool before every motion.
         """
         pedal = self._pedal
-        bare = self._drivers.arm(cell, self.rig.arm.settings(self.rig.tool(tool).held()), pedal=pedal)
+        bare = self._drivers.arm(cell, self.rig.arm.settings(self.rig.tool(tool).held()), pedal)
         where = f"{self.rig.arm.model} at {self.rig.arm.address}"
         before = (lambda: None) if watch is None else watch.require
         last, known = LastMotion(self._folder / "last-motion.json"), KnownArm(self._folder)
@@ -149,7 +144,7 @@ class RealLab:
 
     def _hand(self) -> Hand:
         """The arm's hand, connected."""
-        made = self._drivers.hand(self.rig.arm.model, self.rig.arm.address, pedal=self._pedal)
+        made = self._drivers.hand(self.rig.arm.model, self.rig.arm.address, self._pedal)
         return self._stack.enter_context(made)
 
     def _watch(self) -> ToolWatch | None:
@@ -160,7 +155,7 @@ class RealLab:
         return ToolWatch(self._hand(), f"{task} tool", f"adaptsim touch-off --task {task} --hw {self.rig.arm.model}")
 
     def _camera(self, *, infrared: bool) -> Camera:
-        return self._stack.enter_context(self._drivers.camera(self.rig.camera, infrared=infrared))
+        return self._stack.enter_context(self._drivers.camera(self.rig.camera, infrared))
 
     def _scales(self) -> Scales | None:
         """The rig's balance; None if it has none."""

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 from adaptsim_cli.config import SIMULATED
 from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
-from adaptsim_cli.devices.paced import PacedArm, PacedGuardedArm
+from adaptsim_cli.devices.pacing import PacedArm, PacedGuardedArm
 from adaptsim_cli.devices.rig_file.description import as_shipped
-from adaptsim_cli.devices.slowed import SlowedArm, SlowedGuardedArm
 from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool
 from hw.pacing import FULL
-from hw.ports import Arm, GuardedArm
+from hw.ports import Arm
 from hw.types import Array
 from hw.workcell import Workcell
 from sim.tasks.task import Task
@@ -57,7 +56,7 @@ class SimulatedLab:
 
         lab = SimulatedLab(self._task, self._world, self._seed, there.cell, home_q_rad=there.home_rad)
         self._stack.enter_context(lab)
-        arm = self._paced(lab.arm)
+        arm = PacedArm[Arm](lab.arm, self._pace, realtime=self._realtime)
         return Rig(SIMULATED, self.title, arm, lab.camera, lab.bench, hand_eye, days, pace=self._pace)
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
@@ -66,7 +65,8 @@ class SimulatedLab:
 
         lab = CalibrationLab(self._task, self._world, self._seed, held, cell, home_q_rad=home_rad)
         self._stack.enter_context(lab)
-        return BoardDevices(self._paced(lab.arm), lab.camera, lambda _: None, lab.hands)
+        arm = PacedArm[Arm](lab.arm, self._pace, realtime=self._realtime)
+        return BoardDevices(arm, lab.camera, lambda _: None, lab.hands)
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """See `Lab`. The tool is the world's own."""
@@ -75,10 +75,5 @@ class SimulatedLab:
 
         ready_rad = cell.arm.reported_rad(READY_RAD)
         lab = self._stack.enter_context(TouchLab(self._task, self._world, self._seed, cell, home_q_rad=ready_rad))
-        arm: GuardedArm = PacedGuardedArm(lab.arm) if self._realtime else lab.arm
-        arm = SlowedGuardedArm(arm, self._pace) if self._pace < FULL else arm
+        arm = PacedGuardedArm(lab.arm, self._pace, realtime=self._realtime)
         return TouchDevices(arm, lab.hand, lab.offer_tool, lambda: None)
-
-    def _paced(self, arm: Arm) -> Arm:
-        shown: Arm = PacedArm[Arm](arm) if self._realtime else arm
-        return SlowedArm[Arm](shown, self._pace) if self._pace < FULL else shown

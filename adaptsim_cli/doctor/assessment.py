@@ -23,8 +23,8 @@ from adaptsim_cli.devices.rig_file.description import RigDescription, Waivable
 from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.report.page import fill
-from adaptsim_cli.screen.clear import top_speed_m_s
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.views import top_speed_m_s
 from adaptsim_cli.storage import durable
 from adaptsim_cli.wiring.calibration import current_calibration
 from adaptsim_cli.wiring.motion import mounted_for, planned

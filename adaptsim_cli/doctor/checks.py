@@ -1,71 +1,48 @@
-"""The checks of the checklist: each judges one reading and names the remedy. Pure."""
+"""What the checklist probes, in its order: each check judges what `readings` returns."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from datetime import datetime
-from enum import Enum
+import importlib.metadata
+import platform
+import shutil
+import time
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Any
 
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
-from adaptsim_cli.devices.known_arm import ArmFacts
-from adaptsim_cli.devices.rig_file.description import RigDescription
-from adaptsim_cli.devices.rig_file.required import gaps
-from adaptsim_cli.doctor.readings import Limits, Port, RoundTrips, WriteSpeed
+from adaptsim_cli.devices.known_arm import KnownArm, folder_of
+from adaptsim_cli.devices.rig_file.inventory import serial_ports
+from adaptsim_cli.devices.rig_file.required import gaps, waiving
+from adaptsim_cli.doctor import readings
+from adaptsim_cli.doctor.table import (
+    Check,
+    Examined,
+    Finding,
+    add_check,
+    advice,
+    after,
+    missing,
+    ok,
+    real,
+    skipped,
+    with_rig,
+)
+from adaptsim_cli.wiring.calibration import current_calibration
+from hw.camera.process import CameraProcess
+from hw.errors import BalanceError
 from hw.franka.realtime import PRIORITY
 from hw.franka.versions import MATRIX, PACKAGES
 
-if TYPE_CHECKING:
-    from calib.saved import SavedCalibration
-    from hw.camera.probe import ProbeReport
-    from hw.franka.inspection import Inspection
+CHECKS: dict[str, Check] = {}
+"""Every check by its name, in the order of the screen."""
 
+check = partial(add_check, CHECKS)
 
-class Severity(Enum):
-    """The severity of a finding; only MISSING prevents an iteration."""
-
-    OK = "ok"
-    ADVICE = "advice"  # works, not recommended
-    MISSING = "missing"  # an iteration cannot run
-    SKIPPED = "skipped"
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One line of the checklist. `fix` is the remedy, a command if there is one."""
-
-    group: str
-    name: str
-    verdict: Severity
-    detail: str
-    fix: str = ""
-
-
-def ok(group: str, name: str, detail: str) -> Finding:
-    """Ready; no remedy needed."""
-    return Finding(group, name, Severity.OK, detail)
-
-
-def advice(group: str, name: str, detail: str, fix: str) -> Finding:
-    """It works, not recommended; `fix` is recommended."""
-    return Finding(group, name, Severity.ADVICE, detail, fix)
-
-
-def missing(group: str, name: str, detail: str, fix: str) -> Finding:
-    """An iteration cannot run until `fix` is done."""
-    return Finding(group, name, Severity.MISSING, detail, fix)
-
-
-def skipped(group: str, name: str, why: str) -> Finding:
-    """Not checked, for the reason `why`."""
-    return Finding(group, name, Severity.SKIPPED, why)
-
-
-PROGRAM = "program"
+PROGRAM, MACHINE, DEVICES, TASK = "program", "machine", "devices", "task"
 LIBRARIES = {
     "libEGL.so.1": "libegl1",
     "libGL.so.1": "libgl1",
@@ -75,260 +52,293 @@ LIBRARIES = {
 """Library that Open3D or Drake loads -> its Debian package."""
 
 
-def python(version: str, wanted: str) -> Finding:
-    """`version` of the interpreter against `wanted`, the package's Requires-Python."""
-    if SpecifierSet(wanted).contains(version):
-        return ok(PROGRAM, "python", version)
-    return missing(PROGRAM, "python", f"{version}, needed {wanted}", "make PYTHON=python3.11, in a new checkout")
+@check(PROGRAM, "python", "make PYTHON=python3.11, in a new checkout")
+def _python(lab: Examined) -> Finding:
+    version, wanted = platform.python_version(), importlib.metadata.metadata("adaptsim")["Requires-Python"]
+    return ok(version) if SpecifierSet(wanted).contains(version) else missing(f"{version}, needed {wanted}")
 
 
-def packages(requirements: Sequence[str], installed: Callable[[str], str | None]) -> Finding:
-    """The required packages; `installed` returns a version, or None if a package is missing."""
-    needed = [r for text in requirements if (r := Requirement(text)).marker is None or r.marker.evaluate({"extra": ""})]
+@check(PROGRAM, "packages", "make setup (or pip install -r requirements.lock)")
+def _packages(lab: Examined) -> Finding:
+    every = map(Requirement, importlib.metadata.requires("adaptsim") or ())
+    needed = [one for one in every if one.marker is None or one.marker.evaluate({"extra": ""})]
     wrong = []
-    for requirement in needed:
-        version = installed(requirement.name)
+    for one in needed:
+        version = readings.installed(one.name)
         if version is None:
-            wrong.append(f"{requirement.name} is not installed, needed {requirement.specifier or 'any version'}")
-        elif not requirement.specifier.contains(version, prereleases=True):
-            wrong.append(f"{requirement.name} {version}, needed {requirement.specifier}")
-    if wrong:
-        return missing(PROGRAM, "packages", "; ".join(wrong), "make setup (or pip install -r requirements.lock)")
-    return ok(PROGRAM, "packages", f"{len(needed)} with the required versions")
+            wrong.append(f"{one.name} is not installed, needed {one.specifier or 'any version'}")
+        elif not one.specifier.contains(version, prereleases=True):
+            wrong.append(f"{one.name} {version}, needed {one.specifier}")
+    return missing("; ".join(wrong)) if wrong else ok(f"{len(needed)} with the required versions")
 
 
-def libraries(loads: Callable[[str], bool]) -> Finding:
-    """System libraries of Open3D and Drake."""
-    gone = [package for name, package in LIBRARIES.items() if not loads(name)]
+@check(PROGRAM, "libraries")
+def _libraries(lab: Examined) -> Finding:
+    gone = [package for name, package in LIBRARIES.items() if not readings.loads(name)]
     if gone:
-        line = f"sudo apt-get install -y {' '.join(gone)}"
-        return missing(PROGRAM, "libraries", f"cannot be loaded: {', '.join(gone)}", line)
-    return ok(PROGRAM, "libraries", "Open3D and Drake find theirs")
+        return missing(f"cannot be loaded: {', '.join(gone)}", f"sudo apt-get install -y {' '.join(gone)}")
+    return ok("Open3D and Drake find theirs")
 
 
-def driver(model: str, installed: Callable[[str], str | None]) -> Finding:
+@check(PROGRAM, "driver", when=real)
+def _driver(lab: Examined) -> Finding:
     """The vendor's package for an arm, with its row of the compatibility matrix."""
-    wanted = PACKAGES[model]
+    wanted = PACKAGES[lab.config.hw]
     row = next(row for row in MATRIX if row.interface == wanted.interface)
-    version = installed(wanted.name)
+    version = readings.installed(wanted.name)
     if version is None:
-        return missing(PROGRAM, "driver", f"{wanted.name} is not installed; it speaks {row}", wanted.install)
+        return missing(f"{wanted.name} is not installed; it speaks {row}", wanted.install)
     if version != wanted.version:
-        detail = f"{wanted.name} {version} is installed, tested is {wanted.version}, which speaks {row}"
-        return missing(PROGRAM, "driver", detail, wanted.install)
-    return ok(PROGRAM, "driver", f"{wanted.name} {version} speaks {row}")
+        told = f"{wanted.name} {version} is installed, tested is {wanted.version}, which speaks {row}"
+        return missing(told, wanted.install)
+    return ok(f"{wanted.name} {version} speaks {row}")
 
 
-MACHINE = "machine"
-SLOW_MB_S = 20.0
+SLOW_MB_S, SLOW_FLUSH_S = 20.0, 0.2
 """A trial's recording has about 40 MB, and the operator waits for it."""
-SLOW_FLUSH_S = 0.2
 LOCKED_MB = 100
 """The lock limit in libfranka's notes, so that a cycle never waits for a memory page."""
-MOST_RTT_MS = 0.5
-"""Half of a 1 ms cycle; the maker's ping test asks for the same order."""
 
 
-def disk(folder: str, free_mb: int, least_mb: int) -> Finding:
-    """Room for sessions; `least_mb` is the setting min_free_mb."""
+@check(MACHINE, "disk space", "remove something there, or set ADAPTSIM_HOME to a larger disk")
+def _disk_space(lab: Examined) -> Finding:
+    folder, least_mb = readings.existing(lab.resolved.places.data), lab.config.min_free_mb
+    free_mb = shutil.disk_usage(folder).free // 1_000_000
     if free_mb < least_mb:
-        fix = "remove something there, or set ADAPTSIM_HOME to a larger disk"
-        return missing(MACHINE, "disk space", f"{free_mb} MB free in {folder}, {least_mb} MB needed (min_free_mb)", fix)
-    return ok(MACHINE, "disk space", f"{free_mb / 1000:.1f} GB free")
+        return missing(f"{free_mb} MB free in {folder}, {least_mb} MB needed (min_free_mb)")
+    return ok(f"{free_mb / 1000:.1f} GB free")
 
 
-def disk_speed(folder: str, speed: WriteSpeed) -> Finding:
-    """How fast `folder` stores data on the disk, and how long a small file takes."""
+@check(MACHINE, "disk speed", "set ADAPTSIM_HOME to a local disk: every trial waits for this one")
+def _disk_speed(lab: Examined) -> Finding:
+    folder = readings.existing(lab.resolved.places.data)
+    speed = readings.write_speed(folder)
     if speed.mb_s is None:
-        told = f"{folder} cannot be written to: {speed.problem}"
-        return missing(MACHINE, "disk speed", told, f"sudo chown -R $USER {folder}")
-    found = f"{speed.mb_s:.0f} MB/s, a record is safe after {1e3 * speed.flush_s:.0f} ms"
+        return missing(f"{folder} cannot be written to: {speed.problem}", f"sudo chown -R $USER {folder}")
+    told = f"{speed.mb_s:.0f} MB/s, a record is safe after {1e3 * speed.flush_s:.0f} ms"
     if speed.mb_s < SLOW_MB_S or speed.flush_s > SLOW_FLUSH_S:
-        fix = "set ADAPTSIM_HOME to a local disk: every trial waits for this one"
-        return advice(
-            MACHINE, "disk speed", f"{found}; recommended: {SLOW_MB_S:g} MB/s, {1e3 * SLOW_FLUSH_S:g} ms", fix
-        )
-    return ok(MACHINE, "disk speed", found)
+        return advice(f"{told}; recommended: {SLOW_MB_S:g} MB/s, {1e3 * SLOW_FLUSH_S:g} ms")
+    return ok(told)
 
 
-def realtime_kernel(release: str, is_real_time: bool) -> Finding:
-    """Whether the kernel is real-time; `release` is that of uname."""
-    if is_real_time:
-        return ok(MACHINE, "real-time kernel", release)
-    detail = f"{release} is not real-time: the arm stops with communication_constraints_violation when cycles are late"
-    fix = "sudo apt-get install -y linux-image-rt-amd64, then boot it (Ubuntu: sudo pro enable realtime-kernel)"
-    return missing(MACHINE, "real-time kernel", detail, fix)
+_RT_KERNEL = "sudo apt-get install -y linux-image-rt-amd64, then boot it (Ubuntu: sudo pro enable realtime-kernel)"
 
 
-def priorities(user: Limits) -> Finding:
-    """Whether this user may use real-time priority and locked memory."""
-    if user.privileged or (user.rtprio >= PRIORITY and user.memlock_bytes >= 1e6 * LOCKED_MB):
-        return ok(MACHINE, "priorities", "this user may ask for real-time priority and locked memory")
-    detail = f"rtprio {user.rtprio:g}, {PRIORITY} needed; memlock {user.memlock_bytes / 1e6:.0f} MB, {LOCKED_MB} needed"
-    fix = (
-        "printf '%s - rtprio 99\\n%s - memlock unlimited\\n' $USER $USER | sudo tee "
-        "/etc/security/limits.d/realtime.conf, then log in again"
-    )
-    return missing(MACHINE, "priorities", detail, fix)
+@check(MACHINE, "real-time kernel", _RT_KERNEL, real)
+def _kernel(lab: Examined) -> Finding:
+    release, is_real_time = readings.kernel()
+    late = "the arm stops with communication_constraints_violation when cycles are late"
+    return ok(release) if is_real_time else missing(f"{release} is not real-time: {late}")
 
 
-def governor(governors: Sequence[str]) -> Finding:
-    """The frequency governors of all cores; empty if the machine has a fixed clock, or does not report them."""
-    if not governors:
-        return ok(MACHINE, "clock frequency", "this machine has no frequency governor")
+_RT_LIMITS = (
+    "printf '%s - rtprio 99\\n%s - memlock unlimited\\n' $USER $USER | sudo tee /etc/security/limits.d/realtime.conf, "
+    "then log in again"
+)
+
+
+@check(MACHINE, "priorities", _RT_LIMITS, real)
+def _priorities(lab: Examined) -> Finding:
+    user = readings.limits()
+    memlock_MB = user.memlock_bytes / 1e6
+    if user.privileged or (user.rtprio >= PRIORITY and memlock_MB >= LOCKED_MB):
+        return ok("this user may ask for real-time priority and locked memory")
+    return missing(f"rtprio {user.rtprio:g}, {PRIORITY} needed; memlock {memlock_MB:.0f} MB, {LOCKED_MB} needed")
+
+
+@check(MACHINE, "clock frequency", "sudo cpupower frequency-set -g performance", real)
+def _clock_frequency(lab: Examined) -> Finding:
+    governors = readings.governors()
     slow = [name for name in governors if name != "performance"]
     if slow:
-        detail = f"governor {slow[0]} on {len(slow)} of {len(governors)} cores: cycles come late while it speeds up"
-        return advice(MACHINE, "clock frequency", detail, "sudo cpupower frequency-set -g performance")
-    return ok(MACHINE, "clock frequency", "governor performance on every core")
+        told = f"governor {slow[0]} on {len(slow)} of {len(governors)} cores"
+        return advice(f"{told}: cycles come late while it speeds up")
+    return ok("governor performance on every core" if governors else "this machine has no frequency governor")
 
 
-def network(address: str, trips: RoundTrips) -> Finding:
+@check(DEVICES, "rig file", "adaptsim config init --arm {hw}, or correct the file", real)
+def _rig_file(lab: Examined) -> Finding:
+    return ok(f"{lab.config.rig}: {lab.rig.name}, {lab.rig.arm.model} at {lab.rig.arm.address}")
+
+
+@check(DEVICES, "safeguards", when=with_rig)
+def _safeguards(lab: Examined) -> Finding:
+    """What the rig file must state or waive before the arm moves."""
+    if found := gaps(lab.rig, lab.config.task):
+        told = "; ".join(gap.message for gap in found)
+        return missing(f"{told}, and the arm does not move", "; ".join(gap.remedy for gap in found) + waiving(found))
+    if lab.rig.waived:
+        told = f"{', '.join(lab.rig.waived)}: waived by the rig file, which every trial records"
+        return advice(told, "state them in the rig file: docs/guide/rig.md")
+    return ok("the rig file states all of them")
+
+
+@check(DEVICES, "stop button", "the next command that moves the arm leads you through the check", with_rig)
+def _stop_button(lab: Examined) -> Finding:
+    known = KnownArm(folder_of(lab.resolved.places, lab.rig)).read()
+    if "stop_button" in lab.rig.waived:
+        return advice("its check is waived by the rig file", "check it by hand every day")
+    if not known.stop_button:
+        return advice("it was never checked with this computer")
+    told = f"stopped the arm on {known.stop_button} ({known.stop_button_by})"
+    return advice(f"{told}: more than a day ago") if known.stop_button_is_due(datetime.now(UTC)) else ok(told)
+
+
+MOST_RTT_MS = 0.5
+"""Half of a 1 ms cycle; the maker's ping test asks for the same order."""
+MOST_MISSED, LONGEST_GAP_S = 0.05, 0.02
+"""Limits for an arm's states: libfranka needs 95 % of the commands in time, and twenty lost in a row stop the arm."""
+LEAST_FRAMES, STREAM_S = 10, 0.5
+
+
+@check(DEVICES, "network", "one cable, no switch, no USB adapter; sudo ethtool --set-eee DEVICE eee off", with_rig)
+def _network(lab: Examined) -> Finding:
     """Round trips to the arm: time, jitter, losses."""
+    address = lab.rig.arm.address
+    trips = readings.round_trips(address)
     if not trips.times_ms:
-        fix = (
-            "check that the arm is on, the cable in its control box, and this machine's address in the same network: "
-            f"ping {address}"
-        )
-        return missing(DEVICES, "network", f"{address} does not answer: {trips.problem}", fix)
+        fix = "check that the arm is on, the cable in its control box, and this machine's address in the same network"
+        return missing(f"{address} does not answer: {trips.problem}", f"{fix}: ping {address}")
     worst, usual = max(trips.times_ms), median(trips.times_ms)
     told = f"{address} answers in {usual:.2f} ms, {worst:.2f} ms at worst"
     if trips.lost or worst > MOST_RTT_MS:
-        fix = "one cable, no switch, no USB adapter; no power saving: sudo ethtool --set-eee DEVICE eee off"
         tries = len(trips.times_ms) + trips.lost
-        return advice(
-            DEVICES, "network", f"{told}, {trips.lost} of {tries} lost; recommended: {MOST_RTT_MS:g} ms, 0 lost", fix
-        )
-    return ok(DEVICES, "network", told)
+        return advice(f"{told}, {trips.lost} of {tries} lost; recommended: {MOST_RTT_MS:g} ms, 0 lost")
+    return ok(told)
 
 
-def serial_port(what: str, path: str, port: Port, others: Sequence[str]) -> Finding:
-    """Whether a serial port exists and may be used; `others` are the existing ports."""
-    if not port.exists:
-        fix = f"plug it in, or write its port into the rig file; there now: {', '.join(others) or 'none'}"
-        return missing(DEVICES, f"{what} port", f"{path} is not there", fix)
-    if not port.may:
-        fix = f"sudo usermod -aG {port.group} $USER, then log in again"
-        return missing(DEVICES, f"{what} port", f"{path} belongs to the group {port.group}, and you are not in it", fix)
-    return ok(DEVICES, f"{what} port", f"{path} may be used")
-
-
-DEVICES, LEARNING = "devices", "task"
-MOST_MISSED, LONGEST_GAP_S = 0.05, 0.02
-"""Limits for an arm's states: libfranka needs 95 % of the commands in time, and twenty lost in a row stop the arm."""
-LEAST_FRAMES = 10
-
-
-def calibration(known: SavedCalibration | None, days: int, now: datetime, hw: str) -> Finding:
-    """Presence and age of the calibration; `days` is the setting calibration_days."""
-    if known is None:
-        fix = f"adaptsim calibrate --hw {hw}, ten minutes"
-        return missing(DEVICES, "calibration", "this rig has no calibration: the camera pose is unknown", fix)
-    u, age = known.uncertainty, (now - datetime.fromisoformat(known.created)).days
-    found = f"± {u.sigma_mm:.1f} mm, ± {u.sigma_deg:.2f}°, {age} day{'s' if age != 1 else ''} old"
-    if age < 0:
-        found = f"± {u.sigma_mm:.1f} mm, ± {u.sigma_deg:.2f}°, made {-age} day{'s' if age != -1 else ''} in the future"
-        return advice(DEVICES, "calibration", found, "timedatectl set-ntp true: the clock of this computer is wrong")
-    if age >= days:
-        fix = f"has the camera moved? adaptsim calibrate check --hw {hw}, one minute"
-        return advice(DEVICES, "calibration", f"{found} (calibration_days {days})", fix)
-    return ok(DEVICES, "calibration", found)
-
-
-def camera(report: ProbeReport, serial: str) -> Finding:
-    """The camera with the rig file's `serial`; empty: any."""
-    if report.error is not None:
-        return missing(DEVICES, "camera", report.error, report.fix or "see docs/guide/cameras.md")
-    if serial and serial not in report.serials:
-        fix = f'plug it in, or write into [camera] of the rig file: serial = "{report.serials[0]}"'
-        return missing(DEVICES, "camera", f"{serial} is not plugged in; found: {', '.join(report.serials)}", fix)
-    if not serial and len(report.serials) > 1:
-        fix = "write the serial number of the one to use into [camera] of the rig file"
-        return missing(DEVICES, "camera", f"several cameras are plugged in: {', '.join(report.serials)}", fix)
-    if not report.depth_engine:
-        fix = "install libdepthengine.so.2.0 beside the library; docs/guide/cameras.md"
-        return missing(DEVICES, "camera", f"{report.library} has no depth engine, so there would be no depth", fix)
-    which = serial or report.serials[0]
-    return ok(DEVICES, "camera", f"{which}, {report.maker} library {report.version or '(version unknown)'}")
-
-
-def arm(seen: Inspection, model: str) -> Finding:
-    """The arm's state over FCI, and whether a second of states came without a gap."""
+@check(DEVICES, "arm", "unlock the joints and activate FCI in Desk; docs/guide/arms.md", after("network"))
+def _arm(lab: Examined) -> Finding:
+    """The arm's state over FCI, without a motion, and whether a second of states came without a gap."""
+    seen = readings.arm(lab.rig.arm.model, lab.rig.arm.settings())
     rhythm, reading = seen.rhythm, seen.reading
     served = "" if rhythm.interface is None else f", interface {rhythm.interface}"
     joints = " ".join(f"{q:.2f}" for q in reading.q_rad)
     told = (
-        f"{model} answers over FCI{served}, mode {reading.mode}, joints {joints} rad, external torques of "
+        f"{lab.rig.arm.model} answers over FCI{served}, mode {reading.mode}, joints {joints} rad, external torques of "
         f"up to {max(map(abs, reading.external_Nm)):.1f} Nm at rest; {rhythm.states} states at 1 kHz, "
         f"{rhythm.missed} missed, longest gap {1e3 * rhythm.longest_gap_s:.1f} ms"
     )
     if reading.unwilling is not None:
         fix = "follow the message; every command that moves the arm also leads you through it"
-        return missing(DEVICES, "arm", f"{told}; it would not move: {reading.unwilling}", fix)
+        return missing(f"{told}; it would not move: {reading.unwilling}", fix)
     if rhythm.missed > MOST_MISSED * rhythm.states or rhythm.longest_gap_s > LONGEST_GAP_S:
         fix = "use one cable without a switch, a real-time kernel, governor performance, and end other programs"
-        return advice(DEVICES, "arm", f"{told} (at most {100 * MOST_MISSED:g} % and {1e3 * LONGEST_GAP_S:g} ms)", fix)
-    if seen.notes:
-        return advice(DEVICES, "arm", told, "; ".join(seen.notes))
-    return ok(DEVICES, "arm", told)
+        return advice(f"{told} (at most {100 * MOST_MISSED:g} % and {1e3 * LONGEST_GAP_S:g} ms)", fix)
+    return advice(told, "; ".join(seen.notes)) if seen.notes else ok(told)
 
 
-def stream(facts: Mapping[str, Any], seconds: float) -> Finding:
-    """The stream of synchronised frames, by the camera's own record (`CameraProcess.facts`)."""
-    film = facts.get("recording") or {}
+@check(DEVICES, "camera", "see docs/guide/cameras.md", with_rig)
+def _camera(lab: Examined) -> Finding:
+    report, serial = readings.cameras(), lab.rig.camera.serial
+    if report.error is not None:
+        return missing(report.error, report.fix or "")
+    if serial and serial not in report.serials:
+        fix = f'plug it in, or write into [camera] of the rig file: serial = "{report.serials[0]}"'
+        return missing(f"{serial} is not plugged in; found: {', '.join(report.serials)}", fix)
+    if not serial and len(report.serials) > 1:
+        fix = "write the serial number of the one to use into [camera] of the rig file"
+        return missing(f"several cameras are plugged in: {', '.join(report.serials)}", fix)
+    if not report.depth_engine:
+        fix = "install libdepthengine.so.2.0 beside the library; docs/guide/cameras.md"
+        return missing(f"{report.library} has no depth engine, so there would be no depth", fix)
+    which = serial or report.serials[0]
+    return ok(f"{which}, {report.maker} library {report.version or '(version unknown)'}")
+
+
+@check(DEVICES, "camera images", "docs/guide/cameras.md: USB, power, display", after("camera"))
+def _camera_images(lab: Examined) -> Finding:
+    """Half a second of synchronised frames, by the camera's own record."""
+    with CameraProcess(lab.rig.camera.serial or None, lab.rig.camera.settings()) as camera:
+        camera.start_recording()
+        time.sleep(STREAM_S)
+        camera.stop_recording()
+        film = camera.facts().get("recording") or {}
     frames, dropped = int(film.get("frames", 0)), int(film.get("dropped", 0))
-    told = f"{frames} synchronised frames in {seconds:.1f} s, {dropped} dropped"
+    told = f"{frames} synchronised frames in {STREAM_S:.1f} s, {dropped} dropped"
+    own = "give it a USB 3 controller and a power supply of its own, and end other programs; docs/guide/cameras.md"
     if frames < LEAST_FRAMES:
-        fix = "give it a USB 3 controller and a power supply of its own, end other programs; docs/guide/cameras.md"
-        return missing(DEVICES, "camera images", f"{told}; at least {LEAST_FRAMES} are needed", fix)
-    if dropped:
-        return advice(DEVICES, "camera images", told, "give it a USB 3 controller of its own, and end other programs")
-    return ok(DEVICES, "camera images", told)
+        return missing(f"{told}; at least {LEAST_FRAMES} are needed", own)
+    return advice(told, own) if dropped else ok(told)
 
 
-def answers(name: str, ask: Callable[[], str], errors: tuple[type[Exception], ...], fix: str) -> Finding:
-    """Whether a device answers: `ask` returns its answer, or raises one of `errors`."""
-    try:
-        return ok(DEVICES, name, ask())
-    except errors as error:
-        return missing(DEVICES, name, str(error), fix)
+@check(DEVICES, "calibration", "adaptsim calibrate --hw {hw}, ten minutes", with_rig)
+def _calibration(lab: Examined) -> Finding:
+    known, days = current_calibration(lab.config, lab.resolved.places), lab.config.calibration_days
+    if known is None:
+        return missing("this rig has no calibration: the camera pose is unknown")
+    u, age = known.uncertainty, (datetime.now(UTC) - datetime.fromisoformat(known.created)).days
+    told, count = f"± {u.sigma_mm:.1f} mm, ± {u.sigma_deg:.2f}°", f"{abs(age)} day{'s' if abs(age) != 1 else ''}"
+    if age < 0:
+        fix = "timedatectl set-ntp true: the clock of this computer is wrong"
+        return advice(f"{told}, made {count} in the future", fix)
+    if age >= days:
+        fix = f"has the camera moved? adaptsim calibrate check --hw {lab.config.hw}, one minute"
+        return advice(f"{told}, {count} old (calibration_days {days})", fix)
+    return ok(f"{told}, {count} old")
 
 
-def attempt(name: str, load: Callable[[], str], errors: tuple[type[Exception], ...], fix: str) -> Finding:
-    """Whether a part of the task loads: `load` returns its description, or raises one of `errors`."""
-    try:
-        return ok(LEARNING, name, load())
-    except errors as error:
-        return missing(LEARNING, name, str(error), fix)
+def _port_problem(lab: Examined, path: str) -> Finding | None:
+    """Why a serial port cannot be used; None: it can."""
+    port = readings.port(Path(path))
+    if not port.exists:
+        others = ", ".join(serial_ports(Path("/dev"))) or "none"
+        return missing(f"{path} is not there", f"plug it in, or write its port into the rig file; there now: {others}")
+    if not port.may:
+        fix = f"sudo usermod -aG {port.group} $USER, then log in again"
+        return missing(f"{path} belongs to the group {port.group}, and you are not in it", fix)
+    return None
 
 
-def required(rig: RigDescription, tool: str) -> tuple[Finding, ...]:
-    """What the rig file must state or waive: a finding for each gap, and one for all that is waived."""
-    found = [
-        missing(
-            DEVICES, gap.what, f"{gap.message}, and the arm does not move", f'{gap.remedy}, or waived = ["{gap.what}"]'
-        )
-        for gap in gaps(rig, tool)
-    ]
-    if rig.waived:
-        told = f"{', '.join(rig.waived)}: waived by the rig file, which every trial records"
-        found.append(advice(DEVICES, "waived", told, "state them in the rig file: docs/guide/rig.md"))
-    return tuple(found)
+@check(DEVICES, "pedal", "docs/guide/enable-pedal.md: cable, board, sketch", with_rig)
+def _pedal(lab: Examined) -> Finding:
+    from hw.serial.enable_pedal import EnablePedal
+    from hw.serial.pedal_protocol import VERSION
+
+    if (part := lab.rig.pedal) is None:
+        return skipped("the rig file names none")
+    if problem := _port_problem(lab, part.port):
+        return problem
+    with EnablePedal(part.port) as pedal:
+        return ok(f"answers, protocol version {VERSION}; {'held' if pedal.enabled() else pedal.why_not()}")
 
 
-def stop_button(known: ArmFacts, waived: bool, now: datetime) -> Finding:
-    """When the arm's stop button was last found to stop it."""
-    if waived:
-        return advice(DEVICES, "stop button", "its check is waived by the rig file", "check it by hand every day")
-    if not known.stop_button:
-        fix = "the next command that moves the arm leads you through the check"
-        return advice(DEVICES, "stop button", "it was never checked with this computer", fix)
-    told = f"stopped the arm on {known.stop_button} ({known.stop_button_by})"
-    if known.stop_button_is_due(now):
-        return advice(DEVICES, "stop button", f"{told}: more than a day ago", "the next command checks it again")
-    return ok(DEVICES, "stop button", told)
+@check(DEVICES, "balance", "switch it on; [balance] protocol in the rig file", with_rig)
+def _balance(lab: Examined) -> Finding:
+    from hw.serial.balance import SerialBalance
+
+    if (part := lab.rig.balance) is None:
+        return skipped("the rig file names none: the object's mass is not recorded")
+    if problem := _port_problem(lab, part.port):
+        return problem
+    with SerialBalance(part.port, part.protocol) as balance:
+        try:
+            return ok(f"answers, {balance.mass_kg():.4f} kg on it")
+        except BalanceError as error:
+            return ok(f"answers: {error}")
 
 
-def not_needed(names: tuple[str, ...]) -> tuple[Finding, ...]:
-    """The devices that the simulated lab does not need."""
-    return tuple(skipped(DEVICES, name, "not checked: hw = fake needs none") for name in names)
+@check(TASK, "checkpoint", "adaptsim pretrain --task {task}, or leave checkpoint out")
+def _checkpoint(lab: Examined) -> Finding:
+    from adaptsim_cli.wiring.checkpoints import checkpoint_of
+
+    found = checkpoint_of(lab.config)
+    return ok(f"{lab.config.task}/{found.path.name} fits, sha256 {found.sha256[:12]}")
+
+
+@check(TASK, "world", "adaptsim lab list --task {task}", lambda lab: "" if lab.config.lab_world else "trials need none")
+def _world(lab: Examined) -> Finding:
+    from sim.lab.world import load_world
+    from sim.tasks import get_task
+
+    return ok(f"{load_world(lab.config.lab_world, get_task(lab.config.task)).name} of {lab.config.task}")
+
+
+@check(TASK, "motion", "[tools], [table], [person] and [[keep_out]] of the rig file", with_rig)
+def _motion(lab: Examined) -> Finding:
+    """Whether the task is possible in the session's workcell: the middle action at the reference context."""
+    from adaptsim_cli.wiring.motion import mounted_for, planned
+
+    made = planned(mounted_for(lab.resolved, None), (), ())
+    used = 100 * max(report.worst.ratio for report in made.reports)
+    return ok(f"{lab.config.task} can be done with this tool and these boxes, {used:.0f} % of the tightest limit")

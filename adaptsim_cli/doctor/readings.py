@@ -12,10 +12,18 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hw.camera.probe import ProbeReport
+    from hw.franka.inspection import Inspection
+    from hw.franka.settings import FrankaSettings
 
 _BLOCK, _BLOCKS = bytes(1 << 20), 16
 _SMALL = bytes(4096)
 _TRIES, _PATIENCE_S, _DESK_PORT = 20, 0.5, 443
+LOOK_S = 5.0
+"""How long libk4a may take to list its cameras."""
 
 
 def installed(package: str) -> str | None:
@@ -151,3 +159,24 @@ def port(path: Path) -> Port:
     except KeyError:
         group = str(owner)
     return Port(True, os.access(path, os.R_OK | os.W_OK), group)
+
+
+def kernel() -> tuple[str, bool]:
+    """The release of the kernel, and whether it is real-time."""
+    from hw.franka.realtime import kernel_is_real_time
+
+    return os.uname().release, kernel_is_real_time()
+
+
+def arm(model: str, settings: FrankaSettings) -> Inspection:
+    """The arm over FCI, without a motion. Raises DeviceUnavailable."""
+    from hw.franka.inspection import inspect
+
+    return inspect(model, settings, realtime=kernel()[1])
+
+
+def cameras() -> ProbeReport:
+    """The cameras that are plugged in."""
+    from hw.camera.probe import probe_k4a
+
+    return probe_k4a(patience_s=LOOK_S)

@@ -87,7 +87,7 @@ class Verified(Record):
 
     session: str = said("its name")
     files: int = said("files that were read")
-    damage: list[str] = said("one message a damaged file")
+    damage: tuple[str, ...] = said("one message a damaged file")
 
 
 class VerifiedSessions(Output):
@@ -113,19 +113,13 @@ class Amended(Output):
     changed: str = said("what changed, in one sentence")
 
 
-class Annotated(Output):
-    """Note and tags of a session."""
+class Marked(Output):
+    """A session after `sessions mark`."""
 
     session: str = said("which session")
+    folder: str = said("its folder")
     note: str = said("the operator's note")
-    tags: list[str] = said("its tags")
-
-
-class Moved(Output):
-    """A session that was moved."""
-
-    session: str = said("which session")
-    folder: str = said("its new folder")
+    tags: tuple[str, ...] = said("its tags")
 
 
 class Deleted(Output):
@@ -135,7 +129,7 @@ class Deleted(Output):
     deleted: bool = said("true")
 
 
-class Pruned(Output):
+class PrunedRecordings(Output):
     """Recordings that were removed."""
 
     session: str = said("which session")
@@ -208,13 +202,13 @@ class ComparedMethod(Record):
     method: str = said("which method")
     sessions: int = said("how many sessions")
     last_reward: float = said("mean reward of their last iterations")
-    last_ci95: list[float] | None = said("its 95 % interval; null for one session")
+    last_ci95: tuple[float, float] | None = said("its 95 % interval; null for one session")
     pairs: int = said("sessions that have a partner of the first method in the same world with the same seed")
     difference: float | None = said("mean difference to the first method over these pairs; null under two pairs")
-    difference_ci95: list[float] | None = said("its 95 % interval")
+    difference_ci95: tuple[float, float] | None = said("its 95 % interval")
 
 
-class Belief(Record):
+class ParameterBelief(Record):
     """What one session believes of one parameter."""
 
     session: str = said("which session")
@@ -231,7 +225,7 @@ class Compared(Output):
     task: str = said("which task")
     sessions: list[dict[str, str | int | float]] = said("the rows of sessions.csv")
     methods: list[ComparedMethod] = said("one for each method")
-    posteriors: list[Belief] = said("one for each session with a posterior and each parameter")
+    posteriors: list[ParameterBelief] = said("one for each session with a posterior and each parameter")
     page: str = said("page that was written")
     tables: list[str] = said("tables that were written")
 

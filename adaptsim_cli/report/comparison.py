@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy import stats
 
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.outputs.sessions import ComparedMethod, ParameterBelief
 from adaptsim_cli.report import figures
 from adaptsim_cli.report.figures import Level, Line
-from adaptsim_cli.report.page import Measured, both, fill, mean_of, trial_std
-from adaptsim_cli.report.posteriors import Believed, disagreements
+from adaptsim_cli.report.page import Measured, both, fill, mean_of, parameters_in_words, trial_std
+from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
-from adaptsim_cli.session.store import Row, SessionStore, as_csv, rows, trials_of
+from adaptsim_cli.session.store import Row, SessionStore, as_csv, results_of, rows, trials_of
 from adaptsim_cli.storage import durable
 
 UDR = "udr"
@@ -59,6 +60,11 @@ class Compared:
         return in_words(self.result.verdict, self.facts.object_name) if self.result else "No iteration is complete yet."
 
     @property
+    def best(self) -> str:
+        """The best parameters so far, with names and units; "" before the first result."""
+        return parameters_in_words(self.facts, self.result.best.params) if self.result else ""
+
+    @property
     def pair(self) -> tuple[str, str, int]:
         """The key for pairing sessions of different methods."""
         return self.facts.hw, self.facts.world_sha256, self.facts.seed
@@ -84,30 +90,6 @@ class Compared:
         }
 
 
-@dataclass(frozen=True)
-class MethodRow:
-    """The pooled result of the sessions of one method."""
-
-    method: str
-    sessions: int
-    last: tuple[float, float, float] | None  # mean reward of the last iteration with its 95 % interval; None: one only
-    mean: float
-    above: tuple[int, float, float, float] | None
-    """Pairs with the first method, mean difference and its 95 % interval; None: fewer than two pairs."""
-
-    def as_json(self) -> dict[str, Any]:
-        """For `compare --json`."""
-        return {
-            "method": self.method,
-            "sessions": self.sessions,
-            "last_reward": self.mean,
-            "last_ci95": None if self.last is None else list(self.last[1:]),
-            "pairs": 0 if self.above is None else self.above[0],
-            "difference": None if self.above is None else self.above[1],
-            "difference_ci95": None if self.above is None else list(self.above[2:]),
-        }
-
-
 def compared(stores: Sequence[SessionStore]) -> tuple[Compared, ...]:
     """Read the sessions.
 
@@ -121,7 +103,7 @@ def compared(stores: Sequence[SessionStore]) -> tuple[Compared, ...]:
     return tuple(_compared(store) for store in stores)
 
 
-def by_method(found: Sequence[Compared]) -> tuple[MethodRow, ...]:
+def by_method(found: Sequence[Compared]) -> tuple[ComparedMethod, ...]:
     """The sessions of each method, pooled, and paired with the first method by world and seed."""
     methods = tuple(dict.fromkeys(c.facts.method for c in found))
     ends = {m: {c.pair: c.iterations[-1].mean for c in found if c.facts.method == m} for m in methods}
@@ -130,14 +112,16 @@ def by_method(found: Sequence[Compared]) -> tuple[MethodRow, ...]:
         values = [c.iterations[-1].mean for c in found if c.facts.method == method]
         shared = [pair for pair in ends[method] if pair in ends[methods[0]]]
         apart = [ends[method][pair] - ends[methods[0]][pair] for pair in shared] if method != methods[0] else []
-        above = _interval(apart)
+        last, above = _interval(values), _interval(apart)
         result.append(
-            MethodRow(
-                method,
-                len(values),
-                _interval(values),
-                float(np.mean(values)),
-                None if above is None else (len(apart), *above),
+            ComparedMethod(
+                method=method,
+                sessions=len(values),
+                last_reward=float(np.mean(values)),
+                last_ci95=None if last is None else last[1:],
+                pairs=0 if above is None else len(apart),
+                difference=None if above is None else above[0],
+                difference_ci95=None if above is None else above[1:],
             )
         )
     return tuple(result)
@@ -158,7 +142,30 @@ def conclusions(found: Sequence[Compared]) -> tuple[str, ...]:
     return tuple(told)
 
 
-def write(found: Sequence[Compared], folder: Path, beliefs: Sequence[Believed] = ()) -> Path:
+def within(belief: ParameterBelief) -> str:
+    """The interval of a belief, with its unit."""
+    return f"{plain(belief.low)} to {plain(belief.high)} {belief.unit}".rstrip()
+
+
+def disagreements(found: Sequence[ParameterBelief]) -> tuple[str, ...]:
+    """One sentence for each parameter whose 90 % intervals in two sessions do not overlap, or one if all overlap."""
+    told = []
+    for parameter in dict.fromkeys(one.parameter for one in found):
+        mine = [one for one in found if one.parameter == parameter]
+        apart = [(a, b) for a, b in itertools.combinations(mine, 2) if a.high < b.low or b.high < a.low]
+        if apart:
+            a, b = max(apart, key=lambda pair: max(pair[0].low - pair[1].high, pair[1].low - pair[0].high))
+            count = f"; {len(apart)} pairs in all" if len(apart) > 1 else ""
+            told.append(
+                f"The posteriors disagree in {parameter}: {a.session} has {within(a)}, {b.session} {within(b)} "
+                f"(90 %){count}."
+            )
+    if len({one.session for one in found}) < 2:
+        return ()
+    return tuple(told) or ("The posteriors disagree in no parameter: all 90 % intervals overlap.",)
+
+
+def write(found: Sequence[Compared], folder: Path, beliefs: Sequence[ParameterBelief] = ()) -> Path:
     """Write page and tables into `folder` and return the page's path. Raises SessionError, DiskFull."""
     durable.make_folder(folder)
     durable.replace_file(folder / SESSIONS, as_csv([c.as_row() for c in found]).encode())
@@ -167,7 +174,7 @@ def write(found: Sequence[Compared], folder: Path, beliefs: Sequence[Believed] =
     return folder / PAGE
 
 
-def render(found: Sequence[Compared], beliefs: Sequence[Believed] = ()) -> str:
+def render(found: Sequence[Compared], beliefs: Sequence[ParameterBelief] = ()) -> str:
     """The page as HTML."""
     methods = by_method(found)
     colours = {row.method: f"c{index % 6}" for index, row in enumerate(methods)}
@@ -184,7 +191,7 @@ def render(found: Sequence[Compared], beliefs: Sequence[Believed] = ()) -> str:
         days=sorted({c.day for c in found}),
         figure_levels=both(lambda width: figures.levels(bars, width)),
         figure_lines=both(lambda width: figures.lines(lines, width)),
-        beliefs=beliefs,
+        beliefs=[(one, within(one)) for one in sorted(beliefs, key=lambda one: one.parameter)],
         disagreements=disagreements(beliefs),
         sessions_csv=SESSIONS,
         trials_csv=TRIALS,
@@ -197,7 +204,7 @@ def _compared(store: SessionStore) -> Compared:
         raise UsageError(f"session {store.facts.name!r} has no completed trial yet: leave it out")
     std = trial_std(store.facts.task)
     iterations = sorted({t.iteration for t in trials})
-    results = [result for i in range(store.iterations()) if (result := store.result(i)) is not None]
+    results = results_of(store)
     return Compared(
         facts=store.facts,
         trials=trials,

@@ -63,9 +63,7 @@ def rewards(
     canvas = Canvas(width, 250, "Reward of every trial")
     left, right, top, bottom = 38.0, width - 8.0, 12.0, 212.0
     y = Scale(0.0, 1.0, bottom, top)
-    for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
-        canvas.line(left, y(tick), right, y(tick), "grid")
-        canvas.text(left - 6, y(tick) + 4, f"{tick:g}", anchor="end")
+    canvas.rewards(left, right, y)
     band = (right - left) / iterations
     slots = particles * per_particle
     step = min(band / (slots + 1), 46.0)
@@ -90,9 +88,8 @@ def rewards(
             canvas.rect(x - half, high, 2 * half, max(low - high, 1.5), f"expected c{trial.particle - 1}", 3)
             mean = y(trial.predicted_reward)
             canvas.line(x - half, mean, x + half, mean, f"mean-expected c{trial.particle - 1}")
-            told = f"trial {trial.trial}: {trial.outcome_words}, reward {trial.reward:.2f}"
             css = "dot" if trial.reward > 0 else "dot open"
-            canvas.dot(x, y(trial.reward), min(5.0, half + 1.0), f"{css} c{trial.particle - 1}", told)
+            canvas.dot(x, y(trial.reward), min(5.0, half + 1.0), f"{css} c{trial.particle - 1}", _told(trial))
     if len(means) > 1:
         canvas.curve(means, "mean-curve")
     return canvas.svg()
@@ -207,9 +204,7 @@ def lines(sessions: Sequence[Line], width: float = WIDE) -> str:
     canvas = Canvas(width, 280, "Mean reward of every iteration")
     left, right, top, bottom = 38.0, width - 12.0, 12.0, 236.0
     y = Scale(0.0, 1.0, bottom, top)
-    for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
-        canvas.line(left, y(tick), right, y(tick), "grid")
-        canvas.text(left - 6, y(tick) + 4, f"{tick:g}", anchor="end")
+    canvas.rewards(left, right, y)
     count = max(len(session.means) for session in sessions)
     x = Scale(0.0, max(count - 1.0, 1.0), left + 30, right - 30)
     for index in range(count):
@@ -232,51 +227,42 @@ def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], n
     goals = [t.goal_m for t in trials if t.goal_m is not None]
     corners = np.array([[d.low, d.high] for d in area[:2]]).T if len(area) >= 2 and not goals else np.zeros((0, 2))
     points = np.concatenate([*paths, corners, np.array(goals).reshape(-1, 2)])
-    low, high = points.min(axis=0) - 0.015, points.max(axis=0) + 0.015
-    left, right, top = 48.0, width - 8.0, 12.0
-    per_m = min((right - left) / (high[0] - low[0]), 340.0 / (high[1] - low[1]))
-    right = left + per_m * (high[0] - low[0])
-    bottom = top + per_m * (high[1] - low[1])
-    canvas = Canvas(min(width, right + 8), bottom + 44, "Tracked paths on the table, seen from above")
-    x, y = Scale(low[0], high[0], left, right), Scale(low[1], high[1], bottom, top)
-    canvas.rect(left, top, right - left, bottom - top, "table", 6)
-    canvas.grid(x, y)
-    canvas.text((left + right) / 2, bottom + 36, "x in metres, away from the robot", anchor="middle")
+    canvas, x, y = _from_above(points, "Tracked paths on the table, seen from above", width)
     if len(corners):
-        canvas.rect(x(corners[0, 0]), y(corners[1, 1]), *_size(x, y, corners), "area", 4)
+        size = x(corners[1, 0]) - x(corners[0, 0]), y(corners[0, 1]) - y(corners[1, 1])
+        canvas.rect(x(corners[0, 0]), y(corners[1, 1]), *size, "area", 4)
         canvas.text(x(corners[0, 0]), y(corners[0, 1]) + 16, "where the object is placed")
     for trial, path in sorted(zip(trials, paths, strict=True), key=lambda pair: pair[0].trial):
         css = f"c{trial.particle - 1}" + ("" if trial.iteration == newest else " faint")
-        told = f"trial {trial.trial}: {trial.outcome_words}, reward {trial.reward:.2f}"
-        pixels = [(x(px), y(py)) for px, py in path]
         if trial.goal_m is not None:
-            gx, gy = x(trial.goal_m[0]), y(trial.goal_m[1])
-            canvas.line(*pixels[-1], gx, gy, f"miss {css}")
-            for rise in (-5.0, 5.0):
-                canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], f"track {css}", f"goal of {told}")
-        canvas.curve(pixels, f"track {css}", told)
-        canvas.dot(*pixels[0], 3, f"dot open {css}", told)
-        canvas.dot(*pixels[-1], 4.5, f"dot {css}" if trial.reward > 0 else f"dot open {css}", told)
+            end = x(path[-1, 0]), y(path[-1, 1])
+            canvas.line(*end, x(trial.goal_m[0]), y(trial.goal_m[1]), f"miss {css}")
+        _path(canvas, x, y, path, trial.goal_m, css, _told(trial), is_success=trial.reward > 0)
+    return canvas.svg()
+
+
+def one_path(track_m: Array, goal_m: Sequence[float] | None, width: float = WIDE) -> str:
+    """One tracked path (N, 2 or more) seen from above, and its goal."""
+    path = track_m[:, :2]
+    points = path if goal_m is None else np.concatenate([path, np.array([goal_m])])
+    canvas, x, y = _from_above(points, "Tracked path on the table, seen from above", width)
+    _path(canvas, x, y, path, goal_m, "c0", "the tracked centre", is_success=True)
     return canvas.svg()
 
 
 def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: int, width: float = WIDE) -> str:
     """One quantity of every track against time. Older iterations are faint; a dashed line is a trial that failed."""
-    paths = [(np.array(t.track.t_s), np.array(t.track.state)[:, column]) for t in trials]
-    canvas = Canvas(width, 240, f"{label} over time")
-    left, right, top, bottom = 48.0, width - 8.0, 12.0, 196.0
-    everything = np.concatenate([values for _, values in paths])
-    pad = 0.05 * max(float(np.ptp(everything)), 1e-6)
-    x = Scale(0.0, max(float(t_s[-1]) for t_s, _ in paths), left, right)
-    y = Scale(float(everything.min()) - pad, float(everything.max()) + pad, bottom, top)
-    canvas.grid(x, y)
-    canvas.text((left + right) / 2, bottom + 36, "time in s", anchor="middle")
-    for trial, (t_s, values) in zip(trials, paths, strict=True):
-        css = f"track c{trial.particle - 1}" + ("" if trial.iteration == newest else " faint")
+    curves = []
+    for trial in trials:
+        css = f"c{trial.particle - 1}" + ("" if trial.iteration == newest else " faint")
         css += "" if trial.reward > 0 else " failed"
-        told = f"trial {trial.trial}: {trial.outcome_words}, reward {trial.reward:.2f}"
-        canvas.curve([(x(t), y(v)) for t, v in zip(t_s, values, strict=True)], css, told)
-    return canvas.svg()
+        curves.append((np.array(trial.track.t_s), np.array(trial.track.state)[:, column], css, _told(trial)))
+    return _over_time(curves, label, width)
+
+
+def one_curve(t_s: Array, values: Array, label: str, width: float = WIDE) -> str:
+    """One quantity (N,) of a track against time."""
+    return _over_time([(t_s, values, "c0", label)], label, width)
 
 
 def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] = ()) -> str:
@@ -284,98 +270,107 @@ def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] =
 
     On the table from above, or against time for quantities with names (`curves`), one panel each.
     """
-    seen = np.array(trial.track.state)[:, list(expected.columns)]
+    seen, css = np.array(trial.track.state)[:, list(expected.columns)], f"c{trial.particle - 1}"
     if not curves:
-        return _from_above(trial, expected, seen)
+        goal = np.array([] if trial.goal_m is None else [trial.goal_m]).reshape(-1, 2)
+        likely = expected.likely.reshape(-1, seen.shape[1])
+        points = np.concatenate([*(states[:, :2] for states in (seen, expected.guess, likely)), goal])
+        label = f"Trial {trial.trial}, observed and predicted path, seen from above"
+        canvas, x, y = _from_above(points, label, NARROW)
+        for path in expected.likely:
+            canvas.curve(_pixels(x, y, path[:, 0], path[:, 1]), "later")
+            canvas.dot(x(path[-1, 0]), y(path[-1, 1]), 2, "later-end")
+        canvas.curve(_pixels(x, y, expected.guess[:, 0], expected.guess[:, 1]), "before")
+        canvas.dot(x(expected.guess[-1, 0]), y(expected.guess[-1, 1]), 4, "before-end", "predicted end")
+        _path(canvas, x, y, seen, trial.goal_m, css, "observed", is_success=trial.reward > 0)
+        return canvas.svg()
     canvas = Canvas(400, 150 * len(curves) + 14, f"Trial {trial.trial}, observed and predicted")
     t_s = np.array(trial.track.t_s)
     x = Scale(0.0, float(max(t_s[-1], expected.t_s[-1])), 52.0, 392.0)
     for row, label in enumerate(curves):
         top = 150.0 * row + 16.0
         lines = [seen[:, row], expected.guess[:, row], *expected.likely[..., row]]
-        low, high = _limits(np.concatenate(lines))
-        y = Scale(low, high, top + 108.0, top)
+        y = Scale(*_limits(np.concatenate(lines)), top + 108.0, top)
         canvas.grid(x, y)
         canvas.text(52.0, top - 4, f"{label} over time in s")
         for path in expected.likely[..., row]:
             canvas.curve(_pixels(x, y, expected.t_s, path), "later")
         canvas.curve(_pixels(x, y, expected.t_s, expected.guess[:, row]), "before")
-        canvas.curve(_pixels(x, y, t_s, seen[:, row]), f"track c{trial.particle - 1}", "observed")
+        canvas.curve(_pixels(x, y, t_s, seen[:, row]), f"track {css}", "observed")
     return canvas.svg()
 
 
-def _from_above(trial: TrialRecord, expected: Prediction, seen: Array) -> str:
-    """A view from above; both axes have the same scale, so a path keeps its shape."""
-    everything = np.concatenate([seen, expected.guess, expected.likely.reshape(-1, seen.shape[1])])[:, :2]
-    if trial.goal_m is not None:
-        everything = np.concatenate([everything, np.array([trial.goal_m])])
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    middle, size = (low + high) / 2, np.maximum(high - low, 0.02) + 0.01
-    per_m = min(340.0 / size[0], 260.0 / size[1])
-    half = np.array([170.0 / per_m, max(130.0, min(260.0, per_m * size[1])) / 2 / per_m])
-    low, high = middle - half, middle + half
-    bottom = 12.0 + per_m * float(high[1] - low[1])
-    canvas = Canvas(400, bottom + 44, f"Trial {trial.trial}, observed and predicted path, seen from above")
-    x, y = Scale(low[0], high[0], 52.0, 392.0), Scale(low[1], high[1], bottom, 12.0)
-    canvas.rect(52.0, 12.0, 340.0, bottom - 12.0, "table", 6)
+def over_film(trial: TrialRecord, expected: Prediction) -> str:
+    """The path predicted before the trial, drawn over its film; the height is the observed one. "" without a film."""
+    if trial.film is None:
+        return ""
+    track = trial.track.track()
+    z_m = np.interp(expected.t_s, track.t_s, track.state[:, 2])
+    p_m = np.column_stack([expected.guess[:, :2], z_m, np.ones(len(z_m))])
+    u, v, w = np.array(trial.film.camera).reshape(3, 4) @ p_m.T
+    points = [(240.0 * x, 240.0 * y) for x, y in zip(u / w, v / w, strict=True)]
+    canvas = Canvas(240, 240, "Predicted path")
+    canvas.curve(points, "in-film")
+    canvas.dot(*points[-1], 4, "in-film", "predicted end")
+    return canvas.svg()
+
+
+def _from_above(points_m: Array, label: str, width: float) -> tuple[Canvas, Scale, Scale]:
+    """The table around points (N, 2); both axes have the same scale, so a path keeps its shape."""
+    low, high = points_m.min(axis=0) - 0.015, points_m.max(axis=0) + 0.015
+    left, top = 48.0, 12.0
+    per_m = min((width - 8.0 - left) / (high[0] - low[0]), 340.0 / (high[1] - low[1]))
+    right, bottom = left + per_m * (high[0] - low[0]), top + per_m * (high[1] - low[1])
+    canvas = Canvas(min(width, right + 8), bottom + 44, label)
+    x, y = Scale(low[0], high[0], left, right), Scale(low[1], high[1], bottom, top)
+    canvas.rect(left, top, right - left, bottom - top, "table", 6)
     canvas.grid(x, y)
-    canvas.text(222.0, bottom + 36, "x in metres", anchor="middle")
-    for path in expected.likely:
-        canvas.curve(_pixels(x, y, path[:, 0], path[:, 1]), "later")
-        canvas.dot(x(path[-1, 0]), y(path[-1, 1]), 2, "later-end")
-    canvas.curve(_pixels(x, y, expected.guess[:, 0], expected.guess[:, 1]), "before")
-    canvas.dot(x(expected.guess[-1, 0]), y(expected.guess[-1, 1]), 4, "before-end", "predicted end")
-    canvas.curve(_pixels(x, y, seen[:, 0], seen[:, 1]), f"track c{trial.particle - 1}", "observed")
-    css = "dot" if trial.reward > 0 else "dot open"
-    canvas.dot(x(seen[-1, 0]), y(seen[-1, 1]), 4.5, f"{css} c{trial.particle - 1}", "observed end")
-    if trial.goal_m is not None:
-        gx, gy = x(trial.goal_m[0]), y(trial.goal_m[1])
+    canvas.text((left + right) / 2, bottom + 36, "x in metres, away from the robot", anchor="middle")
+    return canvas, x, y
+
+
+def _path(
+    canvas: Canvas,
+    x: Scale,
+    y: Scale,
+    path_m: Array,
+    goal_m: Sequence[float] | None,
+    css: str,
+    told: str,
+    *,
+    is_success: bool,
+) -> None:
+    """A path from its start to its end, and a cross at its goal."""
+    pixels = _pixels(x, y, path_m[:, 0], path_m[:, 1])
+    if goal_m is not None:
+        gx, gy = x(goal_m[0]), y(goal_m[1])
         for rise in (-5.0, 5.0):
-            canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], f"track c{trial.particle - 1}", "goal")
+            canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], f"track {css}", f"goal of {told}")
+    canvas.curve(pixels, f"track {css}", told)
+    canvas.dot(*pixels[0], 3, f"dot open {css}", told)
+    canvas.dot(*pixels[-1], 4.5, f"dot {css}" if is_success else f"dot open {css}", told)
+
+
+def _over_time(curves: Sequence[tuple[Array, Array, str, str]], label: str, width: float) -> str:
+    """Curves (times, values, style, title) against time."""
+    canvas = Canvas(width, 240, f"{label} over time")
+    x = Scale(0.0, max(float(t_s[-1]) for t_s, *_ in curves), 48.0, width - 8.0)
+    y = Scale(*_limits(np.concatenate([values for _, values, *_ in curves])), 196.0, 12.0)
+    canvas.grid(x, y)
+    canvas.text((40.0 + width) / 2, 232.0, "time in s", anchor="middle")
+    for t_s, values, css, told in curves:
+        canvas.curve(_pixels(x, y, t_s, values), f"track {css}", told)
     return canvas.svg()
+
+
+def _told(trial: TrialRecord) -> str:
+    return f"trial {trial.trial}: {trial.outcome_words}, reward {trial.reward:.2f}"
 
 
 def _pixels(x: Scale, y: Scale, across: Array, up: Array) -> list[tuple[float, float]]:
-    return [(x(a), y(u)) for a, u in zip(across, up, strict=True)]
+    return list(zip(x.many(across), y.many(up), strict=True))
 
 
 def _limits(values: Array) -> tuple[float, float]:
     pad = 0.05 * max(float(np.ptp(values)), 1e-6)
     return float(values.min()) - pad, float(values.max()) + pad
-
-
-def _size(x: Scale, y: Scale, corners: Array) -> tuple[float, float]:
-    return x(corners[1, 0]) - x(corners[0, 0]), y(corners[0, 1]) - y(corners[1, 1])
-
-
-def one_path(track_m: Array, goal_m: Sequence[float] | None, width: float = WIDE) -> str:
-    """One tracked path (N, 2 or more) seen from above, and its goal."""
-    points = track_m[:, :2] if goal_m is None else np.concatenate([track_m[:, :2], np.array([goal_m])])
-    low, high = points.min(axis=0) - 0.02, points.max(axis=0) + 0.02
-    left, right, top = 52.0, width - 8.0, 12.0
-    per_m = min((right - left) / (high[0] - low[0]), 320.0 / (high[1] - low[1]))
-    right, bottom = left + per_m * (high[0] - low[0]), top + per_m * (high[1] - low[1])
-    canvas = Canvas(width, bottom + 44, "Tracked path on the table, seen from above")
-    x, y = Scale(low[0], high[0], left, right), Scale(low[1], high[1], bottom, top)
-    canvas.rect(left, top, right - left, bottom - top, "table", 6)
-    canvas.grid(x, y)
-    canvas.text((left + right) / 2, bottom + 36, "x in metres, away from the robot", anchor="middle")
-    pixels = _pixels(x, y, track_m[:, 0], track_m[:, 1])
-    canvas.curve(pixels, "track c0", "the tracked centre")
-    canvas.dot(*pixels[0], 3, "dot open c0", "start")
-    canvas.dot(*pixels[-1], 4.5, "dot c0", "end")
-    if goal_m is not None:
-        gx, gy = x(goal_m[0]), y(goal_m[1])
-        for rise in (-5.0, 5.0):
-            canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], "track c0", "goal")
-    return canvas.svg()
-
-
-def one_curve(t_s: Array, values: Array, label: str, width: float = WIDE) -> str:
-    """One quantity (N,) of a track against time."""
-    canvas = Canvas(width, 240, f"{label} over time")
-    x, y = Scale(0.0, float(t_s[-1]), 48.0, width - 8.0), Scale(*_limits(values), 196.0, 12.0)
-    canvas.grid(x, y)
-    canvas.text((40.0 + width) / 2, 232.0, "time in s", anchor="middle")
-    canvas.curve(_pixels(x, y, t_s, values), "track c0", label)
-    return canvas.svg()

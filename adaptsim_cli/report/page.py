@@ -6,8 +6,10 @@ import base64
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +19,7 @@ from adaptsim_cli.report.agreement import Z95, agreement
 from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words
+from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.records import (
     DimensionRecord,
     Facts,
@@ -31,6 +34,9 @@ from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
 from sim.tasks import TASKS, get_task
 from sim.types import Dimension
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 _FIRST, _ADAPTED, _UDR = "c3", "c2", "c4"  # colours that no figure of two particles uses
@@ -51,6 +57,8 @@ class TrialView:
 
     record: TrialRecord
     strip: tuple[Still, ...]
+    film: str  # data URL of the sheet, "" without a camera
+    over_film: str  # the figure over it, "" without a prediction
     overlay: str  # data URL, "" if there is none
     context: str
     action: str
@@ -126,7 +134,7 @@ def render(
         trials=trials,
         latest=results[-1] if results else None,
         verdict=in_words(results[-1].verdict, facts.object_name) if results else "",
-        best=_named(facts, results[-1].best.params) if results else "",
+        best=parameters_in_words(facts, results[-1].best.params) if results else "",
         correction=_correction(facts, results[-1].outlook) if results else "",
         successes=sum(t.reward > 0 for t in trials),
         figure_levels=both(lambda width: figures.levels(rows, width)) if rows else "",
@@ -166,14 +174,18 @@ def render(
 
 def fill(template: str, **values: object) -> str:
     """Fill a template of this package, with the page's style and script."""
+    folder = resources.files("adaptsim_cli.report")
+    style, script = ((folder / name).read_text(encoding="utf-8") for name in ("style.css", "enlarge.js"))
+    return _compiled(template).render(style=style, script=script, **values)
+
+
+@cache
+def _compiled(template: str) -> Template:
     from jinja2 import Environment, StrictUndefined
 
-    folder = resources.files("adaptsim_cli.report")
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["plain"] = plain
-    text = environment.from_string((folder / template).read_text(encoding="utf-8"))
-    style, script = ((folder / name).read_text(encoding="utf-8") for name in ("style.css", "enlarge.js"))
-    return text.render(style=style, script=script, **values)
+    return environment.from_string((resources.files("adaptsim_cli.report") / template).read_text(encoding="utf-8"))
 
 
 def both(draw: Callable[[float], str]) -> str:
@@ -251,7 +263,9 @@ def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) ->
     context = _quantities(_described(facts, facts.context), tuple(record.context.values()))
     action = _quantities(_described(facts, facts.action), tuple(record.action.values()))
     drawn = figures.prediction(record, known.predictions[record.trial], tuple(facts.curves)) if known else ""
-    return TrialView(record, strip, overlay, context, action, drawn)
+    film = picture(folder / FILM) if FILM in record.files else ""
+    over = figures.over_film(record, known.predictions[record.trial]) if known and not facts.curves else ""
+    return TrialView(record, strip, film, over, overlay, context, action, drawn)
 
 
 def _rejected(store: SessionStore, iteration: int) -> tuple[str, ...]:
@@ -317,7 +331,8 @@ def _correction(facts: Facts, outlook: OutlookRecord | None) -> str:
     return ", ".join(signed) or "none"
 
 
-def _named(facts: Facts, params: Mapping[str, float]) -> str:
+def parameters_in_words(facts: Facts, params: Mapping[str, float]) -> str:
+    """Plain name, value and unit of each parameter."""
     return _quantities(_described(facts, facts.parameters), tuple(params[d.name] for d in facts.parameters))
 
 

@@ -10,6 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from html import escape
 
+import numpy as np
+
+from hw.types import Array
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -25,6 +29,12 @@ class Scale:
         """Pixels of a value in units of the data."""
         low, high, value = (math.log(v) if self.log else v for v in (self.low, self.high, value))
         return self.start + (value - low) / (high - low) * (self.end - self.start)
+
+    def many(self, values: Array) -> list[float]:
+        """Pixels of many values (N,)."""
+        low, high = (math.log(v) if self.log else v for v in (self.low, self.high))
+        share = ((np.log(values) if self.log else np.asarray(values)) - low) / (high - low)
+        return list(map(float, self.start + share * (self.end - self.start)))
 
     def ticks(self, most: int = 5) -> list[float]:
         """Round values inside the range."""
@@ -81,6 +91,12 @@ class Canvas:
         for tick in y.ticks(_most(y, 24.0, 5)):
             self.line(x.start, y(tick), x.end, y(tick), "grid")
             self.text(x.start - 6, y(tick) + 4, plain(round(tick, 4)), anchor="end")
+
+    def rewards(self, left: float, right: float, y: Scale) -> None:
+        """Lines with their values for rewards, from 0 to 1."""
+        for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
+            self.line(left, y(tick), right, y(tick), "grid")
+            self.text(left - 6, y(tick) + 4, f"{tick:g}", anchor="end")
 
     def svg(self) -> str:
         """The drawing as an SVG element with its label for screen readers."""

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from adaptsim_cli import options
+
 
 def benchmark(
-    task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. pushing.")] = None,
+    task: options.Task = None,
     targets: Annotated[
         str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn and named.")
     ] = "wd,ood-1,ood-2,ood-3,ood-4",
-    recorded: Annotated[
-        str | None, typer.Option("--recorded", help="Folder of recorded trials, instead of worlds.")
-    ] = None,
-    held_out: Annotated[
-        float | None, typer.Option("--held-out", help="Share of the recorded trials that only scores, 0.1 to 0.9.")
-    ] = None,
+    recorded: options.Recorded = None,
+    held_out: options.HeldOut = None,
     methods: Annotated[str, typer.Option("--methods", help="Names of methods, or all.")] = "all",
     budget: Annotated[int, typer.Option("--budget", min=1, help="Real trials of a session.")] = 20,
     fresh: Annotated[
@@ -31,13 +28,11 @@ def benchmark(
     checkpoints: Annotated[
         str, typer.Option("--checkpoints", help="One per training seed, by name or folder; used in turn.")
     ] = "",
-    workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
-    executor: Annotated[str, typer.Option("--executor", help="Where sessions run: processes or dask.")] = "processes",
-    scheduler: Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")] = "",
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Rows and summary on stdout.")] = False,
+    workers: options.Workers = None,
+    executor: options.Executor = "processes",
+    scheduler: options.Scheduler = "",
+    out: options.WorkingFolder = None,
+    as_json: options.Json = False,
 ) -> None:
     """Compare methods: the same worlds, contexts, noise and budget of real trials for all, scored by fresh rollouts.
 
@@ -69,20 +64,19 @@ def benchmark(
         screen.show(part)
     screen.plain(f"Report: {document}")
     screen.next((f"xdg-open {document}", "the page, in the browser; the same command with more methods adds to it"))
-    if as_json:
-        screen.data("benchmark", found.as_json())
+    screen.data("benchmark", found.as_json())
 
 
 def world_tables(
-    task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. pushing.")] = None,
+    task: options.Task = None,
     targets: Annotated[
         str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn and named.")
     ] = "develop,drawn,named",
     rollouts: Annotated[int, typer.Option("--rollouts", min=8, help="True rollouts of each world.")] = 320,
-    workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
-    executor: Annotated[str, typer.Option("--executor", help="Where they run: processes or dask.")] = "processes",
-    scheduler: Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")] = "",
-    as_json: Annotated[bool, typer.Option("--json", help="The tables on stdout.")] = False,
+    workers: options.Workers = None,
+    executor: options.Executor = "processes",
+    scheduler: options.Scheduler = "",
+    as_json: options.Json = False,
 ) -> None:
     """Simulate the tables in which a benchmark looks up its trials: about a minute of one core a world.
 
@@ -102,5 +96,4 @@ def world_tables(
     screen.plain(f"{len(made)} tables of {resolved.config.task}: {wiring.tables_folder(resolved)}")
     command = f"adaptsim benchmark --task {resolved.config.task} --targets {targets}"
     screen.next((command, "compares methods in these worlds"))
-    if as_json:
-        screen.data("world-tables", {"task": resolved.config.task, "tables": made})
+    screen.data("world-tables", {"task": resolved.config.task, "tables": made})

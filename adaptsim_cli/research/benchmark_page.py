@@ -116,12 +116,10 @@ def _view(summary: SetSummary) -> SetView:
 
 def curve(method: MethodSummary, levels: Mapping[str, float]) -> str:
     """Mean reward against real trials, with its interval; `levels` are lines at references that need no trials."""
-    canvas = Canvas(360, 200, f"Reward of {method.method} against real trials")
+    canvas = Canvas(360, 200, f"Reward of {method.method} against trials")
     left, right, top, bottom = 38.0, 350.0, 12.0, 166.0
     x, y = Scale(0.0, float(method.trials[-1]), left, right), Scale(0.0, 1.0, bottom, top)
-    for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
-        canvas.line(left, y(tick), right, y(tick), "grid")
-        canvas.text(left - 6, y(tick) + 4, f"{tick:g}", anchor="end")
+    canvas.rewards(left, right, y)
     for name, reward in levels.items():
         canvas.line(left, y(reward), right, y(reward), "area")
         canvas.text(right, y(reward) - 4, name, anchor="end")
@@ -198,8 +196,10 @@ def signed(value: float | None) -> str:
 
 
 def between(interval: Interval | None) -> str:
-    """Both ends of an interval; empty if unknown."""
-    return "" if interval is None else f"{interval[0]:.3f} to {interval[1]:.3f}".replace("-", MINUS)
+    """Both ends of an interval; empty if unknown, or without a width, as of a single session."""
+    if interval is None or interval[0] == interval[1]:
+        return ""
+    return f"{interval[0]:.3f} to {interval[1]:.3f}".replace("-", MINUS)
 
 
 def _count(n: int, what: str) -> str:

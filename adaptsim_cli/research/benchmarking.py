@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.screen.console import how_to_continue
 from adaptsim_cli.storage.durable import locked, make_folder
 
 if TYPE_CHECKING:

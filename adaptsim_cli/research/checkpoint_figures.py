@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -36,17 +37,7 @@ def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int],
         "folder": str(checkpoint.path),
         "sha256": checkpoint.sha256,
         "holds": all(f.holds for f in figures),
-        "figures": [
-            {
-                "name": f.name,
-                "card": f.card,
-                "found": f.found,
-                "tolerance": f.tolerance,
-                "better": f.better,
-                "holds": f.holds,
-            }
-            for f in figures
-        ],
+        "figures": [{**asdict(figure), "holds": figure.holds} for figure in figures],
     }
 
 

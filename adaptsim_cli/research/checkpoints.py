@@ -6,13 +6,13 @@ from typing import Annotated, Any
 
 import typer
 
-app = typer.Typer(help="The pretrained policies.", no_args_is_help=True)
+from adaptsim_cli import options
 
-_Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+app = typer.Typer(help="The pretrained policies.", no_args_is_help=True)
 
 
 @app.command("list")
-def list_checkpoints(as_json: _Json = False) -> None:
+def list_checkpoints(as_json: options.Json = False) -> None:
     """List the shipped checkpoints and those of `adaptsim pretrain`.
 
     Example: adaptsim checkpoints list
@@ -22,9 +22,7 @@ def list_checkpoints(as_json: _Json = False) -> None:
 
     found = checkpoints.list_checkpoints()
     screen = console.Screen(as_json=as_json)
-    if as_json:
-        screen.data("checkpoints list", {"checkpoints": found})
-    else:
+    if not screen.data("checkpoints list", {"checkpoints": found}):
         body = [(c["task"], c["name"], c["created"], c["folder"]) for c in found]
         screen.show(views.rows(("task", "name", "created", "folder"), body))
         screen.next(("adaptsim checkpoints verify FOLDER", "are the figures on its card still right?"))
@@ -33,17 +31,17 @@ def list_checkpoints(as_json: _Json = False) -> None:
 @app.command()
 def verify(
     checkpoint: Annotated[str, typer.Argument(help="Folder; default: the shipped one, or the one for --object.")] = "",
-    task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
-    own: Annotated[str | None, typer.Option("--object", help="Object file, if it is for your own object.")] = None,
+    task: options.Task = None,
+    own: options.Object = None,
     rollouts: Annotated[
         int | None, typer.Option("--rollouts", min=0, help="True rollouts to compare with; 0: only read the files.")
     ] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer rollouts: some ten seconds instead of half a minute.")
     ] = False,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the draws.")] = None,
-    workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
-    as_json: _Json = False,
+    seed: options.Seed = None,
+    workers: options.Workers = None,
+    as_json: options.Json = False,
 ) -> None:
     """Check every file of a checkpoint against its card, then the card's figures against fresh rollouts.
 
@@ -80,8 +78,7 @@ def verify(
         screen.show(views.rows(columns, body))
     elif wanted:
         screen.note("Every session trains its own task policies, so the card has no figures to compare with rollouts.")
-    if as_json:
-        screen.data("checkpoints verify", found)
+    screen.data("checkpoints verify", found)
     if found["holds"]:
         screen.next((f"adaptsim run-iteration --task {found['task']}", "a session with it, if the settings name it"))
     else:
@@ -96,10 +93,10 @@ def verify(
 @app.command()
 def parameters(
     checkpoint: Annotated[str, typer.Argument(help="Name or folder; default: the shipped one.")] = "",
-    task: Annotated[str | None, typer.Option("--task", help="Which task it is for.")] = None,
-    own: Annotated[str | None, typer.Option("--object", help="Object file, if it is for your own object.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the simulated targets.")] = None,
-    as_json: _Json = False,
+    task: options.Task = None,
+    own: options.Object = None,
+    seed: options.Seed = None,
+    as_json: options.Json = False,
 ) -> None:
     """Show which parameters a session can estimate, and which stay unknown. Measured in simulated sessions.
 
@@ -113,8 +110,7 @@ def parameters(
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress:
         found = checkpoint_figures.tell_parameters(settings, lambda done, total: progress("sessions", done, total))
-    if as_json:
-        screen.data("checkpoints parameters", found)
+    if screen.data("checkpoints parameters", found):
         return
     body = [(p["title"], views.number(p["left"]), p["words"]) for p in found["parameters"]]
     screen.show(views.rows(("parameter", "error left", ""), body, right=(1,)))

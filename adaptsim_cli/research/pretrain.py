@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from adaptsim_cli import options
+
 
 def pretrain(
-    task: Annotated[str | None, typer.Option("--task", help="Which task, e.g. scooping.")] = None,
+    task: options.Task = None,
     budget: Annotated[str, typer.Option("--budget", help="Size of the whole pretraining: full or small.")] = "full",
     rollouts: Annotated[int | None, typer.Option("--rollouts", min=64, help="Simulated trials in the dataset.")] = None,
     denser: Annotated[
@@ -28,16 +30,12 @@ def pretrain(
     targets: Annotated[
         str, typer.Option("--targets", help="Where they are drawn: paper (in the ranges) or wide (beyond them too).")
     ] = "paper",
-    own: Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of your own object.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")] = None,
-    workers: Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")] = None,
-    executor: Annotated[
-        str, typer.Option("--executor", help="Where simulations run: processes or dask.")
-    ] = "processes",
-    scheduler: Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")] = "",
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")
-    ] = None,
+    own: options.Object = None,
+    seed: options.Seed = None,
+    workers: options.Workers = None,
+    executor: options.Executor = "processes",
+    scheduler: options.Scheduler = "",
+    out: options.WorkingFolder = None,
     methods: Annotated[
         bool, typer.Option("--methods", help="Train the paper's adaptation policies too, and their variants.")
     ] = False,
@@ -48,7 +46,7 @@ def pretrain(
         bool, typer.Option("--report", help="A document with figures; includes --methods and --evaluate.")
     ] = False,
     docs: Annotated[Path | None, typer.Option("--docs", help="Where the report goes; default: in its folder.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Folder and held-out results on stdout.")] = False,
+    as_json: options.Json = False,
 ) -> None:
     """Phase 1: simulate a dataset, fit the emulator, tabulate the prospects, write a checkpoint.
 
@@ -101,7 +99,6 @@ def pretrain(
     screen.next(
         (use, "a session with it"), (f"adaptsim checkpoints verify {folder}", "are the figures on its card right?")
     )
-    if as_json:
-        told = {"report": str(document)} if document else {}
-        card = checkpoint_figures.checkpoint_card(resolved.config.task, folder)
-        screen.data("pretrain", {**told, "checkpoint": str(folder), "card": card})
+    told = {"report": str(document)} if document else {}
+    card = checkpoint_figures.checkpoint_card(resolved.config.task, folder)
+    screen.data("pretrain", {**told, "checkpoint": str(folder), "card": card})

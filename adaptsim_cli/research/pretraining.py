@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.screen.console import how_to_continue
 from adaptsim_cli.storage.durable import locked, make_folder
 from adaptsim_cli.wiring.checkpoints import task_of
 

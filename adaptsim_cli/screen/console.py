@@ -8,39 +8,43 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Protocol
 
-from rich.console import Console, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.segment import Segment
 from rich.text import Text
 
-from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, pictures, views
-from adaptsim_cli.screen.clean import CleanConsole
-from adaptsim_cli.screen.keys import ESCAPE, HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
+from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
+from hw.errors import HardwareError
+from perception.errors import PerceptionError
+from sim.errors import ClusterUnavailable, NotExecutable, RolloutError, SolverFailed
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
+
 
 ANSWERING = "answering"
 """The stage of the time spent waiting for answers."""
 END = "(end of input)"
 """The answer that listeners get at the end of input."""
-_WAY_OUT = "The command ends. Everything completed is stored, and the same command goes on from here."
 
 
 class Listener(Protocol):
     """A listener that shows the terminal's events elsewhere."""
 
-    def doing(self, what: str) -> None:
-        """A step, `what`, begins."""
+    def doing(self, what: str, stage: str) -> None:
+        """A step, `what`, of a stage (see `Screen.busy`) begins."""
         ...
 
     def did(self, what: str, stage: str, took_s: float) -> None:
@@ -65,6 +69,7 @@ class Screen:
 
     def __init__(self, *, as_json: bool = False, console: Console | None = None) -> None:
         loading.clear()
+        self._as_json = as_json
         self._console = console or CleanConsole(stderr=as_json, highlight=False, markup=False)
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
         self._listeners: list[Listener] = []
@@ -105,15 +110,21 @@ class Screen:
         self._noted.append(text.strip())
         self.tell_listeners(text.strip())
 
-    def data(self, command: str, value: Mapping[str, Any] | BaseModel) -> None:
-        """Print the --json output of `command` on one line of stdout, checked against its model, version first."""
+    def data(self, command: str, value: Mapping[str, Any] | BaseModel) -> bool:
+        """With --json, print the output of `command` on one line of stdout, checked against its model, version first.
+
+        Returns whether it did; text for a person then goes to stderr.
+        """
+        if not self._as_json:
+            return False
         from adaptsim_cli.outputs import catalogue
 
         sys.stdout.write(json.dumps(catalogue.output(command, value), allow_nan=False) + "\n")
         sys.stdout.flush()
+        return True
 
     def choose(self, question: str, *keys: Key, explain: str = "", listed: Sequence[Key] = ()) -> str:
-        """Ask until one of the `keys` is typed, and return it ("" for Enter). Esc counts as the key that is a way out.
+        """Ask until one of the `keys` is typed, and return it ("" for Enter).
 
         The question names all keys, or those `listed`.
         `?` shows `explain`, then the meaning of each key. Any other answer is named and changes nothing. Raises
@@ -134,19 +145,20 @@ class Screen:
         does: str = "to go on",
         *,
         then: str,
-        stopped: str = "stopped by the operator; everything completed is stored",
+        kept: str = "everything completed is stored",
     ) -> None:
-        """Wait for Enter; `then` describes its effect. Raises StoppedByOperator(`stopped`) at q and Esc."""
-        if self.choose(question, enter(does, then), stop(_WAY_OUT)) == "q":
-            raise StoppedByOperator(stopped)
+        """Wait for Enter; `then` describes its effect, `kept` the state after q. Raises StoppedByOperator at q."""
+        if self.choose(question, enter(does, then), stop(f"The command ends; {kept}.")) == "q":
+            raise StoppedByOperator(f"stopped by the operator; {kept}")
 
-    def words(self, question: str) -> str | None:
-        """Ask for a sentence; "" if it is empty, None at q and Esc. Raises StoppedByOperator."""
-        answer = self.ask_text(question)
-        return None if answer in ("q", "Q", ESCAPE) else answer
+    def words(self, question: str, explain: str = "Type the answer and press Enter; q leaves.") -> str | None:
+        """Ask for a sentence; "" if it is empty, None at q, `explain` at `?`. Raises StoppedByOperator."""
+        while (answer := self.ask_text(question)) == HELP:
+            self.show(views.indent(Text(explain)))
+        return None if answer in ("q", "Q") else answer
 
     def length(self, question: str, otherwise: float) -> float:
-        """Ask until the answer is a positive number; Enter gives `otherwise`. Raises StoppedByOperator at q and Esc."""
+        """Ask until the answer is a positive number; Enter gives `otherwise`. Raises StoppedByOperator at q."""
         while (answer := self.words(question)) is not None:
             with suppress(ValueError):
                 if (value := float(answer.replace(",", ".")) if answer else otherwise) > 0.0:
@@ -174,13 +186,13 @@ class Screen:
 
     @contextmanager
     def busy(self, what: str, stage: str = "") -> Iterator[None]:
-        """Show a running step with its time so far; only one line without a terminal.
+        """Show a running step with its time so far; without a terminal, a line afterwards if it took a second.
 
         `stage` is the word under which `lap_s` adds up the time.
         """
         began = time.monotonic()
         for listener in self._listeners:
-            listener.doing(what)
+            listener.doing(what, stage or what)
         with self._stopwatch.stage(stage or what), self._waiting(what, began):
             yield
         took_s = time.monotonic() - began
@@ -199,8 +211,9 @@ class Screen:
             with waiting:
                 yield
         else:
-            self.show(Text(f"  {what}", style="dim"))
             yield
+            if (took_s := time.monotonic() - began) >= 1.0:
+                self.show(Text(f"  {what}: {took_s:.0f} s", style="dim"))
 
     @contextmanager
     def progress(self) -> Iterator[Callable[[str, int, int], None]]:
@@ -285,3 +298,52 @@ def require_terminal(
     """Raises UsageError with `otherwise` if no terminal can answer questions."""
     if not sys.stdin.isatty():
         raise UsageError(otherwise)
+
+
+_COMMANDS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+
+
+class CleanConsole(Console):
+    """rich's console; control characters in a text become visible."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """See rich. Control segments of rich itself (a progress bar's) stay."""
+        for segment in super().render(renderable, options):
+            if segment.control or not _COMMANDS.search(segment.text):
+                yield segment
+            else:
+                yield Segment(clean(segment.text), segment.style)
+
+
+def clean(text: str) -> str:
+    """The text with every control character but the line break made visible, as \\x1b."""
+    return _COMMANDS.sub(lambda found: found.group().encode("unicode_escape").decode(), text)
+
+
+_WORTH_CONTINUING = (
+    StoppedByOperator,
+    Interrupted,
+    PreflightFailed,
+    DiskFull,
+    HardwareError,
+    PerceptionError,
+    NotExecutable,
+    SolverFailed,
+    RolloutError,
+    ClusterUnavailable,
+    OSError,
+)
+
+
+@contextmanager
+def how_to_continue(hint: str, interrupted: str = "interrupted; everything completed is stored") -> Iterator[None]:
+    """Add `hint` to the error that stops a run; Ctrl-C becomes Interrupted with the message `interrupted`."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        stopped = Interrupted(interrupted)
+        stopped.add_note(hint)
+        raise stopped from error
+    except _WORTH_CONTINUING as error:
+        error.add_note(hint)
+        raise

@@ -53,11 +53,12 @@ def _worth(verdict: Verdict) -> str:
     """What another iteration is worth, for a method with a forecast."""
     if verdict.gain is None or verdict.likely is None or verdict.kind is Kind.HOPELESS:
         return ""
-    worth = f"; another iteration is predicted to gain {verdict.gain:.2f}"
-    if verdict.kind is Kind.ENOUGH:
-        return worth
-    chance = f"{100.0 * verdict.likely:.0f} %"
-    return f"{worth}, and with a chance of {chance} there is more than {WORTHWHILE:.2f} to gain"
+    if Reason.UNTRIED in verdict.reasons:
+        return "; no trial has tried this policy yet, the next iteration does"
+    told = [f"another iteration is predicted to gain {verdict.gain:.2f}"] if verdict.gain >= 0.005 else []
+    if verdict.kind is not Kind.ENOUGH:
+        told.append(f"with a chance of {100.0 * verdict.likely:.0f} % there is more than {WORTHWHILE:.2f} to gain")
+    return f"; {', and '.join(told) or 'another iteration is predicted to gain nothing'}"
 
 
 def after_iteration(facts: Facts, result: ResultRecord) -> Steps:

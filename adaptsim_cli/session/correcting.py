@@ -61,12 +61,14 @@ def restore(store: SessionStore, number: int, attempt: int | None, reason: str) 
             known = ", ".join(str(k.attempt + 1) for k in able)
             raise UsageError(f"--attempt {key.attempt + 1}: attempts of trial {number} that can be restored: {known}")
         now = _now(store)
-        for earlier in range(key.attempt):
-            if (other := TrialKey(number, earlier)) not in existing.rejected:
-                store.reject(iteration, other, now, f"attempt {key.attempt + 1} counts instead")
+        began = existing.started | existing.recorded | existing.completed
+        others = sorted(other for other in began - existing.rejected if other.number == number)
+        for other in others:
+            store.reject(iteration, other, now, f"attempt {key.attempt + 1} counts instead")
         store.restore(iteration, key, now, reason)
         waits = "" if key in existing.completed else "; the next run-iteration asks for its review, and nothing moves"
-        what = f"attempt {key.attempt + 1} of trial {number} counts again{waits}"
+        instead = f" instead of attempt {others[-1].attempt + 1}" if others else ""
+        what = f"attempt {key.attempt + 1} of trial {number} counts again{instead}{waits}"
         return Amended(iteration, key, _later(store, existing, iteration), what)
 
 
@@ -191,4 +193,4 @@ def redo(store: SessionStore, number: int, reason: str) -> int:
                 f"sessions amend {facts.name} {number}"
             )
         store.reject(iteration, key, datetime.now(UTC).isoformat(timespec="seconds"), reason)
-    return key.attempt + 2
+        return current_key(store.existing(), number).attempt + 1

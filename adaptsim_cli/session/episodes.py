@@ -1,4 +1,4 @@
-"""Completed trials as a LeRobot data set (v2.1): one episode per trial, with the recorded images.
+"""Completed trials as a LeRobot data set (v3.0): one episode and one file per trial, with the recorded images.
 
 Format: https://huggingface.co/docs/lerobot; read by `lerobot.datasets.lerobot_dataset.LeRobotDataset(repo_id, root)`.
 """
@@ -20,7 +20,7 @@ from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore, trials_of
 from adaptsim_cli.storage import durable
 
-VERSION = "v2.1"
+VERSION = "v3.0"
 CAMERA_FPS, SIMULATED_FPS = 30, 50
 IMAGE = "observation.images.camera"
 _CHUNK = 1000
@@ -51,25 +51,24 @@ def write(store: SessionStore, folder: Path) -> int:
         raise UsageError(f"session {store.facts.name} has no completed trial yet; nothing to export")
     has_camera = not store.facts.curves and (whole_folder(store, records[0]) / "recording.mcap").exists()
     fps = CAMERA_FPS if has_camera else SIMULATED_FPS
-    index, episodes, statistics = 0, [], []
+    index, columns = 0, list[dict[str, Any]]()
     names: Mapping[str, list[str]] = {}
     shape: tuple[int, int] = (0, 0)
     for number, record in enumerate(records):
         episode = _seen(store, record) if has_camera else _simulated(store, record)
-        table, stats = _table(episode, number, index, fps)
-        durable.make_folder(folder / "data" / f"chunk-{number // _CHUNK:03d}")
-        durable.write_file(folder / _data(number), table)
+        values = _values(episode, number, index, fps)
+        _write_table(folder / _file("data", number), values, episode.images)
+        columns.append(values | ({IMAGE: _pixels(episode.images)} if episode.images else {}))
         index, shape = index + len(episode.state), episode.size
         names = _names(store, episode, has_camera=has_camera)
-        episodes.append({"episode_index": number, "tasks": [episode.task], "length": len(episode.state)})
-        statistics.append({"episode_index": number, "stats": stats})
-    durable.make_folder(folder / "meta")
     info = _info(store, len(records), index, fps, names, shape)
-    durable.write_file(folder / "meta/info.json", (json.dumps(info, indent=4) + "\n").encode())
-    tasks = [{"task_index": 0, "task": store.facts.title}]
-    for name, lines in (("tasks", tasks), ("episodes", episodes), ("episodes_stats", statistics)):
-        text = "".join(json.dumps(line, allow_nan=False) + "\n" for line in lines)
-        durable.write_file(folder / f"meta/{name}.jsonl", text.encode())
+    durable.make_folder(folder / "meta")
+    durable.write_file(folder / "meta/tasks.parquet", _tasks(store.facts.title))
+    durable.make_folder((folder / _file("meta/episodes", 0)).parent)
+    durable.write_file(folder / _file("meta/episodes", 0), as_parquet(_episodes(store.facts.title, columns)))
+    whole_set = {name: _statistics(np.concatenate([one[name] for one in columns]), name) for name in columns[0]}
+    for name, content in (("stats", whole_set), ("info", info)):
+        durable.write_file(folder / f"meta/{name}.json", (json.dumps(content, indent=4) + "\n").encode())
     return len(records)
 
 
@@ -126,12 +125,13 @@ def _simulated(store: SessionStore, record: TrialRecord) -> Episode:
     return Episode(record, store.facts.title, state, action, times_s.astype(np.float32), (), (0, 0))
 
 
-def _table(e: Episode, number: int, first: int, fps: int) -> tuple[bytes, dict[str, Any]]:
-    """The frames of an episode as Parquet, and their statistics."""
-    pa, _ = _arrow()
+def _values(e: Episode, number: int, first: int, fps: int) -> dict[str, NDArray[Any]]:
+    """The frames of an episode, column by column."""
     n = len(e.state)
     done = np.arange(n) == n - 1
-    scalars = {
+    return {
+        "observation.state": e.state,
+        "action": e.action,
         "next.reward": np.where(done, e.record.reward, 0.0).astype(np.float32),
         "next.done": done,
         "arm_time_s": e.t_s,
@@ -141,49 +141,76 @@ def _table(e: Episode, number: int, first: int, fps: int) -> tuple[bytes, dict[s
         "index": np.arange(first, first + n),
         "task_index": np.zeros(n, np.int64),
     }
-    vectors = {"observation.state": e.state, "action": e.action}
-    columns: dict[str, Any] = {
-        name: pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
-        for name, values in vectors.items()
-    }
-    columns |= {name: pa.array(values) for name, values in scalars.items()}
-    stats = {name: _statistics(values) for name, values in {**vectors, **scalars}.items()}
-    if e.images:
+
+
+def _write_table(path: Path, values: Mapping[str, NDArray[Any]], images: Sequence[bytes]) -> None:
+    """The frames of an episode as Parquet, with the types by which `datasets` reads them."""
+    pa, _ = _arrow()
+    columns, features = dict[str, Any](), dict[str, Any]()
+    for name, column in values.items():
+        of_one = {"dtype": str(column.dtype), "_type": "Value"}
+        if column.ndim == 1:
+            columns[name], features[name] = pa.array(column), of_one
+        else:
+            columns[name] = pa.FixedSizeListArray.from_arrays(pa.array(column.ravel()), column.shape[1])
+            features[name] = {"feature": of_one, "length": column.shape[1], "_type": "List"}
+    if images:
         kind = pa.struct([("bytes", pa.binary()), ("path", pa.string())])
-        columns[IMAGE] = pa.array([{"bytes": jpeg, "path": None} for jpeg in e.images], kind)
-        stats[IMAGE] = _image_statistics(e.images)
-    kinds: dict[str, Any] = {name: _value(str(np.asarray(values).dtype)) for name, values in scalars.items()}
-    kinds |= {
-        name: {"feature": _value("float32"), "length": values.shape[1], "_type": "Sequence"}
-        for name, values in vectors.items()
+        columns[IMAGE] = pa.array([{"bytes": jpeg, "path": None} for jpeg in images], kind)
+        features[IMAGE] = {"_type": "Image"}
+    durable.make_folder(path.parent)
+    durable.write_file(path, as_parquet(columns, {"huggingface": json.dumps({"info": {"features": features}})}))
+
+
+def _tasks(title: str) -> bytes:
+    """The one task, as the index of a pandas table."""
+    fields = (("task_index", "task_index", "int64"), ("__index_level_0__", None, "unicode"))
+    columns = [
+        {"name": name, "field_name": field, "pandas_type": kind, "numpy_type": "int64" if name else "object"}
+        for field, name, kind in fields
+    ]
+    about = {"index_columns": [fields[1][0]], "column_indexes": [], "columns": columns, "pandas_version": "2.2"}
+    return as_parquet({"task_index": [0], fields[1][0]: [title]}, {"pandas": json.dumps(about)})
+
+
+def _episodes(title: str, columns: Sequence[Mapping[str, NDArray[Any]]]) -> dict[str, list[Any]]:
+    """The table of the episodes: the place of each in the data, and its statistics."""
+    numbers = range(len(columns))
+    ends = [int(values["index"][-1]) + 1 for values in columns]
+    table: dict[str, list[Any]] = {
+        "episode_index": list(numbers),
+        "data/chunk_index": [number // _CHUNK for number in numbers],
+        "data/file_index": [number % _CHUNK for number in numbers],
+        "dataset_from_index": [0, *ends[:-1]],
+        "dataset_to_index": ends,
+        "tasks": [[title] for _ in numbers],
+        "length": [len(values["index"]) for values in columns],
+        "meta/episodes/chunk_index": [0 for _ in numbers],
+        "meta/episodes/file_index": [0 for _ in numbers],
     }
-    kinds |= {IMAGE: {"_type": "Image"}} if e.images else {}
-    features = {name: kinds[name] for name in columns}
-    return as_parquet(columns, {"huggingface": json.dumps({"info": {"features": features}})}), stats
+    for name in columns[0]:
+        found = [_statistics(values[name], name) for values in columns]
+        table |= {f"stats/{name}/{kind}": [one[kind] for one in found] for kind in found[0]}
+    return table
 
 
-def _value(dtype: str) -> dict[str, str]:
-    return {"dtype": dtype, "_type": "Value"}
+def _statistics(values: NDArray[Any], name: str) -> dict[str, Any]:
+    """The statistics of a column in LeRobot's form; those of an image are (3, 1, 1), from 0 to 1."""
+    table = values.reshape(len(values), -1).astype(np.float64)
+    found = {"min": table.min(axis=0), "max": table.max(axis=0), "mean": table.mean(axis=0), "std": table.std(axis=0)}
+    shape = (3, 1, 1) if name == IMAGE else (-1,)
+    return {kind: value.reshape(shape).tolist() for kind, value in found.items()} | {"count": [len(values)]}
 
 
-def _statistics(values: NDArray[Any]) -> dict[str, Any]:
-    rows = values.reshape(len(values), -1).astype(np.float64)
-    found = {"min": rows.min(axis=0), "max": rows.max(axis=0), "mean": rows.mean(axis=0), "std": rows.std(axis=0)}
-    return {**{name: row.tolist() for name, row in found.items()}, "count": [len(values)]}
-
-
-def _image_statistics(images: Sequence[bytes]) -> dict[str, Any]:
-    """Statistics of each colour over some of the images, from 0 to 1, in LeRobot's form."""
+def _pixels(images: Sequence[bytes]) -> NDArray[np.float64]:
+    """(N, 3) some pixels of some of the images, for statistics."""
     import cv2
 
     from hw.bounded import decode_image
 
     chosen = images[:: max(1, len(images) // 8)]
     decoded = (np.asarray(decode_image(jpeg, cv2.IMREAD_COLOR), np.uint8) for jpeg in chosen)
-    pixels = np.concatenate([picture[::8, ::8, ::-1].reshape(-1, 3).astype(np.float64) / 255.0 for picture in decoded])
-    found = _statistics(pixels)
-    colours = {name: np.reshape(values, (3, 1, 1)).tolist() for name, values in found.items() if name != "count"}
-    return {**colours, "count": [len(chosen)]}
+    return np.concatenate([picture[::8, ::8, ::-1].reshape(-1, 3).astype(np.float64) / 255.0 for picture in decoded])
 
 
 def _names(store: SessionStore, e: Episode, *, has_camera: bool) -> Mapping[str, list[str]]:
@@ -212,16 +239,16 @@ def _info(
         "total_episodes": episodes,
         "total_frames": frames,
         "total_tasks": 1,
-        "total_videos": 0,
-        "total_chunks": (episodes + _CHUNK - 1) // _CHUNK,
         "chunks_size": _CHUNK,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
         "fps": fps,
         "splits": {"train": f"0:{episodes}"},
-        "data_path": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
         "video_path": None,
         "features": features,
     }
 
 
-def _data(number: int) -> str:
-    return f"data/chunk-{number // _CHUNK:03d}/episode_{number:06d}.parquet"
+def _file(kind: str, number: int) -> str:
+    return f"{kind}/chunk-{number // _CHUNK:03d}/file-{number % _CHUNK:03d}.parquet"

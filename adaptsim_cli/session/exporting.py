@@ -1,9 +1,9 @@
-"""A session in the formats of other programs: tables, MCAP with everything, Rerun, LeRobot."""
+"""A session in the formats of other programs: tables, MCAP with everything, Rerun, LeRobot, scenes."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Literal, get_args
@@ -12,20 +12,26 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.store import SessionStore, as_csv, rows, trials_of, units
 from adaptsim_cli.storage import durable
 
-Format = Literal["csv", "parquet", "mcap", "lerobot", "rerun"]
+Format = Literal["csv", "parquet", "mcap", "lerobot", "rerun", "sdf", "mjcf"]
 FORMATS: tuple[Format, ...] = get_args(Format)
+SCENES = {"sdf": "scene.sdf", "mjcf": "scene.xml"}
+"""Formats of scenes, and the name of the file that a simulator loads."""
 LAYOUT = "foxglove-layout.json"
 
 Progress = Callable[[str, int, int], None]
 
 
 def export(
-    store: SessionStore, kind: str, out: Path, progress: Progress = lambda stage, done, total: None
+    store: SessionStore,
+    kind: str,
+    out: Path,
+    scene_of: Callable[[SessionStore, str], Mapping[str, bytes]],
+    progress: Progress = lambda stage, done, total: None,
 ) -> list[Path]:
     """Write the counting trials to `out`: a file for tables, else a folder. Returns the written paths.
 
-    Raises UsageError for an unknown format, for a session without trials, or if a data set would overwrite something;
-    ExtraMissing, SessionError.
+    `scene_of` makes the files of a scene. Raises UsageError for an unknown format, for a session without trials, or if
+    a data set or scene would overwrite something; ExtraMissing, SessionError, and the errors of `scene_of`.
     """
     if kind not in FORMATS:
         raise UsageError(f"--format {kind}: choose one of {', '.join(FORMATS)}")
@@ -40,38 +46,42 @@ def export(
 
         episodes.write(store, out)
         return [out]
+    if kind in SCENES:
+        return _scene(out, kind, scene_of(store, kind))
     if store.facts.curves:
         raise UsageError(f"the task {store.facts.task} has no recordings: export it as csv, parquet or lerobot")
-    from adaptsim_cli.session import rerun_file, whole
+    from adaptsim_cli.session import replaying, whole
 
-    made = []
+    made, (suffix, encode) = [], ("rrd", replaying.rerun_file) if kind == "rerun" else ("mcap", whole.encode)
     for done, record in enumerate(records):
-        if progress is not None:
-            progress("trials", done + 1, len(records))
+        progress("trials", done + 1, len(records))
         trial = whole.open_trial(store, record)
-        if kind == "rerun":
-            made.append(written(out / f"{trial.title}.rrd", rerun_file.encode(trial)))
-        else:
-            made.append(written(out / f"{trial.title}.mcap", whole.encode(trial)))
+        made.append(written(out / f"{trial.title}.{suffix}", encode(trial)))
     if kind == "mcap":
         made.append(written(out / LAYOUT, layout()))
     return made
 
 
+def _scene(folder: Path, kind: str, files: Mapping[str, bytes]) -> list[Path]:
+    if folder.exists():
+        raise UsageError(f"{folder} exists already: name another --out")
+    durable.make_folder(folder.absolute().parent)
+    durable.write_folder(folder.absolute(), files)
+    return [folder / SCENES[kind], folder / "trial.json"]
+
+
 def next_step(kind: str, first: Path, out: Path) -> tuple[str, str]:
     """The command that shows the export, and its effect."""
-    if kind == "csv":
-        return f"column -s, -t {out} | less -S", "the table, in the terminal"
-    if kind == "parquet":
-        return (
-            f"{sys.executable} -c \"import pyarrow.parquet as p; print(p.read_table('{out}'))\"",
-            "the table, read back",
-        )
-    if kind == "rerun":
-        return f"{sys.executable} -m rerun {first}", "the first trial, in the Rerun viewer"
-    if kind == "lerobot":
-        return f"ls -R {out}", "the data set, ready for lerobot"
-    return f"xdg-open {first}", f"the first trial, in Foxglove, with the layout {out / LAYOUT}"
+    python, table = sys.executable, f"import pyarrow.parquet as p; print(p.read_table('{out}'))"
+    return {
+        "csv": (f"column -s, -t {out} | less -S", "the table, in the terminal"),
+        "parquet": (f'{python} -c "{table}"', "the table, read back"),
+        "rerun": (f"{python} -m rerun {first}", "the first trial, in the Rerun viewer"),
+        "lerobot": (f"ls -R {out}", "the data set, ready for lerobot"),
+        "mcap": (f"xdg-open {first}", f"the first trial, in Foxglove, with the layout {out / LAYOUT}"),
+        "sdf": (f"{python} -m pydrake.visualization.model_visualizer {first}", "the scene, in a browser"),
+        "mjcf": (f"{python} -m mujoco.viewer --mjcf={first}", "the scene, in MuJoCo's viewer"),
+    }[kind]
 
 
 def layout() -> bytes:

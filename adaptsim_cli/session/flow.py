@@ -16,11 +16,12 @@ from pathlib import Path
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.trials import BestRecord, Iteration, OutlookRecord, TrackRecord, as_row, named
-from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.console import ANSWERING, Screen
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
 from adaptsim_cli.session.correcting import choices_of, overruled
-from adaptsim_cli.session.operator import Accept, Operator, Overrule, Proposal, Redo
+from adaptsim_cli.session.film import FILM
+from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
     Adapt,
@@ -39,7 +40,8 @@ from adaptsim_cli.session.records import (
 from adaptsim_cli.session.store import SessionStore, history_of, particles_of
 from adaptsim_cli.session.summary import summary
 from adaptsim_cli.session.target import Executed, Parts, Placed, Planned, TrackedTrial
-from adaptsim_cli.session.watching import Unwatched, Watcher
+from adaptsim_cli.session.watching import AllOf, Watcher
+from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
@@ -63,7 +65,7 @@ class RunningSession:
     parts: Parts
     operator: Operator
     screen: Screen
-    watcher: Watcher = field(default_factory=Unwatched)
+    watcher: Watcher = field(default_factory=AllOf)
     policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # trained so far in this process
     beside_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
@@ -171,18 +173,23 @@ def _look(session: RunningSession, stage: RunTrial) -> None:
             return
         raise
     record = trial_record(task, motion, seen)
+    session.screen.show(terminal_views.tracked(record))
+    if seen.film is not None:
+        durable.replace_file(folder / FILM, seen.files[FILM])
+        session.screen.plain(f"  Film: {folder / FILM}")
     session.watcher.tracked(record, seen)
     review = operator.review(record, choices_of(task, target.outcomes, seen.track, motion.context_array))
-    if isinstance(review, Redo):
-        _reject(session, stage, review.reason)
+    if review.rejected:
+        _reject(session, stage, review.rejected)
         return
     with session.screen.busy("Storing the trial", "storing"):
-        if isinstance(review, Overrule):
+        if review.outcome is not None:
             record = overruled(task, record, review.outcome)
         record = record.model_copy(update={"timing_s": added(motion.timing_s, session.screen.lap_s())})
         store.save_trial(record, seen.files)
     tell(session)
-    session.screen.show(terminal_views.trial_done(record, manual=not isinstance(review, Accept)))
+    if review.outcome is not None:
+        session.screen.show(f"  Counts as {record.outcome_words}, reward {record.reward:.2f}.")
 
 
 def adapt(session: RunningSession, stage: Adapt) -> None:
@@ -256,8 +263,19 @@ def _place(session: RunningSession, stage: RunTrial) -> Placed:
     unit = task.context.normalise(task.context.sample(rng, 1)[0])
     drawn = task.context.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
-    session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle))
+    left_s = _left_s(session.store, stage)
+    session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle, left_s))
     return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
+
+
+def _left_s(store: SessionStore, stage: RunTrial) -> float:
+    """How long the rest of the iteration takes, answers aside, if each trial takes as long as those of this iteration
+    or the one before; 0 without any.
+    """
+    known = store.trials(stage.iteration) or (store.trials(stage.iteration - 1) if stage.iteration else ())
+    took_s = [sum(spent for name, spent in one.timing_s.items() if name != ANSWERING) for one in known]
+    missing = store.facts.particles * store.facts.trials - stage.particle * store.facts.trials - stage.trial
+    return missing * sum(took_s) / len(took_s) if took_s else 0.0
 
 
 def propose(
@@ -307,6 +325,7 @@ def trial_record(task: Task, motion: MotionRecord, seen: TrackedTrial) -> TrialR
         outcome=seen.track.outcome,
         track=TrackRecord.from_track(seen.track),
         moments=seen.moments,
+        film=seen.film,
         control_success_rate=seen.control_success_rate,
     )
 

@@ -1,9 +1,9 @@
-"""A trial in a simulated target, without devices: set the context, apply the action, take the trajectory."""
+"""A trial without devices: in a simulated target the trajectory follows from context and action, or it was recorded."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from adaptsim_cli.outputs.trials import TrackRecord
@@ -13,6 +13,8 @@ from adaptsim_cli.session.records import RunTrial, TrialKey, read, to_json
 from adaptsim_cli.session.target import Executed, Placed, Planned, Progress, TrackedTrial, silently
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
+from sim.errors import NotExecutable
+from sim.rollouts.recorded import RecordedTrials
 
 Rollout = Callable[[Array, Array], ObjectTrack]
 """(context (c,), action (a,)) -> the target's response. Deterministic; the target's parameters stay hidden in it."""
@@ -57,4 +59,53 @@ class InSimulation:
     def track(self, context: Array, action: Array, folder: Path, progress: Progress = silently) -> TrackedTrial:
         """See `Target`: the stored trajectory. Raises SessionError."""
         with progress("Reading the trajectory", "reading"):
+            return TrackedTrial(read(TrackRecord, folder / FILE).track())
+
+
+@dataclass(frozen=True)
+class InRecordings:
+    """A `Target` of recorded trials, each of which a session gets once."""
+
+    trials: RecordedTrials  # without those held out
+    title: str
+    spent_rows: set[int] = field(default_factory=set)  # of trials
+    is_real: bool = False  # nothing moves any more
+    outcomes: tuple[Outcome, ...] = ()  # whoever recorded them has judged
+
+    def executable(self, context: Array, action: Array) -> bool:
+        """Whether the action was recorded and is not used yet."""
+        row = int(self.trials.at(action[None])[0])
+        return row >= 0 and row not in self.spent_rows
+
+    def checks(self) -> tuple[Readiness, ...]:
+        """See `Target`: how many recordings are left."""
+        left = len(self.trials) - len(self.spent_rows)
+        return (Readiness("recorded trials", left > 0, f"{left} of {len(self.trials)} not used yet"),)
+
+    def spent(self, stage: RunTrial, operator: Operator) -> bool:
+        """See `Target`; never: an interrupted trial gets the same recording again."""
+        return False
+
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placed:
+        """See `Target`: the drawn context is the wanted one."""
+        return Placed(drawn, drawn)
+
+    def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
+        """See `Target`; the context is that of the recording, unless it only scores. Raises NotExecutable."""
+        row = int(self.trials.at(action[None])[0])
+        if row < 0:
+            raise NotExecutable("this action was not recorded: take another method, or the solver of the checkpoint")
+        there = Placed(placed.drawn, self.trials.context_of(row, placed.context))
+        what = f"recording {self.trials.names[row]}"
+        return Planned(there, action, f"{what} is the answer", f"{what} is taken")
+
+    def execute(self, planned: Planned, progress: Progress = silently) -> Executed:
+        """See `Target`: the recording."""
+        row = int(self.trials.at(planned.action[None])[0])
+        self.spent_rows.add(row)
+        return Executed(lambda: {FILE: to_json(TrackRecord.from_track(self.trials.tracks[row]))})
+
+    def track(self, context: Array, action: Array, folder: Path, progress: Progress = silently) -> TrackedTrial:
+        """See `Target`: the recorded trajectory. Raises SessionError."""
+        with progress("Reading the recording", "reading"):
             return TrackedTrial(read(TrackRecord, folder / FILE).track())

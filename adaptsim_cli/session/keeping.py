@@ -12,8 +12,7 @@ import re
 import shutil
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, suppress
 from datetime import UTC, datetime
 from importlib import metadata
 from io import BytesIO
@@ -22,6 +21,7 @@ from typing import Any, TypeVar
 
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.outputs.base import AnyRecord, Record
+from adaptsim_cli.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import recording, records
 from adaptsim_cli.session.records import (
     Amendment,
@@ -50,33 +50,16 @@ from sim.storage.files import flush_folder, publish_new, sha256
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Verified:
-    """One session, file by file."""
-
-    session: str
-    files: int  # number of files read
-    damage: tuple[str, ...]  # one message per file
-
-    def as_json(self) -> dict[str, Any]:
-        """The object that `sessions verify --json` prints for a session."""
-        return {
-            "session": self.session,
-            "files": self.files,
-            "damage": list(self.damage),
-        }
-
-
 def verify(root: Path, name: str) -> Verified:
     """Read all of session `name` in `root`. Raises UsageError on an impossible name."""
     folder_of(root, name)
     try:
         store = SessionStore.open(root, name)
     except SessionError as error:
-        return Verified(name, 1, (str(error),))
+        return Verified(session=name, files=1, damage=(str(error),))
     examination = _Examination()
     examination.session(store)
-    return Verified(name, examination.files, tuple(examination.damage))
+    return Verified(session=name, files=examination.files, damage=tuple(examination.damage))
 
 
 class _Examination:
@@ -179,23 +162,44 @@ class About(Record):
     tags: tuple[str, ...] = ()  # for `sessions list --tag`
 
 
-@dataclass(frozen=True)
-class Prunable:
-    """The files that pruning removes or has removed."""
-
-    files: int
-    bytes: int
-    trials: int
-
-
 def about(folder: Path) -> About:
     """Note and tags of the session in `folder`; empty if there are none. Raises SessionError."""
     path = folder / ABOUT
     return records.read(About, path) if path.exists() else About()
 
 
-def annotate(folder: Path, note: str | None = None, add: Sequence[str] = (), remove: Sequence[str] = ()) -> About:
-    """Replace the note (None: it stays), add and remove tags. Raises UsageError, SessionError."""
+def archive_of(root: Path) -> Path:
+    """The folder of the archived sessions of `root`."""
+    return root.parent / ARCHIVE
+
+
+def mark(
+    root: Path,
+    name: str,
+    note: str | None = None,
+    add: Sequence[str] = (),
+    remove: Sequence[str] = (),
+    *,
+    archive: bool | None = None,
+) -> Marked:
+    """Replace the note of a session (None: it stays), add and remove tags, then move it into the archive or out of it.
+
+    With `archive` None the session stays in its place. Damaged ones can be moved too. Raises UsageError, SessionError.
+    """
+    archived = archive_of(root)
+    is_there = archive is False or (archive is None and folder_of(archived, name).is_dir())
+    source = archived if is_there else root
+    folder = _existing(source, name)
+    said = _annotated(folder, note, add, remove) if note is not None or add or remove else None
+    if archive is not None:
+        folder = _move(source, archived if archive else root, name)
+    with suppress(SessionError):  # `verify` names the damage
+        said = said or about(folder)
+    told = said or About()
+    return Marked(session=name, folder=str(folder), note=told.note, tags=told.tags)
+
+
+def _annotated(folder: Path, note: str | None, add: Sequence[str], remove: Sequence[str]) -> About:
     if wrong := [tag for tag in add if not _TAG.fullmatch(tag)]:
         raise UsageError(f"tag {wrong[0]!r}: use letters, digits, '.', '_' and '-' (at most 40)")
     with _held(folder):
@@ -210,21 +214,6 @@ def annotate(folder: Path, note: str | None = None, add: Sequence[str] = (), rem
     return found
 
 
-def archive_of(root: Path) -> Path:
-    """The folder of the archived sessions of `root`."""
-    return root.parent / ARCHIVE
-
-
-def archive(root: Path, name: str) -> Path:
-    """Move a session, damaged or not, out of the list; returns its new folder. Raises UsageError, SessionError."""
-    return _move(root, archive_of(root), name)
-
-
-def restore(root: Path, name: str) -> Path:
-    """Move an archived session back into the list. Raises UsageError, SessionError."""
-    return _move(archive_of(root), root, name)
-
-
 def delete(root: Path, name: str) -> None:
     """Delete a session for good, whole or not at all. Raises UsageError, SessionError."""
     folder = _existing(root, name)
@@ -236,14 +225,14 @@ def delete(root: Path, name: str) -> None:
     shutil.rmtree(gone, ignore_errors=True)
 
 
-def prunable(store: SessionStore, *, rejected_only: bool = False) -> Prunable:
+def prunable(store: SessionStore, *, rejected_only: bool = False) -> PrunedRecordings:
     """The room that `prune` would make. Raises SessionError."""
     found = [recorded for _, recorded in _recordings(store, rejected_only=rejected_only)]
     sizes = [path.stat().st_size for recorded in found for path in recorded]
-    return Prunable(len(sizes), sum(sizes), len(found))
+    return PrunedRecordings(session=store.facts.name, files=len(sizes), trials=len(found), size_bytes=sum(sizes))
 
 
-def prune(store: SessionStore, *, rejected_only: bool = False) -> Prunable:
+def prune(store: SessionStore, *, rejected_only: bool = False) -> PrunedRecordings:
     """Remove the recordings of completed trials and rejected attempts, or of rejected attempts only.
 
     Records, key moments and reports stay. The removal is recorded first, so that after a crash no recording seems lost.
@@ -310,22 +299,14 @@ PICTURES = (".jpg", ".mcap", ".html")
 """Files that show a lab: images, recordings, and pages with images."""
 
 
-@dataclass(frozen=True)
-class Bundled:
-    """A written archive."""
-
-    path: Path
-    files: tuple[str, ...]
-    left_out: int  # number of files with pictures
-
-
 def bundle(
     folder: Path, out: Path, settings: Mapping[str, object], *, pictures: bool = False, force: bool = False
-) -> Bundled:
-    """Write the archive `out` (.zip) of the session in `folder`, damaged or not. Raises UsageError if it exists and not
-    `force`; SessionError, DiskFull.
+) -> tuple[tuple[str, ...], int]:
+    """Write the archive `out` (.zip) of the session in `folder`, damaged or not -> its files, and how many were left
+    out because they hold pictures.
 
-    Folder names above the session are left out, because they may name a person.
+    Folder names above the session are left out too, because they may name a person. Raises UsageError if `out` exists
+    and not `force`, SessionError, DiskFull.
     """
     durable.require_new(out, force=force)
     chosen, left_out = list[Path](), 0
@@ -358,7 +339,7 @@ def bundle(
         names = tuple(archive.namelist())
     durable.make_folder(out.absolute().parent)
     durable.replace_file(out.absolute(), stream.getvalue())
-    return Bundled(out.absolute(), names, left_out)
+    return names, left_out
 
 
 def _anonymous(text: str) -> str:

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from adaptsim_cli.screen.clear import clear_to_move, top_speed_m_s
-from adaptsim_cli.screen.views import Readiness
+from adaptsim_cli.errors import Interrupted
+from adaptsim_cli.screen.views import Readiness, clear_to_move, top_speed_m_s
 from adaptsim_cli.session import recording
+from adaptsim_cli.session.film import Filmed, key_moments
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import brightness, rig_checks
-from adaptsim_cli.session.recording import encode_jpeg
-from adaptsim_cli.session.records import RIG, KeyMoment, RigFacts, RunTrial, TrialKey, to_json
+from adaptsim_cli.session.records import RIG, RigFacts, RunTrial, TrialKey, to_json
 from adaptsim_cli.session.target import (
     Executed,
-    Image,
     MotionPreview,
     Paths,
     Placed,
@@ -37,110 +35,11 @@ from hw.errors import ArmFault, HardwareError, Rehearsed
 from hw.kinematics import FLANGE, link_poses
 from hw.pacing import FULL, slowed
 from hw.poses import inverse
-from hw.types import Array, CameraModel, ContactWindow, Execution, Frame, JointPath
+from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
 from perception.geometry import project
-from perception.types import SETTLE_S, ObjectTrack, Outcome
+from perception.types import SETTLE_S, Outcome
 from sim.tasks.task import Hardware, Task
-
-_HEIGHT_PX = 480
-_ASPECT = 1.0
-_REACH_M, _FALLEN_REACH_M = 0.08, 0.20  # margin shown around the object's path; larger for a fallen one, which rolls
-_REST_S = 0.15  # an object tracked this much longer than the motion came to rest elsewhere
-_QUALITY = 85
-_RING_PX = 11
-
-
-def key_moments(duration_s: float, contact: ContactWindow | None, last_s: float) -> tuple[tuple[str, float], ...]:
-    """(label, seconds since the start of the motion), in order; the object is tracked until `last_s`."""
-    rest = (("rest", last_s),) if last_s > duration_s + _REST_S else ()
-    if contact is None:
-        return (("start", 0.0), ("middle", duration_s / 2), ("end", duration_s), *rest)
-    touching_s = (contact.start_s + contact.end_s) / 2  # the first touch is often the start itself
-    return (("start", 0.0), ("contact", touching_s), ("lift", contact.end_s), ("end", duration_s), *rest)
-
-
-def key_frames(
-    frames: Sequence[Frame],
-    model: CameraModel,
-    X_BC: Array,
-    seen_m: Array,
-    t_start_s: float,
-    wanted: Sequence[tuple[str, float]],
-    *,
-    fallen: bool = False,
-    track: ObjectTrack | None = None,
-) -> tuple[tuple[KeyMoment, ...], dict[str, bytes]]:
-    """The frames nearest to the `wanted` moments, cut around the points `seen_m` (N, 3) -> (records, name -> JPEG).
-
-    An object that has `fallen` gets a wider cut, because it rolls. A ring marks the centre of the `track` at that time,
-    a line its path until then.
-    """
-    if not frames:
-        return (), {}
-    times_s = np.array([frame.t_s for frame in frames]) - t_start_s
-    window = _window(model, X_BC, seen_m, _FALLEN_REACH_M if fallen else _REACH_M)
-    kept, files = [], {}
-    for label, t_s in wanted:
-        index = int(np.abs(times_s - t_s).argmin())
-        name = f"moment-{label}.jpg"
-        picture = _cut(frames[index].colour, window)
-        if track is not None:
-            _mark(picture, _way_px(model, X_BC, track, float(times_s[index])), window)
-        files[name] = encode_jpeg(picture, _QUALITY)
-        kept.append(KeyMoment(label=label, t_s=float(times_s[index]), file=name))
-    return tuple(kept), files
-
-
-def _window(model: CameraModel, X_BC: Array, seen_m: Array, reach_m: float) -> tuple[int, int, int, int]:
-    """(left, top, right, bottom) in pixels of the colour image, inside it, with aspect _ASPECT."""
-    colour = model.colour
-    low_m, high_m = seen_m.min(axis=0) - reach_m, seen_m.max(axis=0) + reach_m
-    top_m = seen_m[:, 2].max() + seen_m[1:, 2].min()  # the highest centre and half the object's own height
-    corners = np.array([[x, y, z] for x in (low_m[0], high_m[0]) for y in (low_m[1], high_m[1]) for z in (0.0, top_m)])
-    pixels = _pixels(model, X_BC, corners)
-    low, high = pixels.min(axis=0), pixels.max(axis=0)
-    middle = (low + high) / 2
-    height = min(max(high[1] - low[1], (high[0] - low[0]) / _ASPECT), colour.height, colour.width / _ASPECT)
-    half = np.array([height * _ASPECT, height]) / 2
-    limit = np.array([colour.width, colour.height])
-    middle = np.clip(middle, half, limit - half)
-    left, top = np.floor(middle - half).astype(int)
-    right, bottom = np.ceil(middle + half).astype(int)
-    return max(left, 0), max(top, 0), min(right, colour.width), min(bottom, colour.height)
-
-
-def _pixels(model: CameraModel, X_BC: Array, p_m: Array) -> Array:
-    """(N, 3) in the base frame -> (N, 2) in the colour image."""
-    X_CB, colour = np.linalg.inv(X_BC), model.colour
-    pixels, _ = cv2.projectPoints(
-        p_m @ X_CB[:3, :3].T + X_CB[:3, 3], np.zeros(3), np.zeros(3), colour.K, colour.distortion
-    )
-    return np.asarray(pixels.reshape(-1, 2), np.float64)
-
-
-def _way_px(model: CameraModel, X_BC: Array, track: ObjectTrack, until_s: float) -> Array:
-    """(N, 2) the centre in the colour image at every tracked time up to `until_s`, and at that time."""
-    before = track.state[track.t_s < until_s, :3]
-    return _pixels(model, X_BC, np.concatenate([before, track.at(np.array([until_s]))[:, :3]]))
-
-
-def _mark(picture: Image, way_px: Array, window: tuple[int, int, int, int]) -> None:
-    """Draw the path of the centre, and a ring around its end, into a cut picture."""
-    left, top, right, bottom = window
-    scale = np.array([picture.shape[1] / (right - left), picture.shape[0] / (bottom - top)])
-    shift = 4  # OpenCV draws in sixteenths of a pixel
-    points = np.round((way_px - [left, top]) * scale * 2**shift).astype(np.int32)
-    for colour, width in (((20, 20, 20), 4), ((255, 190, 40), 2)):
-        cv2.polylines(picture, [points.reshape(-1, 1, 2)], False, colour, width - 1, cv2.LINE_AA, shift)
-        centre = (int(points[-1, 0]), int(points[-1, 1]))
-        cv2.circle(picture, centre, _RING_PX << shift, colour, width, cv2.LINE_AA, shift)
-
-
-def _cut(image: Image, window: tuple[int, int, int, int]) -> Image:
-    left, top, right, bottom = window
-    size = (round(_HEIGHT_PX * _ASPECT), _HEIGHT_PX)
-    return np.array(cv2.resize(image[top:bottom, left:right], size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 @dataclass(frozen=True)
@@ -234,13 +133,13 @@ class OnRig:
         approach, motion, back = planned.paths
         arm, camera, after = self.rig.arm, self.rig.camera, None
         stopped: HardwareError | None
-        with progress(f"The robot comes to the {self.task.object_name}", "moving"):
+        with progress(f"The robot comes to the {self.task.object_name}", "moving"), _interruptible("on the way there"):
             arm.execute(approach)
         with progress("The robot makes its motion and the camera records", "moving"):
             played, frames, stopped = self._film(motion)
         if stopped is None:
             try:
-                with progress("The robot goes back", "moving"):
+                with progress("The robot goes back", "moving"), _interruptible("on the way back"):
                     arm.execute(back)
                 if self.hardware.carries:
                     with progress("Taking a picture of the table", "finding"):
@@ -274,24 +173,18 @@ class OnRig:
         with progress(f"Tracking the {name} in {len(stored.frames)} frames", "tracking"):
             track = self.tracker.track(request)
         with progress("Choosing the pictures of its key moments", "storing"):
-            wanted = key_moments(motion.t_s[-1], motion.contact, float(track.t_s[-1]))
-            seen_m = np.array([[*detection.xy_m, 0.0], *track.state[:, :3]])
-            kept, images = key_frames(
-                stored.frames,
-                stored.model,
-                stored.X_BC,
-                seen_m,
-                played.t_start_s,
-                wanted,
-                fallen=track.outcome is Outcome.TIPPED,
-                track=track,
-            )
+            goal_m = None if self.task.goal_m is None else np.asarray(self.task.goal_m(context))
+            found_m = np.asarray(detection.xy_m)
+            filmed = Filmed(stored.frames, stored.model, stored.X_BC, played.t_start_s, track, found_m, goal_m)
+            kept, images = filmed.moments(key_moments(motion.t_s[-1], motion.contact, float(track.t_s[-1])))
+            film, sheet = filmed.sheet()
             path = recording.encode_object(track, played.t_start_s)
         return TrackedTrial(
             track=track,
             track_px=project(stored.model.colour, inverse(stored.X_BC), track.state[:, :3]),
             moments=kept,
-            files={recording.OBJECT_FILE: path, **images},
+            film=film,
+            files={recording.OBJECT_FILE: path, **images, **sheet},
             control_success_rate=played.control_success_rate,
         )
 
@@ -339,8 +232,9 @@ class OnRig:
         rig.await_enabled()
         rig.camera.start_recording()
         try:
-            played = rig.arm.execute(path)
-            rig.wait(SETTLE_S)
+            with _interruptible("in mid-motion"):
+                played = rig.arm.execute(path)
+                rig.wait(SETTLE_S)
         except BaseException as error:
             with suppress(HardwareError):
                 frames = tuple(rig.camera.stop_recording())
@@ -379,6 +273,18 @@ class OnRig:
             except ValueError as error:  # a number that is none must not cost the recording
                 said = {RIG: to_json(RigFacts(problem=str(error)))}
         return {recording.FILE: mcap, "overlay.jpg": placed.overlay or b"", **said}
+
+
+@contextmanager
+def _interruptible(where: str) -> Iterator[None]:
+    """Around a motion, which Ctrl-C brakes: raises Interrupted, which says where the arm stands."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        raise Interrupted(
+            f"interrupted {where}: the arm brakes and stays there. This trial does not count; everything completed "
+            "is stored"
+        ) from error
 
 
 _SHOWN = 120

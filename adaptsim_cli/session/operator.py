@@ -33,25 +33,11 @@ Choices = dict[Outcome, float]
 
 
 @dataclass(frozen=True)
-class Accept:
-    """The trial counts with its tracked outcome."""
+class Review:
+    """The judgement of a tracked trial; without either it counts as it was tracked."""
 
-
-@dataclass(frozen=True)
-class Overrule:
-    """The trial counts, with the outcome that the operator saw."""
-
-    outcome: Outcome
-
-
-@dataclass(frozen=True)
-class Redo:
-    """The trial does not count."""
-
-    reason: str
-
-
-Review = Accept | Overrule | Redo
+    outcome: Outcome | None = None  # it counts with this one, which the operator saw
+    rejected: str = ""  # why it does not count
 
 
 class Operator(Protocol):
@@ -121,9 +107,6 @@ class Attended:
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """See `Operator`; Enter accepts."""
-        self.screen.show(f"  Tracked: {tracked.outcome_words}, reward {tracked.reward:.2f}")
-        for flag in tracked.track.flags:
-            self.screen.note(f"  note: {flag}")
         keys = (_ACCEPT, *((_OVERRULE,) if choices else ()), _REDO, _LATER)
         while (answer := self.screen.choose("Is this what you saw?", *keys, explain=_REVIEW)) != "":
             if answer == "q":
@@ -131,10 +114,10 @@ class Attended:
                     "stopped by the operator; this trial is recorded; the same command asks for its review again"
                 )
             if answer == "r" and (reason := self._reason()) is not None:
-                return Redo(reason)
-            if answer == "o" and (outcome := which_outcome(self.screen, choices)) is not None:
-                return Overrule(outcome)
-        return Accept()
+                return Review(rejected=reason)
+            if answer == "o" and (outcome := which_outcome(self.screen, tracked, choices)) is not None:
+                return Review(outcome)
+        return Review()
 
     def try_again(self, stage: RunTrial) -> bool:
         """See `Operator`; the person decides."""
@@ -144,12 +127,13 @@ class Attended:
 
     def _reason(self) -> str | None:
         """Why the trial does not count; None if the operator goes back."""
-        reason = self.screen.words("Why does this trial not count? (q or Esc: back, it is not rejected):")
+        explain = "One sentence for the record, e.g. the piece was touched; then the trial is made again."
+        reason = self.screen.words("Why does this trial not count? (q: back, it is not rejected):", explain)
         return None if reason is None else reason or "the operator had it redone"
 
 
-def which_outcome(screen: Screen, choices: Choices) -> Outcome | None:
-    """Ask for one of the possible outcomes, shown with their rewards; None: keep the tracked one."""
+def which_outcome(screen: Screen, record: TrialRecord, choices: Choices) -> Outcome | None:
+    """Ask for one of the possible outcomes of a trial, shown with their rewards; None: keep the tracked one."""
     numbered = {str(n): outcome for n, outcome in enumerate(choices, start=1)}
     keys = [
         Key(number, "to choose it", f"{views.words(outcome.value)} (reward {reward:.2f})")
@@ -157,6 +141,8 @@ def which_outcome(screen: Screen, choices: Choices) -> Outcome | None:
     ]
     for key in keys:
         screen.show(f"  {key.typed}  {key.meaning}")
+    if record.off_goal_mm is not None and not any(choices.values()):
+        screen.show(f"  None earns a reward: it ended {record.off_goal_mm:.0f} mm from the goal.")
     every = Key(f"1 to {len(keys)}", "to choose one", "")
     return numbered.get(screen.choose("Which outcome did you see?", *keys, _BACK, listed=(every, _BACK)))
 
@@ -177,7 +163,7 @@ def choose_amendment(
     screen.show(f"Trial {record.trial} counts as {record.outcome_words}, reward {record.reward:.2f}.")
     for moment in record.moments:
         screen.plain(f"  {moment.label}, {moment.t_s:.2f} s: {folder / moment.file}")
-    if (outcome := which_outcome(screen, choices)) is None:
+    if (outcome := which_outcome(screen, record, choices)) is None:
         raise StoppedByOperator("nothing was amended")
     return outcome
 
@@ -212,7 +198,7 @@ class Unattended:
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """See `Operator`; accepts every outcome."""
-        return Accept()
+        return Review()
 
     def try_again(self, stage: RunTrial) -> bool:
         """See `Operator`; a fixed number of attempts."""

@@ -84,6 +84,7 @@ Stage = RunTrial | Adapt | Show
 def next_stage(existing: Existing, particles: int, trials: int) -> Stage:
     """The next stage of a session with `particles` x `trials` trials per iteration. There is always one."""
     iteration = 0
+    used = max((key.number for key in existing.started | existing.completed | existing.recorded), default=0)
     while True:
         keys = tuple(current_key(existing, n) for n in trial_numbers(iteration, particles, trials))
         for index, key in enumerate(keys):
@@ -92,21 +93,20 @@ def next_stage(existing: Existing, particles: int, trials: int) -> Stage:
                 recorded = key in existing.recorded
                 interrupted = key in existing.started and not recorded
                 return RunTrial(iteration, particle, trial, key, interrupted, recorded)
-        if not _is_settled(existing, iteration, keys, trial_numbers(iteration + 1, particles, trials).start):
+        if not _is_settled(existing, iteration, keys, is_used=used > keys[-1].number):
             return Adapt(iteration, keys)
         if iteration not in existing.shown:
             return Show(iteration)
         iteration += 1
 
 
-def _is_settled(existing: Existing, iteration: int, keys: tuple[TrialKey, ...], next_number: int) -> bool:
+def _is_settled(existing: Existing, iteration: int, keys: tuple[TrialKey, ...], *, is_used: bool) -> bool:
     """Whether the newest result of an iteration is final.
 
     A result that later trials depend on is final despite amendments; the next result reports those.
     """
     if iteration not in existing.results:
         return False
-    is_used = any(key.number >= next_number for key in existing.started | existing.completed | existing.recorded)
     is_up_to_date = existing.counted.get(iteration, 0) == changes_until(existing, iteration)
     return is_used or (existing.results[iteration] == keys and is_up_to_date)
 
@@ -227,6 +227,13 @@ class KeyMoment(Record):
     file: str
 
 
+class Film(Record):
+    """The film of a trial: `film.jpg`, a sheet of small pictures in reading order, evenly in time (`film.py`)."""
+
+    end_s: float  # time of the last picture since the start of the tool's motion; the first one shows that start
+    camera: Row  # (12,) 3 x 4, row by row: a point in the base frame in m -> its place in a picture, from 0 to 1
+
+
 class ProposedTrial(Record):
     """A trial before its motion. A completed trial's record begins with these fields."""
 
@@ -277,6 +284,7 @@ class TrialRecord(MotionRecord):
     overruled_from: Outcome | None = None
     track: TrackRecord
     moments: tuple[KeyMoment, ...]
+    film: Film | None = None  # None without a camera
     control_success_rate: float
     files: dict[str, int] = Field(default_factory=dict)  # name -> bytes of the other files, without motion.json
 

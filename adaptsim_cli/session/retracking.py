@@ -18,7 +18,7 @@ from adaptsim_cli.outputs.trials import named
 from adaptsim_cli.session import recording, topics
 from adaptsim_cli.session.on_rig import joints
 from adaptsim_cli.session.records import Facts, TrialRecord, corrupt
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.store import SessionStore, trials_of
 from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.camera.replay import RecordedCamera, Take
 from hw.types import Array
@@ -97,7 +97,7 @@ def retrack(store: SessionStore, task: Task, tracker: Tracker, trial: int | None
     A trial that can no longer be tracked carries its failure. Raises UsageError if there is no such trial, SessionError
     naming a missing or damaged file.
     """
-    found = [record for i in range(store.iterations()) for record in store.trials(i)]
+    found: Sequence[TrialRecord] = trials_of(store)
     if trial is not None:
         known = ", ".join(str(record.trial) for record in found) or "none"
         found = [record for record in found if record.trial == trial]

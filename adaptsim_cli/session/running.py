@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, nullcontext
@@ -13,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from adaptsim_cli.config import Config, Resolved
-from adaptsim_cli.errors import PreflightFailed, UsageError
+from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.outputs.trials import Iteration, as_row
 from adaptsim_cli.screen import console
-from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.continuing import how_to_continue
+from adaptsim_cli.screen.console import Screen, how_to_continue
+from adaptsim_cli.screen.keys import Key
 from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session import terminal_views
@@ -28,7 +27,8 @@ from adaptsim_cli.session.preflight import preflight
 from adaptsim_cli.session.records import Draw, Facts, SessionStart, as_records, generator, next_stage
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
-from adaptsim_cli.session.watching import AllOf, InTerminal, Unwatched, Watcher, logged
+from adaptsim_cli.session.watching import AllOf, InTerminal, Watcher, logged
+from sim.errors import did_you_mean
 
 OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
 """(settings, folder for a solver's policies) -> the connected parts."""
@@ -50,13 +50,12 @@ class SessionRequest:
     given: frozenset[str]  # settings that came as flags
     iterations: int | None = 1  # None: as many as the task's horizon
     yes: bool = False
-    as_json: bool = False
     until_done: bool = False  # stop once another iteration is not worth its trials
 
 
 def terminal_alone(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
     """No watcher besides the terminal."""
-    return nullcontext(Unwatched())
+    return nullcontext(AllOf())
 
 
 def run_session(
@@ -74,12 +73,15 @@ def run_session(
     """
     root = resolved.places.sessions
     asked = anywhere(resolved.config)
-    name = request.session or default_name(asked)
+    name = _meant(root, asked, request)
     known = _known(root, name)
+    if known is None and "task" not in request.given:
+        near = did_you_mean(name, stores.names(root))
+        raise UsageError(f"there is no session {name!r} in {root}; to begin one, name its task: add --task{near}")
     config = _continued(asked, known, request) if known else asked
     if not request.yes:
         console.require_terminal()
-    screen = screen or Screen(as_json=request.as_json)
+    screen = screen or Screen()
     if request.session is not None and known is None:
         _confirm_new(screen, request, root)
     unattended = config.unattended(request.yes)
@@ -93,7 +95,7 @@ def run_session(
         watcher = stack.enter_context(open_view(screen, store, parts))
         stack.enter_context(store.locked())
         log = stack.enter_context(logged(store, screen, parts.provenance.versions))
-        session = RunningSession(store, parts, operator, screen, AllOf((InTerminal(screen), watcher, log)))
+        session = RunningSession(store, parts, operator, screen, AllOf(InTerminal(screen), watcher, log))
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}"))
         _ready(session, config)
         tell(session)
@@ -102,8 +104,7 @@ def run_session(
             with screen.busy("Drawing the report", "reporting"):
                 path = draw(store)
             session.watcher.reported(path)
-            if request.as_json:
-                screen.data("run-iteration", summary)
+            screen.data("run-iteration", summary)
             store.mark_shown(summary.iteration - 1, datetime.now(UTC).isoformat(timespec="seconds"))
             if request.until_done and _is_done(summary, config.method):
                 break
@@ -123,34 +124,50 @@ def _is_done(summary: Iteration, method: str) -> bool:
     return summary.outlook.done
 
 
-def _confirm_new(screen: Screen, request: SessionRequest, root: Path) -> None:
-    """Ask whether a new session is meant, because an unknown name may be a typing error.
+def _meant(root: Path, asked: Config, request: SessionRequest) -> str:
+    """The name of the session: as given, else that of the settings with a task, else the newest one.
 
-    Raises StoppedByOperator if it was one.
+    Raises UsageError if neither a task nor a session is named and there is none, or some other setting is given.
     """
-    name, known = request.session or "", stores.names(root)
-    near = difflib.get_close_matches(name, known, n=3)
-    meant = f" Did you mean {' or '.join(near)}?" if near else ""
-    if request.yes:
-        screen.note(f"There is no session {name} yet; it begins now.{meant}")
+    if request.session:
+        return request.session
+    if "task" in request.given:
+        return default_name(asked)
+    if request.given.intersection(_FROZEN) or not stores.names(root):
+        raise UsageError("which session? Name its task to begin or continue one, e.g. --task scooping, or a --session")
+    return stores.newest(root)
+
+
+def _confirm_new(screen: Screen, request: SessionRequest, root: Path) -> None:
+    """Ask whether a new session is meant, if its name is like that of another one.
+
+    Raises StoppedByOperator if it is not.
+    """
+    name = request.session or ""
+    near = did_you_mean(name, stores.names(root))
+    if not near or request.yes:
         return
-    then = f"A new session is begun in {root / name}."
-    stopped = f"no session was begun; known sessions: {', '.join(known) or 'none yet'}"
-    screen.go_on(f"There is no session {name} yet.{meant}", "to begin it", then=then, stopped=stopped)
+    begin = Key("y", "to begin it", f"A new session is begun in {root / name}.")
+    leave = Key("", "to leave it", "The command ends. No session is begun.", is_way_out=True)
+    if screen.choose(f"There is no session {name} yet{near}", begin, leave) != "y":
+        raise StoppedByOperator("no session was begun")
 
 
 def facts_of(resolved: Resolved, request: SessionRequest) -> Facts:
     """The facts of the requested session. Raises UsageError if it does not exist yet."""
     asked = anywhere(resolved.config)
-    name = request.session or default_name(asked)
+    name = _meant(resolved.places.sessions, asked, request)
     if (known := _known(resolved.places.sessions, name)) is None:
         raise UsageError(f"--own-calibration: there is no session {name!r} yet; a new one takes the calibration in use")
     return known.facts
 
 
 def default_name(config: Config) -> str:
-    """The name of a session if none is given: one for each task, world, method and seed."""
-    parts = (config.task, Path(config.object).stem, config.place, config.method, config.solver, f"seed{config.seed}")
+    """The name of a session if none is given: task and world, and method and seed unless they are the defaults."""
+    usual = Config()
+    method = config.method if config.method != usual.method else ""
+    seed = f"seed{config.seed}" if config.seed != usual.seed else ""
+    parts = (config.task, Path(config.object).stem, config.place, method, config.solver, seed)
     return re.sub(r"[^A-Za-z0-9._-]", "-", "-".join(part for part in parts if part))
 
 
@@ -259,7 +276,8 @@ def _ready(session: RunningSession, config: Config) -> None:
     facts, screen = session.store.facts, session.screen
     existing = session.store.existing()
     stage = next_stage(existing, facts.particles, facts.trials)
-    screen.show(terminal_views.session_header(session.parts.task, facts, stage.iteration, session.parts.target.title))
+    task, title, is_new = session.parts.task, session.parts.target.title, not existing.started
+    screen.show(terminal_views.session_header(task, facts, stage.iteration, title, is_new=is_new))
     if existing.completed:
         count = len(existing.completed)
         screen.note(

@@ -22,7 +22,7 @@ from adaptsim_cli.session.flow import motion_record, propose, trial_record
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.records import RunTrial, TrialKey, TrialRecord
 from adaptsim_cli.session.target import Parts, Placed, Planned, Target
-from adaptsim_cli.session.watching import AllOf, InTerminal, Unwatched, Watcher
+from adaptsim_cli.session.watching import AllOf, InTerminal, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -87,7 +87,7 @@ def rollout(
     if not unattended:
         console.require_terminal()
     operator = Unattended(screen) if unattended else Attended(screen)
-    looking_on = AllOf((InTerminal(screen), watcher or Unwatched()))
+    looking_on = AllOf(InTerminal(screen), watcher or AllOf())
     context, mean = typed(task, chosen)
     if folder.exists():
         raise UsageError(f"{folder} exists already: name another --out")

@@ -5,19 +5,19 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import os
 import re
-import stat
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.outputs.base import Record
+from adaptsim_cli.outputs.base import AnyRecord, Record
 from adaptsim_cli.session import records
 from adaptsim_cli.session.records import (
     Amendment,
@@ -71,6 +71,7 @@ class SessionStore:
     folder: Path
     facts: Facts
     start: SessionStart
+    _read: dict[Path, Record] = field(default_factory=dict, repr=False, compare=False)  # trials and results, by file
 
     @classmethod
     def create(cls, root: Path, facts: Facts, start: SessionStart) -> SessionStore:
@@ -95,8 +96,8 @@ class SessionStore:
             raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}{near}")
         return cls(folder, records.read(Facts, _facts_file(folder)), records.read(SessionStart, folder / START))
 
-    def existing(self) -> Existing:
-        """The stored contents. Raises SessionError on names that do not belong there."""
+    def existing(self, iteration: int | None = None) -> Existing:
+        """The stored contents, of all iterations or of one. Raises SessionError on names that do not belong there."""
         completed: set[TrialKey] = set()
         recorded: set[TrialKey] = set()
         started: set[TrialKey] = set()
@@ -105,8 +106,10 @@ class SessionStore:
         changes: Counter[int] = Counter()
         counted: dict[int, int] = {}
         shown = set()
-        for iteration, folder in self._iterations():
-            for entry in entries(folder):
+        chosen = self._iterations() if iteration is None else [(iteration, self.iteration_folder(iteration))]
+        for number, folder in chosen:
+            listed = entries(folder)
+            for entry in listed:
                 if match := _TRIAL.fullmatch(entry.name):
                     key, kind = self._key(match), match[3]
                     if kind is None:
@@ -117,14 +120,15 @@ class SessionStore:
                         rejections[key] += 1
                     else:
                         rejections[key] -= kind == "restored"
-                        changes[iteration] += 1
+                        changes[number] += 1
                 elif not _RESULT.fullmatch(entry.name):
                     raise records.corrupt(entry, "it does not belong to a session")
-            if result := self.result(iteration):
-                results[iteration] = result.keys
-                counted[iteration] = result.changes
-                if self._shown(iteration).exists():
-                    shown.add(iteration)
+            if count := _results(listed):
+                result = self._once(ResultRecord, folder / f"result-{count}" / RESULT)
+                results[number] = result.keys
+                counted[number] = result.changes
+                if folder / _shown(count) in listed:
+                    shown.add(number)
         return Existing(
             completed=frozenset(completed),
             started=frozenset(started),
@@ -143,7 +147,7 @@ class SessionStore:
     def trial(self, iteration: int, key: TrialKey) -> TrialRecord:
         """A completed trial. Raises SessionError if a file beside it is missing or truncated."""
         folder = self.trial_folder(iteration, key)
-        record, pruned = records.read(TrialRecord, folder / TRIAL), self.pruned(folder)
+        record, pruned = self._once(TrialRecord, folder / TRIAL), self.pruned(folder)
         for name, size in record.files.items():
             if name not in pruned:
                 records.require_size(folder / name, size)
@@ -189,7 +193,7 @@ class SessionStore:
 
     def trials(self, iteration: int) -> tuple[TrialRecord, ...]:
         """The completed trials of an iteration that count, in order."""
-        existing = self.existing()
+        existing = self.existing(iteration)
         numbers = trial_numbers(iteration, self.facts.particles, self.facts.trials)
         keys = (current_key(existing, number) for number in numbers)
         return tuple(self.trial(iteration, key) for key in keys if key in existing.completed)
@@ -197,7 +201,7 @@ class SessionStore:
     def result(self, iteration: int) -> ResultRecord | None:
         """The newest result of an iteration, or None."""
         folder = self._newest_result(iteration)
-        return records.read(ResultRecord, folder / RESULT) if folder else None
+        return self._once(ResultRecord, folder / RESULT) if folder else None
 
     def summary(self, iteration: int) -> dict[str, Any]:
         """The output of `run-iteration --json` for an iteration with a result. Raises SessionError."""
@@ -208,7 +212,8 @@ class SessionStore:
 
     def mark_shown(self, iteration: int, at: str) -> None:
         """Note that the operator has seen the newest result of this iteration."""
-        path = self._shown(iteration)
+        folder = self.iteration_folder(iteration)
+        path = folder / _shown(_results(entries(folder)))
         if not path.exists():
             durable.write_file(path, records.to_json(Note(at=at, text="shown to the operator")))
 
@@ -275,7 +280,7 @@ class SessionStore:
         folder = self.iteration_folder(record.iteration - 1)
         summed = record.model_copy(update={"summary_sha256": _sha256(summary)})
         files = {SUMMARY: summary, RESULT: records.to_json(summed)}
-        durable.write_folder(folder / f"result-{self._results(folder) + 1}", files)
+        durable.write_folder(folder / f"result-{_results(entries(folder)) + 1}", files)
 
     def scratch(self, name: str, content: bytes) -> Path:
         """Write a temporary file for the operator to look at; it is not part of the record."""
@@ -292,14 +297,17 @@ class SessionStore:
         """The folder of one attempt at a trial."""
         return self.iteration_folder(iteration) / f"trial-{key.number:03d}-attempt-{key.attempt + 1}"
 
+    def _once(self, kind: type[AnyRecord], path: Path) -> AnyRecord:
+        """A record that never changes; read and checked once, so that a session's time does not grow with its age."""
+        if (known := self._read.get(path)) is None:
+            known = self._read[path] = records.read(kind, path)
+        assert isinstance(known, kind)
+        return known
+
     def _newest_result(self, iteration: int) -> Path | None:
         folder = self.iteration_folder(iteration)
-        count = self._results(folder)
+        count = _results(entries(folder))
         return folder / f"result-{count}" if count else None
-
-    def _shown(self, iteration: int) -> Path:
-        folder = self.iteration_folder(iteration)
-        return folder / f"result-{self._results(folder)}.shown.json"
 
     def _marker(self, iteration: int, key: TrialKey, kind: str) -> Path:
         folder = self.trial_folder(iteration, key)
@@ -314,11 +322,6 @@ class SessionStore:
         """The trial that a file name refers to."""
         return TrialKey(int(match[1]), int(match[2]) - 1)
 
-    def _results(self, folder: Path) -> int:
-        """The number of results of an iteration."""
-        matches = (_RESULT.fullmatch(entry.name) for entry in entries(folder))
-        return max((int(match[1]) for match in matches if match), default=0)
-
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Lock this session against every other process. Raises UsageError if another one holds the lock."""
@@ -326,6 +329,16 @@ class SessionStore:
         with locked(self.folder, taken):
             durable.remove_leftovers(self.folder)
             yield
+
+
+def _results(listed: Sequence[Path]) -> int:
+    """The number of results among the entries of an iteration's folder."""
+    matches = (_RESULT.fullmatch(entry.name) for entry in listed)
+    return max((int(match[1]) for match in matches if match), default=0)
+
+
+def _shown(count: int) -> str:
+    return f"result-{count}.shown.json"
 
 
 def folder_of(root: Path, name: str) -> Path:
@@ -371,9 +384,12 @@ def entries(folder: Path) -> list[Path]:
 
     Links are not followed and pipes not opened: what lies elsewhere is not part of a session.
     """
-    if not folder.is_dir():
+    try:
+        with os.scandir(folder) as found:
+            names = [entry.name for entry in found if not entry.name.startswith(".") and _is_own(entry)]
+    except (FileNotFoundError, NotADirectoryError):
         return []
-    return sorted(entry for entry in folder.iterdir() if not entry.name.startswith(".") and _is_own(entry))
+    return [folder / name for name in sorted(names)]
 
 
 def own_files(folder: Path) -> list[Path]:
@@ -384,12 +400,8 @@ def own_files(folder: Path) -> list[Path]:
     return found
 
 
-def _is_own(path: Path) -> bool:
-    try:
-        mode = path.lstat().st_mode
-    except OSError:  # gone meanwhile
-        return False
-    return stat.S_ISREG(mode) or stat.S_ISDIR(mode)
+def _is_own(entry: os.DirEntry[str]) -> bool:
+    return entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)
 
 
 def particles_of(store: SessionStore, iteration: int) -> tuple[Particle, ...]:
@@ -406,13 +418,14 @@ def particles_of(store: SessionStore, iteration: int) -> tuple[Particle, ...]:
 def history_of(task: Task, store: SessionStore, last: int) -> tuple[Iteration, ...]:
     """The counting trials of iterations 0 to `last`, as learning methods take them. Raises SessionError."""
 
-    def trials(iteration: int, particle: int) -> tuple[Trial, ...]:
-        return tuple(_learnt_from(task, r) for r in store.trials(iteration) if r.particle == particle + 1)
+    def iteration(i: int) -> Iteration:
+        made = store.trials(i)
+        return tuple(
+            ParticleTrials(particle, tuple(_learnt_from(task, one) for one in made if one.particle == number))
+            for number, particle in enumerate(particles_of(store, i), start=1)
+        )
 
-    return tuple(
-        tuple(ParticleTrials(p, trials(i, index)) for index, p in enumerate(particles_of(store, i)))
-        for i in range(last + 1)
-    )
+    return tuple(iteration(i) for i in range(last + 1))
 
 
 def _learnt_from(task: Task, record: TrialRecord) -> Trial:
@@ -432,6 +445,20 @@ Row = dict[str, Cell]
 def trials_of(store: SessionStore) -> tuple[TrialRecord, ...]:
     """Every completed trial that counts, in order. Raises SessionError."""
     return tuple(trial for i in range(store.iterations()) for trial in store.trials(i))
+
+
+def results_of(store: SessionStore) -> tuple[ResultRecord, ...]:
+    """The newest result of every iteration that has one. Raises SessionError."""
+    return tuple(result for i in range(store.iterations()) if (result := store.result(i)) is not None)
+
+
+def completed(store: SessionStore, number: int) -> TrialRecord:
+    """The completed trial `number` (from 1) that counts. Raises UsageError naming those that are, SessionError."""
+    trials = {trial.trial: trial for trial in trials_of(store)}
+    if number not in trials:
+        known = ", ".join(map(str, trials)) or "none"
+        raise UsageError(f"trial {number} of {store.facts.name} is not completed; completed are {known}")
+    return trials[number]
 
 
 def rows(store: SessionStore) -> list[Row]:

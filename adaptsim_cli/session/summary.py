@@ -22,7 +22,7 @@ from adaptsim_cli.outputs.sessions import (
 from adaptsim_cli.outputs.trials import Iteration, ParticleShown, Rollout, Trial, named
 from adaptsim_cli.session.keeping import about, size_bytes
 from adaptsim_cli.session.records import Facts, ResultRecord, Samples, TrialRecord, corrupt, read_object
-from adaptsim_cli.session.store import TRIAL, SessionStore, entries, folder_of
+from adaptsim_cli.session.store import TRIAL, SessionStore, entries, folder_of, results_of, trials_of
 from adaptsim_cli.storage.validation import explained
 from sim.adaptation.method import Particle
 
@@ -60,10 +60,8 @@ def _particle(names: Sequence[str], now: Particle, trials: Sequence[TrialRecord]
 
 def overview(store: SessionStore) -> SessionRow:
     """One session in one line. Raises SessionError."""
-    facts, iterations = store.facts, store.iterations()
-    rewards = [trial.reward for i in range(iterations) for trial in store.trials(i)]
-    results = [result for i in range(iterations) if (result := store.result(i)) is not None]
-    said = about(store.folder)
+    facts, results, said = store.facts, results_of(store), about(store.folder)
+    rewards = [trial.reward for trial in trials_of(store)]
     return SessionRow(
         session=facts.name,
         task=facts.task,
@@ -92,18 +90,17 @@ def overview_or_damage(root: Path, name: str) -> SessionRow | Damaged:
 
 def details(store: SessionStore) -> SessionShown:
     """One session with all its counting trials and results. Raises SessionError."""
-    facts, iterations = store.facts, range(store.iterations())
-    results = [result for i in iterations if (result := store.result(i)) is not None]
+    facts = store.facts
     return SessionShown(
         facts=facts.model_dump(mode="json"),
         folder=str(store.folder),
         units=facts.units,
-        trials=[trial.view(ShownTrial) for i in iterations for trial in store.trials(i)],
+        trials=[trial.view(ShownTrial) for trial in trials_of(store)],
         rejected=[
             ShownRejection(trial=one.key.number, attempt=one.key.attempt + 1, at=one.note.at, reason=one.note.text)
             for one in store.rejections()
         ],
-        results=[result.view(ShownResult) for result in results],
+        results=[result.view(ShownResult) for result in results_of(store)],
     )
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.records import KeyMoment, RigFacts, RunTrial, TrialKey
+from adaptsim_cli.session.records import Film, KeyMoment, RigFacts, RunTrial, TrialKey
 from calib.types import HandEye
 from hw.errors import HardwareError
 from hw.ports import Arm, Camera, ObjectPlacer
@@ -109,6 +109,7 @@ class TrackedTrial:
     track: ObjectTrack
     track_px: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (N, 2) the object's centre in the picture
     moments: tuple[KeyMoment, ...] = ()
+    film: Film | None = None
     files: Mapping[str, bytes] = field(default_factory=dict)  # name -> content
     control_success_rate: float = 1.0
 

@@ -10,12 +10,11 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from adaptsim_cli.outputs.sessions import Damaged, DamagedRollout, RolloutRow, SessionRow, SessionShown
+from adaptsim_cli.outputs.sessions import Damaged, DamagedRollout, RolloutRow, SessionRow, SessionShown, Verified
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.advice import HEADLINES, in_words
 from adaptsim_cli.session.correcting import Amended
-from adaptsim_cli.session.keeping import Verified
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import Facts, ProposedTrial, ResultRecord, RunTrial, TrialRecord
 from hw.types import Array
@@ -24,12 +23,12 @@ from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
 
-def session_header(task: Task, facts: Facts, iteration: int, hardware: str) -> RenderableType:
-    """The heading of an iteration: hardware, task, number and session; in the first one, also the meaning of the
+def session_header(task: Task, facts: Facts, iteration: int, hardware: str, *, is_new: bool) -> RenderableType:
+    """The heading of an iteration: hardware, task, number and session; of a new one, also the meaning of the
     quantities.
     """
     where = f"iteration {iteration + 1} of session {facts.name}"
-    legend = (views.indent(views.meanings(task.parameters, task.context, task.action)),) if not iteration else ()
+    legend = (views.indent(views.meanings(task.parameters, task.context, task.action)),) if is_new else ()
     return Group(
         views.badge(views.RECORDED if facts.recorded else facts.hw, hardware),
         Text(task.title[:1].upper() + task.title[1:], style="bold"),
@@ -38,13 +37,15 @@ def session_header(task: Task, facts: Facts, iteration: int, hardware: str) -> R
     )
 
 
-def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle) -> RenderableType:
-    """The heading of a trial: number, attempt and particle."""
+def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle, left_s: float) -> RenderableType:
+    """The heading of a trial: number, attempt, particle, and the time left in its iteration (0: unknown)."""
     again = f", attempt {stage.key.attempt + 1}" if stage.key.attempt else ""
+    place = f"{stage.particle * facts.trials + stage.trial + 1} of {facts.particles * facts.trials} in this iteration"
+    left = f", about {left_s / 60.0:.0f} min left" if left_s >= 60.0 else ""
     head = Text.assemble(
         views.mark(views.RECORDED if facts.recorded else facts.hw),
         (f" Trial {stage.key.number}", "bold"),
-        f"{again}   particle {stage.particle + 1} of {facts.particles}, its trial {stage.trial + 1} of {facts.trials}",
+        f"{again}   {place}, particle {stage.particle + 1}{left}",
     )
     why = (
         f"The task policy was trained for {views.values(task.parameters, particle.mean)}"
@@ -76,18 +77,14 @@ def _where(task: Task, trial: ProposedTrial) -> tuple[str, ...]:
     return (f"Goal     x {x_m:.3f} m, y {y_m:+.3f} m",)
 
 
-def trial_done(record: TrialRecord, *, manual: bool) -> RenderableType:
-    """The result of a trial beside its prediction, and its times."""
+def tracked(record: TrialRecord) -> RenderableType:
+    """The result of a trial beside its prediction."""
     style = "green" if record.reward > 0 else "yellow"
-    result = Text.assemble((f"{record.outcome_words}, reward {record.reward:.2f}", style))
+    result = Text.assemble("Tracked: ", (f"{record.outcome_words}, reward {record.reward:.2f}", style))
     result.append(f" (expected {record.predicted_reward:.2f})", "dim")
     if (off_mm := record.off_goal_mm) is not None:
         result.append(f", {off_mm:.0f} mm from the goal")
-    if manual:
-        result.append("  outcome set by the operator", "magenta")
-    flags = [Text(f"note: {flag}", style="yellow") for flag in record.track.flags]
-    took = views.spent(record.timing_s)
-    return views.indent(Group(result, *flags, *[Text(f"Took {took}", style="dim")]))
+    return views.indent(Group(result, *[Text(f"note: {flag}", style="yellow") for flag in record.track.flags]))
 
 
 def adapted(
@@ -187,12 +184,11 @@ def session(shown: SessionShown) -> RenderableType:
     return Group(head, Text(shown.folder, style="dim"), Text(""), table, *rejected, *last)
 
 
-def tell_amended(screen: Screen, command: str, name: str, changed: Amended, *, as_json: bool) -> None:
+def tell_amended(screen: Screen, command: str, name: str, changed: Amended) -> None:
     """Print the amendment or restoration and its effect."""
-    if as_json:
-        key = changed.key
-        told = {"session": name, "trial": key.number, "attempt": key.attempt + 1, "changed": changed.what}
-        screen.data(command, told)
+    key = changed.key
+    told = {"session": name, "trial": key.number, "attempt": key.attempt + 1, "changed": changed.what}
+    if screen.data(command, told):
         return
     screen.plain(f"{changed.what[:1].upper()}{changed.what[1:]}.")
     screen.plain(changed.consequence)

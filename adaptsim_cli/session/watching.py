@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import platform
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -67,27 +67,11 @@ class Watcher(Protocol):
         ...
 
 
-class Unwatched:
-    """`Watcher` that shows nothing."""
-
-    def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
-        """See `Watcher`."""
-
-    def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
-        """See `Watcher`."""
-
-    def changed(self, store: SessionStore, posterior: PosteriorSource) -> None:
-        """See `Watcher`."""
-
-    def reported(self, path: Path) -> None:
-        """See `Watcher`."""
-
-
 class AllOf:
-    """`Watcher` that forwards to several."""
+    """`Watcher` that forwards to several, or to none."""
 
-    def __init__(self, watchers: Sequence[Watcher]) -> None:
-        self._watchers = tuple(watchers)
+    def __init__(self, *watchers: Watcher) -> None:
+        self._watchers = watchers
 
     def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
         """See `Watcher`."""
@@ -165,7 +149,7 @@ class SessionLog:
         if problem := damage(folder):
             screen.note(f"{problem}. The session goes on; its records do not depend on the log")
 
-    def doing(self, what: str) -> None:
+    def doing(self, what: str, stage: str) -> None:
         """See `Listener`; the step becomes a line once it is over."""
 
     def did(self, what: str, stage: str, took_s: float) -> None:
@@ -178,7 +162,7 @@ class SessionLog:
 
     def answered(self, question: str, answer: str, took_s: float) -> None:
         """See `Listener`."""
-        self.write("answered", question, took_s, answer="Esc" if answer == "\x1b" else answer)
+        self.write("answered", question, took_s, answer=answer)
 
     def noted(self, text: str) -> None:
         """See `Listener`."""

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
@@ -116,19 +115,6 @@ def encode(trial: WholeTrial) -> bytes:
         topics.outcome(played.t_start_s + float(track.t_s[-1]), trial.outcome()),
     ]
     return recording.as_mcap({**recording.TOPICS, **topics.AFTERWARDS}, messages, {}, trial.metadata())
-
-
-def centre_px(trial: WholeTrial, t_s: float) -> np.ndarray[tuple[int], np.dtype[np.float64]] | None:
-    """(2,) the tracked centre in the colour image at an arm clock's time; None outside the track."""
-    import cv2
-
-    track, since_s = trial.record.track.track(), t_s - trial.start_s
-    if not track.t_s[0] <= since_s <= track.t_s[-1]:
-        return None
-    colour, X_CB = trial.stored.model.colour, np.linalg.inv(trial.stored.X_BC)
-    p_m = track.at(np.array([since_s]))[:, :3] @ X_CB[:3, :3].T + X_CB[:3, 3]
-    pixels, _ = cv2.projectPoints(p_m, np.zeros(3), np.zeros(3), colour.K, colour.distortion)
-    return np.asarray(pixels.reshape(2), np.float64)
 
 
 def jpegs(trial: WholeTrial) -> list[tuple[float, bytes]]:

@@ -112,7 +112,7 @@ def explained(path: Path) -> Iterator[None]:
             raise disk_full(path) from error
         raise SessionError(
             f"{path} could not be written: {error.strerror}. Everything completed before is safe; check the disk and "
-            "its permissions, then run the same command again"
+            "its permissions (ADAPTSIM_HOME names another place for all data), then run the same command again"
         ) from error
 
 

@@ -22,10 +22,11 @@ def unknown(key: str, name: str, known: Sequence[str], title: str) -> str:
 
 def plain(message: str) -> str:
     """A message of pydantic, for the middle of a sentence."""
-    return message[0].lower() + message[1:]
+    told = message.replace("Input should be", "it must be")
+    return told[0].lower() + told[1:]
 
 
 def explained(error: ValidationError) -> str:
     """The first defect of a file, with its place."""
     first = error.errors()[0]
-    return f"{place(first['loc']) or 'the whole file'}: {first['msg']}"
+    return f"{place(first['loc']) or 'the whole file'}: {plain(first['msg'])}"

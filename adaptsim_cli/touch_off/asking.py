@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen.clear import clear_to_move
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.views import clear_to_move
 from adaptsim_cli.touch_off.parts import TouchRig
 
 NEVER_CONFIRMS = "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
@@ -69,8 +69,7 @@ class HumanAssistant:
         self._go_on(f"{clear_to_move(rig.is_real, what)}.", "to start", f"The arm {what}.")
 
     def _go_on(self, question: str, does: str, then: str) -> None:
-        stopped = "stopped by the operator; nothing was stored"
-        self.screen.go_on(question, does, then=then, stopped=stopped)
+        self.screen.go_on(question, does, then=then, kept="nothing was stored")
 
 
 @dataclass(frozen=True)

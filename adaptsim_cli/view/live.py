@@ -12,6 +12,7 @@ from typing import Any
 
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
@@ -20,6 +21,9 @@ from adaptsim_cli.session.watching import PosteriorSource, RunHeader
 from adaptsim_cli.view import state
 from adaptsim_cli.view.server import Page
 from sim.tasks.task import Task
+
+MOVES = ("approach", "motion", "way back")
+"""The motions of a trial, in order."""
 
 
 class LiveView:
@@ -30,6 +34,7 @@ class LiveView:
         self._state: dict[str, Any] = {"now": {"doing": "", "question": ""}}
         self._pictures: dict[str, bytes] = {}
         self._count = 0
+        self._moves = 0  # of the trial's `MOVES`, those that have begun
         self._task: Task | None = None
         self._header: RunHeader | None = None
 
@@ -46,9 +51,11 @@ class LiveView:
         }
         self._set(head=head)
 
-    def doing(self, what: str) -> None:
+    def doing(self, what: str, stage: str) -> None:
         """See `Listener`."""
-        now = {"doing": what, "since_s": time.time(), "question": ""}
+        now: dict[str, Any] = {"doing": what, "since_s": time.time(), "question": ""}
+        if stage == "moving" and self._moves < len(MOVES):
+            now["move"], self._moves = self._moves, self._moves + 1
         self._set(now=now)
 
     def asking(self, question: str) -> None:
@@ -57,7 +64,7 @@ class LiveView:
 
     def did(self, what: str, stage: str, took_s: float) -> None:
         """See `Listener`."""
-        self.doing("")
+        self.doing("", "")
 
     def answered(self, question: str, answer: str, took_s: float) -> None:
         """See `Listener`: the answer stays in the terminal."""
@@ -71,7 +78,7 @@ class LiveView:
         if self._task is None or self._header is None:
             return
         parts: dict[str, Any] = {"trial": state.trial(self._task, self._header.particles, made), "judged": None}
-        self._pictures = {}
+        self._pictures, self._moves = {}, 0
         if preview is not None:
             name = self._picture(preview.picture)
             parts |= {"picture": state.picture(preview, name), "motion": state.motion(preview)}
@@ -79,8 +86,8 @@ class LiveView:
 
     def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
         """See `Watcher`."""
-        urls = {name: f"picture/{self._picture(content)}" for name, content in seen.files.items() if _is_jpeg(content)}
-        self._set(judged=state.tracked(record, seen, urls))
+        url = "" if seen.film is None else f"picture/{self._picture(seen.files[FILM])}"
+        self._set(judged=state.tracked(record, seen, url))
 
     def changed(self, store: SessionStore, posterior: PosteriorSource) -> None:
         """See `Watcher`."""
@@ -113,7 +120,7 @@ def live_view(screen: Screen, task: Task, header: RunHeader, title: str, port: i
     with Page(html, port) as page:
         screen.plain(f"Live page: {page.address}")
         tunnel = f"ssh -L {page.port}:127.0.0.1:{page.port} {_here()}"
-        screen.plain(f"From another computer: {tunnel}  and then the same address")
+        screen.plain(f"From another computer: {tunnel}")
         view = LiveView(page)
         view.begins(task, header, title)
         screen.tell(view)
@@ -125,7 +132,3 @@ def _here() -> str:
     import socket
 
     return f"{getpass.getuser()}@{socket.gethostname()}"
-
-
-def _is_jpeg(content: bytes) -> bool:
-    return content.startswith(b"\xff\xd8")

@@ -139,6 +139,11 @@ class _Quiet(ThreadingHTTPServer):
         """Nothing: nobody waits for an answer any more."""
 
 
+def require_free(port: int) -> None:
+    """Raises UsageError if the port is in use."""
+    _listening(BaseHTTPRequestHandler, port).server_close()
+
+
 def _host(stated: str) -> str | None:
     """The host's name in a header; None if the header is malformed."""
     try:

@@ -12,7 +12,7 @@ from adaptsim_cli.screen.views import number
 from adaptsim_cli.session.advice import in_words
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import ResultRecord, TrialRecord
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.store import SessionStore, results_of, trials_of
 from adaptsim_cli.session.target import MotionPreview, TrackedTrial
 from sim.adaptation.posterior import Posterior
 from sim.tasks.task import Task
@@ -66,8 +66,8 @@ def picture(preview: MotionPreview, name: str) -> dict[str, Any]:
     return {"url": f"picture/{name}", "width": width, "height": height, "path_px": _rounded(preview.path_px, 1)}
 
 
-def tracked(record: TrialRecord, seen: TrackedTrial, urls: Mapping[str, str]) -> dict[str, Any]:
-    """A tracked trial, before its review."""
+def tracked(record: TrialRecord, seen: TrackedTrial, url: str) -> dict[str, Any]:
+    """A tracked trial, before its review; `url` is that of its film."""
     state = seen.track.state
     return {
         "outcome": record.outcome_words,
@@ -75,14 +75,14 @@ def tracked(record: TrialRecord, seen: TrackedTrial, urls: Mapping[str, str]) ->
         "flags": list(record.track.flags),
         "track_px": _rounded(seen.track_px, 1),
         "track_m": _rounded(state[:, :3], 4) if state.shape[1] >= 3 else [],
-        "moments": [{"label": m.label, "t_s": round(m.t_s, 2), "url": urls[m.file]} for m in seen.moments],
+        "film": None if record.film is None else {"url": url, "end_s": record.film.end_s},
     }
 
 
 def so_far(store: SessionStore, task: Task, posterior: Posterior | None) -> dict[str, Any]:
     """Rewards and parameters of the whole session."""
-    trials = [record for i in range(store.iterations()) for record in store.trials(i)]
-    results = [result for i in range(store.iterations()) if (result := store.result(i)) is not None]
+    trials = trials_of(store)
+    results = results_of(store)
     return {
         "rewards": [_reward(record) for record in trials],
         "per_iteration": store.facts.particles * store.facts.trials,

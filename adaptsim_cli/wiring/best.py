@@ -13,7 +13,7 @@ from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.trials import as_row
 from adaptsim_cli.session.records import as_records
 from adaptsim_cli.session.running import settings_of
-from adaptsim_cli.session.store import SessionStore, history_of
+from adaptsim_cli.session.store import SessionStore, history_of, results_of
 from adaptsim_cli.wiring.checkpoints import checkpoint_of_session, task_of
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def best_of(store: SessionStore, config: Config) -> BestOfSession:
 
     `config` provides the settings that a session does not freeze.
     """
-    results = [result for i in range(store.iterations()) if (result := store.result(i)) is not None]
+    results = results_of(store)
     name = store.facts.name
     if not results:
         raise SessionError(

@@ -29,13 +29,20 @@ def task_of(config: Config) -> Task:
 def checkpoint_of(config: Config) -> Checkpoint:
     """The checkpoint that the settings name; else the newest one for the ranges of an own object; else the shipped one.
 
-    Raises UnknownName, ObjectError, CheckpointError.
+    Nothing of other ranges serves an own object. Raises UnknownName, ObjectError, CheckpointError.
     """
     from sim.adaptation.checkpoint import load_checkpoint
+    from sim.errors import CheckpointError
 
     task = task_of(config)
-    own = _pretrained(task) if config.object and not config.checkpoint else []
-    return load_checkpoint(task, config.checkpoint or (str(own[-1]) if own else "default"))
+    if not config.object or config.checkpoint:
+        return load_checkpoint(task, config.checkpoint or "default")
+    if not (fitting := _pretrained(task)):
+        raise CheckpointError(
+            f"nothing is pretrained for the ranges of {config.object} yet: adaptsim pretrain --task {task.name} "
+            f"--object {config.object}"
+        )
+    return load_checkpoint(task, str(fitting[-1]))
 
 
 def own_checkpoints() -> list[Path]:
@@ -47,9 +54,10 @@ def own_checkpoints() -> list[Path]:
 
 
 def _pretrained(task: Task) -> list[Path]:
-    """The own checkpoints for exactly these ranges."""
+    """The checkpoints for exactly these ranges, the newest own one last."""
     from sim.adaptation.checkpoint import read_card
     from sim.errors import CheckpointError
+    from sim.tasks import files_of
     from sim.tasks.fingerprint import fingerprint
 
     def fits(folder: Path) -> bool:
@@ -58,7 +66,8 @@ def _pretrained(task: Task) -> list[Path]:
         except CheckpointError:
             return False
 
-    return [folder for folder in own_checkpoints() if fits(folder)]
+    shipped = sorted(files_of(task.name, "checkpoints").glob("*"))
+    return [folder for folder in (*shipped, *own_checkpoints()) if fits(folder)]
 
 
 def list_checkpoints() -> list[dict[str, str]]:

@@ -5,25 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs.sessions import ParameterBelief
 from adaptsim_cli.report import page
 from adaptsim_cli.report.agreement import end_error
 from adaptsim_cli.report.figures import HeldOut, Judgement, Prediction
 from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.store import RESULT, SessionStore, history_of, names, particles_of
+from adaptsim_cli.session.store import RESULT, SessionStore, history_of, names, particles_of, results_of, trials_of
 from adaptsim_cli.session.summary import ROLLOUTS, rollout_names, rollout_record
-from adaptsim_cli.wiring.best import policy_of_session
 from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
 from adaptsim_cli.wiring.earlier import recordings_of
 from sim.errors import RecordingsRefused, SimError
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
+    from sim.adaptation.method import Iteration, Method
     from sim.adaptation.methods.belief import Belief
     from sim.adaptation.posterior import Posterior, RewardEstimate
     from sim.solvers.solver import SolvedPolicy
@@ -35,6 +37,9 @@ JUDGED = 64
 LIKELY = 24
 """Number of trajectories drawn from the posterior for each trial."""
 
+BELIEVED = (0.05, 0.5, 0.95)
+"""Lower end, median and upper end of what a session believes of a parameter."""
+
 
 @dataclass(frozen=True, eq=False)
 class Hindsight:
@@ -42,6 +47,7 @@ class Hindsight:
 
     checkpoint: Checkpoint
     belief: Belief
+    _methods: dict[str, Method] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, store: SessionStore) -> Hindsight:
@@ -50,6 +56,12 @@ class Hindsight:
 
         checkpoint = checkpoint_of_session(store)
         return cls(checkpoint, create(checkpoint.solver.task, checkpoint))
+
+    @cached_property
+    def _of_udr(self) -> tuple[SolvedPolicy, ...]:
+        from sim.adaptation.posterior import policies_of_udr
+
+        return policies_of_udr(self.checkpoint)
 
     def posterior(self, store: SessionStore, iterations: int | None = None) -> Posterior:
         """The posterior after `iterations` iterations; by default after all trials. Raises SessionError."""
@@ -60,14 +72,14 @@ class Hindsight:
 
     def judge(self, store: SessionStore) -> Judgement:
         """The judgement that a report shows. Raises SessionError without trials."""
-        from sim.adaptation.posterior import policies_of, policies_of_udr, prospect
+        from sim.adaptation.posterior import policies_of, posterior_after_each, prospect
 
-        checkpoint, count = self.checkpoint, store.iterations()
-        trials = [trial for i in range(count) for trial in store.trials(i)]
+        checkpoint, trials = self.checkpoint, trials_of(store)
         if not trials:
             raise SessionError(f"session {store.facts.name} has no completed trial yet")
-        done = any(store.result(i) is not None for i in range(count))
-        posteriors = tuple(self.posterior(store, i) for i in range(trials[-1].iteration + 1))
+        results = results_of(store)
+        history = history_of(checkpoint.solver.task, store, trials[-1].iteration - 1)
+        posteriors = posterior_after_each(self.belief, history)
         known = posteriors[-1]
 
         def expected(policies: Sequence[SolvedPolicy]) -> RewardEstimate:
@@ -75,13 +87,23 @@ class Hindsight:
 
         return Judgement(
             posteriors=posteriors,
-            predictions={trial.trial: self._prediction(trial, known) for trial in trials},
+            predictions=self._predictions(trials, known),
             first=expected(policies_of(checkpoint, particles_of(store, 0))),
-            adapted=expected([policy_of_session(store, checkpoint)]) if done else None,
-            udr=expected(policies_of_udr(checkpoint)),
+            adapted=expected([self._final(store, history[: results[-1].iteration])]) if results else None,
+            udr=expected(self._of_udr),
             is_place=_is_place(checkpoint.solver.task),
-            held_out=self._held_out(store, posteriors) if done and store.facts.held_out else None,
+            held_out=self._held_out(store, posteriors) if results and store.facts.held_out else None,
         )
+
+    def _final(self, store: SessionStore, history: Sequence[Iteration]) -> SolvedPolicy:
+        """The final policy after `history`. The method is kept, with its predictions of earlier trials."""
+        from sim.adaptation.judging import final_policy
+        from sim.adaptation.methods import make_method
+
+        checkpoint, name = self.checkpoint, store.facts.method
+        if name not in self._methods:
+            self._methods[name] = make_method(name, checkpoint.solver.task, checkpoint)
+        return final_policy(self._methods[name], checkpoint.solver, checkpoint.solver.task, history)
 
     def _held_out(self, store: SessionStore, posteriors: Sequence[Posterior]) -> HeldOut:
         """The scores by the recordings that the session never saw. Raises RecordingsRefused."""
@@ -123,15 +145,37 @@ class Hindsight:
             after=error(posteriors[-1]),
         )
 
-    def _prediction(self, trial: TrialRecord, posterior: Posterior) -> Prediction:
+    def _predictions(self, trials: Sequence[TrialRecord], posterior: Posterior) -> dict[int, Prediction]:
+        """The prediction of each trial, by its number: for the parameters of its policy, and for likely ones."""
         from sim.adaptation.posterior import predicted
 
-        solver, context, action = self.checkpoint.solver, trial.context_array, trial.action_array
-        guess = np.array(list(trial.parameters.values()))
-        drawn = posterior.draw(LIKELY, np.random.default_rng(trial.trial))
-        states = predicted(solver, np.concatenate([guess[None], drawn]), context, action)
-        seen = solver.task.observation
-        return Prediction(seen.times_s, seen.columns, states[0], states[1:])
+        solver, each = self.checkpoint.solver, 1 + LIKELY
+        parameters = [
+            np.vstack([list(trial.parameters.values()), posterior.draw(LIKELY, np.random.default_rng(trial.trial))])
+            for trial in trials
+        ]
+        contexts = np.repeat([trial.context_array for trial in trials], each, axis=0)
+        actions = np.repeat([trial.action_array for trial in trials], each, axis=0)
+        states = predicted(solver, np.concatenate(parameters), contexts, actions)
+        seen, states = solver.task.observation, states.reshape(len(trials), each, *states.shape[1:])
+        return {
+            trial.trial: Prediction(seen.times_s, seen.columns, expected[0], expected[1:])
+            for trial, expected in zip(trials, states, strict=True)
+        }
+
+
+def believed(stores: Sequence[SessionStore]) -> tuple[ParameterBelief, ...]:
+    """What each session believes of each parameter; sessions without a posterior are left out. Raises SessionError."""
+    found = list[ParameterBelief]()
+    for store in stores:
+        try:
+            levels = Hindsight.of(store).posterior(store).quantiles(BELIEVED)
+        except SimError:
+            continue
+        for d, (low, median, high) in zip(store.facts.parameters, levels.T, strict=True):
+            named = {"session": store.facts.name, "parameter": d.name, "unit": d.unit}
+            found.append(ParameterBelief(**named, low=low, median=median, high=high))
+    return tuple(found)
 
 
 @dataclass
@@ -196,6 +240,6 @@ def measured_udr(store: SessionStore) -> page.Reference | None:
             o = other.facts
             same = (o.task, o.hw, o.world_sha256, o.object) == (facts.task, facts.hw, facts.world_sha256, facts.object)
             if o.method == "udr" and same and name != facts.name:
-                rewards = tuple(t.reward for i in range(other.iterations()) for t in other.trials(i))
+                rewards = tuple(trial.reward for trial in trials_of(other))
                 found += [page.Reference(name, rewards)] if rewards else []
     return max(found, key=lambda reference: len(reference.rewards), default=None)

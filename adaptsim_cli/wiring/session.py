@@ -16,8 +16,7 @@ from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.in_recordings import InRecordings
-from adaptsim_cli.session.in_simulation import InSimulation
+from adaptsim_cli.session.in_simulation import InRecordings, InSimulation
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.running import OpenView
@@ -26,6 +25,7 @@ from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, 
 from adaptsim_cli.session.watching import RunHeader, Watcher
 from adaptsim_cli.storage.sealed import versions
 from adaptsim_cli.view.live import live_view
+from adaptsim_cli.view.server import require_free
 from adaptsim_cli.wiring.checkpoints import checkpoint_of, task_of
 from adaptsim_cli.wiring.earlier import recordings_of, started_from
 from adaptsim_cli.wiring.rig_frames import ground_of, hash_of, own_ground
@@ -43,7 +43,7 @@ from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy
 from sim.tasks.task import Hardware, Task
 
 if TYPE_CHECKING:
-    from adaptsim_cli.devices.drivers import Drivers
+    from adaptsim_cli.devices.lab import Drivers
     from adaptsim_cli.screen.console import Screen
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.methods.belief import Belief
@@ -269,7 +269,9 @@ def executable_on(hardware: Hardware, planner: Planner) -> Executable:
 
 
 def beside(port: int | None) -> OpenView:
-    """A page at `port`, or at any free port. Opening it raises UsageError if the port is in use."""
+    """A page at `port`, or at any free port. Raises UsageError, before anything begins, if the port is in use."""
+    if port is not None:
+        require_free(port)
 
     @contextmanager
     def open_view(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:

@@ -14,18 +14,22 @@ from adaptsim_cli.errors import UsageError
 def load(flags: Mapping[str, Any]) -> Resolved:
     """As `config.load`; the world decides the task if its name comes from closer to the command line than the task's.
 
-    Raises UsageError, also if several tasks have a world of that name and the settings name none of these tasks.
+    Raises UsageError, also if several tasks have a world of that name and the settings name none of these tasks,
+    UnknownName or WorldError for a world that no task has.
     """
     resolved = config.load(flags)
     settings, sources = resolved.config, resolved.sources
     if not settings.is_simulated or _rank(resolved, sources["world"]) <= _rank(resolved, sources["task"]):
         return resolved
-    from sim.lab.world import tasks_of_world
+    from sim.lab.world import load_world, tasks_of_world
+    from sim.tasks import get_task
 
     tasks = tasks_of_world(settings.world)
-    if not tasks or settings.task in tasks:
-        return resolved
-    if len(tasks) > 1:
+    if not tasks:
+        load_world(settings.world, get_task(settings.task))
+    if len(tasks) != 1:
+        if settings.task in tasks:
+            return resolved
         raise UsageError(f"--world {settings.world}: there is one for {' and one for '.join(tasks)}; add --task")
     chosen = settings.model_copy(update={"task": tasks[0]})
     return replace(resolved, config=chosen, sources={**sources, "task": f"world {settings.world}"})

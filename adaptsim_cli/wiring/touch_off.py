@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from adaptsim_cli.config import Config, Places
-from adaptsim_cli.devices.drivers import Drivers
+from adaptsim_cli.devices.lab import Drivers
 from adaptsim_cli.devices.mounted import weighed, workcell, written
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.rig_file.description import RigDescription, TablePart

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from adaptsim_cli import app
-from adaptsim_cli.devices import drivers
+from adaptsim_cli.devices import lab
 from hw.errors import DeviceUnavailable
 from hw.franka.arm import FrankaArm, franka
 from hw.franka.messages import Timing
@@ -89,14 +89,14 @@ class SocketCamera:
 
 
 def main(folder: str, *arguments: str) -> int:
-    def arm(cell: Workcell, settings: Any, **more: Any) -> FrankaArm:
-        return franka(cell, settings, PATIENT, **more)
+    def arm(cell: Workcell, settings: Any, pedal: Any) -> FrankaArm:
+        return franka(cell, settings, PATIENT, pedal=pedal)
 
-    def camera(part: Any, *, infrared: bool) -> SocketCamera:
+    def camera(part: Any, infrared: bool) -> SocketCamera:
         return SocketCamera(Path(folder) / "camera.sock", infrared=infrared)
 
-    devices = replace(drivers.makers_drivers(), arm=arm, camera=camera)
-    drivers.makers_drivers = lambda: devices
+    devices = replace(lab.makers_drivers(), arm=arm, camera=camera)
+    lab.makers_drivers = lambda: devices
     return app.run(arguments)
 
 

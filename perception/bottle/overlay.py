@@ -10,7 +10,7 @@ from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.bottle.detection import BottleDetection
 from perception.cylinder import Cylinder
-from perception.geometry import project
+from perception.geometry import place, project
 
 _MARK_RGB, _FOUND_RGB, _GOAL_RGB = (70, 130, 255), (30, 220, 60), (255, 60, 60)
 _SHIFT = 4  # OpenCV draws at 1/16 px
@@ -48,12 +48,12 @@ def overlay(
     _line(image, disc, _GOAL_RGB, thick)
     _line(image, _fixed(seen(_ring(goal_m, _NEAR_M))), _GOAL_RGB, thick)
     _line(image, _fixed(seen(_ring(mark_m, body.radius_m))), _MARK_RGB, thick)
-    _label(image, seen(_at(goal_m, 0.0))[0], f"goal {_millimetres(goal_m)}", _GOAL_RGB, thick)
+    _label(image, seen(_at(goal_m, 0.0))[0], f"goal: {place(goal_m)}", _GOAL_RGB, thick)
     if detection is not None:
         outline = cv2.convexHull(seen(_rims(detection)).astype(np.float32)).reshape(-1, 2)
         _line(image, _fixed(np.concatenate([outline, outline[:1]])), _FOUND_RGB, thick)
         corner = np.array([outline[:, 0].max(), outline[:, 1].min()])
-        _label(image, corner, f"bottle {_millimetres(detection.xy_m)}", _FOUND_RGB, thick, beside_px=6)
+        _label(image, corner, f"bottle: {place(detection.xy_m)}", _FOUND_RGB, thick, beside_px=6)
     return image
 
 
@@ -69,10 +69,6 @@ def _ring(xy_m: Array, radius_m: float) -> Array:
 
 def _at(xy_m: Array, z_m: float) -> Array:
     return np.array([[xy_m[0], xy_m[1], z_m]])
-
-
-def _millimetres(xy_m: Array) -> str:
-    return f"{1e3 * xy_m[0]:.0f}, {1e3 * xy_m[1]:+.0f} mm"
 
 
 def _fixed(uv: Array) -> NDArray[np.int32]:

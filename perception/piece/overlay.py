@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
-from perception.geometry import Area, project
+from perception.geometry import Area, place, project
 from perception.piece.detection import PieceDetection
 
 _AREA_RGB, _FOUND_RGB, _TARGET_RGB = (70, 130, 255), (30, 220, 60), (255, 60, 60)
@@ -39,7 +39,7 @@ def overlay(
     if detection is not None:
         cv2.polylines(image, [np.rint(detection.contour_px).astype(np.int32)], True, _FOUND_RGB, thick)
         u, v = np.rint(project(model.colour, X_CB, detection.centre_m)[0]).astype(int)
-        label = f"{1e3 * detection.xy_m[0]:.0f}, {1e3 * detection.xy_m[1]:.0f} mm"
+        label = place(detection.xy_m)
         scale = 0.45 * thick
         at = (int(u) + 14 * thick, int(v) - 8 * thick)
         cv2.putText(image, label, at, cv2.FONT_HERSHEY_SIMPLEX, scale, (0, 0, 0), thick + 2, cv2.LINE_AA)

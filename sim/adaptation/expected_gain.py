@@ -38,10 +38,11 @@ _OTHER_STD = 0.05
 """What reality adds to an end state, in the unit of end states."""
 
 
-def outlook(reality: Reality, for_e: SolvedPolicy, optimism: Array) -> ExpectedGain:
+def outlook(reality: Reality, for_e: SolvedPolicy, optimism: Array, *, untried: bool) -> ExpectedGain:
     """The outlook by `reality`; `for_e` is the simulator's policy for the parameters shown beside it.
 
     `optimism` (n,) are the standard deviations that the particles of the next iteration add to the expected reward.
+    `untried`: see `ExpectedGain`.
     """
     task, answers = reality.simulators.task, reality.answers
     n = CONTEXTS if len(task.context) else 1
@@ -59,6 +60,7 @@ def outlook(reality: Reality, for_e: SolvedPolicy, optimism: Array) -> ExpectedG
         gain=max(0.0, float(gains.mean())),
         likely=float((gains > WORTHWHILE).mean()),
         failures=_failures(reality),
+        untried=untried,
         correction=off.mean(axis=0),
         correction_std=off.std(axis=0),
     )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.method import Best, ExpectedGain, Forecasting, Iteration, Method, OwnPolicies
+from sim.adaptation.method import LEAST_CHANCE, Best, ExpectedGain, Forecasting, Iteration, Method, OwnPolicies
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
 from sim.solvers.misfit import misfit
 from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy, policy_for
@@ -92,6 +92,8 @@ def judge(
     found = [Reason.INEXPRESSIBLE] if 2 * strange > len(trials) else []
     if ahead is not None and ahead.has_only_failed:
         found.append(Reason.FAILURES)
+    if ahead is not None and ahead.untried and not ahead.hopeless and ahead.likely < LEAST_CHANCE:
+        found.append(Reason.UNTRIED)
     return Verdict(
         kind=_by_parameters(task, history, best, bool(found)) if ahead is None else _by_forecast(ahead),
         reasons=tuple(found) if ahead is not None or len(trials) >= LEAST_TRIALS else (),

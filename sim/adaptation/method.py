@@ -83,13 +83,14 @@ class ExpectedGain:
     gain: float  # expected gain of reward by one more iteration
     likely: float  # probability that this gain exceeds `WORTHWHILE`
     failures: int  # trials without reward since the last one with some
+    untried: bool  # no trial has tried a policy like the one that the session would end with
     correction: Array  # (a,) in units: mean difference between its actions and those of `for_e`
     correction_std: Array  # (a,) standard deviation over contexts
 
     @property
     def done(self) -> bool:
-        """Whether another iteration is not worth its trials."""
-        return self.hopeless or self.likely < LEAST_CHANCE
+        """Whether another iteration is not worth its trials. A policy that nobody has tried is never enough."""
+        return self.hopeless or (self.likely < LEAST_CHANCE and not self.untried)
 
     @property
     def hopeless(self) -> bool:

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 from sim.adaptation.checkpoint import Checkpoint
@@ -56,7 +58,12 @@ class Posterior:
         """(len(levels), p) in units, parameter by parameter. Levels lie in [0, 1]."""
         if not all(0.0 <= level <= 1.0 for level in levels):
             raise ValueError(f"levels {list(levels)}: each lies in [0, 1]")
-        return np.stack([_quantiles(column, self.weights, levels) for column in self.samples.T], axis=-1)
+        columns = zip(self.samples.T, self._order.T, strict=True)
+        return np.stack([_quantiles(column[order], self.weights[order], levels) for column, order in columns], axis=-1)
+
+    @cached_property
+    def _order(self) -> NDArray[np.intp]:
+        return np.argsort(self.samples, axis=0)
 
     def draw(self, n: int, rng: np.random.Generator) -> Array:
         """(n, p) in units, drawn with these weights."""
@@ -65,18 +72,25 @@ class Posterior:
 
 def posterior(belief: Belief, history: Sequence[Iteration]) -> Posterior:
     """The posterior after all trials of `history`; without any, the prior."""
-    return Posterior(belief.expectations.task.margin, belief.prospects.truths, belief.weights(history))
+    return posterior_after_each(belief, history)[-1]
+
+
+def posterior_after_each(belief: Belief, history: Sequence[Iteration]) -> tuple[Posterior, ...]:
+    """The prior, and the posterior after each iteration of `history`."""
+    space, truths = belief.expectations.task.margin, belief.prospects.truths
+    return tuple(Posterior(space, truths, weights) for weights in belief.weights_after_each(history))
 
 
 def predicted(expectations: Expectations, parameters: Array, context: Array, action: Array) -> Array:
-    """(N, M, k) expected states, in units, of one trial for parameters (N, p), at the times of the task's observation.
+    """(N, M, k) expected states, in units, of trials for parameters (N, p), at the times of the task's observation.
 
+    The trials have contexts (N, c) and actions (N, a), or one context (c,) and action (a,) for all.
     Nuisance and action error are in the middle of their ranges; no camera noise.
     """
     task, n = expectations.task, len(parameters)
     middle = task.nuisance.denormalise(np.full((n, len(task.nuisance)), 0.5))
-    there = expectations.trajectories(parameters, np.tile(action, (n, 1)), middle)
-    return task.observation.denormalise(task.relocate(there, np.tile(context, (n, 1))))
+    there = expectations.trajectories(parameters, np.broadcast_to(action, (n, len(task.action))), middle)
+    return task.observation.denormalise(task.relocate(there, np.broadcast_to(context, (n, len(task.context)))))
 
 
 @dataclass(frozen=True)
@@ -116,8 +130,7 @@ def _earned(expectations: Expectations, targets: Array, contexts: Array, policy:
 
 
 def _quantiles(values: Array, weights: Array, levels: Sequence[float]) -> Array:
-    """For each level, the smallest value up to which that share of the weight lies."""
-    order = np.argsort(values)
-    reached = np.cumsum(weights[order])
+    """For each level, the smallest of the sorted values up to which that share of the weight lies."""
+    reached = np.cumsum(weights)
     at = np.searchsorted(reached, np.asarray(levels) * reached[-1] - 1e-12)
-    return np.asarray(values[order][np.minimum(at, len(values) - 1)])
+    return np.asarray(values[np.minimum(at, len(values) - 1)])

@@ -27,6 +27,7 @@ class Reason(StrEnum):
 
     INEXPRESSIBLE = "inexpressible"  # most trajectories lie outside of what any parameters in the ranges predict
     FAILURES = "failures"  # many trials in a row earned nothing
+    UNTRIED = "untried"  # little is to gain, but no trial has tried a policy like this one
 
 
 class Verdict(BaseModel):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from importlib import import_module
 from typing import Any, Literal
 
+from hw.types import Array
 from sim.errors import ExtraMissing, OutOfRange
 from sim.tasks import get_task
 from sim.tasks.task import Simulate, Task
@@ -50,12 +52,22 @@ def simulate_of(task_name: str, physics: Physics) -> Simulate:
     """`Task.simulate`, or the same in a foreign physics. Raises ExtraMissing if that is not installed."""
     if physics == "drake":
         return get_task(task_name).simulate
+    simulate: Simulate = _module(task_name, f'a world with physics = "{physics}"').simulate
+    return simulate
+
+
+def mjcf_of(task_name: str) -> Callable[[Any, Array, Array], str]:
+    """Writes the MuJoCo scene of a trial: (course, parameters, nuisance) -> MJCF. Raises OutOfRange, ExtraMissing."""
+    if task_name not in _MUJOCO:
+        raise OutOfRange(f"a scene in MuJoCo exists for {' and '.join(_MUJOCO)}, not for {task_name}")
+    write: Callable[[Any, Array, Array], str] = _module(task_name, "a scene in MuJoCo").mjcf
+    return write
+
+
+def _module(task_name: str, what: str) -> Any:
     try:
-        simulate: Simulate = import_module(_MUJOCO[task_name]).simulate
+        return import_module(_MUJOCO[task_name])
     except ModuleNotFoundError as error:
         if error.name is None or error.name.split(".")[0] != "mujoco":
             raise
-        raise ExtraMissing(
-            f'a world with physics = "{physics}" needs the package mujoco: pip install "adaptsim[mujoco]"'
-        ) from error
-    return simulate
+        raise ExtraMissing(f'{what} needs the package mujoco: pip install "adaptsim[mujoco]"') from error

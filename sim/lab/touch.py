@@ -13,7 +13,7 @@ from hw.braking import brake
 from hw.collision import KeepOut
 from hw.contact import TORQUE_NOISE_NM, Detector
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
-from hw.fake.hand import FakeHand
+from hw.grasping import FakeHand
 from hw.guarding import require_guarded
 from hw.kinematics import forward
 from hw.types import PATH_RATE_HZ, ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array

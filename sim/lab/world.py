@@ -100,10 +100,12 @@ class World:
 
 def list_worlds(task: Task) -> tuple[str, ...]:
     """Names of the worlds that ship with `task`, sorted."""
-    folder = files_of(task.name, "worlds")
-    if not folder.is_dir():
-        return ()
-    return tuple(sorted(Path(f.name).stem for f in folder.iterdir() if f.name.endswith(".toml")))
+    return _worlds(task.name)
+
+
+def _worlds(task: str) -> tuple[str, ...]:
+    folder = files_of(task, "worlds")
+    return tuple(sorted(file.stem for file in folder.glob("*.toml")))
 
 
 def shipped_worlds(task: Task, physics: Physics = "drake") -> tuple[World, ...]:
@@ -123,7 +125,7 @@ def tasks_of_world(name_or_path: str) -> tuple[str, ...]:
         except (OSError, Unreadable):
             return ()
         return (named,) if isinstance(named, str) else ()
-    return tuple(task for task in task_names() if (files_of(task, "worlds") / f"{name_or_path}.toml").is_file())
+    return tuple(task for task in task_names() if name_or_path in _worlds(task))
 
 
 def load_world(name_or_path: str, task: Task) -> World:
@@ -138,18 +140,16 @@ def load_world(name_or_path: str, task: Task) -> World:
         return _parse(path.read_bytes(), path.stem, str(path), task)
     known = list_worlds(task)
     if name_or_path not in known:
+        tasks = tasks_of_world(name_or_path)
+        whose = f", but for {' and '.join(tasks)} (--task {tasks[0]})" if tasks else ""
+        others = [world for other in task_names() for world in _worlds(other)]
+        near = "" if tasks else did_you_mean(name_or_path, known) or did_you_mean(name_or_path, set(others))
         raise UnknownName(
-            f"no world {name_or_path!r} for {task.name}{_whose(name_or_path)}; there are {', '.join(known) or 'none'}; "
-            f"a file of your own is named by its path, ending in .toml{did_you_mean(name_or_path, known)}"
+            f"no world {name_or_path!r} for {task.name}{whose}; there are {', '.join(known) or 'none'}; "
+            f"a file of your own is named by its path, ending in .toml{near}"
         )
     name = f"{name_or_path}.toml"
     return _parse((files_of(task.name, "worlds") / name).read_bytes(), name_or_path, f"world {name_or_path}", task)
-
-
-def _whose(name: str) -> str:
-    """The tasks that have a world of this name."""
-    tasks = [task for task in task_names() if (files_of(task, "worlds") / f"{name}.toml").is_file()]
-    return f", but for {' and '.join(tasks)} (--task {tasks[0]})" if tasks else ""
 
 
 class _Strict(BaseModel):

@@ -213,6 +213,9 @@ class Hardware:
     """Whether the tool carries the object home, so that the way there must be gentle."""
     touchable: Touchable | None = None  # how its tool finds the table by touch; None: not possible
     parts: Callable[[], tuple[Part, ...]] = tuple  # what a lab prints for it; raises ExtraMissing
+    course: Callable[[ToolMotion, Array, Array, Any], Any] | None = None
+    """(motion, X_BO, nuisance, unmodelled) -> a rollout without its physics (`sim.tasks.shared.readings.Course`), from
+    which a scene is exported; None: not possible."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,8 +82,7 @@ def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(
     shown = printed(capfd, "sessions show", "s")
     assert [t["trial"] for t in shown["trials"]] == [1, 2]
     printed(capfd, "sessions verify", "s")
-    printed(capfd, "sessions note", "s", "a note")
-    printed(capfd, "sessions tag", "s", "paper")
+    assert printed(capfd, "sessions mark", "s", "--note", "a note", "--tag", "paper")["tags"] == ["paper"]
     policy = printed(capfd, "sessions policy", "s")
     assert policy["quantities"]["action"][0]["unit"] == iteration["units"][policy["quantities"]["action"][0]["name"]]
     printed(capfd, "sessions export", "s", "--format", "csv")
@@ -98,8 +97,8 @@ def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(
     assert app.run(["sessions", "show", "s"]) == 0
     assert "adaptsim sessions accept s 2" in capfd.readouterr().out
     assert printed(capfd, "sessions accept", "s", "2")["attempt"] == 1
-    printed(capfd, "sessions archive", "other")
-    printed(capfd, "sessions restore", "other")
+    printed(capfd, "sessions mark", "other", "--archive")
+    printed(capfd, "sessions mark", "other", "--restore")
     printed(capfd, "sessions prune", "other", "--yes")
     printed(capfd, "sessions delete", "other", "--yes")
     damaged = tmp_path / "data/sessions/s/session.toml"

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import results
 from documents import ROOT
@@ -29,38 +28,36 @@ def test_the_short_form_runs_from_nothing_and_continues(tmp_path: Path, monkeypa
         assert done.returncode == 0, done.stderr
     page = (tmp_path / "methods.md").read_text()
     assert "## Pendulum" in page
-    line, curve = [line for line in page.splitlines() if line.startswith("| `adaptsim` |")]
-    assert 0.5 < float(line.split("|")[2].strip(" *")) <= 1.0
+    line = next(line for line in page.splitlines() if line.startswith("| `adaptsim` |"))
+    _, _, sessions, reward, _, curve, _ = line.split("|")
+    assert int(sessions) == 1
+    assert 0.5 < float(reward.strip(" *")) <= 1.0
     assert len(curve.split(",")) == 3
-    assert "| `adaptsim` minus | Table A2 (2 worlds) |" in page
     assert "benchmark --task pendulum --targets wd,ood-1" in page
+    assert len(results.read(tmp_path / "sessions.csv")) == 10
 
 
-def test_groups_and_cells() -> None:
-    def row(world: str, kind: str = "named", reward: float = 0.5) -> dict[str, object]:
-        return {"set": kind, "target": world, "method": "udr", "reward": reward, "seed": 0}
-
-    assert [results.group_of(row(w)) for w in ("wd", "soft-cheese", "oreo")] == ["Table A2", "selected", "foods"]
-    assert results.group_of(row("drawn-2-3", "drawn")) == "drawn"
-    rows = [row("a", "drawn", 0.2), row("a", "drawn", 0.4), row("b", "drawn", 1.0)]
-    assert results.by_world(rows, "udr", "drawn") == [[0.2, 0.4], [1.0]]
-    assert results.cell([[0.2, 0.4], [1.0]], 0.65, is_limit=False) == "**0.650**"
-    assert results.cell([[0.2, 0.4], [1.0]], 0.65, is_limit=True) == "0.650"
-    assert results.cell([[0.5], [0.5], [0.5]], 0.9, is_limit=False) == "0.500 (0.50 to 0.50)"
-    assert results.cell([], 0.9, is_limit=False) == "–"
+def test_a_reward_is_bold_where_it_is_the_best_of_the_methods() -> None:
+    earned = results.by_world([session("a", 0.2), session("a", 0.4, seed=1), session("b", 1.0)], "udr")
+    assert earned == {"a": {0: 0.2, 1: 0.4}, "b": {0: 1.0}}
+    assert results.reward(earned, 0.65, is_limit=False) == "**0.650**"
+    assert results.reward(earned, 0.65, is_limit=True) == "0.650"
 
 
-def test_a_lead_is_paired_and_names_its_least_world() -> None:
-    told = results.lead(np.array([0.1, -0.2, 0.4]), ["wd", "ood-1", "ood-2"])
-    assert told.startswith("+0.100 (")
-    assert told.endswith("; -0.20 in ood-1")
+def test_a_lead_is_paired_by_world_and_seed_and_names_its_least_world() -> None:
+    ours = {"a": {0: 0.5, 1: 0.9}, "b": {0: 0.2, 1: 0.2}}
+    assert results.lead(ours, {"a": {0: 0.4}, "b": {0: 0.4}}) == "-0.050; -0.20 in b"
 
 
-def test_only_whole_sets_are_compared() -> None:
-    def row(method: str, target: str, reward: float) -> dict[str, object]:
-        return {"method": method, "set": "drawn", "target": target, "seed": 0, "reward": reward, "curve": [[2, 0.0]]}
+def test_only_whole_sets_are_compared_and_the_page_comes_from_the_table(tmp_path: Path) -> None:
+    part = results.SHORT[0]
+    methods = [("adaptsim", "a"), ("adaptsim", "b"), ("random", "a"), ("udr", "a"), ("udr", "b")]
+    table = tmp_path / "sessions.csv"
+    results.write(table, [session(world, 0.5, method) for method, world in methods])
+    page = results.written([part], results.read(table), short=True)
+    assert "| `udr` |" in page
+    assert "| `random` |" not in page
 
-    rows = [row("adaptsim", "a", 0.5), row("adaptsim", "b", 0.7), row("random", "a", 0.1), row("udr", "a", 0.4)]
-    lines = results.paired([*rows, row("udr", "b", 0.4)])
-    assert "| `random` | – |" in lines
-    assert any(line.startswith("| `udr` | +0.200 (") for line in lines)
+
+def session(world: str, reward: float, method: str = "udr", seed: int = 0) -> results.Session:
+    return results.Session("pendulum", world, method, seed, reward, ((2, 0.1), (4, reward)))

@@ -59,7 +59,7 @@ def trials(home_folder: Path) -> list[str]:
         (["--task", "pushing", "--action", "sped=0.5"], "did you mean speed? write name=value, e.g. yaw=0"),
         (["--task", "pushing", "--action", "speed=fast"], "'fast' is not a number"),
         (["--task", "pushing", "--param", "y_p=0.2"], "y_p [m] = 0.2 lies outside of [-0.1, 0.1]"),
-        (["--task", "pushing", "--world", "moon"], "no world 'moon' for pushing; there are far-patch"),
+        (["--task", "pushing", "--world", "moon"], "no world 'moon' for pushing; there are half-full"),
         (["--task", "pendulum", "--action", "k11=1000"], "k11 [N m/rad] = 1000 lies outside of [0, 160]"),
         (["--task", "pendulum", "--hw", "fr3"], "pendulum runs in simulation only, so no arm can execute it"),
     ],

@@ -24,7 +24,7 @@ from documents import PAGES, ROOT, commands, read
 from adaptsim_cli import app
 
 PROGRAM: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
-SESSION = "scooping-oreo-adaptsim-seed0"
+SESSION = "scooping-oreo"
 OTHER = "scooping-ood-1-udr-seed0"
 STANDS_FOR = {"SESSION": SESSION, "A": SESSION, "B": OTHER, "FIRST": "1", "SECOND": "2", "TEXT": "text"}
 STANDS_FOR |= {"VIEWS": "my-views", "COMMAND": "run-iteration"}
@@ -54,8 +54,7 @@ LAST = (
     r" accept",
     r" amend",
     r" prune",
-    r" archive",
-    r" sessions restore",
+    r" mark",
     r" --own-cal",
     r" init",
     r" delete",

@@ -171,7 +171,7 @@ def test_a_program_killed_half_way_leaves_the_arm_at_rest_and_its_completed_tria
 
 def test_ctrl_c_brakes_the_arm_and_spends_the_attempt(drill: Drill) -> None:
     ended = drill.run(at_first("approach", lambda command: drill.arm.at(AT_S, lambda: command.signal(signal.SIGINT))))
-    told(ended, 130, "interrupted; everything completed is stored")
+    told(ended, 130, "interrupted on the way there: the arm brakes and stays there")
     assert braked(stands(drill))
     goes_on(drill)
     assert drill.completed() == {}

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 from toy_session import run
 
-from adaptsim_cli.session import episodes, exporting, rerun_file, whole
+from adaptsim_cli.session import episodes, exporting, replaying, whole
 from adaptsim_cli.session.store import SessionStore, rows, trials_of
+from adaptsim_cli.wiring.scene import files_of
 
 pytestmark = pytest.mark.extra
 
@@ -34,6 +35,7 @@ last = data[len(data) - 1]
 print(json.dumps({
     "frames": len(data), "episodes": data.num_episodes, "fps": data.fps,
     "shapes": {name: list(value.shape) for name, value in last.items() if hasattr(value, "shape")},
+    "least": data.meta.stats["action"]["min"].tolist(),
     "reward": float(last["next.reward"]), "done": bool(last["next.done"]), "task": last["task"],
 }))
 """
@@ -71,7 +73,7 @@ def test_in_rerun_depth_is_depth_and_the_arm_moves(store: SessionStore, tmp_path
     played = trial.stored.execution  # the toy's arm rests: here it turns about its base
     turned = played.q_measured_rad + np.outer(np.linspace(0.0, 0.5, len(played.t_s)), np.eye(7)[0])
     moving = replace(trial, stored=replace(trial.stored, execution=replace(played, q_measured_rad=turned)))
-    file = exporting.written(tmp_path / "moving.rrd", rerun_file.encode(moving))
+    file = exporting.written(tmp_path / "moving.rrd", replaying.rerun_file(moving))
     depth = "/base/camera/depth_camera/image"
     assert "DepthImage:buffer" in components(file, depth)
     assert {meter for row in values(file, depth, "DepthImage:meter") for meter in row} == {1000.0}
@@ -83,7 +85,7 @@ def test_in_rerun_depth_is_depth_and_the_arm_moves(store: SessionStore, tmp_path
 
 
 def test_rerun_reads_the_mcap_file_itself(store: SessionStore, tmp_path: Path) -> None:
-    file, *_ = exporting.export(store, "mcap", tmp_path)
+    file, *_ = exporting.export(store, "mcap", tmp_path, files_of)
     out = tmp_path / "converted.rrd"
     subprocess.run([sys.executable, "-m", "rerun", "mcap", "convert", str(file), "-o", str(out)], check=True)
     assert "DepthImage:buffer" in components(out, "/camera/depth")
@@ -93,7 +95,7 @@ def test_rerun_reads_the_mcap_file_itself(store: SessionStore, tmp_path: Path) -
 def test_a_parquet_table_has_names_units_and_every_trial(store: SessionStore, tmp_path: Path) -> None:
     import pyarrow.parquet as pq  # noqa: PLC0415 - collected without the extra too
 
-    (file,) = exporting.export(store, "parquet", tmp_path / "t.parquet")
+    (file,) = exporting.export(store, "parquet", tmp_path / "t.parquet", files_of)
     found = pq.read_table(file)
     assert found.to_pylist() == rows(store)
     assert found.schema.metadata[b"unit of duration_s"] == b"s"
@@ -113,6 +115,7 @@ def test_lerobot_loads_the_data_set(store: SessionStore, tmp_path: Path) -> None
     assert found["fps"] == episodes.CAMERA_FPS
     assert found["shapes"]["observation.state"] == found["shapes"]["action"] == [7]
     assert found["shapes"][episodes.IMAGE][0] == 3
+    assert len(found["least"]) == 7
     assert found["reward"] == pytest.approx(trials[-1].reward)
     assert found["done"]
     assert found["task"] == store.facts.title

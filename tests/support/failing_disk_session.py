@@ -17,7 +17,7 @@ from adaptsim_cli.session import running
 from adaptsim_cli.session.keeping import verify
 from adaptsim_cli.session.store import TRIAL, SessionStore
 
-NAME = "toy-wd-adaptsim-seed0"
+NAME = "toy-wd"
 VOLATILE = {"timing_s", "proposal_s", "started", "created", "at", "checksums", "summary_sha256", "sealed"}
 
 
@@ -25,7 +25,7 @@ class ToySession:
     def run(self, home: Path) -> None:
         with Path(os.devnull).open("w") as nothing:
             vars(console)["CleanConsole"] = lambda **_: Console(file=nothing)
-            request = running.SessionRequest(None, frozenset(), iterations=1, yes=True)
+            request = running.SessionRequest(None, frozenset({"task"}), iterations=1, yes=True)
             settings = config.load({"task": "toy", "particles": 1}, {"ADAPTSIM_HOME": str(home)}, home)
             running.run_session(settings, request, opener(ToyLab(7)), page.write)
 

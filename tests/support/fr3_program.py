@@ -21,7 +21,7 @@ from dataclasses import replace
 from typing import Any, Self
 
 from adaptsim_cli import app
-from adaptsim_cli.devices import drivers, real
+from adaptsim_cli.devices import lab, real
 from hw.around import AroundArm
 from hw.errors import CameraError
 from hw.franka.arm import FrankaArm, franka
@@ -149,11 +149,11 @@ class Placing(LabBench):
 def main(cue_fd: str, world: str, *arguments: str) -> int:
     shown, cue = Shown(world, 0), os.fdopen(int(cue_fd), "r+b", buffering=0)
 
-    def arm(cell: Workcell, settings: Any, **more: Any) -> ShownArm:
-        return ShownArm(franka(cell, settings, PATIENT, **more), shown, cue)
+    def arm(cell: Workcell, settings: Any, pedal: Any) -> ShownArm:
+        return ShownArm(franka(cell, settings, PATIENT, pedal=pedal), shown, cue)
 
-    devices = replace(drivers.makers_drivers(), arm=arm, camera=lambda part, *, infrared: ShownCamera(shown))
-    drivers.makers_drivers = lambda: devices
+    devices = replace(lab.makers_drivers(), arm=arm, camera=lambda part, infrared: ShownCamera(shown))
+    lab.makers_drivers = lambda: devices
     pedal_protocol.SILENCE_S = SILENCE_S
     vars(real)["Person"] = lambda: Placing(shown)
     return app.run(arguments)

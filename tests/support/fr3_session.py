@@ -54,7 +54,6 @@ side = "left"
 """
 START = "Enter to start, q to stop, ? explains:"
 ANSWERS = {
-    "There is no session s yet. Enter to begin it, q to stop, ? explains:": "",
     "Your name goes into the record:": "Kim",
     "Type fr3 to confirm, q to stop, ? explains:": "fr3",
     "Type recover to clear it, Enter to leave it, q to stop, ? explains:": "recover",

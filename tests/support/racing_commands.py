@@ -34,10 +34,11 @@ from adaptsim_cli.session.keeping import archive_of, verify
 from adaptsim_cli.session.store import SessionStore
 from sim.storage.files import TEMPORARY
 
-NOTE = ("sessions", "note", "s", "the lamp was moved")
-TAG = ("sessions", "tag", "s", "paper")
+NOTE = ("sessions", "mark", "s", "--note", "the lamp was moved")
+TAG = ("sessions", "mark", "s", "--tag", "paper")
 REDO = ("sessions", "redo", "s", "1", "--reason", "it was pushed by hand")
-ARCHIVE, RESTORE = ("sessions", "archive", "s"), ("sessions", "restore", "s")
+ARCHIVE = ("sessions", "mark", "s", "--archive")
+RESTORE = ("sessions", "mark", "s", "--restore")
 DELETE = ("sessions", "delete", "s", "--yes")
 VERIFY = ("sessions", "verify", "s")
 PRUNE = ("sessions", "prune", "s", "--yes")
@@ -98,7 +99,7 @@ class Homes:
                 done(home, command)
                 self.took_s[command] = time.monotonic() - began_s
             carry_on(home)
-            ends[end_of(home)] = ", then ".join(" ".join(command[:2]) for command in order)
+            ends[end_of(home)] = ", then ".join(" ".join(command) for command in order)
             shutil.rmtree(home)
         return ends
 
@@ -196,7 +197,7 @@ def main(root: Path, races: int) -> None:
         late_s = reach_s * rng.random() ** 3  # mostly close together
         delays_s = [0.0, late_s] if rng.random() < 0.5 else [late_s, 0.0]
         outcome = run(race, home, delays_s)
-        outcome |= {"before": race.before, "race": [" ".join(command[:2]) for command in race.commands]}
+        outcome |= {"before": race.before, "race": [" ".join(command) for command in race.commands]}
         outcome["end"] = ends[race].get(outcome["end"])
         sys.stdout.write(json.dumps(outcome) + "\n")
         sys.stdout.flush()

@@ -14,7 +14,7 @@ import pytest
 from rich.console import Console
 
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.devices.drivers import Drivers
+from adaptsim_cli.devices.lab import Drivers
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.wiring import calibration as wiring_calibration
@@ -190,17 +190,17 @@ class ToyDevices:
 
         return replace(self.drivers(), arm=stopped)
 
-    def _arm(self, cell: Workcell, settings: Any, *, pedal: Any) -> FakeGuardedArm:
+    def _arm(self, cell: Workcell, settings: Any, pedal: Any) -> FakeGuardedArm:
         self._open("arm", cell=cell, settings=settings, pedal=pedal)
         self.arm = FakeArm(self.q_rad, FakeClock(), cell)
         self.feeling = FakeGuardedArm(self.arm, self.plane)
         return self.feeling
 
-    def _hand(self, model: str, host: str, *, pedal: Any) -> FakeHand:
+    def _hand(self, model: str, host: str, pedal: Any) -> FakeHand:
         self._open("hand", model=model, host=host, pedal=pedal)
         return self.hand
 
-    def _camera(self, part: Any, *, infrared: bool) -> FakeCamera:
+    def _camera(self, part: Any, infrared: bool) -> FakeCamera:
         self._open("camera", part=part, infrared=infrared)
         return FakeCamera(MODEL, DARK, lambda _: (DARK,))
 

@@ -17,11 +17,11 @@ from adaptsim_cli.report import page
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import running
 from adaptsim_cli.session.flow import RunningSession
-from adaptsim_cli.session.operator import Accept, Choices, Operator, Proposal, Review, Unattended
+from adaptsim_cli.session.operator import Choices, Operator, Proposal, Review, Unattended
 from adaptsim_cli.session.records import RunTrial, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 
-NAME = "toy-wd-adaptsim-seed0"
+NAME = "toy-wd"
 
 
 @dataclass
@@ -43,7 +43,7 @@ class ScriptedOperator:
         self.before_motion(proposal)
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
-        return self.reviews.pop(0) if self.reviews else Accept()
+        return self.reviews.pop(0) if self.reviews else Review()
 
     def try_again(self, stage: RunTrial) -> bool:
         self.asked.append(f"again {stage.key.number}.{stage.key.attempt}")
@@ -57,7 +57,7 @@ def resolved(home: Path, **flags: object) -> config.Resolved:
 def run(home: Path, lab: ToyLab | None = None, *, iterations: int = 1, **flags: object) -> SessionStore:
     """`run-iteration --yes` on the toy rig, in this process."""
     settings = resolved(home, **flags)
-    request = running.SessionRequest(None, frozenset(), iterations, yes=True)
+    request = running.SessionRequest(None, frozenset({"task"}), iterations, yes=True)
     path = running.run_session(settings, request, opener(lab or ToyLab(settings.config.seed)), page.write)
     return SessionStore.open(settings.places.sessions, path.parent.name)
 

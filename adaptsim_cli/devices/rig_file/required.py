@@ -49,6 +49,10 @@ def gaps(rig: RigDescription, tool: str) -> tuple[Gap, ...]:
 
 def in_words(found: tuple[Gap, ...]) -> str:
     """The gaps in one sentence, with the line that waives them."""
-    said = "; ".join(f"{gap.message}: {gap.remedy}" for gap in found)
+    return "; ".join(f"{gap.message}: {gap.remedy}" for gap in found) + waiving(found)
+
+
+def waiving(found: tuple[Gap, ...]) -> str:
+    """The line that waives the gaps, as the end of a sentence."""
     names = ", ".join(f'"{gap.what}"' for gap in found)
-    return f"{said}. To go without: waived = [{names}], which every trial records"
+    return f". To go without: waived = [{names}], which every trial records"

@@ -10,8 +10,7 @@ import numpy as np
 
 from adaptsim_cli.session.store import FACTS, SessionStore, trials_of
 from adaptsim_cli.wiring.recorded import mcap, tables
-from adaptsim_cli.wiring.recorded.manifest import MANIFEST, Manifest, read_manifest
-from adaptsim_cli.wiring.recorded.raw import OUTCOME, RawTrial, checked
+from adaptsim_cli.wiring.recorded.manifest import MANIFEST, OUTCOME, Manifest, RawTrial, checked, read_manifest
 from sim.errors import RecordingsRefused
 from sim.rollouts.recorded import RecordedTrials, require_enough
 

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from adaptsim_cli.wiring.recorded.manifest import Mcap
-from adaptsim_cli.wiring.recorded.raw import RawTrial
+from adaptsim_cli.wiring.recorded.manifest import Mcap, RawTrial
 from hw.bounded import Unreadable, require_file
 from sim.errors import ExtraMissing, RecordingsRefused
 

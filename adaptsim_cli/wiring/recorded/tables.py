@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from adaptsim_cli.wiring.recorded.manifest import Tables
-from adaptsim_cli.wiring.recorded.raw import TIME, TRIAL, RawTrial
+from adaptsim_cli.wiring.recorded.manifest import TIME, TRIAL, RawTrial, Tables
 from hw.bounded import Unreadable, read_bytes
 from sim.errors import ExtraMissing, RecordingsRefused
 

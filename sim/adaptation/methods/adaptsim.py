@@ -108,8 +108,11 @@ class AdaptSim:
 
 
 def outlook_after(reality: Reality, for_e: SolvedPolicy, iterations: int, particles: int) -> ExpectedGain:
-    """The outlook after so many iterations with so many particles; see `outlook`."""
-    return outlook(reality, for_e, _optimism(reality, iterations, particles))
+    """The outlook after so many iterations with so many particles; see `outlook`.
+
+    The second iteration is the first that tries a policy chosen by trials.
+    """
+    return outlook(reality, for_e, _optimism(reality, iterations, particles), untried=iterations < 2)
 
 
 def _optimism(reality: Reality, iterations: int, particles: int) -> Array:

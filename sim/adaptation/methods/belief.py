@@ -88,11 +88,17 @@ class Belief:
 
     def weights(self, history: Sequence[Iteration]) -> Array:
         """(T,) probabilities of the candidate truths of `prospects`, given the trajectories."""
-        log = np.zeros(len(self.prospects.truths))
-        for trial in (t for iteration in history for seen in iteration for t in seen.trials):
-            log = log + self._log_likelihood(trial)
-        likely = np.exp(log - log.max())
-        return np.asarray(likely / likely.sum())
+        return self.weights_after_each(history)[-1]
+
+    def weights_after_each(self, history: Sequence[Iteration]) -> list[Array]:
+        """The same before the first iteration, and after each."""
+        log, found = np.zeros(len(self.prospects.truths)), list[Array]()
+        for iteration in ((), *history):
+            for trial in (t for seen in iteration for t in seen.trials):
+                log = log + self._log_likelihood(trial)
+            likely = np.exp(log - log.max())
+            found.append(np.asarray(likely / likely.sum()))
+        return found
 
     def estimate(self, history: Sequence[Iteration]) -> CandidateRewards:
         """The estimate for all candidates: Rasmussen & Williams 2006, eq.

@@ -1,13 +1,14 @@
 """The worlds of a benchmark by name.
 
 `develop` and `drawn` are forty worlds each, drawn by `sim.lab.drawn`, none discarded. Methods are developed on
-`develop`; `drawn` is for reported results. `named` are the shipped worlds, which were selected (because the policies of
-one checkpoint fail there, or by the paper). `mujoco` are the shipped worlds with a physics that training does not use.
-Any other name is that of one world, drawn ones included (`drawn-1-0`), or of a file.
+`develop`; `drawn` is for reported results. `drawn-3` are those of another seed. `named` are the shipped worlds.
+`mujoco` are the shipped worlds with a physics that training does not use. Any other name is that of one world, drawn
+ones included (`drawn-2-0`), or of a file.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -19,7 +20,6 @@ from sim.tasks.task import Task
 DRAWN = 40
 DEVELOP_SEED, REPORT_SEED = 0, 2
 DEVELOP, REPORT, NAMED, MUJOCO = "develop", "drawn", "named", "mujoco"
-DRAWN_SETS = (DEVELOP, REPORT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +35,9 @@ class BenchmarkWorld:
         return self.world.name
 
 
-def _drawn(seed: int) -> Callable[[Task], tuple[World, ...]]:
-    return lambda task: tuple(drawn_world(task, seed, number) for number in range(DRAWN))
-
-
 SETS: dict[str, Callable[[Task], tuple[World, ...]]] = {
-    DEVELOP: _drawn(DEVELOP_SEED),
-    REPORT: _drawn(REPORT_SEED),
+    DEVELOP: lambda task: _drawn(task, DEVELOP_SEED),
+    REPORT: lambda task: _drawn(task, REPORT_SEED),
     NAMED: shipped_worlds,
     MUJOCO: lambda task: shipped_worlds(task, "mujoco"),
 }
@@ -62,11 +58,18 @@ def targets_of(task: Task, names: Sequence[str]) -> tuple[BenchmarkWorld, ...]:
 def _meant(task: Task, name: str) -> tuple[BenchmarkWorld, ...]:
     if name in SETS:
         return tuple(BenchmarkWorld(name, world) for world in SETS[name](task))
-    for drawn in DRAWN_SETS:
-        if found := [world for world in SETS[drawn](task) if world.name == name]:
-            return (BenchmarkWorld(drawn, found[0]),)
+    drawn = re.fullmatch(r"drawn-(\d+)(?:-(\d+))?", name)
+    if drawn and int(drawn[2] or 0) < DRAWN:
+        seed, number = int(drawn[1]), drawn[2]
+        worlds = _drawn(task, seed) if number is None else (drawn_world(task, seed, int(number)),)
+        named = {DEVELOP_SEED: DEVELOP, REPORT_SEED: REPORT}.get(seed, f"drawn-{seed}")
+        return tuple(BenchmarkWorld(named, world) for world in worlds)
     try:
         world = load_world(name, task)
         return (BenchmarkWorld(MUJOCO if world.physics == "mujoco" else NAMED, world),)
     except UnknownName as error:
         raise UnknownName(f"{error}; sets of worlds are {', '.join(SETS)}") from error
+
+
+def _drawn(task: Task, seed: int) -> tuple[World, ...]:
+    return tuple(drawn_world(task, seed, number) for number in range(DRAWN))

@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.research.mujoco.contact import add_pair, set_softness
-from sim.research.mujoco.stepping import OBJECT, TOOL, add_carriage, new_scene, run, set_inertia
+from sim.research.mujoco.stepping import OBJECT, TOOL, add_carriage, new_scene, run, set_inertia, written
 from sim.tasks.pushing.mount import PLATE_HEIGHT_M, PLATE_THICKNESS_M, PLATE_WIDTH_M
 from sim.tasks.pushing.params import (
     ACTION,
@@ -43,7 +43,7 @@ from sim.tasks.pushing.scene import (
     SLOSH_RAD_S,
 )
 from sim.tasks.shared.carriage import Drive
-from sim.tasks.shared.readings import Readings
+from sim.tasks.shared.readings import Course, Readings
 from sim.types import ToolMotion
 
 STEP_S = 0.0005
@@ -53,6 +53,9 @@ _RINGS = ((1.0, 16, 1.0 / 3.0), (0.5, 8, 2.0 / 3.0))
 
 _POINT_M = 0.0005
 """Radius of a point."""
+
+STEP_UP_M = 1e-5
+"""Height of the patch in a file: a few times what the bottle sinks in, so that points on it do not touch the table."""
 
 _DISCS = 8
 BAND_M = BOTTLE_HEIGHT_M - BASE_HEIGHT_M
@@ -75,7 +78,7 @@ def readings(
 ) -> Readings:
     """The readings of the motion against a bottle at X_BO (4, 4)."""
     effects = unmodelled or Unmodelled()
-    course = course_of(motion, X_BO)
+    course = course_of(motion, X_BO, nuisance, unmodelled)
     model = scene(course.drive, parameters, effects)
     under = partial(_feel_what_is_under, *_friction_map(model, parameters, effects))
     return run(course, model, effects.dt_s or STEP_S, under)
@@ -83,14 +86,37 @@ def readings(
 
 def scene(drive: Drive, parameters: Array, effects: Unmodelled) -> Any:
     """The compiled model: table, bottle, and pusher on its carriage. At first the whole table has the friction mu."""
+    spec = _described(drive, parameters, effects)
+    model = spec.compile()
+    _soften(model, float(parameters[1]), effects, _shares())
+    return model
+
+
+def mjcf(course: Course, parameters: Array, nuisance: Array) -> str:
+    """The scene at the start of a trial as a file that no program changes while it runs: the patch is a low step.
+
+    (4, 4) pose and nuisance are in the course.
+    """
+    spec = _described(course.drive, parameters, Unmodelled())
+    half_m, top_m = PATCH_SIZE_M / 2, STEP_UP_M / 2
+    at, size = (PATCH_X_M, float(parameters[3]), top_m), (half_m, half_m, top_m)
+    spec.worldbody.add_geom(name="patch", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=at, **_UNTOUCHED)
+    on_patch = {f"patch_{name}": share for name, share in _shares().items()}
+    for name in _shares():
+        add_pair(spec, f"patch_{name}", name, "patch", float(parameters[2]))
+    spec.option.timestep = STEP_S
+    model = spec.compile()
+    _soften(model, float(parameters[1]), Unmodelled(), _shares() | on_patch)
+    return written(spec, model, course)
+
+
+def _described(drive: Drive, parameters: Array, effects: Unmodelled) -> Any:
     spec = new_scene(_gravity(effects))
     spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(2.0, 2.0, 0.1), **_UNTOUCHED)
     _add_pusher(add_carriage(spec, drive))
     _add_bottle(spec, effects)
-    shares = _add_contacts(spec, float(parameters[0]))
-    model = spec.compile()
-    _soften(model, float(parameters[1]), effects, shares)
-    return model
+    _add_contacts(spec, float(parameters[0]))
+    return spec
 
 
 _UNTOUCHED = {"contype": 0, "conaffinity": 0}
@@ -154,12 +180,16 @@ def _add_slosh(bottle: Any, mass_kg: float, height_m: float) -> None:
         joint.damping = (2.0 * SLOSH_DAMPING_RATIO * SLOSH_RAD_S * mass_kg, 0.0, 0.0)
 
 
-def _add_contacts(spec: Any, mu: float) -> dict[str, float]:
-    """Add pairs of points and table, and of discs and plate; return the shares of the points."""
+def _add_contacts(spec: Any, mu: float) -> None:
+    """Add pairs of points and table, and of discs and plate."""
     for name, _, _ in _points():
         add_pair(spec, name, name, "table", mu)
     for i in range(_DISCS):
         add_pair(spec, f"disc_{i}", f"disc_{i}", "plate", PLATE_FRICTION)
+
+
+def _shares() -> dict[str, float]:
+    """The share of the load of each point."""
     return {name: share for name, _, share in _points()}
 
 

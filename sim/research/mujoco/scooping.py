@@ -16,7 +16,7 @@ from hw.types import Array
 from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
 from perception.types import ObjectTrack
 from sim.research.mujoco.contact import POINT_M, Bed, add_pair, bed_of, set_softness
-from sim.research.mujoco.stepping import OBJECT, TOOL, add_carriage, new_scene, quaternion, run, set_inertia
+from sim.research.mujoco.stepping import OBJECT, TOOL, add_carriage, new_scene, quaternion, run, set_inertia, written
 from sim.tasks.scooping.handle import NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.scooping.params import (
     CORNER_M,
@@ -35,7 +35,7 @@ from sim.tasks.scooping.scene import BLADE_MASS_KG, FLEX_TIME_S, piece_of
 from sim.tasks.shared.carriage import Drive
 from sim.tasks.shared.contact import RELAXATION_TIME_S
 from sim.tasks.shared.drake import vector
-from sim.tasks.shared.readings import Readings
+from sim.tasks.shared.readings import Course, Readings
 from sim.types import ToolMotion
 
 STEP_S = 0.00025
@@ -66,8 +66,19 @@ def readings(
     return run(course, scene(course.drive, parameters, nuisance, effects), effects.dt_s or STEP_S)
 
 
+def mjcf(course: Course, parameters: Array, nuisance: Array) -> str:
+    """The scene at the start of a trial as a file."""
+    spec, model = _scene(course.drive, parameters, nuisance, Unmodelled())
+    return written(spec, model, course)
+
+
 def scene(drive: Drive, parameters: Array, nuisance: Array, effects: Unmodelled) -> Any:
     """The compiled model: table, piece, and spatula on its carriage."""
+    return _scene(drive, parameters, nuisance, effects)[1]
+
+
+def _scene(drive: Drive, parameters: Array, nuisance: Array, effects: Unmodelled) -> tuple[Any, Any]:
+    """Specification and compiled model."""
     piece = piece_of(parameters, nuisance, effects)
     mass_kg = PIECE_DENSITY_KG_M3 * effects.density_scale * piece.volume_m3
     spec = new_scene(np.array([0.0, 0.0, -GRAVITY_M_S2]))
@@ -82,10 +93,11 @@ def scene(drive: Drive, parameters: Array, nuisance: Array, effects: Unmodelled)
             add_pair(spec, f"{other}_{i}", f"point_{i}", other, friction)
     for corner in _CORNERS:
         add_pair(spec, corner, corner, "table", 0.0)
+    spec.option.timestep = STEP_S
     model = spec.compile()
     springs_N_m = bed.stiffness_N_m(mass_kg * GRAVITY_M_S2, sink_m(piece, mass_kg, float(parameters[1])))
     _soften(model, springs_N_m, effects.edge_stiffness_N_m)
-    return model
+    return spec, model
 
 
 def _add_piece(spec: Any, bed: Bed, piece: Piece, mass_kg: float, effects: Unmodelled) -> None:

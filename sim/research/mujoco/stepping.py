@@ -112,6 +112,18 @@ def place(model: Any, data: Any, X_BO: Array, tool: Array) -> None:
     data.joint(OBJECT).qpos = np.concatenate([pose.translation(), quaternion(pose)])
 
 
+def written(spec: Any, model: Any, course: Course) -> str:
+    """The MJCF of a scene, with the softness of its compiled model and a keyframe "start" as the course begins."""
+    for pair in spec.pairs:
+        compiled = model.pair(pair.name)
+        pair.solref, pair.solimp = compiled.solref, compiled.solimp
+    data = mujoco.MjData(model)
+    place(model, data, course.start.X_BO, course.start.tool)
+    spec.add_key(name="start", time=course.start.t_s, qpos=data.qpos, qvel=data.qvel)
+    spec.compile()
+    return str(spec.to_xml())
+
+
 class _MuJoCo:
     def __init__(
         self, model: Any, data: Any, course: Course, step_s: float, before_step: Callable[[Any, Any], None] | None

@@ -64,11 +64,11 @@ def readings(
 ) -> Readings:
     """The readings of the motion against a bottle at X_BO (4, 4)."""
     build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
-    return run(course_of(motion, X_BO), build, time_step_s(unmodelled))
+    return run(course_of(motion, X_BO, nuisance, unmodelled), build, time_step_s(unmodelled))
 
 
-def course_of(motion: ToolMotion, X_BO: Array) -> Course:
-    """The drive of the plate against a bottle at X_BO (4, 4), with start and end."""
+def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Course:
+    """The drive of the plate against a bottle at X_BO (4, 4), with start and end; the rest does not enter."""
     drive = drive_of(motion, ARM)
     start_s = _start_s(motion, X_BO[:3, 3])
     start = Start(start_s, X_BO, drive.trajectory.value(start_s)[:, 0])

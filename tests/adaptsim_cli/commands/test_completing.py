@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from adaptsim_cli.commands import completing
+from adaptsim_cli import options
 from sim.tasks import TASKS
 
 PROGRAM = "import sys; sys.argv = ['adaptsim']; from adaptsim_cli.app import main; main()"
@@ -24,17 +24,17 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_names_of_this_machine_are_completed(home: Path) -> None:
-    assert completing.sessions("") == ["push-1", "scoop-1"]
-    assert completing.sessions("sc") == ["scoop-1"]
-    assert completing.archived("") == ["old"]
-    assert completing.rollouts("o") == ["one"]
-    assert completing.tasks("") == sorted(TASKS)
-    assert "ood-1" in completing.worlds("ood")
+    assert options.session_names("") == ["push-1", "scoop-1"]
+    assert options.session_names("sc") == ["scoop-1"]
+    assert options.all_session_names("") == ["push-1", "scoop-1", "old"]
+    assert options.rollout_names("o") == ["one"]
+    assert options.task_names("") == sorted(TASKS)
+    assert "ood-1" in options.world_names("ood")
 
 
 def test_without_data_there_is_nothing_to_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
-    assert completing.sessions("") == completing.archived("") == completing.rollouts("") == []
+    assert options.session_names("") == options.all_session_names("") == options.rollout_names("") == []
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_without_data_there_is_nothing_to_complete(tmp_path: Path, monkeypatch: 
         ("adaptsim sessions show s", ["scoop-1"]),
         ("adaptsim run-iteration --session p", ["push-1"]),
         ("adaptsim run-iteration --task pen", ["pendulum"]),
-        ("adaptsim sessions restore o", ["old"]),
+        ("adaptsim sessions mark o", ["old"]),
     ],
 )
 def test_a_shell_gets_them(home: Path, typed: str, expected: list[str]) -> None:

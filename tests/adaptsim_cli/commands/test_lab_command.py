@@ -11,7 +11,6 @@ import pytest
 from typer.testing import CliRunner
 
 from adaptsim_cli.commands.lab import app
-from sim.errors import UnknownName
 
 runner = CliRunner()
 
@@ -55,15 +54,3 @@ def test_list_explains_the_numbers_of_a_task() -> None:
     shown = " ".join(runner.invoke(app, ["list", "--task", "pendulum"]).stdout.split())
     assert "m1 inner mass 1 to 2 kg" in shown
     assert "torque of joint" in shown
-
-
-def test_list_names_the_shipped_worlds() -> None:
-    result = runner.invoke(app, ["list", "--task", "scooping", "--json"])
-    assert result.exit_code == 0
-    names = {world["name"] for world in json.loads(result.stdout)["worlds"]}
-    assert {"wd", "ood-1", "ood-2", "ood-3", "ood-4"} <= names
-
-
-def test_an_unknown_world_is_refused() -> None:
-    result = runner.invoke(app, ["show", "--task", "scooping", "--world", "nowhere"])
-    assert isinstance(result.exception, UnknownName)

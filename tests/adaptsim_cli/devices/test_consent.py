@@ -21,7 +21,8 @@ from adaptsim_cli.devices.rig_file.description import as_shipped
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.devices.rig_file.required import gaps
 from adaptsim_cli.doctor import checks
-from adaptsim_cli.doctor.checks import Severity
+from adaptsim_cli.doctor.checks import CHECKS
+from adaptsim_cli.doctor.table import Examined, Severity, ok
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.watching import SessionLog
@@ -160,7 +161,7 @@ def test_the_stop_button_is_checked_once_a_day(tmp_path: Path, monkeypatch: pyte
 def test_who_does_not_check_the_stop_button_moves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     typing(monkeypatch, "q")
     arm: Any = Buttoned([(None, False)])
-    with pytest.raises(StoppedByOperator, match="nothing has moved"):
+    with pytest.raises(StoppedByOperator):
         Consent(quiet(), "panda", operator="Kim", known=KnownArm(tmp_path)).once(arm)
     assert KnownArm(tmp_path).read().stop_button == ""
 
@@ -169,13 +170,15 @@ def test_who_does_not_check_the_stop_button_moves_nothing(tmp_path: Path, monkey
     ("age", "verdict"), [(None, Severity.ADVICE), (1.0, Severity.OK), (25.0, Severity.ADVICE), (-3.0, Severity.ADVICE)]
 )
 def test_the_doctor_says_when_the_check_is_older_than_a_day(
-    age: float | None, verdict: Severity, tmp_path: Path
+    age: float | None, verdict: Severity, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    known = KnownArm(tmp_path)
+    lab = Examined(config.load({"hw": "panda"}), {"rig file": ok("")})
+    vars(lab)["rig"] = as_shipped("panda")
+    monkeypatch.setattr(checks, "folder_of", lambda *_: tmp_path)
     if age is not None:
-        at = (NOW - timedelta(hours=age)).isoformat(timespec="seconds")
+        at = (datetime.now(UTC) - timedelta(hours=age)).isoformat(timespec="seconds")
         (tmp_path / "known.json").write_text(json.dumps({"stop_button": at, "stop_button_by": "Kim", "setups": {}}))
-    assert checks.stop_button(known.read(), False, NOW).verdict is verdict
+    assert CHECKS["stop button"](lab).verdict is verdict
 
 
 def test_a_damaged_memory_asks_everything_again(tmp_path: Path) -> None:
@@ -199,7 +202,7 @@ def test_a_new_set_up_moves_slowly_first_or_by_name(
         if moves:
             arm.execute(STILL)
         else:
-            with pytest.raises(StoppedByOperator, match="nothing has moved"):
+            with pytest.raises(StoppedByOperator):
                 arm.execute(STILL)
     assert len(bare.executed) == moves
     assert "add --pace 0.3" in said(screen)
@@ -243,9 +246,10 @@ def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(
         open_trials(there.config, there.places, get_task("scooping"), ToyDevices().drivers()),
     ):
         pass
-    found = checks.required(rig, "scooping")
-    assert [(one.name, one.verdict) for one in found] == [
-        (what, Severity.MISSING) for what in ("pedal", "person", "payload", "keep_out")
-    ]
-    waived = 'waived = ["pedal", "person", "payload", "keep_out"]\n' + bare
-    assert [one.verdict for one in checks.required(read(write_rig(place, waived)), "scooping")] == [Severity.ADVICE]
+    lab = Examined(there, {"rig file": ok("")})
+    found = CHECKS["safeguards"](lab)
+    assert found.verdict is Severity.MISSING
+    assert 'waived = ["pedal", "person", "payload", "keep_out"]' in found.fix
+    write_rig(place, 'waived = ["pedal", "person", "payload", "keep_out"]\n' + bare)
+    lab = Examined(there, {"rig file": ok("")})
+    assert CHECKS["safeguards"](lab).verdict is Severity.ADVICE

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
-
 import numpy as np
 import pytest
 from cells import cell
@@ -12,14 +10,12 @@ from guarded_paths import GUARD, Q_TOP_RAD, TOOL, down
 from adaptsim_cli import config
 from adaptsim_cli.app import run
 from adaptsim_cli.devices.opening import open_lab
-from adaptsim_cli.devices.paced import PacedArm, PacedGuardedArm
-from adaptsim_cli.devices.simulated import SimulatedLab
+from adaptsim_cli.devices.pacing import PacedArm, PacedGuardedArm
 from adaptsim_cli.errors import UsageError
 from hw.collision import Table
 from hw.errors import ArmFault
 from hw.fake import FakeArm, FakeClock, FakeGuardedArm
 from hw.types import Contact, Execution, Guard, JointPath
-from sim.lab.world import load_world
 from sim.panda.moves import move_path
 from sim.tasks import get_task
 
@@ -53,7 +49,7 @@ class FeelingArm(FakeGuardedArm):
 def test_a_motion_takes_as_long_as_the_arm_or_as_computing_it(computing_s: float, taken_s: float) -> None:
     inner = SlowArm(Q_TOP_RAD, FakeClock(5.0), CELL)
     inner.wall, inner.computing_s = FakeClock(70.0), computing_s
-    with PacedArm(inner, inner.wall.now_s, inner.wall.sleep) as arm:
+    with PacedArm(inner, realtime=True, now_s=inner.wall.now_s, pause=inner.wall.sleep) as arm:
         played = arm.execute(PATH)
     assert played.t_start_s == 5.0  # on the arm's own clock
     assert inner.wall.now_s() == pytest.approx(70.0 + taken_s)
@@ -62,24 +58,29 @@ def test_a_motion_takes_as_long_as_the_arm_or_as_computing_it(computing_s: float
 def test_a_motion_that_stops_takes_until_its_stop() -> None:
     wall = FakeClock()
     inner = FakeArm(Q_TOP_RAD, FakeClock(), CELL, faults={1: ArmFault("reflex")})
-    with PacedArm(inner, wall.now_s, wall.sleep) as arm, pytest.raises(ArmFault, match="reflex"):
+    with (
+        PacedArm(inner, realtime=True, now_s=wall.now_s, pause=wall.sleep) as arm,
+        pytest.raises(ArmFault, match="reflex"),
+    ):
         arm.execute(PATH)
     assert wall.now_s() == pytest.approx(PATH.duration_s / 2, abs=0.002)
 
 
 def test_a_touch_takes_its_way_there_and_back() -> None:
     wall = FakeClock()
-    with PacedGuardedArm(FeelingArm(), wall.now_s, wall.sleep) as arm:
+    with PacedGuardedArm(FeelingArm(), realtime=True, now_s=wall.now_s, pause=wall.sleep) as arm:
         assert arm.execute_until_contact(down(), GUARD).t_s > 0.0
     assert wall.now_s() == 2.5
 
 
-def test_only_who_asks_for_it_waits() -> None:
-    task = get_task("scooping")
-    with ExitStack() as stack:
-        labs = [SimulatedLab(task, load_world("wd", task), 0, stack, realtime=asked) for asked in (False, True)]
-        arms = [lab.for_touch_off(CELL, TOOL).arm for lab in labs]
-    assert [isinstance(arm, PacedGuardedArm) for arm in arms] == [False, True]
+@pytest.mark.parametrize("realtime", [False, True])
+def test_only_who_asks_for_it_waits(realtime: bool) -> None:
+    wall = FakeClock()
+    inner = FakeArm(Q_TOP_RAD, FakeClock(), CELL)
+    with PacedArm(inner, 0.5, realtime=realtime, now_s=wall.now_s, pause=wall.sleep) as arm:
+        played = arm.execute(PATH)
+    assert played.t_s[-1] == pytest.approx(2.0 * PATH.duration_s, abs=0.002), "at half the pace"
+    assert wall.now_s() == pytest.approx(played.t_s[-1] if realtime else 0.0, abs=0.002)
 
 
 def test_a_real_arm_keeps_its_own_pace(capfd: pytest.CaptureFixture[str]) -> None:

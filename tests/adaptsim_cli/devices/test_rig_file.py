@@ -13,8 +13,8 @@ from real_lab import RIG, write_rig
 
 from adaptsim_cli import config
 from adaptsim_cli.devices.mounted import mounted
-from adaptsim_cli.devices.rig_file.description import RigDescription, ToolPart
-from adaptsim_cli.devices.rig_file.reading import described, flat, read, rig_of, tasks_with_tools
+from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.devices.rig_file.reading import described, flat, read, rig_of
 from adaptsim_cli.devices.rig_file.template import template
 from adaptsim_cli.errors import UsageError
 from hw.camera.k4a_device import ColourSettings
@@ -83,9 +83,9 @@ def test_what_is_wrong_is_named_with_key_value_and_limit(wrong: dict[str, Any], 
 
 
 def test_what_is_no_toml_or_not_there_is_said(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="is not valid TOML"):
+    with pytest.raises(UsageError, match="TOML"):
         read(write_rig(tmp_path, "name = "))
-    with pytest.raises(UsageError, match=r"no rig file.*adaptsim config init"):
+    with pytest.raises(UsageError, match=r"none\.toml"):
         read(tmp_path / "none.toml")
 
 
@@ -125,20 +125,6 @@ def test_a_touched_off_tool_hangs_where_it_was_measured() -> None:
     height_m = motion.X_BT[0, 2, 3] - 0.004 + 0.01 * tool_in_base[0, 3]
     assert tool_in_base[2, 3] == pytest.approx(height_m, abs=1e-4), "over the table as it is"
     np.testing.assert_allclose(planner.flange(reported.q_rad[0]) @ there.hardware.X_FT, motion.X_BT[0], atol=1e-6)
-
-
-def test_a_mount_of_ones_own_replaces_the_shipped_one() -> None:
-    own = ((1.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    np.testing.assert_allclose(ToolPart(X_FT=own).designed(np.eye(4)), own, atol=1e-12)
-    rounded = ((0.8064, -0.5913, 0.0, 0.1), (0.5913, 0.8064, 0.0, 0.0), (0.0, 0.0, 1.0, 0.2), (0.0, 0.0, 0.0, 1.0))
-    X_FT = ToolPart(X_FT=rounded).designed(np.eye(4))
-    np.testing.assert_allclose(X_FT[:3, :3] @ X_FT[:3, :3].T, np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(X_FT, rounded, atol=1e-3)
-    np.testing.assert_array_equal(ToolPart().designed(np.eye(4)), np.eye(4))
-
-
-def test_which_tasks_have_a_tool() -> None:
-    assert set(tasks_with_tools()) == set(TASKS)
 
 
 def load(tmp_path: Path, **flags: object) -> config.Resolved:

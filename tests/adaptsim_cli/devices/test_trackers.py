@@ -7,21 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from adaptsim_cli.devices.trackers import TRACKERS, tracker_of
+from adaptsim_cli.devices.trackers import tracker_of
 from perception.types import Outcome
 from sim.errors import UnknownName
 from sim.tasks import get_task
 from sim.tasks.pushing.params import START_M, goal_m
 
 
-def test_every_task_with_hardware_names_a_tracker_that_exists() -> None:
-    for name in ("scooping", "pushing"):
-        assert get_task(name).require_hardware().tracker in TRACKERS
-
-
 def test_an_unknown_tracker_is_refused_with_the_known_ones() -> None:
     task = get_task("pushing")
-    with pytest.raises(UnknownName, match="no tracker 'cloth' for pushing: there are piece, bottle"):
+    with pytest.raises(UnknownName, match=r"'cloth'.*piece, bottle"):
         tracker_of(replace(task, hardware=replace(task.require_hardware(), tracker="cloth")))
 
 

@@ -9,9 +9,10 @@ import pty
 import socket
 import threading
 import tty
-from collections.abc import Iterator
-from datetime import UTC, datetime
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from real_lab import READY_RAD, RIG, calibrated, calibration, write_rig
@@ -21,8 +22,9 @@ from adaptsim_cli import app, config
 from adaptsim_cli.devices.rig_file.description import BalancePart, PedalPart, RigDescription
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.doctor import checks, examination, readings
-from adaptsim_cli.doctor.checks import Finding, Severity, ok
+from adaptsim_cli.doctor.checks import CHECKS
 from adaptsim_cli.doctor.readings import Limits, Port, RoundTrips, WriteSpeed
+from adaptsim_cli.doctor.table import Examined, Finding, Severity, ok
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen.console import Screen
 from hw.camera.k4a_device import ColourSettings
@@ -34,12 +36,7 @@ from hw.franka.inspection import Inspection
 from hw.franka.messages import Rhythm
 from hw.serial.pedal_protocol import PERIOD_S, line_for
 
-NOW = datetime(2026, 3, 1, tzinfo=UTC)
 OK, ADVICE, MISSING, SKIPPED = Severity.OK, Severity.ADVICE, Severity.MISSING, Severity.SKIPPED
-
-
-def absent(package: str) -> None:
-    return None
 
 
 def kinect(*serials: str, engine: bool = True, error: str | None = None) -> ProbeReport:
@@ -55,80 +52,127 @@ def seen(mode: str = "Idle", missed: int = 0, gap_s: float = 0.0012, notes: tupl
 HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-python": "1.0.0"}
 
 
+def always(value: object) -> Callable[..., object]:
+    return lambda *_: value
+
+
+def rig_with(**parts: object) -> RigDescription:
+    return RigDescription("lab", {"model": "fr3", "address": "127.0.0.1"}, **parts)  # type: ignore[arg-type]
+
+
+def lab_of(place: Path, hw: str = "fr3", **parts: object) -> Examined:
+    """A lab whose rig file can be read."""
+    lab = Examined(config.load({"hw": hw}, {"ADAPTSIM_HOME": str(place)}, place))
+    vars(lab)["rig"] = rig_with(**parts)
+    lab.found |= {name: ok("") for name in ("rig file", "network", "camera")}
+    return lab
+
+
 @pytest.mark.parametrize(
-    ("finding", "verdict", "says"),
+    ("name", "reading", "verdict", "says"),
     [
-        (checks.python("3.11.7", "<3.13,>=3.11"), OK, "3.11.7"),
-        (checks.python("3.10.2", "<3.13,>=3.11"), MISSING, "3.10.2, needed <3.13,>=3.11"),
-        (checks.packages(["numpy<2.5,>=2.2", "dask; extra == 'cluster'"], HAVE.get), OK, "with the required versions"),
-        (checks.packages(["numpy<2.3", "mcap>=1.3"], HAVE.get), MISSING, "numpy 2.4.0, needed <2.3; mcap is not inst"),
-        (checks.libraries(lambda _: True), OK, "find theirs"),
-        (checks.libraries(lambda name: "usb" not in name), MISSING, "libusb-1.0-0"),
-        (checks.driver("fr3", HAVE.get), OK, "speaks interface 10: arm system 5.9.0"),
-        (checks.driver("panda", HAVE.get), MISSING, "panda-python 1.0.0 is installed, tested is 1.1.1"),
-        (checks.driver("fr3", absent), MISSING, "pylibfranka is not installed; it speaks interface 10"),
-        (checks.disk("/data", 900, 500), OK, "0.9 GB free"),
-        (checks.disk("/data", 100, 500), MISSING, "100 MB free in /data, 500 MB needed (min_free_mb)"),
-        (checks.disk_speed("/data", WriteSpeed(300.0, 0.004)), OK, "300 MB/s, a record is safe after 4 ms"),
-        (checks.disk_speed("/data", WriteSpeed(9.0, 0.004)), ADVICE, "recommended: 20 MB/s"),
-        (checks.disk_speed("/data", WriteSpeed(300.0, 0.5)), ADVICE, "safe after 500 ms"),
-        (checks.disk_speed("/data", WriteSpeed(None, problem="Read-only")), MISSING, "written to: Read-only"),
-        (checks.realtime_kernel("6.1-rt", True), OK, "6.1-rt"),
-        (checks.realtime_kernel("6.1", False), MISSING, "communication_constraints_violation"),
-        (checks.priorities(Limits(99, float("inf"), False)), OK, "may ask"),
-        (checks.priorities(Limits(0, 8e6, True)), OK, "may ask"),
-        (checks.priorities(Limits(0, 8e6, False)), MISSING, "rtprio 0, 80 needed; memlock 8 MB, 100 needed"),
-        (checks.priorities(Limits(99, 8e6, False)), MISSING, "memlock 8 MB"),
-        (checks.governor(()), OK, "no frequency governor"),
-        (checks.governor(("performance",) * 2), OK, "every core"),
-        (checks.governor(("performance", "powersave")), ADVICE, "powersave on 1 of 2 cores"),
-        (checks.network("arm", RoundTrips((0.2, 0.3, 0.2), 0)), OK, "answers in 0.20 ms, 0.30 ms at worst"),
-        (checks.network("arm", RoundTrips((0.2, 3.0), 0)), ADVICE, "3.00 ms at worst, 0 of 2 lost"),
-        (checks.network("arm", RoundTrips((0.2,), 1)), ADVICE, "1 of 2 lost"),
-        (checks.network("arm", RoundTrips((), 2, "timed out")), MISSING, "arm does not answer: timed out"),
-        (checks.serial_port("pedal", "/dev/a", Port(True, True, "dialout"), ()), OK, "may be used"),
-        (checks.serial_port("pedal", "/dev/a", Port(True, False, "uucp"), ()), MISSING, "belongs to the group uucp"),
-        (checks.serial_port("pedal", "/dev/a", Port(False, False, ""), ("/dev/b",)), MISSING, "/dev/a is not there"),
-        (checks.calibration(None, 30, NOW, "fr3"), MISSING, "this rig has no calibration: the camera pose is unknown"),
-        (checks.calibration(calibration("2026-02-28T00:00:00+00:00"), 30, NOW, "fr3"), OK, "± 0.5 mm, ± 0.05°, 1 day"),
-        (checks.calibration(calibration("2026-01-01T00:00:00+00:00"), 30, NOW, "fr3"), ADVICE, "59 days old"),
-        (checks.calibration(calibration("2026-03-05T00:00:00+00:00"), 30, NOW, "fr3"), ADVICE, "made 4 days in"),
-        (checks.camera(kinect("12"), ""), OK, "12, Microsoft library 1.4.1"),
-        (checks.camera(kinect("12", "34"), "34"), OK, "34"),
-        (checks.camera(kinect("12", "34"), ""), MISSING, "several cameras are plugged in: 12, 34"),
-        (checks.camera(kinect("12"), "34"), MISSING, "34 is not plugged in; found: 12"),
-        (checks.camera(kinect("12", engine=False), "12"), MISSING, "no depth engine"),
-        (checks.camera(kinect(error="no camera is seen"), ""), MISSING, "no camera is seen"),
-        (checks.arm(seen(), "panda"), OK, "panda answers over FCI, interface 5, mode Idle, joints 0.00 -0.79"),
-        (checks.arm(seen(missed=3), "panda"), OK, "1000 states at 1 kHz, 3 missed, longest gap 1.2 ms"),
-        (checks.arm(seen(missed=80), "panda"), ADVICE, "80 missed, longest gap 1.2 ms (at most 5 % and 20 ms)"),
-        (checks.arm(seen(gap_s=0.03), "panda"), ADVICE, "longest gap 30.0 ms (at most"),
-        (checks.arm(seen(notes=("memory is not locked",)), "panda"), ADVICE, "0 missed"),
-        (checks.arm(seen(mode="UserStopped"), "panda"), MISSING, "it would not move: the stop button is pressed"),
-        (checks.stream({"recording": {"frames": 15, "dropped": 0}}, 0.5), OK, "15 synchronised frames in 0.5 s, 0"),
-        (checks.stream({"recording": {"frames": 12, "dropped": 3}}, 0.5), ADVICE, "3 dropped"),
-        (checks.stream({"recording": {"frames": 4, "dropped": 0}}, 0.5), MISSING, "at least 10 are needed"),
-        (checks.stream({"recording": None}, 0.5), MISSING, "0 synchronised frames"),
+        ("python", {"platform.python_version": always("3.10.2")}, MISSING, "3.10.2, needed <3.14,>=3.11"),
+        ("disk space", {"shutil.disk_usage": always(SimpleNamespace(free=1e8))}, MISSING, "MB needed (min_free_mb)"),
+        ("packages", {"installed": HAVE.get}, MISSING, "mcap is not installed, needed >=1.3"),
+        ("packages", {"installed": always("999")}, MISSING, "numpy 999, needed <2.5,>=2.2"),
+        ("libraries", {"loads": always(True)}, OK, "find theirs"),
+        ("libraries", {"loads": lambda name: "usb" not in name}, MISSING, "libusb-1.0-0"),
+        ("driver", {"installed": HAVE.get}, OK, "speaks interface 10: arm system 5.9.0"),
+        ("driver", {"installed": always("0.1")}, MISSING, "pylibfranka 0.1 is installed, tested is 0.21.3"),
+        ("driver", {"installed": always(None)}, MISSING, "pylibfranka is not installed; it speaks interface 10"),
+        ("disk speed", {"write_speed": always(WriteSpeed(300.0, 0.004))}, OK, "300 MB/s, a record is safe after 4 ms"),
+        ("disk speed", {"write_speed": always(WriteSpeed(9.0, 0.004))}, ADVICE, "recommended: 20 MB/s"),
+        ("disk speed", {"write_speed": always(WriteSpeed(300.0, 0.5))}, ADVICE, "safe after 500 ms"),
+        ("disk speed", {"write_speed": always(WriteSpeed(None, problem="Read-only"))}, MISSING, "to: Read-only"),
+        ("real-time kernel", {"kernel": always(("6.1-rt", True))}, OK, "6.1-rt"),
+        ("real-time kernel", {"kernel": always(("6.1", False))}, MISSING, "communication_constraints_violation"),
+        ("priorities", {"limits": always(Limits(99, float("inf"), False))}, OK, "may ask"),
+        ("priorities", {"limits": always(Limits(0, 8e6, True))}, OK, "may ask"),
+        ("priorities", {"limits": always(Limits(0, 8e6, False))}, MISSING, "rtprio 0, 80 needed; memlock 8 MB, 100 ne"),
+        ("priorities", {"limits": always(Limits(99, 8e6, False))}, MISSING, "memlock 8 MB"),
+        ("clock frequency", {"governors": always(())}, OK, "no frequency governor"),
+        ("clock frequency", {"governors": always(("performance",) * 2)}, OK, "every core"),
+        ("clock frequency", {"governors": always(("performance", "powersave"))}, ADVICE, "powersave on 1 of 2 cores"),
+        ("network", {"round_trips": always(RoundTrips((0.2, 0.3, 0.2), 0))}, OK, "0.20 ms, 0.30 ms at worst"),
+        ("network", {"round_trips": always(RoundTrips((0.2, 3.0), 0))}, ADVICE, "3.00 ms at worst, 0 of 2 lost"),
+        ("network", {"round_trips": always(RoundTrips((0.2,), 1))}, ADVICE, "1 of 2 lost"),
+        ("network", {"round_trips": always(RoundTrips((), 2, "timed out"))}, MISSING, "does not answer: timed out"),
+        ("arm", {"arm": always(seen())}, OK, "fr3 answers over FCI, interface 5, mode Idle, joints 0.00 -0.79"),
+        ("arm", {"arm": always(seen(missed=3))}, OK, "1000 states at 1 kHz, 3 missed, longest gap 1.2 ms"),
+        ("arm", {"arm": always(seen(missed=80))}, ADVICE, "80 missed, longest gap 1.2 ms (at most 5 % and 20 ms)"),
+        ("arm", {"arm": always(seen(gap_s=0.03))}, ADVICE, "longest gap 30.0 ms (at most"),
+        ("arm", {"arm": always(seen(notes=("memory is not locked",)))}, ADVICE, "0 missed"),
+        ("arm", {"arm": always(seen(mode="UserStopped"))}, MISSING, "would not move: the stop button is pressed"),
+        ("camera", {"cameras": always(kinect("12"))}, OK, "12, Microsoft library 1.4.1"),
+        ("camera", {"cameras": always(kinect("12", "34"))}, MISSING, "several cameras are plugged in: 12, 34"),
+        ("camera", {"cameras": always(kinect("12", engine=False))}, MISSING, "no depth engine"),
+        ("camera", {"cameras": always(kinect(error="no camera is seen"))}, MISSING, "no camera is seen"),
     ],
 )  # fmt: skip
-def test_each_check_over_its_readings(finding: Finding, verdict: Severity, says: str) -> None:
-    assert finding.verdict is verdict
-    assert says in finding.detail
-    assert bool(finding.fix) == (verdict in (ADVICE, MISSING)), "a remedy for what needs one, and for nothing else"
+def test_each_check_over_its_readings(
+    name: str,
+    reading: dict[str, object],
+    verdict: Severity,
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for what, made_up in reading.items():
+        monkeypatch.setattr(what if "." in what else f"adaptsim_cli.doctor.readings.{what}", made_up)
+    found = CHECKS[name](lab_of(tmp_path))
+    assert found.verdict is verdict
+    assert says in found.detail
+    assert bool(found.fix) == (verdict in (ADVICE, MISSING)), "a remedy for what needs one, and for nothing else"
 
 
 @pytest.mark.parametrize(
-    ("finding", "fix"),
+    ("serials", "wanted", "verdict", "says"),
+    [(("12", "34"), "34", OK, "34"), (("12",), "34", MISSING, "34 is not plugged in; found: 12")],
+)
+def test_the_camera_is_that_of_the_rig_file(
+    serials: tuple[str, ...], wanted: str, verdict: Severity, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(readings, "cameras", always(kinect(*serials)))
+    found = CHECKS["camera"](lab_of(tmp_path, camera={"serial": wanted}))
+    assert found.verdict is verdict
+    assert says in found.detail
+
+
+@pytest.mark.parametrize(
+    ("port", "says", "fix"),
     [
-        (checks.driver("panda", absent), "pip install panda-python==1.1.1"),
-        (checks.libraries(lambda _: False), "sudo apt-get install -y libegl1 libgl1 libusb-1.0-0 libglib2.0-0"),
-        (checks.serial_port("pedal", "/dev/a", Port(True, False, "dialout"), ()), "sudo usermod -aG dialout $USER"),
-        (checks.calibration(None, 30, NOW, "fr3"), "adaptsim calibrate --hw fr3"),
-        (checks.serial_port("pedal", "/dev/a", Port(False, False, ""), ("/dev/b",)), "there now: /dev/b"),
+        (Port(True, False, "uucp"), "belongs to the group uucp", "sudo usermod -aG uucp $USER"),
+        (Port(False, False, ""), "/dev/a is not there", "there now: /dev/b"),
     ],
 )
-def test_a_fix_is_a_line_to_run(finding: Finding, fix: str) -> None:
-    assert fix in finding.fix
+def test_a_port_that_cannot_be_used(
+    port: Port, says: str, fix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(readings, "port", always(port))
+    monkeypatch.setattr(checks, "serial_ports", always(("/dev/b",)))
+    found = CHECKS["pedal"](lab_of(tmp_path, pedal=PedalPart("/dev/a")))
+    assert found.verdict is MISSING
+    assert says in found.detail
+    assert fix in found.fix
+
+
+@pytest.mark.parametrize(
+    ("days", "verdict", "says"),
+    [
+        (None, MISSING, "this rig has no calibration"),
+        (1, OK, "± 0.5 mm, ± 0.05°, 1 day old"),
+        (59, ADVICE, "59 days old"),
+        (-5, ADVICE, "in the future"),
+    ],
+)
+def test_a_calibration_by_its_age(
+    days: int | None, verdict: Severity, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = None if days is None else calibration((datetime.now(UTC) - timedelta(days=days)).isoformat())
+    monkeypatch.setattr(checks, "current_calibration", always(known))
+    found = CHECKS["calibration"](lab_of(tmp_path))
+    assert found.verdict is verdict
+    assert says in found.detail
 
 
 @pytest.mark.long
@@ -140,26 +184,32 @@ def test_a_fix_is_a_line_to_run(finding: Finding, fix: str) -> None:
     ],
 )
 def test_the_camera_streams_or_its_driver_is_given_up(
-    wrong: str, verdicts: tuple[Severity, ...], says: str, monkeypatch: pytest.MonkeyPatch
+    wrong: str, verdicts: tuple[Severity, ...], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = Path(__file__).parents[3]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(root / "tests" / "support"), str(root))))
     monkeypatch.setenv("ADAPTSIM_STAGED_KINECT", wrong)
-    found = examination._stream(CameraProcess(None, ColourSettings(), maker="staged_kinect:live", step_s=60.0))
+    camera = CameraProcess(None, ColourSettings(), maker="staged_kinect:live", step_s=60.0)
+    monkeypatch.setattr(checks, "CameraProcess", always(camera))
+    found = CHECKS["camera images"](lab_of(tmp_path))
     assert found.verdict in verdicts
     assert says in found.detail
     if not wrong:
         assert int(found.detail.split()[0]) >= 10
 
 
-def test_a_device_that_does_not_answer_is_named_with_its_own_words() -> None:
-    def silent() -> str:
-        raise DeviceUnavailable("the pedal has not sent anything")
+def test_a_device_that_does_not_answer_is_named_with_its_own_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def silent(*_: object) -> None:
+        raise DeviceUnavailable("the arm has not sent anything")
 
-    found = checks.answers("pedal", silent, (DeviceUnavailable,), "docs/guide/enable-pedal.md")
-    assert (found.verdict, found.detail) == (MISSING, "the pedal has not sent anything")
+    monkeypatch.setattr(readings, "arm", silent)
+    found = CHECKS["arm"](lab_of(tmp_path))
+    assert (found.verdict, found.detail) == (MISSING, "the arm has not sent anything")
+    monkeypatch.setattr(readings, "arm", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):  # a defect of the program is not taken for a device
-        checks.answers("pedal", lambda: str(1 / 0), (DeviceUnavailable,), "")
+        CHECKS["arm"](lab_of(tmp_path))
 
 
 def test_round_trips_to_a_port_that_listens_and_to_one_that_does_not() -> None:
@@ -203,12 +253,8 @@ def line() -> Iterator[tuple[int, str]]:
     os.close(end)
 
 
-def rig_with(**parts: object) -> RigDescription:
-    return RigDescription("lab", {"model": "fr3", "address": "127.0.0.1"}, **parts)  # type: ignore[arg-type]
-
-
 @pytest.mark.long
-def test_a_pedal_that_speaks_is_heard_and_one_that_does_not_is_named(line: tuple[int, str]) -> None:
+def test_a_pedal_that_speaks_is_heard_and_one_that_does_not_is_named(line: tuple[int, str], tmp_path: Path) -> None:
     device, port = line
     over = threading.Event()
 
@@ -220,21 +266,21 @@ def test_a_pedal_that_speaks_is_heard_and_one_that_does_not_is_named(line: tuple
 
     speaker = threading.Thread(target=speak)
     speaker.start()
+    lab = lab_of(tmp_path, pedal=PedalPart(port))
     try:
-        found = tuple(examination._pedal(rig_with(pedal=PedalPart(port))))
+        heard = CHECKS["pedal"](lab)
     finally:
         over.set()
         speaker.join()
-    assert [finding.verdict for finding in found] == [OK, OK]
-    assert "protocol version 1; the pedal is released" in found[1].detail
-    (_, silent) = examination._pedal(rig_with(pedal=PedalPart(port)))
+    assert heard.verdict is OK
+    assert "protocol version 1; the pedal is released" in heard.detail
+    silent = CHECKS["pedal"](lab)
     assert silent.verdict is MISSING
     assert "has not sent anything" in silent.detail
-    (gone,) = examination._pedal(rig_with(pedal=PedalPart("/dev/none")))
-    assert gone.verdict is MISSING
+    assert CHECKS["pedal"](lab_of(tmp_path, pedal=PedalPart("/dev/none"))).verdict is MISSING
 
 
-def test_a_balance_that_speaks_is_heard(line: tuple[int, str]) -> None:
+def test_a_balance_that_speaks_is_heard(line: tuple[int, str], tmp_path: Path) -> None:
     device, port = line
 
     def answer() -> None:
@@ -243,11 +289,10 @@ def test_a_balance_that_speaks_is_heard(line: tuple[int, str]) -> None:
 
     scale = threading.Thread(target=answer, daemon=True)  # nobody may ask it
     scale.start()
-    found = tuple(examination._balance(rig_with(balance=BalancePart(port, "mt-sics"))))
-    assert [finding.verdict for finding in found] == [OK, OK]
-    assert "0.0123 kg on it" in found[1].detail
-    (none,) = examination._balance(rig_with())
-    assert none.verdict is SKIPPED
+    found = CHECKS["balance"](lab_of(tmp_path, balance=BalancePart(port, "mt-sics")))
+    assert found.verdict is OK
+    assert "0.0123 kg on it" in found.detail
+    assert CHECKS["balance"](lab_of(tmp_path)).verdict is SKIPPED
 
 
 @pytest.fixture
@@ -293,11 +338,12 @@ def test_a_real_lab_is_looked_at_device_by_device(
     calibrated(config.load({"hw": "panda"}))
     assert app.run(["doctor", "--hw", "panda", "--json"]) == 3
     checks = {c["name"]: c for c in json.loads(capfd.readouterr().out)["checks"]}
+    assert list(checks) == list(CHECKS)
     assert checks["rig file"]["verdict"] == "ok"
     assert checks["network"]["verdict"] in ("ok", "advice")
     assert checks["arm"]["verdict"] == "missing"
     assert "activate FCI in Desk" in checks["arm"]["fix"]
-    assert checks["pedal port"]["detail"] == "/dev/ttyACM0 is not there"
+    assert checks["pedal"]["detail"] == "/dev/ttyACM0 is not there"
     assert checks["camera"]["verdict"] == "missing"
     assert checks["calibration"]["verdict"] in ("ok", "advice")
     assert checks["motion"]["verdict"] == "ok"
@@ -308,10 +354,10 @@ def test_remedies_stand_whole_below_a_table_that_fits_the_screen(place: Path) ->
     file = io.StringIO()
     screen = Screen(console=Console(file=file, width=80, highlight=False, markup=False))
     found = (
-        ok("program", "python", "3.11"),
-        checks.driver("panda", absent),
-        checks.governor(("powersave",)),
-        *checks.not_needed(("pedal",)),
+        Finding(OK, "3.11", group="program", name="python"),
+        Finding(MISSING, "it is not installed", "pip install panda-python==1.1.1", "program", "driver"),
+        Finding(ADVICE, "slow", "sudo cpupower frequency-set -g performance", "machine", "clock frequency"),
+        Finding(SKIPPED, "hw = fake needs none", group="devices", name="pedal"),
     )
     settings = config.load({}).config
     examination.show(found, settings, screen)

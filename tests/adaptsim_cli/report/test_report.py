@@ -10,7 +10,7 @@ from toy_session import ScriptedOperator, attended, run
 from adaptsim_cli.report import figures, page
 from adaptsim_cli.report.svg import Scale, plain
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.operator import Accept, Overrule, Redo
+from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.store import SessionStore
 from perception.types import Outcome
 
@@ -40,7 +40,7 @@ class Outline(HTMLParser):
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
     home = tmp_path_factory.mktemp("report")
-    reviews: list[Accept | Overrule | Redo] = [Redo("the <piece> was touched"), Overrule(Outcome.LOST)]
+    reviews: list[Review] = [Review(rejected="the <piece> was touched"), Review(Outcome.LOST)]
     session = attended(home, ScriptedOperator(reviews=reviews))
     for iteration in range(2):
         run_iteration(session)
@@ -92,6 +92,12 @@ def test_a_session_without_a_complete_iteration_has_a_page_too(tmp_path: Path) -
 
 def test_the_default_place_is_the_session_folder_and_it_is_replaced(store: SessionStore) -> None:
     assert page.write(store) == page.write(store) == store.folder / "report.html"
+
+
+def test_no_template_hides_a_figure() -> None:
+    """`wide` and `narrow` are shown at one width only; only `page.both` may use them, as a pair."""
+    for template in Path(page.__file__).parents[1].rglob("*.j2"):
+        assert not re.search(r'class="[^"]*\b(wide|narrow)\b', template.read_text()), template.name
 
 
 def test_ticks_are_round_and_inside() -> None:

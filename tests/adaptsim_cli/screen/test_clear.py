@@ -9,7 +9,7 @@ import pytest
 from toy_rig import ToyLab, flange
 from toy_session import ScriptedOperator, attended
 
-from adaptsim_cli.screen.clear import clear_to_move, top_speed_m_s
+from adaptsim_cli.screen.views import clear_to_move, top_speed_m_s
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.operator import Proposal
 from hw.errors import ArmFault

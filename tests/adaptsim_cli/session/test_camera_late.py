@@ -61,7 +61,7 @@ def run(home: Path, late_s: float) -> SessionStore:
         yield parts(late_s)
 
     settings = resolved(home)
-    request = running.SessionRequest(None, frozenset(), yes=True)
+    request = running.SessionRequest(None, frozenset({"task"}), yes=True)
     path = running.run_session(settings, request, opened, lambda store: store.folder / "report.html")
     return SessionStore.open(settings.places.sessions, path.parent.name)
 

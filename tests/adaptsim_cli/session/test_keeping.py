@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import keeping, recording
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.keeping import verify
-from adaptsim_cli.session.operator import Redo
+from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.store import SessionStore, names
 
@@ -21,7 +22,7 @@ from adaptsim_cli.session.store import SessionStore, names
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A session of one iteration, in which the first trial was redone."""
     home = tmp_path_factory.mktemp("keeping")
-    session = attended(home, ScriptedOperator(reviews=[Redo("touched")]))
+    session = attended(home, ScriptedOperator(reviews=[Review(rejected="touched")]))
     run_iteration(session)
     session.store.mark_shown(0, "2024-01-01T00:00:00+00:00")
     return home
@@ -40,9 +41,8 @@ def recordings(root: Path) -> list[str]:
 
 def test_notes_and_tags_leave_every_seal_whole(root: Path) -> None:
     before = verify(root, NAME)
-    keeping.annotate(root / NAME, note="  before the camera moved ", add=("paper", "olive"))
-    said = keeping.annotate(root / NAME, add=("paper",), remove=("olive",))
-    assert said == keeping.about(root / NAME)
+    keeping.mark(root, NAME, "  before the camera moved ", ("paper", "olive"))
+    said = keeping.mark(root, NAME, add=("paper",), remove=("olive",))
     assert (said.note, said.tags) == ("before the camera moved", ("paper",))
     after = verify(root, NAME)
     assert (after.damage, after.files) == ((), before.files + 1)
@@ -53,17 +53,18 @@ def test_notes_and_tags_leave_every_seal_whole(root: Path) -> None:
 @pytest.mark.parametrize(("add", "remove", "message"), [(("a b",), (), "use letters"), ((), ("x",), "has no tag 'x'")])
 def test_a_wrong_tag_is_refused(root: Path, add: tuple[str, ...], remove: tuple[str, ...], message: str) -> None:
     with pytest.raises(UsageError, match=message):
-        keeping.annotate(root / NAME, add=add, remove=remove)
+        keeping.mark(root, NAME, add=add, remove=remove, archive=True)
+    assert names(root) == (NAME,)
 
 
 def test_an_archived_session_leaves_the_list_and_comes_back_whole(root: Path) -> None:
-    keeping.archive(root, NAME)
+    keeping.mark(root, NAME, archive=True)
     assert names(root) == ()
     assert names(keeping.archive_of(root)) == (NAME,)
     assert verify(keeping.archive_of(root), NAME).damage == ()
-    with pytest.raises(SessionError, match="there is no session"):
-        keeping.archive(root, NAME)
-    keeping.restore(root, NAME)
+    with pytest.raises(SessionError, match=NAME):
+        keeping.mark(root, NAME, archive=True)
+    keeping.mark(root, NAME, archive=False)
     assert names(root) == (NAME,)
     assert verify(root, NAME).damage == ()
 
@@ -71,22 +72,16 @@ def test_an_archived_session_leaves_the_list_and_comes_back_whole(root: Path) ->
 def test_nothing_takes_the_place_of_another_session(root: Path) -> None:
     shutil.copytree(root / NAME, keeping.archive_of(root) / NAME)
     with pytest.raises(UsageError, match="already"):
-        keeping.archive(root, NAME)
+        keeping.mark(root, NAME, archive=True)
     assert names(root) == (NAME,)
 
 
 def test_a_session_that_runs_is_not_moved_or_deleted(root: Path) -> None:
     with SessionStore.open(root, NAME).locked():
-        for act in (keeping.archive, keeping.delete):
-            with pytest.raises(UsageError, match="run by another process"):
+        for act in (partial(keeping.mark, archive=True), keeping.delete):
+            with pytest.raises(UsageError, match=NAME):
                 act(root, NAME)
     assert names(root) == (NAME,)
-
-
-def test_a_deleted_session_is_gone(root: Path) -> None:
-    keeping.delete(root, NAME)
-    assert names(root) == ()
-    assert list(root.iterdir()) == [path for path in root.iterdir() if path.name == ".lock"]
 
 
 def test_pruning_makes_room_and_the_session_stays_whole(root: Path) -> None:
@@ -102,8 +97,8 @@ def test_pruning_makes_room_and_the_session_stays_whole(root: Path) -> None:
     assert recordings(root) == []
     assert verify(root, NAME).damage == ()
     assert store.trials(0) == trials
-    assert keeping.prune(store) == keeping.Prunable(0, 0, 0)
-    with pytest.raises(SessionError, match="removed with adaptsim sessions prune"):
+    assert keeping.prune(store).files == 0
+    with pytest.raises(SessionError, match="adaptsim sessions prune"):
         recording.read(store.trial_folder(0, TrialKey(2, 0)) / recording.FILE)
 
 
@@ -122,8 +117,8 @@ def test_a_pruned_session_continues(root: Path) -> None:
 
 
 def test_the_list_has_verdict_size_note_and_tags(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert app.run(["sessions", "note", NAME, "the first one"]) == 0
-    assert app.run(["sessions", "tag", NAME, "paper"]) == 0
+    assert app.run(["sessions", "mark", NAME, "--note", "the first one", "--tag", "paper"]) == 0
+    assert app.run(["sessions", "mark", NAME]) == 2, "it says what can be marked"
     capsys.readouterr()
     assert app.run(["sessions", "list", "--tag", "paper"]) == 0
     said = capsys.readouterr().out
@@ -131,7 +126,7 @@ def test_the_list_has_verdict_size_note_and_tags(root: Path, capsys: pytest.Capt
         assert part in " ".join(said.split()).replace("\N{NO-BREAK SPACE}", " ")
     assert app.run(["sessions", "list", "--tag", "nothing", "--json"]) == 0
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["sessions"] == []
-    assert app.run(["sessions", "archive", NAME]) == 0
+    assert app.run(["sessions", "mark", NAME, "--archive"]) == 0
     assert app.run(["sessions", "list", "--archived", "--json"]) == 0
     (one,) = json.loads(capsys.readouterr().out.splitlines()[-1])["sessions"]
     assert one["size_bytes"] > 1000

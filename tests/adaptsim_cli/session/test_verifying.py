@@ -11,11 +11,9 @@ from toy_rig import OUTCOMES, TASK
 from toy_session import NAME, run
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.outputs.sessions import Damaged, SessionRow
 from adaptsim_cli.session.correcting import amend, amendable, redo
-from adaptsim_cli.session.keeping import annotate, prune, verify
-from adaptsim_cli.session.store import SessionStore, names
-from adaptsim_cli.session.summary import overview_or_damage
+from adaptsim_cli.session.keeping import mark, prune, verify
+from adaptsim_cli.session.store import SessionStore
 from perception.types import Outcome
 
 
@@ -47,14 +45,8 @@ def corrected(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
     amend(store, TASK, 3, Outcome.LOST, choices[Outcome.LOST], "seen on the recording")
     store = run(home)
     assert prune(store, rejected_only=True).files > 0
-    annotate(store.folder, note="the lamp was moved", add=("paper",))
+    mark(store.folder.parent, store.facts.name, "the lamp was moved", ("paper",))
     return store
-
-
-def test_a_session_as_it_was_written(root: Path) -> None:
-    verified = verify(root, NAME)
-    assert not verified.damage
-    assert verified.files == len(files_of(root))
 
 
 @pytest.mark.long
@@ -100,18 +92,6 @@ def test_a_file_that_no_record_names_is_noticed(root: Path) -> None:
     (message,) = verify(root, NAME).damage
     assert "other.json" in message
     assert "it is in no record" in message
-
-
-def test_a_damaged_session_hides_no_other(root: Path, complete: SessionStore) -> None:
-    for name, file in (("cut", "start.json"), ("empty", "session.toml")):
-        shutil.copytree(complete.folder, root / name)
-        (root / name / file).unlink()
-    listed = {row.session: row for row in (overview_or_damage(root, name) for name in names(root))}
-    assert isinstance(listed[NAME], SessionRow)
-    for name, file in (("cut", "start.json"), ("empty", "session.toml")):
-        damaged = listed[name]
-        assert isinstance(damaged, Damaged)
-        assert file in damaged.error
 
 
 def test_a_checksum_that_was_removed_is_noticed(root: Path) -> None:

@@ -78,7 +78,7 @@ def test_a_log_that_cannot_be_written_stops_no_session(tmp_path: Path, monkeypat
 
     monkeypatch.setattr(watching, "_append", full)
     settings = resolved(tmp_path)
-    request = running.SessionRequest(None, frozenset(), 1, yes=True)
+    request = running.SessionRequest(None, frozenset({"task"}), 1, yes=True)
     path = running.run_session(settings, request, opener(ToyLab(0)), page.write)
     assert not (path.parent / watching.FILE).exists()
     assert SessionStore.open(settings.places.sessions, path.parent.name).result(0) is not None
@@ -107,7 +107,7 @@ def test_a_log_goes_on_when_the_disk_does_and_the_screen_tells_each_gap_once(
 def test_answers_are_kept_with_the_time_they_took(tmp_path: Path) -> None:
     written = watching.SessionLog(tmp_path, silent())
     written.asking("Is the work area clear?")
-    written.answered("Is the work area clear?", "\x1b", 1.25)
+    written.answered("Is the work area clear?", "q", 1.25)
     asked, answered = watching.read(tmp_path)
     assert asked.event == "asked"
-    assert (answered.text, answered.took_s, answered.data) == ("Is the work area clear?", 1.25, {"answer": "Esc"})
+    assert (answered.text, answered.took_s, answered.data) == ("Is the work area clear?", 1.25, {"answer": "q"})

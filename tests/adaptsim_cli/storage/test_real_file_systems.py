@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta, tzinfo
 from pathlib import Path
@@ -78,7 +77,11 @@ def test_a_session_on_a_disk_that_fills_up_goes_on_once_there_is_room(mount: Mou
 
 
 READING: tuple[tuple[str, ...], ...] = (("sessions", "list"), ("sessions", "show", "s"), ("sessions", "verify", "s"))
-WRITING: tuple[tuple[str, ...], ...] = (RUN, ("sessions", "note", "s", "the lamp"), ("sessions", "archive", "s"))
+WRITING: tuple[tuple[str, ...], ...] = (
+    RUN,
+    ("sessions", "mark", "s", "--note", "the lamp"),
+    ("sessions", "mark", "s", "--archive"),
+)
 
 
 def test_commands_on_a_mount_that_is_read_only_read_and_move_nothing(mount: Mount) -> None:
@@ -93,66 +96,22 @@ def test_commands_on_a_mount_that_is_read_only_read_and_move_nothing(mount: Moun
     for command in WRITING:
         code, said = call(home, command, lab)
         assert code == 8, (command, said)
-        assert "Read-only file system" in said, command
+        assert "Read-only" in said, command
     assert lab.executions == []
     assert digest_of(home / "data") == before
 
 
 def test_a_mount_that_is_read_only_is_said_before_anything_is_done(mount: Mount) -> None:
     folder = mount("size=1m,ro")
-    with pytest.raises(SessionError, match="could not be written: Read-only file system"):
+    with pytest.raises(SessionError, match="Read-only"):
         durable.require_writable(folder)
-    with pytest.raises(SessionError, match="Read-only file system"):
+    with pytest.raises(SessionError, match="Read-only"):
         durable.write_file(folder / "file", b"1")
     with (
         pytest.raises(SessionError, match="cannot be locked: Read-only file system; check that you may write there"),
         locked(folder, "taken"),
     ):
         pass
-
-
-AS_ANOTHER = """
-import os, sys
-from pathlib import Path
-from adaptsim_cli.errors import SessionError
-from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.durable import locked
-os.setresuid(65534, 65534, 65534)
-folder = Path(sys.argv[1])
-for attempt in (
-    lambda: durable.write_file(folder / "file", b"1"),
-    lambda: durable.replace_file(folder / "theirs", b"1"),
-    lambda: locked(folder, "taken").__enter__(),
-):
-    try:
-        attempt()
-    except SessionError as error:
-        print(error)
-"""
-
-
-def test_the_files_of_another_user_are_left_alone_and_it_is_said(tmp_path: Path) -> None:
-    if os.geteuid() != 0:
-        pytest.skip("only root can act as another user")
-    folder = tmp_path / "shared"
-    folder.mkdir(mode=0o755)
-    (folder / "theirs").write_bytes(b"0")
-    for above in [tmp_path, *tmp_path.parents]:
-        if str(above) not in ("/", "/tmp"):
-            above.chmod(above.stat().st_mode | 0o055)
-    done = subprocess.run(
-        [sys.executable, "-c", AS_ANOTHER, str(folder)],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[3])},
-    )
-    first, second, third = done.stdout.splitlines()
-    assert "file could not be written: Permission denied. " in first
-    assert "theirs could not be written: Permission denied. " in second
-    assert third.endswith("cannot be locked: Permission denied; check that you may write there")
-    assert sorted(path.name for path in folder.iterdir()) == ["theirs"]
-    assert (folder / "theirs").read_bytes() == b"0"
 
 
 COMMANDS_AS_ANOTHER = """
@@ -224,14 +183,3 @@ def test_a_session_whose_clock_goes_backwards_ends_like_any_other(
     assert len(calls) > 10
     assert digest_of(home / "data" / "sessions") == digest_of(whole / "data" / "sessions")
     assert call(home, ("sessions", "verify", "s"))[0] == 0
-
-
-def test_a_clock_that_goes_backwards_loses_and_replaces_nothing(tmp_path: Path) -> None:
-    durable.write_folder(tmp_path / "a", {"x": b"1"})
-    future_s = time.time() + 86_400.0
-    os.utime(tmp_path / "a" / "x", (future_s, future_s))
-    with pytest.raises(SessionError, match="exists already"):
-        durable.write_folder(tmp_path / "a", {"x": b"2"})
-    durable.replace_file(tmp_path / "a" / "x", b"3")
-    assert (tmp_path / "a" / "x").read_bytes() == b"3"
-    assert (tmp_path / "a" / "x").stat().st_mtime < future_s

@@ -207,12 +207,12 @@ def test_the_command_refuses_yes_and_names_a_missing_driver(
     place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     calibrated(resolved(place))
-    monkeypatch.setattr("adaptsim_cli.devices.drivers.makers_drivers", Untouched)
+    monkeypatch.setattr("adaptsim_cli.devices.lab.makers_drivers", Untouched)
     assert app.run(["touch-off", "--hw", "panda", "--yes"]) == 2
     assert "--yes never confirms the motion of a real arm" in capfd.readouterr().err
     for lacking in ("arm", "hand", "pedal"):
         devices = ToyDevices(hand=FakeHand(), lacking=lacking)
-        monkeypatch.setattr("adaptsim_cli.devices.drivers.makers_drivers", devices.drivers)
+        monkeypatch.setattr("adaptsim_cli.devices.lab.makers_drivers", devices.drivers)
         assert app.run(["touch-off", "--hw", "panda"]) == 3
         assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err
         assert devices.arm is None or not devices.arm.executed

@@ -77,6 +77,13 @@ def test_a_policy_that_follows_from_trials_runs_by_name_too(capsys: pytest.Captu
     assert list(record["action"].values()) == api.open_session("own").best_policy()(np.zeros(0)).tolist()
 
 
+def test_a_task_without_an_arm_has_no_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for kind in ("sdf", "mjcf"):
+        assert app.run(["sessions", "export", NAME, "--format", kind, "--out", str(tmp_path / "scene")]) == 2
+        assert "pendulum has no motion for a robot arm" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_policy_takes_lists_and_refuses_wrong_contexts() -> None:
     task = get_task("pushing")
     asked: list[Array] = []

@@ -10,12 +10,13 @@ import pytest
 from recordings import write_tables
 
 from adaptsim_cli import api, app
-from adaptsim_cli.report.posteriors import Believed, disagreements
+from adaptsim_cli.outputs.sessions import ParameterBelief
+from adaptsim_cli.report.comparison import disagreements
 from sim.adaptation.reward_table import RewardTable, weighed
 
 
-def believed(session: str, low: float, high: float, parameter: str = "mu") -> Believed:
-    return Believed(session, parameter, "", low, 0.5 * (low + high), high)
+def believed(session: str, low: float, high: float, parameter: str = "mu") -> ParameterBelief:
+    return ParameterBelief(session=session, parameter=parameter, unit="", low=low, median=0.5 * (low + high), high=high)
 
 
 def test_posteriors_disagree_where_their_intervals_have_nothing_in_common() -> None:

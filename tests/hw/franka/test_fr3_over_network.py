@@ -209,7 +209,9 @@ def test_a_player_that_stalls_is_stopped_by_the_arm_and_the_reason_is_the_comput
 @pytest.mark.long
 def test_a_program_that_ends_lets_the_arm_brake(server: Fr3Process) -> None:
     script = Path(__file__).parents[2] / "support" / "moving_program.py"
-    program = subprocess.Popen([sys.executable, str(script), server.host], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    program = subprocess.Popen(
+        [sys.executable, str(script), server.host], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
     server.at(0.5, program.kill).join()
     program.communicate()
     seen: list[int] = []

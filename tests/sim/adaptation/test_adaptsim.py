@@ -143,6 +143,9 @@ def test_an_outlook_says_how_much_is_left_and_less_so_with_every_trial():
     assert not found[0].done
     assert not found[2].hopeless
     assert found[2].ci95[0] <= found[2].reward <= found[2].ci95[1]
+    first = outlook_after(Reality(simulators(), trials(16)), for_e, 1, 2)
+    assert first.untried
+    assert not first.done, "one iteration never tries the policy that it ends with"
 
 
 @pytest.mark.long

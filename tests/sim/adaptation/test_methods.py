@@ -7,9 +7,9 @@ from toy_learning import iteration, train_one, trained
 from toy_task import PARAMETERS, TOY, Unmodelled
 
 from sim.adaptation.judging import choose_best, judge
-from sim.adaptation.method import Particle, ParticleTrials, Trial
+from sim.adaptation.method import ExpectedGain, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import METHODS, make_method
-from sim.adaptation.verdict import Kind
+from sim.adaptation.verdict import Kind, Reason
 from sim.errors import CheckpointError, UnknownName
 from sim.research.methods.q_policy import QPolicy, encode, inputs, look_back, new_policy, seen_in_session
 from sim.solvers.emulator.solver import EmulatorSolver
@@ -248,3 +248,12 @@ def test_the_verdict_follows_from_the_data():
     assert windy.is_inexpressible and (windy.strange, windy.trials) == (16, 16)
     far = PARAMETERS.denormalise(np.array([1.0, 0.5, 1.0, 1.0]))
     assert judged(session(far, [PARAMETERS.low, PARAMETERS.low])).kind is Kind.STAYS_LOW
+
+
+def test_a_policy_that_nobody_has_tried_is_never_enough():
+    history = session(MEAN, [MEAN])
+    ahead = ExpectedGain(0.9, (0.7, 1.0), 0.0, 0.0, 0, untried=True, correction=np.zeros(2), correction_std=np.zeros(2))
+    first = judged(history, ahead)
+    assert (first.kind, first.reasons) == (Kind.GO_ON, (Reason.UNTRIED,))
+    assert judged(history, replace(ahead, untried=False)).kind is Kind.ENOUGH
+    assert judged(history, replace(ahead, ci95=(0.0, 0.1), reward=0.05)).kind is Kind.HOPELESS

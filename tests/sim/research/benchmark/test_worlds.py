@@ -25,6 +25,7 @@ def test_one_drawn_world_is_asked_for_by_its_name_and_keeps_its_set():
     assert alone.set == "drawn"
     assert alone.world.parameters.tolist() == targets_of(PUSHING, ["drawn"])[3].world.parameters.tolist()
     assert targets_of(PUSHING, ["drawn-0-3"])[0].set == "develop"
+    assert [t.name for t in targets_of(PUSHING, ["drawn-3"])][::39] == ["drawn-3-0", "drawn-3-39"]
     with pytest.raises(UnknownName, match="drawn-2-40"):
         targets_of(PUSHING, ["drawn-2-40"])
 

@@ -11,8 +11,8 @@ import open3d
 import pytest
 
 from adaptsim_cli import app
+from adaptsim_cli.commands.parts import all_parts
 from adaptsim_cli.report import parts as sheet
-from adaptsim_cli.wiring.parts import parts as all_parts
 from hw.types import Array
 from sim.tasks.pushing import TASK as PUSHING
 from sim.tasks.pushing.mount import GRIP_M, PLATE_HEIGHT_M, PLATE_WIDTH_M

@@ -1,0 +1,141 @@
+"""`list`, `show`, `restore` and `compare` of what a rig keeps, numbered: its calibrations and its touch-offs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from adaptsim_cli import options
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from adaptsim_cli.config import Resolved
+    from adaptsim_cli.screen.console import Screen
+
+Name = Annotated[str, typer.Argument(help="Name or number, as `list` shows it.")]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of measurement: its words, and how it is read and shown (also as JSON)."""
+
+    command: str  # "calibrate"
+    noun: str  # "calibration"
+    example: str  # options that name a rig
+    then: tuple[str, str]  # the command after a restoration, and its reason
+    store: Callable[[Resolved], Any]  # the CalibrationStore or TouchOffStore of the rig of these settings
+    tell: Callable[[Screen, Any, tuple[str, ...]], None]  # all, oldest first, and the open sessions that rest on one
+    show: Callable[[Screen, Any, Path], None]  # one
+    compare: Callable[[Screen, Any, str, str], None]  # two, by name
+
+
+def add_to(app: typer.Typer, kind: Kind) -> None:
+    """Add the four commands to the group of `kind`."""
+    noun, called = kind.noun, f"adaptsim {kind.command}"
+
+    def again(name: str, resolved: Resolved, why: str) -> tuple[str, str]:
+        return f"{called} restore {name} {resolved.config.same_lab}", why
+
+    @app.command(
+        "list",
+        help=f"List the {noun}s of a rig or world, oldest first, and the sessions that rest on the one in use."
+        f"\n\nExample: {called} list {kind.example}",
+    )
+    def list_all(
+        task: options.Task = None,
+        world: options.World = None,
+        seed: options.Seed = None,
+        hw: options.Hw = None,
+        as_json: options.Json = False,
+    ) -> None:
+        from adaptsim_cli.screen import console
+        from adaptsim_cli.wiring import rig_frames
+
+        resolved = _rig(task, world, seed, hw)
+        resting = rig_frames.open_sessions(resolved.config, resolved.places)
+        kind.tell(console.Screen(as_json=as_json), kind.store(resolved), resting)
+
+    @app.command(
+        "show",
+        help=f"Show one {noun}: every value and check.\n\nExample: {called} show 1 {kind.example}",
+    )
+    def show(
+        name: Name,
+        task: options.Task = None,
+        world: options.World = None,
+        seed: options.Seed = None,
+        hw: options.Hw = None,
+        as_json: options.Json = False,
+    ) -> None:
+        from adaptsim_cli.screen import console
+
+        resolved, screen = _rig(task, world, seed, hw), console.Screen(as_json=as_json)
+        store = kind.store(resolved)
+        path = store.numbered.named(name)
+        kind.show(screen, store.read(path), path)
+        screen.next(again(path.name, resolved, "puts it in use again"))
+
+    @app.command(
+        "restore",
+        help=f"Put an earlier {noun} in use again, as a copy with the next number. Nothing is deleted.\n\n"
+        "Names the open sessions that rest on the one in use until now."
+        f"\n\nExample: {called} restore 1 {kind.example}",
+    )
+    def restore(
+        name: Name,
+        task: options.Task = None,
+        world: options.World = None,
+        seed: options.Seed = None,
+        hw: options.Hw = None,
+        as_json: options.Json = False,
+    ) -> None:
+        from datetime import UTC, datetime
+
+        from adaptsim_cli.screen import console, resting
+        from adaptsim_cli.storage.durable import locked
+        from adaptsim_cli.wiring import rig_frames
+
+        resolved, screen = _rig(task, world, seed, hw), console.Screen(as_json=as_json)
+        store = kind.store(resolved)
+        source = store.numbered.named(name)
+        sessions = rig_frames.open_sessions(resolved.config, resolved.places)
+        resting.tell_resting(screen, f"the {noun} in use", sessions)
+        with locked(store.folder, f"another command uses the {noun}s of this rig: wait until it has ended"):
+            path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
+        told = {"in_use": path.name, "restored_from": source.name, "folder": str(path)}
+        if not screen.data(f"{kind.command} restore", told):
+            screen.plain(f"In use from now on: {path}")
+            command, why = kind.then
+            screen.next((f"{command} {resolved.config.same_lab}", why))
+
+    @app.command(
+        "compare",
+        help=f"Say how two {noun}s differ, beside how well both are known.\n\n"
+        f"Example: {called} compare 1 2 {kind.example}",
+    )
+    def compare(
+        first: Name,
+        second: Name,
+        task: options.Task = None,
+        world: options.World = None,
+        seed: options.Seed = None,
+        hw: options.Hw = None,
+        as_json: options.Json = False,
+    ) -> None:
+        from adaptsim_cli.screen import console
+
+        resolved, screen = _rig(task, world, seed, hw), console.Screen(as_json=as_json)
+        store = kind.store(resolved)
+        kind.compare(screen, store, first, second)
+        screen.next(again(store.numbered.named(first).name, resolved, "puts the first in use again"))
+
+
+def _rig(task: str | None, world: str | None, seed: int | None, hw: str | None) -> Resolved:
+    from adaptsim_cli.wiring import settings
+
+    flags: Mapping[str, Any] = {"task": task, "world": world, "seed": seed, "hw": hw}
+    return settings.load(flags)

@@ -1,0 +1,115 @@
+"""The options that several commands take, each declared once, and the names that a shell completes for them.
+
+Light, because every press of Tab starts the program.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from adaptsim_cli.session.store import SessionStore
+
+_WORLDS = Path(__file__).parents[1] / "sim/worlds"
+
+
+def session_names(incomplete: str) -> list[str]:
+    """Sessions of this machine that begin like this."""
+    return _folders("sessions", incomplete)
+
+
+def all_session_names(incomplete: str) -> list[str]:
+    """The same, with archived ones."""
+    return [*session_names(incomplete), *_folders("archived-sessions", incomplete)]
+
+
+def rollout_names(incomplete: str) -> list[str]:
+    """Rollouts of this machine that begin like this."""
+    return _folders("rollouts", incomplete)
+
+
+def task_names(incomplete: str) -> list[str]:
+    """Tasks that begin like this, those of installed packages too."""
+    ours = {folder.name for folder in _WORLDS.iterdir() if folder.is_dir()}
+    return _like(incomplete, ours | {entry.name for entry in entry_points(group="adaptsim.tasks")})
+
+
+def world_names(incomplete: str) -> list[str]:
+    """Shipped worlds of all our tasks that begin like this; the shell completes files itself."""
+    return _like(incomplete, {file.stem for file in _WORLDS.glob("*/*.toml")})
+
+
+def export_formats(incomplete: str) -> list[str]:
+    """Formats of `sessions export` that begin like this."""
+    return _like(incomplete, {"csv", "parquet", "mcap", "lerobot", "rerun", "sdf", "mjcf"})
+
+
+def _folders(kind: str, incomplete: str) -> list[str]:
+    from adaptsim_cli import config
+
+    folder = config.places().data / kind
+    return _like(incomplete, {entry.name for entry in folder.iterdir()} if folder.is_dir() else set())
+
+
+def _like(incomplete: str, names: set[str]) -> list[str]:
+    return sorted(name for name in names if name.startswith(incomplete) and not name.startswith("."))
+
+
+Task = Annotated[str | None, typer.Option("--task", autocompletion=task_names, help="Which task, e.g. scooping.")]
+World = Annotated[
+    str | None,
+    typer.Option("--world", autocompletion=world_names, help="World of the simulated lab: name or TOML file."),
+]
+Seed = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
+Hw = Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")]
+Object = Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of your own object.")]
+Solver = Annotated[str | None, typer.Option("--solver", help="How task policies are found: emulator or naf.")]
+Recorded = Annotated[str | None, typer.Option("--recorded", help="Folder of recorded trials that replace the lab.")]
+HeldOut = Annotated[
+    float | None, typer.Option("--held-out", help="Share of the recorded trials that only scores, 0 to 0.9.")
+]
+Context = Annotated[
+    list[str] | None, typer.Option("--context", help="Context as name=value, repeatable; names: adaptsim lab list.")
+]
+Action = Annotated[
+    list[str] | None,
+    typer.Option("--action", help="Action as name=value, repeatable; names: adaptsim lab list."),
+]
+
+Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")]
+Sure = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")]
+Realtime = Annotated[bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")]
+Pace = Annotated[float | None, typer.Option("--pace", help="Speed of every motion, 0.1 to 1; below 1 nothing counts.")]
+Operator = Annotated[str | None, typer.Option("--operator", help="Your name, for the record of a real arm.")]
+View = Annotated[bool, typer.Option("--view", help="Show camera, motion and track on a page of 127.0.0.1.")]
+ViewPort = Annotated[
+    int | None, typer.Option("--view-port", min=1024, max=65535, help="Port of that page; implies --view.")
+]
+
+Workers = Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")]
+Executor = Annotated[str, typer.Option("--executor", help="Where simulations run: processes or dask.")]
+Scheduler = Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")]
+WorkingFolder = Annotated[Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")]
+
+Out = Annotated[Path | None, typer.Option("--out", help="Where to write it.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace a file named by --out.")]
+Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+
+Session = Annotated[str, typer.Argument(help="Name of the session.", autocompletion=session_names)]
+NewestSession = Annotated[
+    str | None, typer.Argument(help="Name of the session; default: the newest.", autocompletion=session_names)
+]
+Trial = Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sessions show` lists it.")]
+
+
+def stored(name: str | None) -> SessionStore:
+    """The session with this name, or the newest. Raises SessionError, UsageError."""
+    from adaptsim_cli import config
+    from adaptsim_cli.session import store
+
+    root = config.load().places.sessions
+    return store.SessionStore.open(root, name or store.newest(root))

@@ -22,7 +22,7 @@ import numpy as np
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
 import real_views
 
-from calib.sizing import solve_any_size
+from calib.foreign.sizing import solve_any_size
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.errors import ObjectNotFound, TrackingFailed

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import argparse
 import copy
-import io
 import json
+import os
+import shutil
 import sys
 import tempfile
 import time
@@ -31,20 +32,26 @@ import tomli_w
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
 import real_views
+import recordings
+import toy_session
 
 from adaptsim_cli import config
-from adaptsim_cli.calibration import printing
+from adaptsim_cli.calibration import checking, printing
 from adaptsim_cli.calibration.solving import solve_folder
+from adaptsim_cli.devices.known_arm import KnownArm, LastMotion
 from adaptsim_cli.devices.rig_file import reading
 from adaptsim_cli.errors import CliError
-from adaptsim_cli.screen.console import CleanConsole, Screen
-from adaptsim_cli.session import watching
+from adaptsim_cli.session import recording, watching
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.storage import sealed
+from adaptsim_cli.touch_off import store as touch_offs
+from adaptsim_cli.wiring.recorded.folder import read_recorded
 from calib import files
 from calib.errors import CalibrationError
+from calib.foreign.chains import any_arm
 from calib.records import SetupRecord, TouchRecord, read
 from calib.saved import SavedCalibration
-from hw.bounded import Unreadable, read_table
+from hw.bounded import Unreadable
 from hw.errors import HardwareError
 from perception.errors import PerceptionError
 from sim.adaptation.checkpoint import CARD, read_card
@@ -86,103 +93,138 @@ class Reader:
     valid: bytes
     file: str  # its name
     load: Callable[[Path], object]  # reads the file at this path
+    seal: Callable[[bytes], bytes] = bytes  # of a record with a checksum, so that damage goes beyond it
 
 
-def readers() -> list[Reader]:
-    """All readers, each with a valid file."""
-    with tempfile.TemporaryDirectory() as made:
-        folder = real_views.corner_folder(Path(made))
-        setup, view = (folder / files.SETUP).read_bytes(), (folder / "view-00.json").read_bytes()
-        solved = solve_folder(folder, hw="recorded", created="2026-01-01", versions={})
-        calibration = solved.record.content()
-        log = watching.SessionLog(folder, _silent())
-        for number in range(3):
-            log.noted(f"line {number}")
-        lines = (folder / watching.FILE).read_bytes()
+def readers(made: Path) -> list[Reader]:
+    """All readers, each with a valid file. What those need besides is written into the folder `made`."""
+    folder = real_views.corner_folder(made / "views")
+    setup, view = (folder / files.SETUP).read_bytes(), (folder / "view-00.json").read_bytes()
+    calibration = solve_folder(folder, hw="recorded", created="2026-01-01", versions={}).record.content()
+    log = watching.SessionLog(folder, toy_session.silent())
+    for number in range(3):
+        log.noted(f"line {number}")
+    lines = (folder / watching.FILE).read_bytes()
     png = cv2.imencode(".png", np.arange(3072).astype(np.uint8).reshape(32, 32, 3))[1].tobytes()
-    touch = json.dumps({"image": "touch.png", "corner": 0, "X_BF": [np.eye(4).tolist()]}).encode()
-    board = tomli_w.dumps(
-        {
-            "board": {
-                "squares_across": 7,
-                "squares_down": 5,
-                "square_mm": 40.0,
-                "marker_mm": 30.0,
-                "dictionary": "5x5_100",
-            },
-            "nominal_square_mm": 40.0,
-            "measured": True,
-        }
-    ).encode()
-    pictures = (
-        setup.replace(b'kind = "points"\nsize = "unknown"', real_views.ARUCO.encode())
-        .replace(b"640", b"32")
-        .replace(b"480", b"32")
-    )
+    pictures = f'camera = "fixed"\n[board]\n{real_views.ARUCO}\n[colour]\nwidth = 32\nheight = 32\n{SMALL_K}\n'
     pose = json.dumps({"image": "one.png", **real_views.as_told(real_views.X_BF[0])}).encode()
     card = (files_of("scooping", "checkpoints") / "default" / CARD).read_bytes()
     world = next(path for path in sorted(files_of("scooping", "worlds").glob("*.toml")))
     pendulum = files_of("pendulum", "checkpoints") / "default" / "model.safetensors"
     urdf = b'<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute"><parent link="a"/>'
     urdf += b'<child link="b"/><origin xyz="0 0 1" rpy="0 0 0"/><axis xyz="0 0 1"/></joint></robot>'
-    arm = setup.replace(b'camera = "fixed"\n', b'camera = "fixed"\n', 1) + b'\n[kinematics]\nurdf = "robot.urdf"\n'
-    numbers = json.dumps(
-        {"q_rad": [0.1], "corners_px": json.loads(view)["corners_px"], "points_mm": json.loads(view)["points_mm"]}
-    )
+    arm = setup + b'\n[kinematics]\nurdf = "robot.urdf"\n'
+    places = {key: json.loads(view)[key] for key in ("corners_px", "points_mm")}
+    numbers = json.dumps({"q_rad": [0.1], **places}).encode()
+    touch = json.dumps({"image": "touch.png", "corner": 0, "X_BF": [np.eye(4).tolist()]}).encode()
+    tables = recordings.write_tables(made / "tables", 8)
+    known = {"stop_button": "2026-01-01T00:00:00+00:00", "stop_button_by": "Ada", "setups": {"one": "2026-01-01"}}
+    motion = {"frames": [], "arm_t_s": [0.0, 0.01], "q_rad": [[0.0] * 7, [0.01] * 7]}
+    touched = json.dumps(TOUCH_OFF).encode()
     return [
         Reader("setup.toml", setup, files.SETUP, lambda p: _beside(p, {"view-00.json": view})),
         Reader("view", view, "view-00.json", lambda p: _beside(p, {files.SETUP: setup})),
-        Reader("picture", png, "one.png", lambda p: _beside(p, {files.SETUP: pictures, "view-00.json": pose})),
-        Reader("urdf", urdf, "robot.urdf", lambda p: _beside(p, {files.SETUP: arm, "view-00.json": numbers.encode()})),
+        Reader("picture", png, "one.png", lambda p: _beside(p, {files.SETUP: pictures.encode(), "view-00.json": pose})),
+        Reader("urdf", urdf, "robot.urdf", lambda p: _beside(p, {files.SETUP: arm, "view-00.json": numbers})),
         Reader("touch.json", touch, files.TOUCH, lambda p: read(TouchRecord, p)),
-        Reader(
-            "calibration.json",
-            calibration,
-            "calibration.json",
-            lambda p: read(SavedCalibration, p),
-        ),
-        Reader("board.toml", board, printing.BOARD_FILE, lambda p: printing.known(p.parent)),
-        Reader("motion.json", b'{"frames": [], "arm_t_s": [0.0], "q_rad": [0.0]}', "motion.json", read_table),
+        Reader("calibration.json", calibration, "calibration.json", lambda p: read(SavedCalibration, p)),
+        Reader("touch-off.json", touched, touch_offs.FILE, lambda p: read(touch_offs.SavedTouchOff, p)),
+        Reader("board.toml", BOARD, printing.BOARD_FILE, lambda p: printing.known(p.parent)),
+        Reader("motion.json", json.dumps(motion).encode(), checking.MOTION, checking.read_motion),
         Reader("setup record", setup, "setup.toml", lambda p: read(SetupRecord, p)),
         Reader("world", world.read_bytes(), "world.toml", lambda p: load_world(str(p), get_task("scooping"))),
-        Reader("rig", b"[arm]\nmodel = 'panda'\naddress = '10.0.0.2'\n", "rig.toml", reading.read),
+        Reader("rig", RIG, "rig.toml", reading.read),
+        Reader("known arm", json.dumps(known).encode(), "known.json", lambda p: KnownArm(p.parent).read()),
+        Reader("last motion", b"{}", "last.json", lambda p: LastMotion(p).unended()),
         Reader("settings", b'task = "scooping"\nseed = 1\n', "adaptsim.toml", lambda p: config.load({}, {}, p.parent)),
-        Reader(
-            "object",
-            b'task = "scooping"\nname = "own"\n[ranges]\nmu = [0.1, 0.4]\n',
-            "object.toml",
-            load_object,
-        ),
+        Reader("object", b'task = "scooping"\nname = "own"\n[ranges]\nmu = [0.1, 0.4]\n', "object.toml", load_object),
         Reader("card", card, CARD, lambda p: read_card(p.parent, "scooping")),
         Reader("weights", pendulum.read_bytes(), "model.safetensors", load_tensors),
         Reader("log", lines, watching.FILE, lambda p: (watching.read(p.parent), watching.damage(p.parent))),
-        Reader("session", b'format = 1\nname = "one"\ntask = "scooping"\n', "session.toml", _session),
+        *(_of_tables(tables, name) for name in ("recorded.toml", "trials.csv", "trajectories.csv")),
+        *_of_session(made / "session"),
     ]
 
 
-def _silent() -> Any:
-    return Screen(console=CleanConsole(file=io.StringIO()))
+SMALL_K = "K = [[30.0, 0.0, 16.0], [0.0, 30.0, 16.0], [0.0, 0.0, 1.0]]"
+BOARD = b"""nominal_square_mm = 40.0
+measured = true
+[board]
+squares_across = 7
+squares_down = 5
+square_mm = 40.0
+marker_mm = 30.0
+dictionary = "5x5_100"
+"""
+RIG = b"name = 'lab'\n[arm]\nmodel = 'panda'\naddress = '10.0.0.2'\n"
+
+
+def _estimate(value: float) -> dict[str, Any]:
+    return dict.fromkeys(("value", "within"), value)
+
+
+_TOUCHED = ["table_height_m", "tilt_x", "tilt_y", "tool_height_m", "tool_forward_m", "tool_pitch_rad", "tool_roll_rad"]
+_LENGTHS = ["table_origin_m", "edge_over_table_m", "repeat_m", "misfit_m", "slip_m", "pressed_N", "grasp_force_N"]
+TOUCH_OFF = {
+    **dict.fromkeys(["created", "hw", "arm", "rig", "tool", "source"], "one"),
+    **{name: _estimate(0.001) for name in _TOUCHED},
+    **dict.fromkeys(_LENGTHS, 0.001),
+    "joint_zeros_rad": [0.0] * 7,
+    "touches": [],
+    "versions": {},
+}
 
 
 def _beside(path: Path, others: dict[str, bytes]) -> object:
     for name, content in others.items():
         (path.parent / name).write_bytes(content)
-    stored = files.read_folder(path.parent)
+    stored = files.read_folder(path.parent, any_arm)
     files.as_setup(stored.setup)
     return [view.record.flange() if not view.record.questions() else None for view in stored.views]
 
 
-def _session(path: Path) -> object:
-    folder = path.parent / "sessions" / "one"
-    folder.mkdir(parents=True)
-    path.rename(folder / "session.toml")
-    return SessionStore.open(folder.parent, "one").facts
+def _of_tables(folder: Path, name: str) -> Reader:
+    """One file of recorded trials, beside the others."""
+
+    def load(path: Path) -> object:
+        for other in folder.iterdir():
+            if other.name != name:
+                os.link(other, path.parent / other.name)
+        return read_recorded(get_task("pendulum"), path.parent)
+
+    return Reader(name, (folder / name).read_bytes(), name, load)
+
+
+def _of_session(home: Path) -> list[Reader]:
+    """Every record of a session, sealed again after the damage, and a recording."""
+    root = toy_session.run(home).folder
+    first = "iteration-01/trial-001-attempt-1"
+    records = ("session.toml", "start.json", f"{first}/motion.json", f"{first}/trial.json")
+    found = [_record_of(root, name) for name in (*records, "iteration-01/result-1/result.json")]
+    mcap = root / first / "recording.mcap"
+    return [*found, Reader("recording", mcap.read_bytes(), mcap.name, recording.read)]
+
+
+def _record_of(root: Path, name: str) -> Reader:
+    content = (root / name).read_bytes()
+    seal, mark = (sealed.seal_toml, b"# sha256 ") if name.endswith(".toml") else (sealed.seal_json, b',\n "sealed": "')
+    body = content[: content.rindex(mark)] + (b"" if name.endswith(".toml") else b"\n}\n")
+
+    def load(path: Path) -> object:
+        folder = path.parent / "sessions" / root.name
+        shutil.copytree(root, folder, copy_function=os.link)
+        path.replace(folder / name)
+        store = SessionStore.open(folder.parent, root.name)
+        (key, *_) = sorted(store.existing().completed)
+        return store.trials(0), store.motion(0, key), store.result(0), store.summary(0)
+
+    return Reader(f"session's {Path(name).name}", body, Path(name).name, load, seal)
 
 
 def changed(valid: bytes, file: str, rng: np.random.Generator) -> bytes:
-    """The file with one to four changes."""
+    """The file with one, two or four changes."""
     data = valid
-    for _ in range(int(rng.integers(1, 5))):
+    for _ in range(int(rng.choice([1, 1, 2, 4]))):
         data = (
             _structured(data, file, rng)
             if rng.random() < 0.6 and not file.endswith((".png", ".urdf"))
@@ -247,14 +289,12 @@ def main() -> int:
     parser.add_argument("--only", type=int, help="repeat this case of --reader")
     given = parser.parse_args()
     warnings.simplefilter("error", RuntimeWarning)
-    chosen = [one for one in readers() if given.reader in (None, one.name)]
+    kept = tempfile.TemporaryDirectory()
+    chosen = [one for one in readers(Path(kept.name)) if given.reader in (None, one.name)]
     for one in chosen:
         with tempfile.TemporaryDirectory() as made:
-            (Path(made) / one.file).write_bytes(one.valid)
-            try:
-                one.load(Path(made) / one.file)
-            except OURS as error:
-                print(f"{one.name}: the unchanged file is refused: {str(error)[:200]}")
+            (Path(made) / one.file).write_bytes(one.seal(one.valid))
+            one.load(Path(made) / one.file)  # a file that is refused unchanged tests nothing: this ends the program
     until_s = time.monotonic() + 60 * given.minutes
     ran, refused, failed = Counter[str](), Counter[str](), Counter[str]()
     number = given.only or 0
@@ -263,7 +303,7 @@ def main() -> int:
             rng = np.random.default_rng([given.seed, number, sum(map(ord, one.name))])
             with tempfile.TemporaryDirectory() as made:
                 path = Path(made) / one.file
-                path.write_bytes(changed(one.valid, one.file, rng))
+                path.write_bytes(one.seal(changed(one.valid, one.file, rng)))
                 try:
                     one.load(path)
                 except OURS:

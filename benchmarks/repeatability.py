@@ -32,10 +32,10 @@ import real_views
 from calib.closed_form import robust_start
 from calib.condense import condense
 from calib.errors import CalibrationError
+from calib.foreign.intrinsics_check import settle
+from calib.foreign.sizing import solve_any_size
 from calib.geometry import distance_mm, move
-from calib.intrinsics_check import settle
 from calib.projection import project
-from calib.sizing import solve_any_size
 from calib.types import Mounting, Setup, View
 from hw.poses import inverse
 from hw.types import Array

@@ -16,14 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.errors import UnusableViews
 from calib.geometry import adjoint, difference, move
-from calib.types import Forward, Mounting, View
+from calib.types import Forward, Mounting, View, Weights
 from hw.poses import inverse
 from hw.types import Array
 
@@ -119,13 +118,6 @@ class Unknowns:
     X_HM: Array  # (4, 4)
     offsets_rad: Array  # (n,)
     scale: float = 1.0
-
-
-class Weights(StrEnum):
-    """Which errors the views are weighed by."""
-
-    ARM_AND_VIEWS = "errors of arm and views"
-    PIXELS = "pixels"
 
 
 @dataclass(frozen=True)

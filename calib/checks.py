@@ -14,6 +14,7 @@ import numpy as np
 
 from calib.bundle import Unknowns, motion_of, predict
 from calib.condense import condense
+from calib.errors import determined
 from calib.geometry import adjoint, angle_deg, distance_mm, move
 from calib.projection import project_with_jacobian
 from calib.types import Check, Forward, Grade, Setup, Solution, View
@@ -44,13 +45,13 @@ def square_size(solution: Solution) -> Check:
     if not solution.size_known:
         found = f"not stated; the arm's motion makes it a {solution.target}, to ± {100 * sigma:.2f} %"
         return Check("square size", Grade.GOOD, found)
-    message = f"by the arm's motion the squares are {100 * off:+.2f} % (± {100 * sigma:.2f}) off their stated size"
-    if abs(off) <= limit:
-        return Check("square size", Grade.GOOD, f"{message}, limit {100 * limit:.2f} %", 100 * off, 100 * limit, "%")
-    advice = "measure the print and state its true square size; if it is right, the focal length is wrong"
-    return Check(
-        "square size", Grade.BAD, f"{message}, limit {100 * limit:.2f} %: {advice}", 100 * off, 100 * limit, "%"
+    message = (
+        f"by the arm's motion the squares are {100 * off:+.2f} % (± {100 * sigma:.2f}) off their stated size, limit "
+        f"{100 * limit:.2f} %"
     )
+    advice = ": measure the print and state its true square size; if it is right, the focal length is wrong"
+    measured = 100 * off, 100 * limit, "%"
+    return Check.graded("square size", message, measured, advice, good=abs(off) <= limit, worse=Grade.BAD)
 
 
 def joint_offsets(solution: Solution) -> Check:
@@ -63,27 +64,18 @@ def joint_offsets(solution: Solution) -> Check:
     value = float(1e3 * joints.suspected_rad[worst])
     limit = 1e3 * OFFSET_LIMIT_RAD
     message = f"joint {worst + 1} reads {value:+.2f} mrad off its zero; {joints.reason}"
-    if not joints.adopted or abs(value) <= limit:
-        return Check("joint offsets", Grade.GOOD, message, value, limit, "mrad")
-    return Check(
-        "joint offsets",
-        Grade.SUSPECT,
-        f"{message}. The solution takes them into account; planning must use the corrected joints too",
-        value,
-        limit,
-        "mrad",
-    )
+    advice = ". The solution takes them into account; planning must use the corrected joints too"
+    good = not joints.adopted or abs(value) <= limit
+    return Check.graded("joint offsets", message, (value, limit, "mrad"), advice, good=good, worse=Grade.SUSPECT)
 
 
 def variety(solution: Solution) -> Check:
     """Do the views differ enough?"""
     value, limit = solution.tilt_spread_deg, TILT_SPREAD_LIMIT_DEG
     message = f"the board's tilts spread by {value:.1f}° (root mean square), at least {limit:.0f}° is recommended"
-    if value >= limit:
-        return Check("variety of views", Grade.GOOD, message, value, limit, "°")
-    return Check(
-        "variety of views", Grade.SUSPECT, f"{message}: add views tilted left, right, up and down", value, limit, "°"
-    )
+    advice = ": add views tilted left, right, up and down"
+    measured = value, limit, "°"
+    return Check.graded("variety of views", message, measured, advice, good=value >= limit, worse=Grade.SUSPECT)
 
 
 def weights(solution: Solution) -> Check:
@@ -111,10 +103,9 @@ def warm_up(readings_C: Sequence[float]) -> Check:
     third = max(1, len(readings_C) // 3)
     value = float(np.mean(readings_C[-third:]) - np.mean(readings_C[:third]))
     message = f"{np.median(readings_C):.1f} °C, {value:+.1f} °C from the first views to the last"
-    if abs(value) <= WARM_LIMIT_C:
-        return Check("camera temperature", Grade.GOOD, message, value, WARM_LIMIT_C, "°C")
     advice = f" (limit {WARM_LIMIT_C:g} °C): let it run for 40 minutes, then calibrate with --fresh"
-    return Check("camera temperature", Grade.SUSPECT, message + advice, value, WARM_LIMIT_C, "°C")
+    measured, good = (value, WARM_LIMIT_C, "°C"), abs(value) <= WARM_LIMIT_C
+    return Check.graded("camera temperature", message, measured, advice, good=good, worse=Grade.SUSPECT)
 
 
 def mounting_of_board(solution: Solution, X_HM_expected: Array) -> Check:
@@ -151,13 +142,13 @@ def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tupl
     height = float(1e3 * (plane[2] - expected_height_m))
     tilt = float(np.rad2deg(np.hypot(plane[0], plane[1])))
     message = f"the table top lies {height:+.1f} mm from its place and is tilted by {tilt:.2f}°"
-    if abs(height) <= TABLE_LIMIT_MM and tilt <= TABLE_LIMIT_DEG:
-        return Check("table plane", Grade.GOOD, message, height, TABLE_LIMIT_MM, "mm")
+    good = abs(height) <= TABLE_LIMIT_MM and tilt <= TABLE_LIMIT_DEG
     advice = (
         f" (limits {TABLE_LIMIT_MM:.0f} mm, {TABLE_LIMIT_DEG}°): if depth bias and touched point are good, the rig "
         "file has the wrong table; if not, recalibrate"
     )
-    return Check("table plane", Grade.SUSPECT, message + advice, height, TABLE_LIMIT_MM, "mm")
+    measured = height, TABLE_LIMIT_MM, "mm"
+    return Check.graded("table plane", message, measured, advice, good=good, worse=Grade.SUSPECT)
 
 
 def board_poses(solution: Solution, views: Sequence[View], setup: Setup, forward: Forward | None) -> Array:
@@ -196,12 +187,12 @@ def depth_bias(residuals_m: Sequence[Array]) -> Check:
     message = (
         f"depth reads {value:+.1f} mm on the board (spread over views {spread:.1f} mm, limit {DEPTH_LIMIT_MM:.0f} mm)"
     )
-    if abs(value) <= DEPTH_LIMIT_MM:
-        return Check("depth bias", Grade.GOOD, message, value, DEPTH_LIMIT_MM, "mm")
+    measured, good = (value, DEPTH_LIMIT_MM, "mm"), abs(value) <= DEPTH_LIMIT_MM
     advice = ": let the camera warm up, and look for a second light source or a shiny board; or correct it"
-    return Check("depth bias", Grade.SUSPECT, message + advice, value, DEPTH_LIMIT_MM, "mm")
+    return Check.graded("depth bias", message, measured, advice, good=good, worse=Grade.SUSPECT)
 
 
+@determined()
 def infrared_board(
     solution: Solution, views: Sequence[View], setup: Setup, forward: Forward | None
 ) -> tuple[Array | None, Check]:
@@ -239,9 +230,8 @@ def infrared_board(
         f" {distance_mm(X_CD, setup.X_CD):.1f} mm and {angle_deg(X_CD, setup.X_CD):.2f}° from there"
         f" (limit {ALIGNMENT_LIMIT_PX:.0f} px)"
     )
-    if value <= ALIGNMENT_LIMIT_PX:
-        return X_CD, Check(name, Grade.GOOD, message, value, ALIGNMENT_LIMIT_PX, "px")
-    return X_CD, Check(name, Grade.SUSPECT, message + ": use the measured pose", value, ALIGNMENT_LIMIT_PX, "px")
+    measured, good = (value, ALIGNMENT_LIMIT_PX, "px"), value <= ALIGNMENT_LIMIT_PX
+    return X_CD, Check.graded(name, message, measured, ": use the measured pose", good=good, worse=Grade.SUSPECT)
 
 
 def _misalignment_px(setup: Setup, X_CM: Array, X_CD: Array) -> float:
@@ -260,7 +250,6 @@ def touched_point(p_A_seen_m: Array, p_A_touched_m: Array, sigma_mm: float) -> C
     value = float(1e3 * np.linalg.norm(np.asarray(p_A_seen_m) - np.asarray(p_A_touched_m)))
     limit = float(np.hypot(TOUCH_LIMIT_MM, 3.0 * sigma_mm))
     message = f"the touched point is {value:.1f} mm from where the camera sees it (limit {limit:.1f} mm)"
-    if value <= limit:
-        return Check("touched point", Grade.GOOD, message, value, limit, "mm")
     advice = ": touch it again with the calibrated tip; if the distance stays, check the tool's length and recalibrate"
-    return Check("touched point", Grade.BAD, message + advice, value, limit, "mm")
+    measured = value, limit, "mm"
+    return Check.graded("touched point", message, measured, advice, good=value <= limit, worse=Grade.BAD)

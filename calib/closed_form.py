@@ -136,7 +136,10 @@ def _one(R: Array, p: Array) -> Array:
 def cross_check(X_AH: Array, X_CM: Array, X_AC: Array) -> tuple[ClosedForm, ...]:
     """The closed forms, compared with the solution `X_AC`."""
     found = opencv_methods(X_AH, X_CM)
-    return tuple(ClosedForm(name, X, distance_mm(X, X_AC), angle_deg(X, X_AC)) for name, X in found.items())
+    return tuple(
+        ClosedForm(name=name, from_solution_mm=distance_mm(X, X_AC), from_solution_deg=angle_deg(X, X_AC))
+        for name, X in found.items()
+    )
 
 
 def disagreement_mm(methods: Sequence[ClosedForm]) -> float:

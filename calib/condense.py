@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.bundle import CondensedViews
-from calib.errors import TooFewViews
+from calib.errors import TooFewViews, determined
 from calib.geometry import move
 from calib.projection import project, project_with_jacobian
 from hw.types import Array, Intrinsics
@@ -26,6 +26,7 @@ _HUBER = 2.5  # in standard deviations of a corner
 _NOISE_FLOOR_PX = 0.02
 _FAR_RAD = 1.5
 _FLAT = 1e-6
+_OUTSIDE = 1.0  # corners that another program extrapolates may lie half a picture beyond its edge
 _ROUGH = 2.0
 """A view with corner errors this many times the usual ones counts with its own noise (a bent print, a lens)."""
 
@@ -64,6 +65,9 @@ def unusable(corners: Corners, target: CalibrationTarget, camera: Intrinsics) ->
             "target"
         )
     points = target.p_MK_m[corners.ids]
+    centre, reach = np.array([camera.width, camera.height]) / 2, _OUTSIDE * max(camera.width, camera.height)
+    if len(corners) and np.abs(corners.px - centre).max() > reach:
+        return f"corners lie far outside the picture of {camera.width} x {camera.height}: state them in its pixels"
     if len(corners) < target.least or in_a_row(points, target.spacing_m):
         return f"{len(corners)} corners, fewer than {target.least} or all in one row"
     if not starts(points, corners.px, camera):
@@ -71,6 +75,7 @@ def unusable(corners: Corners, target: CalibrationTarget, camera: Intrinsics) ->
     return ""
 
 
+@determined()
 def condense(
     names: Sequence[str], corners: Sequence[Corners], board: CalibrationTarget, camera: Intrinsics
 ) -> PoseCandidates:

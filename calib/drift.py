@@ -15,8 +15,8 @@ import numpy as np
 
 from calib.bundle import ArmViews, Model, Unknowns, joint_spread, linearise, motion_of, predict
 from calib.condense import PoseCandidates, condense
-from calib.errors import TooFewViews
-from calib.geometry import angle_deg, distance_mm, move
+from calib.errors import TooFewViews, determined
+from calib.geometry import angle_deg, distance_mm, move, rms
 from calib.types import Drift, Forward, Setup, Solution, View
 from hw.types import Array, frozen_array
 
@@ -52,6 +52,7 @@ def known(solution: Solution) -> Known:
     return Known(solution.X_AC, solution.X_HM, offsets, solution.noise.joint_rad)
 
 
+@determined()
 def drift(views: Sequence[View], setup: Setup, forward: Forward | None, was: Known) -> Drift:
     """Compare at least three views with the calibration. Raises TooFewViews, UnusableViews."""
     if len(views) < MIN_VIEWS:
@@ -62,7 +63,7 @@ def drift(views: Sequence[View], setup: Setup, forward: Forward | None, was: Kno
     offsets = was.offsets_rad if len(was.offsets_rad) == moved.joints else np.zeros(moved.joints)
     state = Unknowns(was.X_AC[None], was.X_HM, offsets)
     X_now, covariance = _camera_now(sight, state, moved, was.joint_rad)
-    return _verdict(was, X_now, covariance, _rms(sight.rms_at(predict(state, moved))))
+    return _verdict(was, X_now, covariance, rms(sight.rms_at(predict(state, moved))))
 
 
 def _camera_now(sight: PoseCandidates, state: Unknowns, moved: ArmViews, joint_rad: float) -> tuple[Array, Array]:
@@ -81,10 +82,6 @@ def _camera_now(sight: PoseCandidates, state: Unknowns, moved: ArmViews, joint_r
         now = Unknowns(move(now.X_AC, np.clip(step, -0.3, 0.3)), now.X_HM, now.offsets_rad)
         covariance = np.asarray(np.linalg.inv(A), dtype=np.float64)
     return now.X_AC[0], covariance
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _verdict(was: Known, X_now: Array, covariance: Array, rms_px: float) -> Drift:

@@ -10,6 +10,13 @@ CalibrationError
 └── ViewFolderError      a folder of views, or a stored calibration, is malformed, truncated or incomplete
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
 
 class CalibrationError(Exception):
     """Base of everything that calibration raises."""
@@ -33,6 +40,18 @@ class DegenerateViews(UnusableViews):
 
 class BoardDisagrees(UnusableViews):
     """Corners that the stated board does not have, or that no pose of the board explains."""
+
+
+@contextmanager
+def determined() -> Iterator[None]:
+    """Raise DegenerateViews where a matrix of the views cannot be inverted. Rounding decides whether one can."""
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        raise DegenerateViews(
+            "the views leave some direction undetermined: check that each view has its own picture and pose, and tilt "
+            "the board left, right, up and down"
+        ) from error
 
 
 class CalibrationRejected(CalibrationError):

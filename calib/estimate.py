@@ -2,26 +2,42 @@
 
 Two fits compete. One weighs every view by the errors of arm, view and corners, whose sizes it estimates; joint offsets
 are adopted in it if the views support them. The other weighs all corners alike: a bundle adjustment over pixels. Each
-predicts every view from the others, a fifth at a time, and the better one is kept (`Choice`).
+predicts every view from the others, a fifth at a time (`Choice`). The few views of a series often cannot tell errors of
+the arm from those of the lens. So the first is kept alone only if it predicts clearly better, and the mean of both is
+taken where neither does.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.bundle import ArmViews, CondensedViews, Fit, Model, Rows, Unknowns, Weights, fit, observable_joints, predict
+from calib.bundle import (
+    ArmViews,
+    CondensedViews,
+    Fit,
+    Model,
+    Rows,
+    Sizes,
+    Unknowns,
+    fit,
+    observable_joints,
+    predict,
+)
 from calib.condense import PoseCandidates, about
+from calib.geometry import difference, move, rms
 from calib.rejection import MIN_TO_FREE
-from calib.types import Choice, JointOffsets
+from calib.types import Choice, JointOffsets, Weights
 from calib.uncertainty import jackknife
 from hw.types import Array
 
 FOLDS = 5
 BIC_LIMIT = -2.0  # "positive evidence"; by chance about once in 5,000 calibrations
 HELD_OUT_MARGIN = 1.1  # four held-out views measure their error to about a tenth
-PIXELS_MARGIN = 0.98  # of the other fit's held-out error: below it, the fit over pixels is kept
+CLEARLY = 0.85  # times the held-out error of the fit over pixels: below it, the other is kept alone
+PIXELS_MARGIN = 0.98  # times the held-out error of the other fit: below it, the fit over pixels is kept alone
 _LEAST_PX = 0.02
 _ROUNDS = 6
 _SETTLED_M = 1e-6
@@ -60,7 +76,7 @@ class Data:
         X = predict(start, self.moved)
         found: Fit | None = None
         for _ in range(_ROUNDS):
-            noise_px = max(_rms(self.rms_at(X)[rows]) / float(np.sqrt(2.0)), _LEAST_PX) if pixels else None
+            noise_px = max(rms(self.rms_at(X)[rows]) / float(np.sqrt(2.0)), _LEAST_PX) if pixels else None
             before = X
             found = fit(
                 self.moved.take(rows),
@@ -85,48 +101,64 @@ class HeldOutViews:
     @property
     def rms_px(self) -> float:
         """Over the views."""
-        return _rms(self.px)
+        return rms(self.px)
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """The fit that is kept."""
+    """What is kept of the two fits."""
 
-    fit: Fit
+    fit: Fit  # with the mean of both as its state, if both are kept
     joints: JointOffsets | None
-    held: HeldOutViews  # every fifth view, predicted by a fit to the others
+    held: HeldOutViews  # every fifth view, predicted without them
     folds: HeldOutViews  # every view, predicted without its fifth
     choice: Choice
+    noise: Sizes  # by the fit weighed by errors of arm and views, kept or not
 
 
 def estimate(data: Data, start: Unknowns, *, scale: bool) -> Estimate:
-    """Fit by both weights, and keep the fit that predicts held-out views better; `scale`: the board's size is free."""
+    """Fit by both weights, and keep one by how well held-out views are predicted; `scale`: the board's size is free."""
     cameras = len(data.sights)
     plain = data.fit(data.kept, start, Model(scale=scale, cameras=cameras))
-    by_errors, joints, held = _with_offsets_where_supported(data, plain)
+    by_errors, joints = _with_offsets_where_supported(data, plain)
     by_pixels = data.fit(data.kept, plain.state, replace(plain.model, weights=Weights.PIXELS))
-    folds, folds_pixels = (_folds(data, found) for found in (by_errors, by_pixels))
-    if not folds_pixels.rms_px < PIXELS_MARGIN * folds.rms_px:
-        return Estimate(by_errors, joints, held, folds, Choice(False, folds.rms_px, folds_pixels.rms_px))
-    choice = Choice(True, folds.rms_px, folds_pixels.rms_px)
-    if joints is not None and joints.adopted:
+    offsets = joints is not None and joints.adopted
+    errors, pixels = (_folds(data, [found]) for found in (by_errors, by_pixels))
+    if pixels.rms_px < PIXELS_MARGIN * errors.rms_px:
+        kept, folds = [by_pixels], pixels
+    elif offsets or errors.rms_px < CLEARLY * pixels.rms_px:
+        kept, folds = [by_errors], errors
+    else:
+        kept = [by_errors, by_pixels]
+        folds = _folds(data, kept)
+    choice = Choice(tuple(one.model.weights for one in kept), errors.rms_px, pixels.rms_px, folds.rms_px)
+    if joints is not None and offsets and by_errors not in kept:
         reason = f"{joints.reason}; not used, because a fit over pixels without offsets predicts better"
         joints = replace(joints, adopted=False, offsets_rad=np.zeros(len(joints.offsets_rad)), reason=reason)
-    return Estimate(by_pixels, joints, _every_fifth(data, by_pixels), folds_pixels, choice)
+    found = replace(kept[-1], state=_mean([one.state for one in kept]))
+    return Estimate(found, joints, _every_fifth(data, kept), folds, choice, by_errors.noise)
 
 
-def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOffsets | None, HeldOutViews]:
-    held = _every_fifth(data, plain)
+def _mean(states: Sequence[Unknowns]) -> Unknowns:
+    """One state, or half way between two that have no joint offsets."""
+    a, b = states[0], states[-1]
+    if a is b:
+        return a
+    X_AC, X_HM = (move(X, difference(X, Y) / 2) for X, Y in ((a.X_AC, b.X_AC), (a.X_HM, b.X_HM)))
+    return Unknowns(X_AC, X_HM, a.offsets_rad, float(np.sqrt(a.scale * b.scale)))
+
+
+def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOffsets | None]:
     n = data.moved.joints
     if not n:
-        return plain, None, held
+        return plain, None
     none = np.zeros(n)
     if len(data.kept) < MIN_TO_FREE:
         reason = f"{len(data.kept)} views are too few to estimate joint offsets, {MIN_TO_FREE} are needed"
         unknown = np.full(n, np.nan)
-        return plain, JointOffsets(none, unknown, False, none, np.nan, reason), held
+        return plain, JointOffsets(none, unknown, False, none, np.nan, reason)
     free = data.fit(data.kept, plain.state, replace(plain.model, offsets=observable_joints(n)))
-    held_free = _every_fifth(data, free)
+    held, held_free = (_every_fifth(data, [found]) for found in (plain, free))
     numbers = 6 * len(data.kept)
     delta_bic = -2 * (free.log_likelihood - plain.log_likelihood) + len(free.model.offsets) * np.log(numbers)
     adopted = delta_bic < BIC_LIMIT and held_free.rms_px < HELD_OUT_MARGIN * held.rms_px
@@ -139,26 +171,22 @@ def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOff
     )
     found = free.state.offsets_rad
     joints = JointOffsets(found if adopted else none, sigma, adopted, found, float(delta_bic), reason)
-    return (free, joints, held_free) if adopted else (plain, joints, held)
+    return (free, joints) if adopted else (plain, joints)
 
 
-def _every_fifth(data: Data, full: Fit) -> HeldOutViews:
+def _every_fifth(data: Data, full: Sequence[Fit]) -> HeldOutViews:
     return _without(data, full, data.moved.posture[data.kept], FOLDS - 1)
 
 
-def _folds(data: Data, full: Fit) -> HeldOutViews:
+def _folds(data: Data, full: Sequence[Fit]) -> HeldOutViews:
     postures = data.moved.posture[data.kept]
     parts = [_without(data, full, postures, fold) for fold in range(FOLDS)]
     return HeldOutViews(np.concatenate([p.rows for p in parts]), np.concatenate([p.px for p in parts]))
 
 
-def _without(data: Data, full: Fit, postures: Rows, fold: int) -> HeldOutViews:
-    """Every fifth of the kept postures from the `fold`-th on, predicted by a fit to the others."""
+def _without(data: Data, full: Sequence[Fit], postures: Rows, fold: int) -> HeldOutViews:
+    """Every fifth of the kept postures from the `fold`-th on, predicted by the mean of the fits to the others."""
     out = np.unique(postures, return_inverse=True)[1] % FOLDS == fold
-    without = data.fit(data.kept[~out], full.state, full.model)
+    without = _mean([data.fit(data.kept[~out], one.state, one.model).state for one in full])
     rows = data.kept[out]
-    return HeldOutViews(rows, data.rms_at(predict(without.state, data.moved))[rows])
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    return HeldOutViews(rows, data.rms_at(predict(without, data.moved))[rows])

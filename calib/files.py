@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +17,6 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from calib.chains import denavit_hartenberg, urdf
 from calib.errors import ViewFolderError
 from calib.records import IntrinsicsRecord, SetupRecord, TouchRecord, ViewRecord, read
 from calib.target_records import BoardRecord, PointsRecord
@@ -90,19 +89,9 @@ def as_setup(record: SetupRecord) -> Setup:
     )
 
 
-def kinematics(record: SetupRecord, folder: Path) -> tuple[Forward | None, int]:
-    """Forward kinematics of the views' arm and its number of joints; None and 0 if unknown.
-
-    Raises ViewFolderError.
-    """
-    given = record.kinematics
-    if given is None:
-        return (None, 0) if record.arm == "other" else (forward, JOINTS)
-    if given.dh is not None:
-        assert given.dh_convention is not None  # checked by the record
-        return denavit_hartenberg(given.dh, given.dh_convention)
-    assert given.urdf is not None
-    return urdf(folder / given.urdf, given.base, given.tip)
+def known_arm(record: SetupRecord, folder: Path) -> tuple[Forward | None, int]:
+    """Forward kinematics of the views' arm and its number of joints; None and 0 for an arm that we do not know."""
+    return (None, 0) if record.arm == "other" else (forward, JOINTS)
 
 
 def view_files(
@@ -157,15 +146,18 @@ def read_touch(folder: Path) -> tuple[TouchRecord, NDArray[np.uint8]] | None:
     return record, np.ascontiguousarray(colour[..., ::-1], dtype=np.uint8)
 
 
-def read_folder(folder: Path) -> Folder:
+def read_folder(folder: Path, arm_of: Callable[[SetupRecord, Path], tuple[Forward | None, int]] = known_arm) -> Folder:
     """All views of a folder. A damaged view is left out and named in `damaged`.
+
+    `arm_of` gives the arm's forward kinematics and number of joints; `foreign.chains.any_arm` knows those of other
+    robots, too.
 
     Raises ViewFolderError if the folder or its setup cannot be read, or every view is damaged.
     """
     if not folder.is_dir():
         raise ViewFolderError(f"there is no folder {folder}")
     setup = read(SetupRecord, folder / SETUP)
-    arm, joints = kinematics(setup, folder)
+    arm, joints = arm_of(setup, folder)
     views: list[StoredView] = []
     damaged: list[str] = []
     for path in sorted(folder.glob(f"{PREFIX}*.json")):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from calib.checks import joint_offsets, square_size, variety
 from calib.closed_form import disagreement_mm
-from calib.types import Acceptance, Check, Grade, Setup, Solution
+from calib.types import Check, Grade, Setup, Solution
 
 MIN_USED = 10
 MAX_REJECTED_SHARE = 0.30
@@ -19,11 +19,11 @@ CROSS_CHECK_LIMIT_MM = 15.0
 """Closed forms are off by more than this only if all of the data are wrong."""
 
 
-def judge(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> Acceptance:
+def judge(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> tuple[Check, ...]:
     """Apply all gates. `checks` are further measurements besides the solution; a bad one also forbids."""
     own = (square_size(solution), joint_offsets(solution), variety(solution))
     named = {check.name for check in checks}
-    return Acceptance((*_gates(solution, setup), *(check for check in own if check.name not in named), *checks))
+    return (*_gates(solution, setup), *(check for check in own if check.name not in named), *checks)
 
 
 @dataclass(frozen=True)
@@ -82,27 +82,18 @@ def why_rejected(solution: Solution) -> str:
 
 
 def _at_least(name: str, value: float, limit: float, unit: str, advice: str) -> Check:
-    good = value >= limit
     message = f"{name}: {value:.3g} {unit}, at least {limit:.3g} {unit}".replace(" ,", ",").rstrip()
-    return Check(
-        name, Grade.GOOD if good else Grade.BAD, message if good else f"{message}: {advice}", value, limit, unit
-    )
+    return Check.graded(name, message, (value, limit, unit), f": {advice}", good=value >= limit, worse=Grade.BAD)
 
 
 def _at_most(name: str, value: float, limit: float, unit: str, advice: str) -> Check:
-    good = value <= limit
     message = f"{name}: {value:.3g} {unit}, at most {limit:.3g} {unit}"
-    return Check(
-        name, Grade.GOOD if good else Grade.BAD, message if good else f"{message}: {advice}", value, limit, unit
-    )
+    return Check.graded(name, message, (value, limit, unit), f": {advice}", good=value <= limit, worse=Grade.BAD)
 
 
 def _cross(name: str, value: float) -> Check:
     """Only a doubt, because closed forms are the weaker estimate."""
     limit = CROSS_CHECK_LIMIT_MM
     message = f"{name}: median {value:.1f} mm from the solution, at most {limit:.0f} mm"
-    if value <= limit:
-        return Check(name, Grade.GOOD, message, value, limit, "mm")
-    return Check(
-        name, Grade.SUSPECT, f"{message}: look at the views' tilts and at the poses' units", value, limit, "mm"
-    )
+    advice = ": look at the views' tilts and at the poses' units"
+    return Check.graded(name, message, (value, limit, "mm"), advice, good=value <= limit, worse=Grade.SUSPECT)

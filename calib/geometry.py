@@ -57,3 +57,8 @@ def angle_deg(X_a: Array, X_b: Array) -> float:
 def distance_mm(X_a: Array, X_b: Array) -> float:
     """Distance between the origins of two poses."""
     return float(1e3 * np.linalg.norm(X_a[:3, 3] - X_b[:3, 3]))
+
+
+def rms(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -2,7 +2,7 @@
 
 A key with unit and order in its name (`q_deg`, `position_mm`, `quaternion_xyzw`) is read as named. Any other (`joints`,
 `position`, `quaternion`, `matrix`, ...) is read as `[poses]` of setup.toml states. If that does not state it, every
-reading is tried (`calib.conventions`), and the recognised one is reported.
+reading is tried (`calib.foreign.conventions`), and the recognised one is reported.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ANGLES_RAD = {"rad": 1.0, "deg": float(np.pi / 180)}
 EULER = ("xyz", "ZYX", "XYZ", "zyx", "ZYZ", "zyz")
 """Orders to try, in scipy's letters: small about the base's axes, capital about the rotated ones."""
 
-_LARGEST = 1e6
+LARGEST = 1e6
 _ONE_OF = (
     "q_rad, q_deg, joints, X_BF, matrix, or a position with a rotation (position_m, position_mm or position, with"
     " quaternion_wxyz, quaternion_xyzw, quaternion, rotation_vector or euler)"
@@ -73,7 +73,7 @@ class PoseKeys(Record):
     def _one_pose(self) -> Self:
         places, turns = self._given("position_m", "position_mm", "position"), self._rotations()
         for name in self._given(*PoseKeys.model_fields):
-            if (most := float(np.abs(np.ravel(getattr(self, name))).max(initial=0.0))) > _LARGEST:
+            if (most := float(np.abs(np.ravel(getattr(self, name))).max(initial=0.0))) > LARGEST:
                 raise ValueError(f"{name} holds {most:g}: no pose has such a number")
         if len(self._given("q_rad", "q_deg", "joints", "X_BF", "matrix")) + len(places) != 1 or len(turns) > 1:
             raise ValueError(f"give exactly one of {_ONE_OF}")

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from calib.errors import ViewFolderError
-from calib.pose_records import PoseKeys, PosesRecord
+from calib.pose_records import LARGEST, PoseKeys, PosesRecord
 from calib.record import FORMAT, Matrix, Numbers, Record
 from calib.target_records import AnyTargetRecord
 from hw.bounded import Unreadable, read_table
@@ -133,6 +133,9 @@ class ViewRecord(PoseKeys):
             raise ValueError("name images without a folder: they must lie beside the view")
         if self.image is None and self.corners_px is None:
             raise ValueError("give an image, or corners_px with points_m")
+        for rows in (self.corners_px or (), self.points_m or (), self.points_mm or ()):
+            if (most := max((abs(value) for row in rows for value in row), default=0.0)) > LARGEST:
+                raise ValueError(f"corners_px or points hold {most:g}: no picture or target is so large")
         if self.corners_px is not None:
             places = self.points_m if self.points_mm is None else self.points_mm
             if (self.points_m is None) == (self.points_mm is None) or places is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -16,26 +15,10 @@ from calib import timing
 from calib.record import FORMAT, Matrix, Measured, Numbers, Record
 from calib.records import IntrinsicsRecord
 from calib.target_records import AnyTargetRecord
-from calib.types import Acceptance, Check, Grade, HandEye, Solution
+from calib.types import Check, ClosedForm, Grade, HandEye, Solution, ViewFit, reasons
 from hw.types import Array, Intrinsics
 
 FILE = "calibration.json"
-
-
-class ViewOutcome(Record):
-    """The outcome of one view."""
-
-    name: str
-    sha256: str  # of its record, which holds the hashes of its images
-    used: bool
-    reason: str
-    rms_px: Measured
-    own_rms_px: Measured
-    off_mm: Measured
-    off_deg: Measured
-    held_out: bool
-    held_out_px: Measured
-    mirrored: bool = False  # the mirror pose fitted this picture better, but contradicts the arm
 
 
 class CheckRecord(Record):
@@ -73,14 +56,6 @@ class UncertaintyRecord(Record):
     arm_work_95_mm: Numbers
 
 
-class MethodRecord(Record):
-    """How far a closed-form method lies from the solution."""
-
-    name: str
-    from_solution_mm: float
-    from_solution_deg: float
-
-
 class SavedCalibration(Record):
     """calibration.json: a finished calibration."""
 
@@ -95,8 +70,8 @@ class SavedCalibration(Record):
     corner_px: float
     joint_rad: Measured  # spread of the joints from view to view
     square_scale: float
-    views: tuple[ViewOutcome, ...]
-    methods: tuple[MethodRecord, ...]
+    views: tuple[ViewFit, ...]
+    methods: tuple[ClosedForm, ...]
     checks: tuple[CheckRecord, ...]
     gates: tuple[CheckRecord, ...]  # further conditions of acceptance
     accepted: bool
@@ -157,7 +132,7 @@ def record_calibration(
     points_m: Array,
     board: AnyTargetRecord,
     checks: Sequence[Check],
-    acceptance: Acceptance,
+    gates: Sequence[Check],
     origin: Origin,
     refined: Intrinsics | None = None,
 ) -> SavedCalibration:
@@ -175,11 +150,12 @@ def record_calibration(
             },
             "corner_px": solution.noise.corner_px,
             "joint_rad": solution.noise.joint_rad,
-            "views": [vars(view) | {"sha256": origin.view_sha256.get(view.name, "")} for view in solution.views],
-            "methods": [m for m in solution.methods if math.isfinite(m.from_solution_mm + m.from_solution_deg)],
+            "views": [
+                view.model_copy(update={"sha256": origin.view_sha256.get(view.name, "")}) for view in solution.views
+            ],
             "checks": checks,
-            "gates": [gate for gate in acceptance.gates if gate.name not in named],
-            "accepted": acceptance.accepted,
+            "gates": [gate for gate in gates if gate.name not in named],
+            "accepted": not reasons(gates),
             "board": board,
             "refined_intrinsics": None if refined is None else IntrinsicsRecord.from_camera(refined),
         }

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from calib.bundle import CondensedViews, Model, Unknowns, joint_spread, motion_of, observable_joints, predict
 from calib.closed_form import cross_check, robust_start
 from calib.condense import about, condense, unusable
-from calib.errors import BoardDisagrees, DegenerateViews, TooFewViews, UnusableViews
+from calib.errors import BoardDisagrees, DegenerateViews, TooFewViews, UnusableViews, determined
 from calib.estimate import Data, Estimate, estimate
 from calib.geometry import rotation_vector
 from calib.rejection import LIMIT, MARGIN, MIN_TO_FREE, chosen, reject
@@ -44,6 +44,7 @@ MIN_TURN_DEG = 1.5
 """With smaller rotations about the second axis, some direction is almost undetermined."""
 
 
+@determined()
 def solve(views: Sequence[View], setup: Setup, forward: Forward | None) -> Solution:
     """Calibrate. `forward` is needed if the views give joints. Raises UnusableViews or a subclass."""
     ordered, left_out = _usable(_sorted(views), setup)
@@ -87,8 +88,7 @@ def _usable(views: Sequence[View], setup: Setup) -> tuple[list[View], tuple[View
     if len(good) < MIN_VIEWS:
         told = "; ".join(f"view {name}: {reasons[name]}" for name in bad)
         raise TooFewViews(f"{len(good)} usable views, at least {MIN_VIEWS} are needed and 20 are good ({told})")
-    nan = float("nan")
-    return good, tuple(ViewFit(n, False, reasons[n], nan, nan, nan, nan, False, nan, False) for n in bad)
+    return good, tuple(ViewFit(name=name, used=False, reason=reasons[name]) for name in bad)
 
 
 def _agreeing(views: Sequence[View], setup: Setup, forward: Forward | None) -> _Agreed:
@@ -243,7 +243,7 @@ def _noise(data: Data, found: Estimate, centre: Array) -> Noise:
     """Noise of corners, views and joints, and the spread of the board's centre due to the joints."""
     G = joint_spread(found.fit.state, data.moved.take(data.kept))
     at_centre = G[:, 3:] - np.cross(centre, np.swapaxes(G[:, :3], 1, 2)).swapaxes(1, 2)
-    sizes = found.fit.noise
+    sizes = found.noise
     flange_mm = 1e3 * sizes.joint_rad * np.sqrt(np.mean(np.sum(at_centre**2, axis=(1, 2))))
     joint_rad = sizes.joint_rad if data.moved.joints else float("nan")
     return Noise(data.sights[0].corner_px, sizes.view_px, joint_rad, float(flange_mm))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -14,10 +15,14 @@ from perception.board.types import Board
 Millimetres = Annotated[float, Field(gt=1.0, lt=2000.0)]
 
 
-class TargetRecord(Record):
+class TargetRecord(Record, ABC):
     """The common base of all kinds. With `size = "unknown"`, lengths only state proportions."""
 
     size: Literal["stated", "unknown"] = "stated"  # unknown: lengths state proportions, the arm's motion gives the size
+
+    @abstractmethod
+    def board(self) -> Board | Chessboard | Circles | Markers | Points:
+        """The value. Raises ValueError for one that cannot be."""
 
     @property
     def size_known(self) -> bool:
@@ -30,7 +35,16 @@ class TargetRecord(Record):
         return self.model_copy(update={key: factor * value for key, value in lengths.items()})
 
 
-class BoardRecord(TargetRecord):
+class PrintedRecord(TargetRecord):
+    """A target whose file states all of it."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        self.board()  # checks the values: a ValueError becomes part of the message
+        return self
+
+
+class BoardRecord(PrintedRecord):
     """A ChArUco board as printed; its square as measured on the print."""
 
     kind: Literal["charuco"] = "charuco"  # a chessboard with markers
@@ -53,13 +67,8 @@ class BoardRecord(TargetRecord):
             legacy=board.legacy,
         )
 
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
-        self.board()  # checks the values: a ValueError becomes part of the message
-        return self
-
     def board(self) -> Board:
-        """The value. Raises ValueError for one that cannot be."""
+        """See `TargetRecord`."""
         return Board(
             self.squares_across,
             self.squares_down,
@@ -70,7 +79,7 @@ class BoardRecord(TargetRecord):
         )
 
 
-class ChessboardRecord(TargetRecord):
+class ChessboardRecord(PrintedRecord):
     """A plain chessboard."""
 
     kind: Literal["chessboard"]  # without markers
@@ -78,17 +87,12 @@ class ChessboardRecord(TargetRecord):
     squares_down: int  # rows of squares
     square_mm: Millimetres  # edge of a square
 
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
-        self.board()
-        return self
-
     def board(self) -> Chessboard:
-        """The value. Raises ValueError for one that cannot be."""
+        """See `TargetRecord`."""
         return Chessboard(self.squares_across, self.squares_down, 1e-3 * self.square_mm)
 
 
-class MarkerRecord(TargetRecord):
+class MarkerRecord(PrintedRecord):
     """One ArUco or AprilTag marker; `marker_mm` is the edge of its black square."""
 
     kind: Literal["marker"]  # ArUco or AprilTag
@@ -96,17 +100,12 @@ class MarkerRecord(TargetRecord):
     id: int  # its number in the dictionary
     marker_mm: Millimetres  # edge of the black square
 
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
-        self.board()
-        return self
-
     def board(self) -> Markers:
-        """The value. Raises ValueError for one that cannot be."""
+        """See `TargetRecord`."""
         return single(self.dictionary, self.id, 1e-3 * self.marker_mm)
 
 
-class MarkerGridRecord(TargetRecord):
+class MarkerGridRecord(PrintedRecord):
     """Markers in rows, numbered along each row first."""
 
     kind: Literal["markers"]  # ArUco or AprilTag
@@ -117,18 +116,13 @@ class MarkerGridRecord(TargetRecord):
     marker_mm: Millimetres  # edge of a black square
     gap_mm: float = Field(ge=0.0, lt=2000.0)  # between two black squares
 
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
-        self.board()
-        return self
-
     def board(self) -> Markers:
-        """The value. Raises ValueError for one that cannot be."""
+        """See `TargetRecord`."""
         shape = (self.across, self.down)
         return marker_grid(self.dictionary, self.first_id, shape, 1e-3 * self.marker_mm, 1e-3 * self.gap_mm)
 
 
-class CirclesRecord(TargetRecord):
+class CirclesRecord(PrintedRecord):
     """A grid of circles; in staggered rows `spacing_mm` is half the distance of neighbours in a row."""
 
     kind: Literal["circles"]  # dark on white
@@ -137,13 +131,8 @@ class CirclesRecord(TargetRecord):
     spacing_mm: Millimetres  # between neighbours of a row; half of it in staggered rows
     staggered: bool = False  # every second row is moved by half
 
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
-        self.board()
-        return self
-
     def board(self) -> Circles:
-        """The value. Raises ValueError for one that cannot be."""
+        """See `TargetRecord`."""
         return Circles(self.across, self.down, 1e-3 * self.spacing_mm, self.staggered)
 
 
@@ -159,7 +148,7 @@ class PointsRecord(TargetRecord):
         return self.model_copy(update={"points_mm": grown})
 
     def board(self) -> Points:
-        """The value. Raises ValueError for one that cannot be."""
+        """See `TargetRecord`."""
         return Points(1e-3 * np.array(self.points_mm).reshape(-1, 3))
 
 

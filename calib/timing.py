@@ -25,14 +25,6 @@ MIN_SPEED_PX_S = 40.0
 """At lower speeds (px/s), noise of 0.2 px is as large as the limit itself."""
 
 
-@dataclass(frozen=True)
-class TimeOffset:
-    """Camera stamps minus arm stamps of the same moment: subtract it from the camera's stamps."""
-
-    offset_s: float
-    sigma_s: float
-
-
 def time_offset(
     frames: Sequence[tuple[float, Corners]],
     arm_t_s: Array,
@@ -40,15 +32,16 @@ def time_offset(
     solution: Solution,
     setup: Setup,
     forward: Forward,
-) -> tuple[TimeOffset | None, Check]:
-    """The offset from frames (time stamp, corners) and the arm's log (M,), (M, n) of the same motion.
+) -> Check:
+    """Camera stamps minus arm stamps of the same moment, in ms: subtract it from the camera's stamps.
 
-    Positive: the camera's stamps are late. Not measured if the motion is too short or too slow.
+    From frames (time stamp, corners) and the arm's log (M,), (M, n) of the same motion. Not measured if the motion is
+    too short or too slow.
     """
     order = np.argsort([t for t, _ in frames], kind="stable")
     usable = [frames[i] for i in order if len(frames[i][1]) >= 6]
     if len(usable) < MIN_FRAMES:
-        return None, Check(
+        return Check(
             NAME, Grade.NOT_MEASURED, f"{len(usable)} frames of the motion show the board, {MIN_FRAMES} are needed"
         )
     path = _Path(np.asarray(arm_t_s), np.asarray(q_rad), solution, setup, forward)
@@ -59,7 +52,7 @@ def time_offset(
     for _ in range(8):
         r, slope, speed = _residual(usable, path, best)
         if float(slope @ slope) < 1e-12 or speed < MIN_SPEED_PX_S:
-            return None, Check(
+            return Check(
                 NAME, Grade.NOT_MEASURED, f"the board moved by {speed:.0f} px/s, {MIN_SPEED_PX_S:.0f} are needed"
             )
         step = -float(slope @ r) / float(slope @ slope)
@@ -67,16 +60,14 @@ def time_offset(
         sigma = float(np.sqrt(r @ r / (len(r) - 3) / (slope @ slope)))
         if abs(step) < 1e-6:
             break
-    found = TimeOffset(best, sigma)
     value = 1e3 * best
     message = (
         f"the camera's time stamps are {value:+.1f} ms (± {1e3 * sigma:.1f}) later than the arm's, limit {LIMIT_MS:g} "
         "ms"
     )
-    if abs(value) <= LIMIT_MS:
-        return found, Check(NAME, Grade.GOOD, message, value, LIMIT_MS, "ms")
     advice = f": at 0.6 m/s that is {abs(600e-3 * value):.0f} mm. A session subtracts it"
-    return found, Check(NAME, Grade.SUSPECT, message + advice, value, LIMIT_MS, "ms")
+    good = abs(value) <= LIMIT_MS
+    return Check.graded(NAME, message, (value, LIMIT_MS, "ms"), advice, good=good, worse=Grade.SUSPECT)
 
 
 @dataclass(frozen=True, eq=False)

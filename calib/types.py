@@ -21,6 +21,7 @@ from itertools import product
 
 import numpy as np
 
+from calib.record import Measured, Record
 from hw.types import Array, Intrinsics, frozen_array
 from perception.board.types import CalibrationTarget, Corners
 
@@ -115,20 +116,20 @@ class View:
             object.__setattr__(self, "X_BF", frozen_array(self.X_BF, (4, 4), "X_BF"))
 
 
-@dataclass(frozen=True)
-class ViewFit:
-    """The outcome of one view."""
+class ViewFit(Record):
+    """The outcome of one view, also as stored; what was not measured is None."""
 
     name: str
     used: bool
     reason: str  # why it was not used, with value and limit; "" if used
-    rms_px: float  # distance between seen and predicted corners in the final fit, root mean square
-    own_rms_px: float  # the same with the pose fitted to this view alone: quality of its corners
-    off_mm: float  # distance of the board's centre from the final fit's prediction
-    off_deg: float
-    held_out: bool  # one of the held-out fifth, predicted by a fit without them
-    held_out_px: float  # error of that prediction; nan if not held out or not used
-    mirrored: bool  # the mirror pose fits the picture better, but contradicts the arm's motion
+    rms_px: Measured = None  # distance between seen and predicted corners in the final fit, root mean square
+    own_rms_px: Measured = None  # the same with the pose fitted to this view alone: quality of its corners
+    off_mm: Measured = None  # distance of the board's centre from the final fit's prediction
+    off_deg: Measured = None
+    held_out: bool = False  # one of the held-out fifth, predicted by a fit without them
+    held_out_px: Measured = None  # error of that prediction
+    mirrored: bool = False  # the mirror pose fits the picture better, but contradicts the arm's motion
+    sha256: str = ""  # of the stored view's record, which holds the hashes of its images
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,12 +176,10 @@ class Uncertainty:
     covariance: Array  # (6, 6) of X_AC in the arm's own frame: rotation rad, position m, in axes of A about C's origin
 
 
-@dataclass(frozen=True, eq=False)
-class ClosedForm:
-    """A closed form, for comparison."""
+class ClosedForm(Record):
+    """How far a closed form lies from the solution, for comparison."""
 
     name: str
-    X_AC: Array  # (4, 4)
     from_solution_mm: float
     from_solution_deg: float
 
@@ -195,28 +194,32 @@ class Noise:
     flange_mm: float  # effect of that (or of errors of the given poses) at the board
 
 
+class Weights(StrEnum):
+    """Which errors the views of a fit are weighed by."""
+
+    ARM_AND_VIEWS = "errors of arm and views"
+    PIXELS = "pixels alone"
+
+
 @dataclass(frozen=True)
 class Choice:
-    """The fit that was kept of two, by the error with which each predicts views that it has not seen."""
+    """What was kept of two fits, by the error with which each predicts views that it has not seen."""
 
-    pixels: bool  # the bundle adjustment over pixels was kept, not the fit weighed by errors of arm and views
+    kept: tuple[Weights, ...]  # one of the two, or both: their mean
     errors_px: float  # held-out error of the fit weighed by errors of arm and views, every view without its fifth
     pixels_px: float  # the same of the fit over pixels
-
-    @property
-    def held_out_px(self) -> float:
-        """Of the kept fit."""
-        return self.pixels_px if self.pixels else self.errors_px
+    held_out_px: float  # the same of what is kept
 
     @property
     def sentence(self) -> str:
         """In words."""
-        by_errors, by_pixels = (
-            f"errors of arm and views ({self.errors_px:.2f} px",
-            f"pixels alone ({self.pixels_px:.2f} px",
-        )
-        kept, other = (by_pixels, by_errors) if self.pixels else (by_errors, by_pixels)
-        return f"views are weighed by {kept} held out), not by {other})"
+        found = {Weights.ARM_AND_VIEWS: self.errors_px, Weights.PIXELS: self.pixels_px}
+        said = {by: f"{by} ({px:.2f} px held out)" for by, px in found.items()}
+        if len(self.kept) > 1:
+            return f"the mean of two fits ({self.held_out_px:.2f} px held out): by {' and by '.join(said.values())}"
+        (kept,) = self.kept
+        (other,) = set(said) - set(self.kept)
+        return f"views are weighed by {said[kept]}, not by {said[other]}"
 
 
 @dataclass(frozen=True)
@@ -313,22 +316,17 @@ class Check:
     limit: float = float("nan")
     unit: str = ""
 
+    @classmethod
+    def graded(
+        cls, name: str, message: str, measured: tuple[float, float, str], advice: str, *, good: bool, worse: Grade
+    ) -> Check:
+        """Good, or `worse` with the `advice` behind the message; `measured` are value, limit and unit."""
+        return cls(name, Grade.GOOD, message, *measured) if good else cls(name, worse, message + advice, *measured)
 
-@dataclass(frozen=True)
-class Acceptance:
-    """The gates of a calibration, which is accepted if none is bad."""
 
-    gates: tuple[Check, ...]
-
-    @property
-    def accepted(self) -> bool:
-        """Whether no gate forbids it."""
-        return all(gate.verdict is not Grade.BAD for gate in self.gates)
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """The reasons for a rejection, in words; empty if accepted."""
-        return tuple(gate.message for gate in self.gates if gate.verdict is Grade.BAD)
+def reasons(gates: Sequence[Check]) -> tuple[str, ...]:
+    """Why the gates reject a calibration, in words; empty if they accept it."""
+    return tuple(gate.message for gate in gates if gate.verdict is Grade.BAD)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,12 @@ _WIDTH_PX = 640  # pictures are made this wide before they are compared
 _RIM_PX, _SEARCH_PX, _BESIDE_PX = 4, 16, 9
 _LEAST_RIM_PX = 150
 _LEAST_CONTRAST = 0.15
+_AGREE = 0.7
+"""Share of the pictures' own best contrasts that one shift for all must reach.
+
+It is .8 and more for a hand in full view, even of a camera that is believed elsewhere. It is under .65 for one that
+shows only short edges beside a board and the rim of the picture: each picture then prefers another shift.
+"""
 _DIFFERENT = 20.0  # of CIELAB, lightness counted half: certainly not the room
 _NEAREST_M = 0.15
 
@@ -54,7 +60,7 @@ class OutlineFit:
 
 
 def fit(seen: Sequence[OutlineView], camera: Intrinsics) -> OutlineFit | None:
-    """None if there are too few pictures, or the outline stands out in too few of them."""
+    """None if the outline stands out in too few pictures, or they do not agree on a shift."""
     if len(seen) < FEWEST:
         return None
     scale = min(1.0, _WIDTH_PX / camera.width)
@@ -68,7 +74,10 @@ def fit(seen: Sequence[OutlineView], camera: Intrinsics) -> OutlineFit | None:
     if len(maps) < FEWEST:
         return None
     off = [float(np.linalg.norm(_best(one))) for one in maps]
-    joint = _best(np.mean(maps, axis=0))
+    mean = np.mean(maps, axis=0)
+    if mean.max() < _AGREE * np.mean([one.max() for one in maps]):
+        return None
+    joint = _best(mean)
     at_m = float(np.median(ranges_m)) / float(camera.K[0, 0])
     return OutlineFit(joint / scale, float(np.median(off)) / scale, len(maps), at_m)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import open3d as o3d
 from numpy.typing import NDArray
 
 from hw.poses import inverse
@@ -16,11 +15,14 @@ class ToolMask:
 
     def __init__(self, vertices_m: Array, triangles: NDArray[np.integer]) -> None:
         """`vertices_m` (V, 3) in the tool frame T, `triangles` (F, 3)."""
+        import open3d as o3d  # noqa: PLC0415 - slow to import, and the first question comes without it
+
+        self._tensor = o3d.core.Tensor.from_numpy
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
         self._low_m, self._high_m = vertices_m.min(axis=0), vertices_m.max(axis=0)
         self._scene.add_triangles(
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(vertices_m, dtype=np.float32)),
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(triangles, dtype=np.uint32)),
+            self._tensor(np.ascontiguousarray(vertices_m, dtype=np.float32)),
+            self._tensor(np.ascontiguousarray(triangles, dtype=np.uint32)),
         )
 
     def depth(self, X_BT: Array, view: ImageRegion, directions: Array32) -> Array32:
@@ -29,7 +31,7 @@ class ToolMask:
         rays = np.empty((len(directions), 6), dtype=np.float32)
         rays[:, :3] = X_TV[:3, 3]
         rays[:, 3:] = directions @ X_TV[:3, :3].T.astype(np.float32)
-        depth: Array32 = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)["t_hit"].numpy()
+        depth: Array32 = self._scene.cast_rays(self._tensor(rays), nthreads=1)["t_hit"].numpy()
         return depth
 
     def near(self, X_BT: Array, points_B_m: Array, within_m: float) -> NDArray[np.bool_]:
@@ -37,6 +39,6 @@ class ToolMask:
         points_T = ((points_B_m - X_BT[:3, 3]) @ X_BT[:3, :3]).astype(np.float32)
         close = ((points_T > self._low_m - within_m) & (points_T < self._high_m + within_m)).all(axis=1)
         if close.any():
-            candidates = o3d.core.Tensor.from_numpy(np.ascontiguousarray(points_T[close]))
+            candidates = self._tensor(np.ascontiguousarray(points_T[close]))
             close[close] = self._scene.compute_distance(candidates, nthreads=1).numpy() < within_m
         return np.asarray(close)

@@ -53,7 +53,7 @@ class ArmPictures:
         if found is None:
             return (
                 "The fit of the hand's outline was not measured: "
-                "the hand stands out from the background in too few pictures"
+                "too few pictures show enough of the hand before the background"
             )
         verdict = "fits" if self.fits else "does not fit"
         return (

@@ -16,7 +16,7 @@ from calib.timing import time_offset
 from calib.types import Check, Forward, Grade, Mounting, Setup, Solution, View
 from hw.bounded import read_table
 from hw.poses import inverse
-from hw.types import Array, Intrinsics
+from hw.types import Array, Intrinsics, frozen_array
 from perception.board import find
 from perception.board.types import Corners
 from perception.errors import BoardNotFound
@@ -117,12 +117,18 @@ def _timing(folder: Path, setup: Setup, solution: Solution, forward: Forward | N
     path = folder / MOTION
     if not path.exists() or forward is None:
         return Check("time offset", Grade.NOT_MEASURED, "no swing of the board was filmed")
+    frames, arm_t_s, q_rad = read_motion(path)
+    return time_offset(frames, arm_t_s, q_rad, solution, setup, forward)
+
+
+def read_motion(path: Path) -> tuple[list[tuple[float, Corners]], Array, Array]:
+    """Frames (time stamp, corners), and the arm's log (M,), (M, 7) of the filmed swing. Raises ViewFolderError."""
     try:
         data = read_table(path)
         frames = [(float(f["t_s"]), Corners(np.array(f["ids"]), np.array(f["px"]))) for f in data["frames"]]
-        arm_t_s, q_rad = np.array(data["arm_t_s"]), np.array(data["q_rad"]).reshape(-1, 7)
+        arm_t_s = frozen_array(data["arm_t_s"], (None,), "arm_t_s")
+        return frames, arm_t_s, frozen_array(data["q_rad"], (len(arm_t_s), 7), "q_rad")
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ViewFolderError(
             f"{path} is damaged ({error}); remove it; the time offset is then not measured"
         ) from error
-    return time_offset(frames, arm_t_s, q_rad, solution, setup, forward)[1]

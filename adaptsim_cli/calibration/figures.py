@@ -8,8 +8,8 @@ import numpy as np
 
 from adaptsim_cli.report.svg import Canvas, Scale, plain
 from calib.residuals import Residuals
-from calib.saved import UncertaintyRecord, ViewOutcome
-from calib.types import View
+from calib.saved import UncertaintyRecord
+from calib.types import View, ViewFit
 from hw.types import Intrinsics
 
 _WIDTH = 760.0
@@ -35,7 +35,7 @@ def coverage(views: Sequence[View], used: frozenset[str], camera: Intrinsics) ->
     return canvas.svg()
 
 
-def residuals(views: Sequence[ViewOutcome]) -> str:
+def residuals(views: Sequence[ViewFit]) -> str:
     """The error of each view's corners under the result, and under the view's own best pose."""
     left, right, top, bottom = 44.0, _WIDTH - 8, 10.0, 210.0
     canvas = Canvas(_WIDTH, bottom + 40, "Residuals of every view in pixels")

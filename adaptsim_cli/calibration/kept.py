@@ -2,41 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from adaptsim_cli.calibration.store import REPORT, CalibrationStore
-from adaptsim_cli.errors import SessionError
-from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.resting import Listing, tell_list
-from adaptsim_cli.storage.numbered import remark, restored_from
+from adaptsim_cli.storage.numbered import remark
 from calib.saved import SavedCalibration
 
 HEAD = ("calibration", "made", "known to", "")
 
 
-def listed(store: CalibrationStore) -> list[dict[str, Any]]:
-    """One row per calibration, oldest first; the last one is in use. A damaged one has its error."""
-    paths = store.numbered.all()
-    return [_one(store, path, in_use=path == paths[-1]) for path in paths]
-
-
-def rows(found: list[dict[str, Any]]) -> list[tuple[str, ...]]:
+def row(one: dict[str, Any]) -> tuple[str, ...]:
     """The columns of `HEAD`."""
-    return [
-        (one["name"], "", "", one["error"])
-        if "error" in one
-        else (
-            one["name"],
-            str(one["created"])[:16].replace("T", " "),
-            f"{one['sigma_mm']:.2f} mm, {one['sigma_deg']:.3f}°",
-            remark(one["in_use"], one["restored_from"]),
-        )
-        for one in found
-    ]
+    return (
+        one["name"],
+        str(one["created"])[:16].replace("T", " "),
+        f"{one['sigma_mm']:.2f} mm, {one['sigma_deg']:.3f}°",
+        remark(one["in_use"], one["restored_from"]),
+    )
 
 
 def compared(store: CalibrationStore, first: str, second: str) -> dict[str, Any]:
@@ -70,25 +55,14 @@ def sentence(found: dict[str, Any]) -> str:
     )
 
 
-def _one(store: CalibrationStore, path: Path, *, in_use: bool) -> dict[str, Any]:
-    try:
-        known: SavedCalibration = store.read(path)
-    except SessionError as error:
-        return {"name": path.name, "error": str(error)}
+def told(known: SavedCalibration, path: Path) -> dict[str, Any]:
+    """What a list says of one, for JSON."""
     report = path / REPORT
     return {
-        "name": path.name,
         "created": known.created,
         "camera_m": [row[3] for row in known.X_AC[:3]],
         "sigma_mm": known.uncertainty.sigma_mm,
         "sigma_deg": known.uncertainty.sigma_deg,
         "views": sum(view.used for view in known.views),
-        "in_use": in_use,
-        "restored_from": restored_from(path),
         "report": str(report) if report.is_file() else "",
     }
-
-
-def tell(screen: Screen, store: CalibrationStore, found: list[dict[str, Any]], resting: Sequence[str]) -> None:
-    """Show the list, with the sessions that use the current one."""
-    tell_list(screen, Listing("calibrations", "calibrate", store.folder, HEAD), found, rows(found), resting)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 from calib import files
 from calib.condense import unusable
-from calib.conventions import recognise
 from calib.errors import TooFewViews
-from calib.labelling import told_apart
+from calib.foreign.conventions import recognise
+from calib.foreign.labelling import told_apart
+from calib.foreign.volume import where_the_target_was
 from calib.pose_records import Convention
 from calib.types import Setup, View
-from calib.volume import where_the_target_was
 from perception.board import find
 from perception.board.types import Board, CalibrationTarget, Corners
 from perception.errors import BoardNotFound, PerceptionError

@@ -8,11 +8,13 @@ from pathlib import Path
 from statistics import median
 
 from adaptsim_cli.calibration import checking, sights
-from calib import files, pairing
+from calib import files
 from calib.errors import UnusableViews
-from calib.intrinsics_check import TO_REFINE, IntrinsicsCheck
-from calib.labelling import told_apart
-from calib.pairing import Fault
+from calib.foreign import pairing
+from calib.foreign.chains import any_arm
+from calib.foreign.intrinsics_check import TO_REFINE, IntrinsicsCheck
+from calib.foreign.labelling import told_apart
+from calib.foreign.pairing import Fault
 from calib.residuals import Residuals, residuals
 from calib.saved import Origin, SavedCalibration, record_calibration
 from calib.types import Forward, Setup, Solution, View, Worth
@@ -53,10 +55,10 @@ PLAIN = Wishes()
 
 def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, str], wishes: Wishes = PLAIN) -> Solved:
     """Solve a folder of views. Raises ViewFolderError, PerceptionError if no view shows the board, CalibrationError."""
+    from calib.foreign.intrinsics_check import check as intrinsics_check
     from calib.gates import judge
-    from calib.intrinsics_check import check as intrinsics_check
 
-    stored = files.read_folder(folder)
+    stored = files.read_folder(folder, any_arm)
     looked = sights.look(stored)
     seen, forward = _as_wished(looked.views, looked.setup, stored.forward, wishes), stored.forward
     solution, setup, tried = _solution(seen, looked.setup, forward, refine=wishes.refine_intrinsics)
@@ -95,7 +97,7 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
 
 def _advice(record: SavedCalibration, wrong: Sequence[Fault], tried: IntrinsicsCheck | None, *, refined: bool) -> str:
     """The one most effective next step, in words."""
-    from calib.intrinsics_check import rescues
+    from calib.foreign.intrinsics_check import rescues
 
     for fault in wrong:
         if fault.option:
@@ -114,7 +116,7 @@ def _solution(
     views: Sequence[View], setup: Setup, forward: Forward | None, *, refine: bool
 ) -> tuple[Solution, Setup, IntrinsicsCheck | None]:
     """Raises UnusableViews, with the fault of the series if one is found."""
-    from calib.intrinsics_check import settle
+    from calib.foreign.intrinsics_check import settle
 
     try:
         return settle(views, setup, forward, refine=refine)

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from adaptsim_cli.errors import SessionError
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
-from adaptsim_cli.storage.numbered import Numbered
+from adaptsim_cli.storage.numbered import Numbered, NumberedRecords
 from calib import files
 from calib.errors import ViewFolderError
 from calib.records import SetupRecord, read
@@ -87,11 +86,10 @@ class Series:
         durable.replace_file(self.folder / MOTION, json.dumps(content).encode())
 
 
-@dataclass(frozen=True)
-class CalibrationStore:
+class CalibrationStore(NumberedRecords[SavedCalibration]):
     """All calibrations of one rig."""
 
-    folder: Path
+    kind, file, prefix, command = SavedCalibration, FILE, RESULT, "calibrate"
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -120,37 +118,10 @@ class CalibrationStore:
 
     def save(self, record: SavedCalibration, report: bytes) -> Path:
         """Store an accepted calibration, which becomes the current one; return its folder."""
-        durable.make_folder(self.folder)
-        path = self.numbered.next()
-        durable.write_folder(path, {FILE: record.content(), REPORT: report})
-        return path
-
-    def current(self) -> SavedCalibration | None:
-        """The latest calibration. Raises SessionError if it is unreadable: an older one is never used silently."""
-        found = self.numbered.all()
-        if not found:
-            return None
-        try:
-            return read(SavedCalibration, found[-1] / FILE)
-        except ViewFolderError as error:
-            raise SessionError(
-                f"{error}. Go back to an earlier one: adaptsim calibrate restore; or calibrate again"
-            ) from error
+        return self.add({FILE: record.content(), REPORT: report})
 
     def _finished(self, series: Path) -> bool:
         return any(read(SavedCalibration, path / FILE).folder == series.name for path in self.numbered.all())
-
-    @property
-    def numbered(self) -> Numbered:
-        """The calibrations by name."""
-        return Numbered(self.folder, RESULT)
-
-    def read(self, path: Path) -> SavedCalibration:
-        """One calibration. Raises SessionError if it is unreadable."""
-        try:
-            return read(SavedCalibration, path / FILE)
-        except ViewFolderError as error:
-            raise SessionError(str(error)) from error
 
     @property
     def _series(self) -> Numbered:

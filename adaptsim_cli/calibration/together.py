@@ -15,10 +15,11 @@ from adaptsim_cli.calibration import sights
 from adaptsim_cli.screen import views
 from calib import files
 from calib.errors import CalibrationRejected, UnusableViews
-from calib.labelling import told_apart
-from calib.pairing import Fault, pictures_exchanged
-from calib.several import CameraViews, Together, solve_together
-from calib.types import Check
+from calib.foreign.chains import any_arm
+from calib.foreign.labelling import told_apart
+from calib.foreign.pairing import Fault, pictures_exchanged
+from calib.foreign.several import CameraViews, Together, solve_together
+from calib.types import Check, reasons
 
 
 def solve(folders: Sequence[Path], exchange: Sequence[tuple[str, str, str]] = ()) -> Together:
@@ -36,7 +37,7 @@ def solve(folders: Sequence[Path], exchange: Sequence[tuple[str, str, str]] = ()
 
 
 def _camera(folder: Path, pairs: Sequence[tuple[str, str]]) -> CameraViews:
-    stored = files.read_folder(folder)
+    stored = files.read_folder(folder, any_arm)
     looked = sights.look(stored)
     views = looked.views
     if pairs:
@@ -88,11 +89,11 @@ def _option(camera: str, fault: Fault) -> str:
 
 def rejected(found: Together, path: Path) -> CalibrationRejected:
     """The error with every reason, and the remedy."""
-    reasons = [f"{c.name}: {reason}" for c in found.cameras for reason in c.acceptance.reasons]
-    error = CalibrationRejected(f"not accepted: {'; '.join(reasons)}")
+    why = [f"{c.name}: {reason}" for c in found.cameras for reason in reasons(c.gates)]
+    error = CalibrationRejected(f"not accepted: {'; '.join(why)}")
     swaps = [_option(c.name, fault).removeprefix(". ") for c in found.cameras for fault in c.faults]
     step = next((swap for swap in swaps if swap), "")
-    first = next(c.name for c in found.cameras if not c.acceptance.accepted)
+    first = next(c.name for c in found.cameras if reasons(c.gates))
     error.add_note(
         f"Written: {path}\nNext: {step or f'adaptsim calibrate solve {first} names the problem of that camera'}"
     )
@@ -115,7 +116,7 @@ def as_json(found: Together) -> dict[str, Any]:
                 "views_used": list(c.used),
                 "views_rejected": {view.name: view.reason for view in c.rejected},
                 "faults": [{"kind": f.kind, "what": f.sentence, "views": f.views} for f in c.faults],
-                "gates": [plain_check(gate) for gate in c.acceptance.gates],
+                "gates": [plain_check(gate) for gate in c.gates],
                 "fit_px": c.fit_px,
                 "held_out_px": c.held_out_px,
                 "held_out_alone_px": c.alone_held_out_px,

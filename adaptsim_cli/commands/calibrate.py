@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from adaptsim_cli import options
-from adaptsim_cli.commands.kept import Kind, add_to
+from adaptsim_cli.commands.kept import Kind, Rows, add_to
 
 if TYPE_CHECKING:
     from adaptsim_cli.calibration.store import CalibrationStore
@@ -204,13 +204,10 @@ def _store(resolved: Resolved) -> CalibrationStore:
     return wiring.calibrations(resolved.config, resolved.places)
 
 
-def _tell(screen: Screen, store: CalibrationStore, resting: tuple[str, ...]) -> None:
+def _rows(store: CalibrationStore) -> Rows:
     from adaptsim_cli.calibration import kept
 
-    found = kept.listed(store)
-    told = {"rig": store.folder.name, "calibrations": found, "open_sessions": list(resting)}
-    if not screen.data("calibrate list", told):
-        kept.tell(screen, store, found, resting)
+    return kept.HEAD, store.listed(kept.told), kept.row
 
 
 def _show(screen: Screen, known: SavedCalibration, path: Path) -> None:
@@ -231,4 +228,4 @@ def _compare(screen: Screen, store: CalibrationStore, first: str, second: str) -
 
 
 _THEN = ("adaptsim calibrate check", "has the camera moved?")
-add_to(app, Kind("calibrate", "calibration", "--hw fr3", _THEN, _store, _tell, _show, _compare))
+add_to(app, Kind("calibrate", "calibration", "--hw fr3", _THEN, _store, _rows, _show, _compare))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
 
+Rows = tuple[tuple[str, ...], list[dict[str, Any]], Callable[[dict[str, Any]], tuple[str, ...]]]
+"""Head of a table, what is listed (for JSON; a damaged one has its error), and the row of one."""
 Name = Annotated[str, typer.Argument(help="Name or number, as `list` shows it.")]
 
 
@@ -28,7 +30,7 @@ class Kind:
     example: str  # options that name a rig
     then: tuple[str, str]  # the command after a restoration, and its reason
     store: Callable[[Resolved], Any]  # the CalibrationStore or TouchOffStore of the rig of these settings
-    tell: Callable[[Screen, Any, tuple[str, ...]], None]  # all, oldest first, and the open sessions that rest on one
+    rows: Callable[[Any], Rows]  # all of a store, oldest first
     show: Callable[[Screen, Any, Path], None]  # one
     compare: Callable[[Screen, Any, str, str], None]  # two, by name
 
@@ -56,8 +58,9 @@ def add_to(app: typer.Typer, kind: Kind) -> None:
         from adaptsim_cli.wiring import rig_frames
 
         resolved = _rig(task, world, seed, hw)
-        resting = rig_frames.open_sessions(resolved.config, resolved.places)
-        kind.tell(console.Screen(as_json=as_json), kind.store(resolved), resting)
+        screen, store = console.Screen(as_json=as_json), kind.store(resolved)
+        sessions = rig_frames.open_sessions(resolved.config, resolved.places)
+        _list(kind, screen, store, sessions)
 
     @app.command(
         "show",
@@ -132,6 +135,30 @@ def add_to(app: typer.Typer, kind: Kind) -> None:
         store = kind.store(resolved)
         kind.compare(screen, store, first, second)
         screen.next(again(store.numbered.named(first).name, resolved, "puts the first in use again"))
+
+
+def _list(kind: Kind, screen: Screen, store: Any, sessions: Sequence[str]) -> None:
+    """Show all, oldest first, with the open `sessions` that use the current one, and the next command."""
+    from adaptsim_cli.screen import views
+
+    head, found, row = kind.rows(store)
+    listed = f"{kind.noun.replace('-', '_')}s"
+    told = {"rig": store.folder.name, listed: found, "open_sessions": list(sessions)}
+    if screen.data(f"{kind.command} list", told):
+        return
+    if found:
+        blank = ("",) * (len(head) - 2)
+        screen.show(views.rows(head, [(o["name"], *blank, o["error"]) if "error" in o else row(o) for o in found]))
+    else:
+        screen.plain(f"No {kind.noun}s yet in {store.folder}")
+    if sessions:
+        screen.show(f"Open sessions that use the current one: {', '.join(sessions)}")
+    called = f"adaptsim {kind.command}"
+    if len(found) > 1:
+        names = f"{found[-2]['name']} {found[-1]['name']}"
+        screen.next((f"{called} compare {names}", "with the same --task, --world or --hw"))
+    else:
+        screen.next((called, "makes one, with the same --task, --world or --hw"))
 
 
 def _rig(task: str | None, world: str | None, seed: int | None, hw: str | None) -> Resolved:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from adaptsim_cli import options
-from adaptsim_cli.commands.kept import Kind, add_to
+from adaptsim_cli.commands.kept import Kind, Rows, add_to
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -67,13 +67,10 @@ def _store(resolved: Resolved) -> TouchOffStore:
     return wiring.touch_offs(resolved.config, resolved.places)
 
 
-def _tell(screen: Screen, store: TouchOffStore, resting: tuple[str, ...]) -> None:
+def _rows(store: TouchOffStore) -> Rows:
     from adaptsim_cli.touch_off import kept
 
-    found = kept.listed(store)
-    told = {"rig": store.folder.name, "touch_offs": found, "open_sessions": list(resting)}
-    if not screen.data("touch-off list", told):
-        kept.tell(screen, store, found, resting)
+    return kept.HEAD, store.listed(kept.told), kept.row
 
 
 def _show(screen: Screen, known: SavedTouchOff, path: Path) -> None:
@@ -96,4 +93,4 @@ def _compare(screen: Screen, store: TouchOffStore, first: str, second: str) -> N
 
 
 _THEN = ("adaptsim rollout", "one trial with it")
-add_to(app, Kind("touch-off", "touch-off", "--task scooping --hw fr3", _THEN, _store, _tell, _show, _compare))
+add_to(app, Kind("touch-off", "touch-off", "--task scooping --hw fr3", _THEN, _store, _rows, _show, _compare))

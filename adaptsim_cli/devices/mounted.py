@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from adaptsim_cli.session.target import Paths, Planner
     from sim.tasks.task import Hardware, Task
     from sim.types import ToolMotion
+
+
+KEPT = 16
+"""The number of plans that a planner caches. A trial needs its newest plan again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,21 +57,25 @@ class MountedTask:
     def planner(self) -> Planner:
         """The planner of a session.
 
-        It caches plans, because a policy, its prediction and the trial need the same motion.
+        It caches the newest plans and which of their paths passed the check, because a policy, its prediction and the
+        trial need the same motion. The arm checks a path again before it moves.
         """
         from adaptsim_cli.session.target import Planner
         from hw.kinematics import forward
 
         planned: dict[tuple[object, ...], Paths] = {}
+        check = lru_cache(maxsize=3 * KEPT)(self.cell.require)
 
         def paths(motion: ToolMotion) -> Paths:
             key = motion.t_s.tobytes(), motion.X_BT.tobytes(), _window(motion)
             if key not in planned:
+                if len(planned) == KEPT:
+                    del planned[next(iter(planned))]
                 planned[key] = self.paths(motion)
             return planned[key]
 
         X_WB, arm = self.correction.X_WB, self.cell.arm
-        return Planner(paths, self.cell.require, lambda q_rad: np.asarray(X_WB @ forward(arm.true_rad(q_rad))))
+        return Planner(paths, check, lambda q_rad: np.asarray(X_WB @ forward(arm.true_rad(q_rad))))
 
 
 def mounted(

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from adaptsim_cli.session.target import Tracker, TrackRequest
+from adaptsim_cli.session.target import Detection, Tracker, TrackRequest
+from hw.types import Array, CameraModel, Frame
 from perception.types import ObjectTrack, Outcome
 from sim.errors import UnknownName
 from sim.tasks.task import Task
+
+Find = Callable[[Frame, CameraModel, Array], Detection]
+"""(frame, model, X_BC) -> detection; see `Tracker.find`."""
 
 SMALLEST_HALF_M, LARGEST_HALF_M = 0.004, 0.025
 """Half widths along X of the pieces that are searched for."""
@@ -20,7 +25,22 @@ def tracker_of(task: Task) -> Tracker:
     name = task.require_hardware().tracker
     if name not in TRACKERS:
         raise UnknownName(f"no tracker {name!r} for {task.name}: there are {', '.join(TRACKERS)}")
-    return TRACKERS[name](task)
+    tracker = TRACKERS[name](task)
+    return replace(tracker, find=_once(tracker.find))
+
+
+def _once(find: Find) -> Find:
+    """`find` that searches a picture once: the object is needed before the motion, and again for its track."""
+    last: list[tuple[tuple[bytes, ...], Detection]] = []
+
+    def found(frame: Frame, model: CameraModel, X_BC: Array) -> Detection:
+        lenses = (model.colour.K, model.colour.distortion, model.depth.K, model.depth.distortion, model.X_CD)
+        key = (frame.colour.tobytes(), frame.depth_mm.tobytes(), *(part.tobytes() for part in (X_BC, *lenses)))
+        if not last or last[0][0] != key:
+            last[:] = [(key, find(frame, model, X_BC))]
+        return last[0][1]
+
+    return found
 
 
 def _piece(task: Task) -> Tracker:

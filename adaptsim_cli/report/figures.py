@@ -320,9 +320,10 @@ def _from_above(points_m: Array, label: str, width: float) -> tuple[Canvas, Scal
     low, high = points_m.min(axis=0) - 0.015, points_m.max(axis=0) + 0.015
     left, top = 48.0, 12.0
     per_m = min((width - 8.0 - left) / (high[0] - low[0]), 340.0 / (high[1] - low[1]))
-    right, bottom = left + per_m * (high[0] - low[0]), top + per_m * (high[1] - low[1])
+    middle, half = (low[1] + high[1]) / 2, max(high[1] - low[1], 130.0 / per_m) / 2  # room for the names of two ticks
+    right, bottom = left + per_m * (high[0] - low[0]), top + per_m * 2 * half
     canvas = Canvas(min(width, right + 8), bottom + 44, label)
-    x, y = Scale(low[0], high[0], left, right), Scale(low[1], high[1], bottom, top)
+    x, y = Scale(low[0], high[0], left, right), Scale(middle - half, middle + half, bottom, top)
     canvas.rect(left, top, right - left, bottom - top, "table", 6)
     canvas.grid(x, y)
     canvas.text((left + right) / 2, bottom + 36, "x in metres, away from the robot", anchor="middle")

@@ -19,6 +19,7 @@ from adaptsim_cli.outputs.trials import BestRecord, Iteration, OutlookRecord, Tr
 from adaptsim_cli.screen.console import ANSWERING, Screen
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
+from adaptsim_cli.session.beside import Beside
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.operator import Operator, Proposal
@@ -45,6 +46,7 @@ from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
+from sim.adaptation.method import Iteration as LearntIteration
 from sim.adaptation.method import Particle
 from sim.adaptation.posterior import Posterior
 from sim.errors import NotExecutable
@@ -66,7 +68,8 @@ class RunningSession:
     operator: Operator
     screen: Screen
     watcher: Watcher = field(default_factory=AllOf)
-    policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # trained so far in this process
+    worker: Beside = field(default_factory=Beside)
+    policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # of the newest iteration, trained here
     beside_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
     @property
@@ -105,6 +108,7 @@ def run_trial(session: RunningSession, stage: RunTrial) -> None:
     The recording is on the disk before it is tracked. A trial interrupted later continues from the recording.
     """
     session.beside()
+    executed: Executed | None = None
     if stage.recorded:
         session.screen.note(
             f"Trial {stage.key.number} continues from its recording: the motion is over, nothing moves."
@@ -112,17 +116,17 @@ def run_trial(session: RunningSession, stage: RunTrial) -> None:
     elif stage.interrupted and session.parts.target.spent(stage, session.operator):
         _reject(session, stage, "interrupted while the arm may have moved")
         return
-    elif not _move(session, stage):
+    elif (executed := _move(session, stage)) is None:
         return
-    _look(session, stage)
+    _look(session, stage, executed)
 
 
-def _move(session: RunningSession, stage: RunTrial) -> bool:
-    """Set up, propose, confirm, execute, and store the recording. False: nothing has moved, try again."""
+def _move(session: RunningSession, stage: RunTrial) -> Executed | None:
+    """Set up, propose, confirm, execute, and store the recording. None: nothing has moved, try again."""
     store, operator, target, progress = session.store, session.operator, session.parts.target, session.screen.busy
     try:
         policy = _policy(session, stage.iteration, stage.particle)
-        placed = _place(session, stage)
+        placed = _place(session, stage, policy)
         with progress("Choosing the action: the best that the arm can do", "choosing"):
             action = policy(placed.context)
         planned = target.plan(placed, action, progress)
@@ -145,9 +149,9 @@ def _move(session: RunningSession, stage: RunTrial) -> bool:
     except (HardwareError, PerceptionError, NotExecutable) as error:
         _reject(session, stage, str(error))
         if isinstance(error, PerceptionError) and operator.try_again(stage):
-            return False
+            return None
         raise
-    return True
+    return executed
 
 
 def _say_drift(session: RunningSession) -> None:
@@ -157,8 +161,11 @@ def _say_drift(session: RunningSession) -> None:
         session.screen.note(said)
 
 
-def _look(session: RunningSession, stage: RunTrial) -> None:
-    """Track the recording, have the result reviewed and store the trial; everything is read from the disk."""
+def _look(session: RunningSession, stage: RunTrial, executed: Executed | None) -> None:
+    """Track the recording, have the result reviewed and store the trial.
+
+    `executed` is the motion, if this process made it; else the recording is read from the disk.
+    """
     store, operator, task, target = session.store, session.operator, session.parts.task, session.parts.target
     motion = store.motion(stage.iteration, stage.key)
     if motion.stopped is not None:
@@ -166,7 +173,7 @@ def _look(session: RunningSession, stage: RunTrial) -> None:
         return
     folder = store.trial_folder(stage.iteration, stage.key)
     try:
-        seen = target.track(motion.context_array, motion.action_array, folder, session.screen.busy)
+        seen = target.track(motion.context_array, motion.action_array, folder, session.screen.busy, executed)
     except PerceptionError as error:
         _reject(session, stage, str(error))
         if operator.try_again(stage):
@@ -201,7 +208,7 @@ def adapt(session: RunningSession, stage: Adapt) -> None:
         particles = learner.next(history, generator(session.seed, Draw.NEXT, stage.iteration))
         found = learner.judge(history)
     for index, particle in enumerate(particles):
-        _train(session, stage.iteration + 1, index, particle)
+        _train(session, stage.iteration + 1, index, particle, history)
 
     records, lap_s = store.trials(stage.iteration), session.screen.lap_s()
     timing_s = added(*(record.timing_s for record in records), session.beside_s, lap_s)
@@ -256,8 +263,8 @@ def _summary(session: RunningSession, trials: Sequence[TrialRecord], result: Res
     return summary(session.store.facts, before, trials, result)
 
 
-def _place(session: RunningSession, stage: RunTrial) -> Placed:
-    """Announce the trial, then have the object placed and found."""
+def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Placed:
+    """Announce the trial, then have the object placed and found; meanwhile the policy prepares for its drawn place."""
     task, parts = session.parts.task, session.parts
     rng = generator(session.seed, Draw.CONTEXT, stage.iteration, stage.particle, stage.trial, stage.key.attempt)
     unit = task.context.normalise(task.context.sample(rng, 1)[0])
@@ -265,7 +272,11 @@ def _place(session: RunningSession, stage: RunTrial) -> Placed:
     particle = particles_of(session.store, stage.iteration)[stage.particle]
     left_s = _left_s(session.store, stage)
     session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle, left_s))
-    return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
+    ahead = session.worker.begin(partial(policy.actions, drawn[None]))
+    try:
+        return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
+    finally:
+        ahead.settle()
 
 
 def _left_s(store: SessionStore, stage: RunTrial) -> float:
@@ -333,13 +344,17 @@ def trial_record(task: Task, motion: MotionRecord, seen: TrackedTrial) -> TrialR
 def _policy(session: RunningSession, iteration: int, particle: int) -> SolvedPolicy:
     """The task policy of a particle. If an earlier process trained it, training again gives the same policy."""
     if (iteration, particle) not in session.policies:
-        _train(session, iteration, particle, particles_of(session.store, iteration)[particle])
+        before = history_of(session.parts.task, session.store, iteration - 1)
+        _train(session, iteration, particle, particles_of(session.store, iteration)[particle], before)
     return session.policies[iteration, particle]
 
 
-def _train(session: RunningSession, iteration: int, index: int, particle: Particle) -> None:
+def _train(
+    session: RunningSession, iteration: int, index: int, particle: Particle, before: Sequence[LearntIteration]
+) -> None:
     with session.screen.busy(f"Training the task policy of particle {index + 1}", "training"):
-        before = history_of(session.parts.task, session.store, iteration - 1)
+        for earlier in [key for key in session.policies if key[0] < iteration]:
+            del session.policies[earlier]
         session.policies[iteration, index] = session.parts.learner.train(particle, before)
 
 

@@ -56,7 +56,14 @@ class InSimulation:
             trajectory = self.rollout(planned.placed.context, planned.action)
         return Executed(lambda: {FILE: to_json(TrackRecord.from_track(trajectory))})
 
-    def track(self, context: Array, action: Array, folder: Path, progress: Progress = silently) -> TrackedTrial:
+    def track(
+        self,
+        context: Array,
+        action: Array,
+        folder: Path,
+        progress: Progress = silently,
+        executed: Executed | None = None,
+    ) -> TrackedTrial:
         """See `Target`: the stored trajectory. Raises SessionError."""
         with progress("Reading the trajectory", "reading"):
             return TrackedTrial(read(TrackRecord, folder / FILE).track())
@@ -105,7 +112,14 @@ class InRecordings:
         self.spent_rows.add(row)
         return Executed(lambda: {FILE: to_json(TrackRecord.from_track(self.trials.tracks[row]))})
 
-    def track(self, context: Array, action: Array, folder: Path, progress: Progress = silently) -> TrackedTrial:
+    def track(
+        self,
+        context: Array,
+        action: Array,
+        folder: Path,
+        progress: Progress = silently,
+        executed: Executed | None = None,
+    ) -> TrackedTrial:
         """See `Target`: the recorded trajectory. Raises SessionError."""
         with progress("Reading the recording", "reading"):
             return TrackedTrial(read(TrackRecord, folder / FILE).track())

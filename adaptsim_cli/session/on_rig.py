@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -110,7 +111,7 @@ class OnRig:
         with progress("Checking every limit along the motion", "checking"):
             for path in paths:
                 self.planner.check(path)
-                self.planner.check(slowed(path, self.rig.pace))
+                self.planner.check(slowed(path, self.rig.pace))  # at full pace the same path, known by now
         pace, duration_s = self.rig.pace, sum(path.duration_s for path in paths)
         slow = "" if pace == FULL else f", at pace {pace:g} {duration_s / pace:.1f} s: nothing is learnt from it"
         speed_m_s = top_speed_m_s(paths, lambda q_rad: self.planner.flange(q_rad) @ self.hardware.X_FT)
@@ -137,6 +138,7 @@ class OnRig:
             arm.execute(approach)
         with progress("The robot makes its motion and the camera records", "moving"):
             played, frames, stopped = self._film(motion)
+        film = self._compressed(planned.placed.frame, frames)
         if stopped is None:
             try:
                 with progress("The robot goes back", "moving"), _interruptible("on the way back"):
@@ -151,12 +153,24 @@ class OnRig:
                 f"played at pace {self.rig.pace:g} to its end, as a rehearsal: nothing is learnt from it. The same "
                 "command without --pace makes the trial"
             )
-        return Executed(partial(self._files, planned.placed, planned.placed.frame, played, frames, after), stopped)
+        made = cache(partial(self._made, planned.placed, played, film, after))
+        return Executed(lambda: made()[0], stopped, lambda: made()[1])
 
-    def track(self, context: Array, action: Array, folder: Path, progress: Progress = silently) -> TrackedTrial:
-        """Read the recording, find the object again in the same pixels as before the motion, and track it."""
+    def track(
+        self,
+        context: Array,
+        action: Array,
+        folder: Path,
+        progress: Progress = silently,
+        executed: Executed | None = None,
+    ) -> TrackedTrial:
+        """Find the object again in the same pixels as before the motion, and track it.
+
+        The recording comes from `folder`, or from `executed`, which has decoded the same bytes.
+        """
         with progress("Reading the recording", "reading"):
-            stored = recording.read(folder / recording.FILE)
+            known = None if executed is None else executed.recording
+            stored = recording.read(folder / recording.FILE) if known is None else known()
             detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
         motion, played, name = self.hardware.plan(context, action), stored.execution, self.task.object_name
         request = TrackRequest(
@@ -243,18 +257,29 @@ class OnRig:
             return None, frames, error
         return played, rig.camera.stop_recording(), None
 
-    def _files(
-        self, placed: Placed, before: Frame, played: Execution | None, filmed: Sequence[Frame], after: Frame | None
-    ) -> Mapping[str, bytes]:
-        """Recording, overlay, and the facts of a real rig. `played` is None if the arm stopped during the motion.
+    def _compressed(self, before: Frame, filmed: Sequence[Frame]) -> list[Future[recording.Stored]]:
+        """Compress and decode `before` and every frame while the arm goes back.
 
         `filmed` are on the camera's clock; those of the simulated lab may still be rendering.
         """
-        rig, frames = self.rig, tuple(map(self.in_time, filmed))
+        pool = ThreadPoolExecutor(max_workers=2, thread_name_prefix="compressing")  # OpenCV releases the interpreter
+        first = pool.submit(recording.stored, before, lossless=True)
+        film = [pool.submit(lambda at: recording.stored(self.in_time(filmed[at])), at) for at in range(len(filmed))]
+        pool.shutdown(wait=False)
+        return [first, *film]
+
+    def _made(
+        self, placed: Placed, played: Execution | None, film: Sequence[Future[recording.Stored]], after: Frame | None
+    ) -> tuple[Mapping[str, bytes], recording.Recording]:
+        """(recording, overlay, and the facts of a real rig; what reading the recording would give).
+
+        `played` is None if the arm stopped during the motion.
+        """
+        rig, (before, *frames) = self.rig, [one.result() for one in film]
         if played is None:
-            none = np.zeros((0, 7))
-            played = Execution(frames[0].t_s if frames else before.t_s, np.zeros(0), none, none, 0.0)
-        mcap = recording.encode(
+            none, first = np.zeros((0, 7)), (*frames, before)[0]
+            played = Execution(first.frame.t_s, np.zeros(0), none, none, 0.0)
+        mcap, stored = recording.encode(
             before,
             frames,
             rig.camera.model(),
@@ -262,17 +287,17 @@ class OnRig:
             played,
             self.tool_pose(played),
             rig.hand_eye.camera_late_s,
-            after,
+            None if after is None else recording.stored(after, lossless=True),
             rig.arm.model,
         )
         said = {}
         if rig.attendant is not None:
-            facts = rig.attendant.facts().model_copy(update={"brightness": brightness(before.colour)})
+            facts = rig.attendant.facts().model_copy(update={"brightness": brightness(before.frame.colour)})
             try:
                 said = {RIG: to_json(facts)}
             except ValueError as error:  # a number that is none must not cost the recording
                 said = {RIG: to_json(RigFacts(problem=str(error)))}
-        return {recording.FILE: mcap, "overlay.jpg": placed.overlay or b"", **said}
+        return {recording.FILE: mcap, "overlay.jpg": placed.overlay or b"", **said}, stored
 
 
 @contextmanager

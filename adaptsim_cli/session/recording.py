@@ -6,18 +6,21 @@ import io
 import json
 import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 from mcap.exceptions import McapError
-from mcap.reader import make_reader
+from mcap.reader import McapReader, make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from numpy.typing import NDArray
+from zstandard import ZstdError
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import topics
@@ -47,7 +50,7 @@ _JPEG_QUALITY = 95
 
 Bytes = NDArray[np.uint8]
 Depth = NDArray[np.uint16]
-Message = tuple[int, str, bytes | Future[bytes]]  # time in ns, topic, CDR
+Message = tuple[int, str, bytes]  # time in ns, topic, CDR
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,34 +70,57 @@ class Recording:
         return None if self.after is None else (self.before, self.after)
 
 
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """A frame as it is stored: its messages, and the frame that `read` makes of them."""
+
+    colour: bytes
+    depth: bytes
+    frame: Frame
+
+
+def stored(frame: Frame, *, lossless: bool = False) -> Stored:
+    """Compress a frame, and decode it again for the tracker, which sees only what is stored.
+
+    Its colour as JPEG, or as PNG, so that a later search finds the object in exactly the same pixels.
+    """
+    t_ns, as_colour = _ns(frame.t_s), _png if lossless else _jpeg
+    colour = topics.compressed_image(t_ns, "camera_colour", *as_colour(frame.colour))
+    depth = topics.image(t_ns, "camera_depth", frame.depth_mm)
+    return Stored(colour, depth, Frame(_s(t_ns), _decode_colour(colour), _decode_depth(depth)))
+
+
 def encode(
-    before: Frame,
-    frames: Sequence[Frame],
+    before: Stored,
+    frames: Sequence[Stored],
     model: CameraModel,
     X_BC: Array,
     execution: Execution,
     X_BT_at: Callable[[float], Array],
     camera_late_s: float = 0.0,
-    after: Frame | None = None,
+    after: Stored | None = None,
     arm: str = "panda",
-) -> bytes:
-    """The whole recording in memory, so that it can be written whole. Messages are in time order.
+) -> tuple[bytes, Recording]:
+    """The whole file in memory, so that it can be written whole, and what `read` makes of it.
 
-    An execution without samples has no tool poses: the arm stopped, and its joints are unknown. `camera_late_s` is
-    already subtracted from the camera's stamps; it is stored only to make that reversible.
+    Messages are in time order. An execution without samples has no tool poses: the arm stopped, and its joints are
+    unknown. `camera_late_s` is already subtracted from the camera's stamps; it is stored to make that reversible.
     """
-    times_s, start_ns = [frame.t_s for frame in frames], _ns(before.t_s)
-    with _threads() as pool:
-        messages = [
-            *_images(pool, [before], _BEFORE_COLOUR, _BEFORE_DEPTH, _png),
-            *_images(pool, frames, _COLOUR, _DEPTH, _jpeg),
-            *_images(pool, [] if after is None else [after], _AFTER_COLOUR, _AFTER_DEPTH, _png),
-            *topics.cameras(model, start_ns),
-            topics.description(arm, start_ns),
-            *topics.joints(execution),
-            *topics.transforms(times_s or [before.t_s], execution, X_BT_at, model, X_BC),
-        ]
-        return as_mcap(TOPICS, messages, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})
+    times_s, start_ns = [one.frame.t_s for one in frames], _ns(before.frame.t_s)
+    messages = [
+        *_pictures([before], _BEFORE_COLOUR, _BEFORE_DEPTH),
+        *_pictures(frames, _COLOUR, _DEPTH),
+        *_pictures([] if after is None else [after], _AFTER_COLOUR, _AFTER_DEPTH),
+        *topics.cameras(model, start_ns),
+        topics.description(arm, start_ns),
+        *topics.joints(execution),
+        *topics.transforms(times_s or [before.frame.t_s], execution, X_BT_at, model, X_BC),
+    ]
+    content = as_mcap(TOPICS, messages, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})
+    t_s = np.array([_s(_ns(execution.t_start_s + t_s)) - execution.t_start_s for t_s in execution.t_s])
+    played = replace(execution, t_s=t_s)
+    home = None if after is None else after.frame
+    return content, Recording(before.frame, tuple(one.frame for one in frames), model, X_BC, played, home)
 
 
 def encode_object(track: ObjectTrack, t_start_s: float) -> bytes:
@@ -126,10 +152,7 @@ def as_mcap(
     attached: Mapping[str, bytes],
     metadata: Mapping[str, str] | None = None,
 ) -> bytes:
-    """An MCAP file with topics (name -> type), `messages` in time order, JSON attachments by name, and metadata.
-
-    Messages that are still being encoded are waited for while the earlier ones are compressed.
-    """
+    """An MCAP file with topics (name -> type), `messages` in time order, JSON attachments by name, and metadata."""
     stream = io.BytesIO()
     writer = McapWriter(stream, compression=CompressionType.ZSTD)
     writer.start(profile="ros2", library="adaptsim")
@@ -140,8 +163,7 @@ def as_mcap(
     if metadata:
         writer.add_metadata("adaptsim", dict(metadata))
     for t_ns, topic, message in sorted(messages, key=lambda m: m[0]):
-        content = message if isinstance(message, bytes) else message.result()
-        writer.add_message(channels[topic], log_time=t_ns, publish_time=t_ns, data=content)
+        writer.add_message(channels[topic], log_time=t_ns, publish_time=t_ns, data=message)
     writer.finish()
     return stream.getvalue()
 
@@ -153,10 +175,17 @@ def read(path: Path) -> Recording:
             f"{path} was removed with adaptsim sessions prune, to free disk space: the numbers and key moments of this "
             "trial are still there, its recording is not. Restore it from a copy"
         )
+    with opened(path) as reader:
+        return _read(reader)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[McapReader]:
+    """A reader of an MCAP file that verifies its checksums. Raises SessionError naming the file if it is damaged."""
     try:
         with path.open("rb") as stream:
-            return _read(make_reader(stream, validate_crcs=True))
-    except (McapError, OSError, KeyError, ValueError, IndexError, struct.error) as error:
+            yield make_reader(stream, validate_crcs=True)
+    except (McapError, ZstdError, OSError, KeyError, ValueError, IndexError, struct.error) as error:
         raise corrupt(path, str(error)) from error
 
 
@@ -164,34 +193,28 @@ def require_whole(path: Path) -> None:
     """Raises SessionError if a checksum inside an MCAP file is wrong; other files pass."""
     if path.suffix != ".mcap":
         return
-    try:
-        with path.open("rb") as stream:
-            reader = make_reader(stream, validate_crcs=True)
-            for _ in reader.iter_attachments():
-                pass
-            for _ in reader.iter_messages():
-                pass
-    except (McapError, OSError, KeyError, ValueError, IndexError, struct.error) as error:
-        raise corrupt(path, str(error)) from error
+    with opened(path) as reader:
+        for _ in chain(reader.iter_attachments(), reader.iter_messages()):
+            pass
 
 
-def _read(reader: object) -> Recording:
+def _read(reader: McapReader) -> Recording:
     camera = None
-    for attachment in reader.iter_attachments():  # type: ignore[attr-defined]
+    for attachment in reader.iter_attachments():
         if attachment.name == "camera.json":
             camera = json.loads(attachment.data)
     if camera is None:
         raise SessionError("the recording has no camera.json")
     images: dict[str, dict[int, Future[Any]]] = {topic: {} for topic in _IMAGES}
     joints: dict[str, list[tuple[int, tuple[float, ...]]]] = {topics.MEASURED: [], topics.COMMANDED: []}
-    with _threads() as pool:
-        for _, channel, message in reader.iter_messages():  # type: ignore[attr-defined]
-            fields, topic = topics.Reader(message.data), channel.topic
+    with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it decodes
+        for _, channel, message in reader.iter_messages():
+            topic = channel.topic
             if topic in images:
-                t_ns, _ = fields.header()
-                decoded = _decode_colour if topic in COLOURS else _decode_depth
-                images[topic][t_ns] = pool.submit(decoded, fields)
+                t_ns, _ = topics.Reader(message.data).header()
+                images[topic][t_ns] = pool.submit(_decode_colour if topic in COLOURS else _decode_depth, message.data)
             elif topic in joints:
+                fields = topics.Reader(message.data)
                 t_ns, _ = fields.header()
                 fields.strings()
                 joints[topic].append((t_ns, fields.doubles()))
@@ -199,7 +222,7 @@ def _read(reader: object) -> Recording:
     start_s = float(camera["t_start_s"])
     execution = Execution(
         t_start_s=start_s,
-        t_s=np.array([t_ns * 1e-9 - start_s for t_ns, _ in joints[topics.MEASURED]]),
+        t_s=np.array([_s(t_ns) - start_s for t_ns, _ in joints[topics.MEASURED]]),
         q_commanded_rad=np.array([q for _, q in joints[topics.COMMANDED]]).reshape(-1, 7),
         q_measured_rad=np.array([q for _, q in joints[topics.MEASURED]]).reshape(-1, 7),
         control_success_rate=float(camera["control_success_rate"]),
@@ -211,30 +234,14 @@ def _read(reader: object) -> Recording:
 
 
 def _frames(colour: Mapping[int, Future[Bytes]], depth: Mapping[int, Future[Depth]]) -> tuple[Frame, ...]:
-    return tuple(Frame(t_ns * 1e-9, colour[t_ns].result(), depth[t_ns].result()) for t_ns in colour)
+    return tuple(Frame(_s(t_ns), colour[t_ns].result(), depth[t_ns].result()) for t_ns in colour)
 
 
-def _threads() -> ThreadPoolExecutor:
-    """Two are enough: OpenCV releases the interpreter while it encodes and decodes."""
-    return ThreadPoolExecutor(max_workers=2)
-
-
-def _images(
-    pool: Executor,
-    frames: Sequence[Frame],
-    colour_topic: str,
-    depth_topic: str,
-    as_colour: Callable[[Bytes], tuple[str, bytes]],
-) -> Iterator[Message]:
-    def coloured(frame: Frame) -> bytes:
-        return topics.compressed_image(_ns(frame.t_s), "camera_colour", *as_colour(frame.colour))
-
-    def deep(frame: Frame) -> bytes:
-        return topics.image(_ns(frame.t_s), "camera_depth", frame.depth_mm)
-
-    for frame in frames:
-        yield _ns(frame.t_s), colour_topic, pool.submit(coloured, frame)
-        yield _ns(frame.t_s), depth_topic, pool.submit(deep, frame)
+def _pictures(frames: Sequence[Stored], colour_topic: str, depth_topic: str) -> Iterator[Message]:
+    for one in frames:
+        t_ns = _ns(one.frame.t_s)
+        yield t_ns, colour_topic, one.colour
+        yield t_ns, depth_topic, one.depth
 
 
 def _jpeg(rgb: Bytes) -> tuple[str, bytes]:
@@ -242,7 +249,6 @@ def _jpeg(rgb: Bytes) -> tuple[str, bytes]:
 
 
 def _png(rgb: Bytes) -> tuple[str, bytes]:
-    """Lossless, so that a later search finds the object exactly as before the motion."""
     return "png", _encode_png(rgb[..., ::-1])
 
 
@@ -261,12 +267,16 @@ def encode_jpeg(rgb: Bytes, quality: int) -> bytes:
     return bytes(content.tobytes())
 
 
-def _decode_colour(fields: topics.Reader) -> Bytes:
-    return np.ascontiguousarray(decode_image(_compressed(fields), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
+def _decode_colour(message: bytes) -> Bytes:
+    fields = topics.Reader(message)
+    fields.header(), fields.string()
+    return np.ascontiguousarray(decode_image(bytes(fields.blob()), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
 
 
-def _decode_depth(fields: topics.Reader) -> Depth:
+def _decode_depth(message: bytes) -> Depth:
     """The depth image of a message. Raises ValueError for another encoding, or another length than stated."""
+    fields = topics.Reader(message)
+    fields.header()
     height, width, encoding = fields.count(), fields.count(), fields.string()
     fields.byte(), fields.count()
     if encoding != "16UC1":
@@ -274,13 +284,12 @@ def _decode_depth(fields: topics.Reader) -> Depth:
     return np.frombuffer(fields.blob(), "<u2").reshape(height, width).astype(np.uint16)
 
 
-def _compressed(fields: topics.Reader) -> bytes:
-    fields.string()
-    return bytes(fields.blob())
-
-
 def _ns(t_s: float) -> int:
     return round(t_s * 1e9)
+
+
+def _s(t_ns: int) -> float:
+    return t_ns * 1e-9
 
 
 def _camera_json(model: CameraModel, X_BC: Array, execution: Execution, camera_late_s: float) -> bytes:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from scipy.spatial.transform import Rotation, Slerp
 
 from adaptsim_cli.errors import SessionError, UsageError
@@ -183,11 +180,8 @@ def tool_poses(path: Path) -> Callable[[float], Array]:
 
     Stored at every image, interpolated in between, held beyond the ends. Raises SessionError naming the file.
     """
-    try:
-        with path.open("rb") as stream:
-            stored = sorted(_tool_messages(make_reader(stream)), key=lambda pose: pose[0])
-    except (McapError, OSError, ValueError, IndexError, struct.error) as error:
-        raise corrupt(path, str(error)) from error
+    with recording.opened(path) as reader:
+        stored = sorted(_tool_messages(reader), key=lambda pose: pose[0])
     if not stored:
         raise corrupt(path, "it holds no pose of the tool")
     t_s = np.array([1e-9 * t_ns for t_ns, _, _ in stored])

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session import terminal_views
 from adaptsim_cli.session.advice import after_iteration
+from adaptsim_cli.session.beside import one_thread
 from adaptsim_cli.session.flow import RunningSession, run_iteration, tell
 from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.preflight import preflight
@@ -66,10 +68,10 @@ def run_session(
     screen: Screen | None = None,
     open_view: OpenView = terminal_alone,
 ) -> Path:
-    """Run the iterations and return the path of the report that `draw` makes after each.
+    """Run the iterations and return the path of the report, which `draw` makes beside the session after each.
 
-    An iteration is done only once its result and report have reached the operator; a run that was killed just before
-    shows them after a restart. Raises any error that stops a session, with the command to continue.
+    The last iteration is done only once its result and report have reached the operator; a run that was killed just
+    before shows them after a restart. Raises any error that stops a session or a report, with the command to continue.
     """
     root = resolved.places.sessions
     asked = anywhere(resolved.config)
@@ -95,22 +97,42 @@ def run_session(
         watcher = stack.enter_context(open_view(screen, store, parts))
         stack.enter_context(store.locked())
         log = stack.enter_context(logged(store, screen, parts.provenance.versions))
-        session = RunningSession(store, parts, operator, screen, AllOf(InTerminal(screen), watcher, log))
+        worker = stack.enter_context(one_thread())
+        if parts.task.hardware is not None:
+            worker.begin(_import_for_a_film)
+        session = RunningSession(store, parts, operator, screen, AllOf(InTerminal(screen), watcher, log), worker)
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}"))
         _ready(session, config)
         tell(session)
-        for _ in range(request.iterations or parts.task.adaptation.horizon):
-            summary = run_iteration(session)
-            with screen.busy("Drawing the report", "reporting"):
-                path = draw(store)
-            session.watcher.reported(path)
+        left, report = request.iterations or parts.task.adaptation.horizon, None
+        while left:
+            summary, left = run_iteration(session), left - 1
+            if report is not None:
+                report.drop()
+            report = worker.begin(partial(_report, session, draw, store.until(summary.iteration)))
             screen.data("run-iteration", summary)
-            store.mark_shown(summary.iteration - 1, datetime.now(UTC).isoformat(timespec="seconds"))
             if request.until_done and _is_done(summary, config.method):
-                break
+                left = 0
+            if not left:
+                with screen.busy("Drawing the report", "reporting"):
+                    path = report.result()
+            store.mark_shown(summary.iteration - 1, datetime.now(UTC).isoformat(timespec="seconds"))
     screen.plain(f"Report: {path}")
     if (result := store.result(summary.iteration - 1)) is not None:
         screen.next(*after_iteration(store.facts, result))
+    return path
+
+
+def _import_for_a_film() -> None:
+    """Import the slow modules that nothing needs before the first film, so that its track does not wait for them."""
+    import open3d  # noqa: F401
+    import scipy.signal  # noqa: F401
+
+
+def _report(session: RunningSession, draw: Callable[[SessionStore], Path], store: SessionStore) -> Path:
+    """Draw the iterations in `store`, while the session may be beyond them."""
+    path = draw(store)
+    session.watcher.reported(path)
     return path
 
 

@@ -118,7 +118,7 @@ def rollout(
             raise executed.stopped
     finally:
         picture.unlink(missing_ok=True)  # the folder holds it from now on
-    seen = target.track(placed.context, action, folder, screen.busy)
+    seen = target.track(placed.context, action, folder, screen.busy, executed)
     record = trial_record(task, motion_record(proposal, started, executed, screen.lap_s()), seen)
     looking_on.tracked(record, seen)
     shown = _shown(config, parts, record, chosen)

@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +72,7 @@ class SessionStore:
     facts: Facts
     start: SessionStart
     _read: dict[Path, Record] = field(default_factory=dict, repr=False, compare=False)  # trials and results, by file
+    _most: int | None = None  # iterations that are looked at; None: all
 
     @classmethod
     def create(cls, root: Path, facts: Facts, start: SessionStart) -> SessionStore:
@@ -95,6 +96,10 @@ class SessionStore:
             near = did_you_mean(name, names(root))
             raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}{near}")
         return cls(folder, records.read(Facts, _facts_file(folder)), records.read(SessionStart, folder / START))
+
+    def until(self, iterations: int) -> SessionStore:
+        """The first `iterations` alone, which stay as they are while the session goes on."""
+        return replace(self, _most=iterations)
 
     def existing(self, iteration: int | None = None) -> Existing:
         """The stored contents, of all iterations or of one. Raises SessionError on names that do not belong there."""
@@ -315,7 +320,8 @@ class SessionStore:
 
     def _iterations(self) -> Iterator[tuple[int, Path]]:
         for entry in entries(self.folder):
-            if match := _ITERATION.fullmatch(entry.name):
+            match = _ITERATION.fullmatch(entry.name)
+            if match and (self._most is None or int(match[1]) <= self._most):
                 yield int(match[1]) - 1, entry
 
     def _key(self, match: re.Match[str]) -> TrialKey:

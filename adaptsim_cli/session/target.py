@@ -1,7 +1,7 @@
 """Where trials happen: the contract that a rig (`on_rig`) and a simulated target (`in_simulation`) fulfil.
 
 A trial is `place`, `plan`, `execute`, then `track`; each step returns the input of the next. The files of `execute` are
-on the disk before `track` reads them, so a trial interrupted there can continue. Below stand the parts of a rig.
+on the disk before `track` begins, so a trial interrupted there can continue. Below stand the parts of a rig.
 """
 
 from __future__ import annotations
@@ -97,9 +97,11 @@ class Executed:
     """A finished motion that is not stored yet."""
 
     files: Callable[[], Mapping[str, bytes]]
-    """The recorded files, name -> content; `Target.track` reads them. Waits for frames that are still rendering."""
+    """The recorded files, name -> content; `Target.track` reads them. Waits for frames that are still compressed."""
     stopped: HardwareError | None = None
     """Why it ended early; None: it did not. The recording until then is kept to look at, and is no trial."""
+    recording: Callable[[], Any] | None = None
+    """What reading the files would give, for `Target.track`; None without a camera."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +157,17 @@ class Target(Protocol):
         """Execute the trial. Raises MotionRefused, CameraError, or ArmFault if nothing was recorded."""
         ...
 
-    def track(self, context: Array, action: Array, folder: Path, progress: Progress = silently) -> TrackedTrial:
+    def track(
+        self,
+        context: Array,
+        action: Array,
+        folder: Path,
+        progress: Progress = silently,
+        executed: Executed | None = None,
+    ) -> TrackedTrial:
         """Track the executed motion for context (c,) and action (a,), from its stored files in `folder`.
 
+        `executed`, if the motion was just made, spares reading them; the track is the same, bit for bit.
         Uses no device. Raises SessionError naming a corrupt file, ObjectNotFound, TrackingFailed.
         """
         ...

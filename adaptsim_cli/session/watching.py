@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from threading import RLock
 from typing import Any, Literal, Protocol
 
 import cv2
@@ -144,6 +145,7 @@ class SessionLog:
 
     def __init__(self, folder: Path, screen: Screen) -> None:
         self._path, self._screen, self._is_failing = folder / FILE, screen, False
+        self._lock = RLock()  # a report is drawn in another thread
         self._is_torn = _is_torn(self._path)
         self._seal = _last_seal(self._path)
         if problem := damage(folder):
@@ -189,7 +191,10 @@ class SessionLog:
         """Append one line. If that fails, the screen says so, once until a line succeeds, and the session goes on."""
         at = datetime.now(UTC).isoformat(timespec="milliseconds")
         took_s = None if took_s is None else round(took_s, 3)
-        line = LogLine(at=at, event=event, text=text, took_s=took_s, data=data)
+        with self._lock:
+            self._add(LogLine(at=at, event=event, text=text, took_s=took_s, data=data))
+
+    def _add(self, line: LogLine) -> None:
         line = line.model_copy(update={"seal": _seal(self._seal, line)})
         try:
             with durable.explained(self._path):

@@ -6,17 +6,13 @@ trial's record.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
-
 from adaptsim_cli.session import recording, topics
 from adaptsim_cli.session.recording import Recording
-from adaptsim_cli.session.records import Facts, TrialRecord, corrupt
+from adaptsim_cli.session.records import Facts, TrialRecord
 from adaptsim_cli.session.retracking import tool_poses
 from adaptsim_cli.session.store import SessionStore
 
@@ -130,11 +126,6 @@ def jpegs(trial: WholeTrial) -> list[tuple[float, bytes]]:
 
 def _colours(file: Path) -> list[topics.Message]:
     """The colour images as they are stored."""
-    try:
-        with file.open("rb") as stream:
-            found = make_reader(stream).iter_messages(topics=list(recording.COLOURS))
-            return [
-                (topics.Reader(message.data).header()[0], channel.topic, message.data) for _, channel, message in found
-            ]
-    except (McapError, OSError, ValueError, IndexError, struct.error) as error:
-        raise corrupt(file, str(error)) from error
+    with recording.opened(file) as reader:
+        found = reader.iter_messages(topics=list(recording.COLOURS))
+        return [(topics.Reader(message.data).header()[0], channel.topic, message.data) for _, channel, message in found]

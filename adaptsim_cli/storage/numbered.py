@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, ClassVar, Generic, TypeVar
 
-from adaptsim_cli.errors import UsageError
+from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.storage import durable
+from calib.errors import ViewFolderError
+from calib.record import Record
+from calib.records import read
 from hw.bounded import Unreadable, read_table
 
 RESTORED = "restored.json"
@@ -53,6 +58,63 @@ class Numbered:
         note = {"from": source.name, "at": at}
         durable.write_folder(target, files | {RESTORED: json.dumps(note).encode()})
         return target
+
+
+AnyRecord = TypeVar("AnyRecord", bound=Record)
+
+
+@dataclass(frozen=True)
+class NumberedRecords(Generic[AnyRecord]):
+    """Numbered folders in `folder`, each with one record; the latest is in use."""
+
+    folder: Path
+    kind: ClassVar[type[Record]]
+    file: ClassVar[str]  # of the record
+    prefix: ClassVar[str]
+    command: ClassVar[str]  # `adaptsim COMMAND` makes one, `adaptsim COMMAND restore` goes back to an earlier one
+
+    @property
+    def numbered(self) -> Numbered:
+        """The folders by name."""
+        return Numbered(self.folder, self.prefix)
+
+    def read(self, path: Path) -> AnyRecord:
+        """The record in one of the folders. Raises SessionError if it is unreadable."""
+        try:
+            return read(self.kind, path / self.file)  # type: ignore[return-value]
+        except ViewFolderError as error:
+            raise SessionError(str(error)) from error
+
+    def current(self) -> AnyRecord | None:
+        """The latest one. Raises SessionError if it is unreadable: an older one is never used silently."""
+        found = self.numbered.all()
+        try:
+            return self.read(found[-1]) if found else None
+        except SessionError as error:
+            raise SessionError(
+                f"{error}. Go back to an earlier one: adaptsim {self.command} restore; or make another: adaptsim "
+                f"{self.command}"
+            ) from error
+
+    def listed(self, told: Callable[[AnyRecord, Path], Mapping[str, Any]]) -> list[dict[str, Any]]:
+        """One row per folder, oldest first, with what is `told` of its record; a damaged one has its error."""
+        found: list[dict[str, Any]] = []
+        for path in (paths := self.numbered.all()):
+            try:
+                row = told(self.read(path), path)
+            except SessionError as error:
+                found.append({"name": path.name, "error": str(error)})
+                continue
+            in_use = {"in_use": path == paths[-1], "restored_from": restored_from(path)}
+            found.append({"name": path.name, **row, **in_use})
+        return found
+
+    def add(self, files: Mapping[str, bytes]) -> Path:
+        """Store a record's file and others beside it in the next folder. Raises DiskFull, SessionError."""
+        durable.make_folder(self.folder)
+        path = self.numbered.next()
+        durable.write_folder(path, files)
+        return path
 
 
 def restored_from(path: Path) -> str:

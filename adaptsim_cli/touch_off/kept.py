@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from adaptsim_cli.errors import SessionError
-from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.resting import Listing, tell_list
-from adaptsim_cli.storage.numbered import remark, restored_from
+from adaptsim_cli.storage.numbered import remark
 from adaptsim_cli.touch_off.store import SavedTouchOff, TouchOffStore
 
 HEAD = ("touch-off", "made", "table", "tool higher", "pitch", "")
@@ -26,27 +22,16 @@ VALUES = (
 """Field, name for a person, factor to its unit."""
 
 
-def listed(store: TouchOffStore) -> list[dict[str, Any]]:
-    """One row per touch-off, oldest first; the last one is in use. A damaged one has its error."""
-    paths = store.numbered.all()
-    return [_one(store, path, in_use=path == paths[-1]) for path in paths]
-
-
-def rows(found: list[dict[str, Any]]) -> list[tuple[str, ...]]:
+def row(one: dict[str, Any]) -> tuple[str, ...]:
     """The columns of `HEAD`."""
-    return [
-        (one["name"], "", "", "", "", one["error"])
-        if "error" in one
-        else (
-            one["name"],
-            str(one["created"])[:16].replace("T", " "),
-            f"{one['table_height_mm']:+.2f} mm",
-            f"{one['tool_height_mm']:+.2f} mm",
-            f"{one['tool_pitch_deg']:+.2f}°",
-            remark(one["in_use"], one["restored_from"]),
-        )
-        for one in found
-    ]
+    return (
+        one["name"],
+        str(one["created"])[:16].replace("T", " "),
+        f"{one['table_height_mm']:+.2f} mm",
+        f"{one['tool_height_mm']:+.2f} mm",
+        f"{one['tool_pitch_deg']:+.2f}°",
+        remark(one["in_use"], one["restored_from"]),
+    )
 
 
 def compared(store: TouchOffStore, first: str, second: str) -> dict[str, Any]:
@@ -90,25 +75,10 @@ def values(known: SavedTouchOff) -> list[tuple[str, str, str]]:
     ]
 
 
-def tell(screen: Screen, store: TouchOffStore, found: list[dict[str, Any]], resting: Sequence[str]) -> None:
-    """Show the list, with the sessions that use the current one."""
-    tell_list(screen, Listing("touch-offs", "touch-off", store.folder, HEAD), found, rows(found), resting)
-
-
-def _one(store: TouchOffStore, path: Path, *, in_use: bool) -> dict[str, Any]:
-    try:
-        known: SavedTouchOff = store.read(path)
-    except SessionError as error:
-        return {"name": path.name, "error": str(error)}
+def told(known: SavedTouchOff, path: Path) -> dict[str, Any]:
+    """What a list says of one, for JSON."""
     values = {
         f"{key.rpartition('_')[0]}_{'deg' if unit == '°' else unit}": round(scale * getattr(known, key).value, 4)
         for key, _, scale, unit in VALUES
     }
-    return {
-        "name": path.name,
-        "created": known.created,
-        **values,
-        "touches": len(known.touches),
-        "in_use": in_use,
-        "restored_from": restored_from(path),
-    }
+    return {"created": known.created, **values, "touches": len(known.touches)}

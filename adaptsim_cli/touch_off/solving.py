@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib.record import Record
 from hw.collision import Table
 from hw.kinematics import forward
 from hw.types import Array
@@ -39,8 +40,7 @@ class Touched:
     q_rad: Array  # (7,)
 
 
-@dataclass(frozen=True)
-class MeasuredValue:
+class MeasuredValue(Record):
     """A value and the half width of its 95 % interval."""
 
     value: float
@@ -113,13 +113,15 @@ def solve(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, 
     misfit_m = float(max(np.abs(table_off).max(), np.abs(tool_off).max()))
     return Result(
         correction=correction,
-        table_height_m=MeasuredValue(float(table.height_at(np.asarray(work_m))), wide[0] * float(np.sqrt(table_var))),
-        tilt_x=MeasuredValue(table.slope_x, wide[0] * float(tilt[1])),
-        tilt_y=MeasuredValue(table.slope_y, wide[0] * float(tilt[2])),
-        height_m=MeasuredValue(correction.height_m, max(wide) * height_sigma),
-        forward_m=MeasuredValue(correction.forward_m, wide[1] * float(sigma[1])),
-        pitch_rad=MeasuredValue(correction.pitch_rad, wide[1] * float(sigma[2])),
-        roll_rad=MeasuredValue(correction.roll_rad, wide[1] * float(sigma[3])),
+        table_height_m=MeasuredValue(
+            value=float(table.height_at(np.asarray(work_m))), within=wide[0] * float(np.sqrt(table_var))
+        ),
+        tilt_x=MeasuredValue(value=table.slope_x, within=wide[0] * float(tilt[1])),
+        tilt_y=MeasuredValue(value=table.slope_y, within=wide[0] * float(tilt[2])),
+        height_m=MeasuredValue(value=correction.height_m, within=max(wide) * height_sigma),
+        forward_m=MeasuredValue(value=correction.forward_m, within=wide[1] * float(sigma[1])),
+        pitch_rad=MeasuredValue(value=correction.pitch_rad, within=wide[1] * float(sigma[2])),
+        roll_rad=MeasuredValue(value=correction.roll_rad, within=wide[1] * float(sigma[3])),
         edge_over_table_m=wide[1] * float(sigma[0]),
         repeat_m=repeat_m,
         misfit_m=misfit_m,

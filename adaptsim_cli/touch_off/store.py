@@ -7,18 +7,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
 from pathlib import Path
 
-from adaptsim_cli.errors import SessionError
-from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.numbered import Numbered
+from adaptsim_cli.storage.numbered import NumberedRecords
 from adaptsim_cli.touch_off.flow import TouchOffRun
 from adaptsim_cli.touch_off.parts import TouchRig
-from adaptsim_cli.touch_off.solving import MeasuredValue, Touched
-from calib.errors import ViewFolderError
+from adaptsim_cli.touch_off.solving import MeasuredValue
 from calib.record import Record
-from calib.records import read
 from hw.collision import Table
 from sim.panda.correction import ToolCorrection
 
@@ -26,28 +21,11 @@ FILE, PREFIX = "touch-off.json", "touch-off-"
 FORMAT = 1
 
 
-class EstimateRecord(Record):
-    """A value and the half width of its 95 % interval."""
-
-    value: float
-    within: float
-
-    @classmethod
-    def from_value(cls, found: MeasuredValue) -> EstimateRecord:
-        """The record of a measured value."""
-        return cls(value=found.value, within=found.within)
-
-
 class SlowTouchRecord(Record):
     """One slow touch."""
 
     place: str
     q_rad: tuple[float, ...]  # true joints by the calibration
-
-    @classmethod
-    def from_touch(cls, touched: Touched) -> SlowTouchRecord:
-        """The record of a touch."""
-        return cls(place=touched.probe.name, q_rad=tuple(float(q) for q in touched.q_rad))
 
 
 class SavedTouchOff(Record):
@@ -60,14 +38,14 @@ class SavedTouchOff(Record):
     rig: str
     tool: str
     source: str
-    table_height_m: EstimateRecord
-    tilt_x: EstimateRecord
-    tilt_y: EstimateRecord
+    table_height_m: MeasuredValue
+    tilt_x: MeasuredValue
+    tilt_y: MeasuredValue
     table_origin_m: float  # height of the table's plane at the base's axis
-    tool_height_m: EstimateRecord
-    tool_forward_m: EstimateRecord
-    tool_pitch_rad: EstimateRecord
-    tool_roll_rad: EstimateRecord
+    tool_height_m: MeasuredValue
+    tool_forward_m: MeasuredValue
+    tool_pitch_rad: MeasuredValue
+    tool_roll_rad: MeasuredValue
     edge_over_table_m: float
     repeat_m: float
     misfit_m: float
@@ -108,14 +86,14 @@ def record(found: TouchOffRun, rig: TouchRig, created: str, versions: dict[str, 
         rig=rig.key,
         tool=rig.tool_name,
         source=f"touch-off on {rig.title}",
-        table_height_m=EstimateRecord.from_value(result.table_height_m),
-        tilt_x=EstimateRecord.from_value(result.tilt_x),
-        tilt_y=EstimateRecord.from_value(result.tilt_y),
+        table_height_m=result.table_height_m,
+        tilt_x=result.tilt_x,
+        tilt_y=result.tilt_y,
         table_origin_m=table.height_m,
-        tool_height_m=EstimateRecord.from_value(result.height_m),
-        tool_forward_m=EstimateRecord.from_value(result.forward_m),
-        tool_pitch_rad=EstimateRecord.from_value(result.pitch_rad),
-        tool_roll_rad=EstimateRecord.from_value(result.roll_rad),
+        tool_height_m=result.height_m,
+        tool_forward_m=result.forward_m,
+        tool_pitch_rad=result.pitch_rad,
+        tool_roll_rad=result.roll_rad,
         edge_over_table_m=result.edge_over_table_m,
         repeat_m=result.repeat_m,
         misfit_m=result.misfit_m,
@@ -123,44 +101,19 @@ def record(found: TouchOffRun, rig: TouchRig, created: str, versions: dict[str, 
         pressed_N=found.slip.pressed_N,
         grasp_force_N=rig.grasp.force_N,
         joint_zeros_rad=tuple(float(q) for q in rig.empty.cell.arm.zeros_rad),
-        touches=tuple(SlowTouchRecord.from_touch(t) for t in (*found.fingers, *found.tool)),
+        touches=tuple(
+            SlowTouchRecord(place=touch.probe.name, q_rad=tuple(map(float, touch.q_rad)))
+            for touch in (*found.fingers, *found.tool)
+        ),
         versions=versions,
     )
 
 
-@dataclass(frozen=True)
-class TouchOffStore:
+class TouchOffStore(NumberedRecords[SavedTouchOff]):
     """All touch-offs of one rig."""
 
-    folder: Path
+    kind, file, prefix, command = SavedTouchOff, FILE, PREFIX, "touch-off"
 
     def save(self, saved: SavedTouchOff) -> Path:
         """Store a touch-off, which becomes the current one; return its folder. Raises DiskFull, SessionError."""
-        durable.make_folder(self.folder)
-        path = self.numbered.next()
-        durable.write_folder(path, {FILE: saved.content()})
-        return path
-
-    def current(self) -> SavedTouchOff | None:
-        """The latest touch-off. Raises SessionError if it is unreadable: an older one is never used silently."""
-        found = self.numbered.all()
-        if not found:
-            return None
-        try:
-            return read(SavedTouchOff, found[-1] / FILE)
-        except ViewFolderError as error:
-            raise SessionError(
-                f"{error}. Go back to an earlier one: adaptsim touch-off restore; or touch off again"
-            ) from error
-
-    @property
-    def numbered(self) -> Numbered:
-        """The touch-offs by name."""
-        return Numbered(self.folder, PREFIX)
-
-    def read(self, path: Path) -> SavedTouchOff:
-        """One touch-off. Raises SessionError if it is unreadable."""
-        try:
-            return read(SavedTouchOff, path / FILE)
-        except ViewFolderError as error:
-            raise SessionError(str(error)) from error
+        return self.add({FILE: saved.content()})

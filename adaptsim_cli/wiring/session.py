@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from adaptsim_cli.screen.console import Screen
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.methods.belief import Belief
+    from sim.solvers.misfit import Misfits
 
 
 @contextmanager
@@ -251,7 +253,13 @@ class _SolverLearner:
 
         task = self.expectations.task
         best, ahead = assess(self.method, task, history)
-        return Assessment(best, judge(task, history, self.expectations, best, ahead), ahead)
+        return Assessment(best, judge(task, history, self._misfits, best, ahead), ahead)
+
+    @cached_property
+    def _misfits(self) -> Misfits:
+        from sim.solvers.misfit import Misfits
+
+        return Misfits(self.expectations)
 
 
 def executable_on(hardware: Hardware, planner: Planner) -> Executable:

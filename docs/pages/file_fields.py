@@ -129,7 +129,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "A stored touch-off.",
         (
             ("", "adaptsim_cli.touch_off.store", "SavedTouchOff"),
-            ("every value with an interval", "adaptsim_cli.touch_off.store", "EstimateRecord"),
+            ("every value with an interval", "adaptsim_cli.touch_off.solving", "MeasuredValue"),
             ("touches", "adaptsim_cli.touch_off.store", "SlowTouchRecord"),
         ),
     ),

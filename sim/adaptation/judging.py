@@ -9,8 +9,8 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.method import LEAST_CHANCE, Best, ExpectedGain, Forecasting, Iteration, Method, OwnPolicies
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
-from sim.solvers.misfit import misfit
-from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy, policy_for
+from sim.solvers.misfit import Misfits
+from sim.solvers.solver import Executable, Policies, SolvedPolicy, policy_for
 from sim.tasks.task import Task
 
 PRIOR_MEAN, PRIOR_STD = 0.5, 0.3
@@ -80,15 +80,15 @@ SLACK = 1.5
 
 
 def judge(
-    task: Task, history: Sequence[Iteration], expectations: Expectations, best: Best, ahead: ExpectedGain | None = None
+    task: Task, history: Sequence[Iteration], misfits: Misfits, best: Best, ahead: ExpectedGain | None = None
 ) -> Verdict:
     """Whether to stop or to go on, and whether the simulator can express the object at all.
 
     `best` are the final parameters; `ahead` is the outlook, or None if the method makes no forecast.
     """
     trials = [trial for iteration in history for seen in iteration for trial in seen.trials]
-    limit = SLACK * expectations.misfit_limit
-    strange = sum(misfit(expectations, t.context, t.action, t.observation) > limit for t in trials)
+    limit = SLACK * misfits.expectations.misfit_limit
+    strange = sum(misfits.of(t.context, t.action, t.observation) > limit for t in trials)
     found = [Reason.INEXPRESSIBLE] if 2 * strange > len(trials) else []
     if ahead is not None and ahead.has_only_failed:
         found.append(Reason.FAILURES)

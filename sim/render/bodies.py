@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-import open3d as o3d
 from numpy.typing import NDArray
 
 from hw.types import Array
@@ -32,11 +31,14 @@ class Body:
 
     def __init__(self, visuals: Sequence[Visual]) -> None:
         """`visuals` all belong to one body and have at least one triangle."""
+        import open3d as o3d  # noqa: PLC0415 - slow to import, and the first question comes without it
+
+        self._tensor = o3d.core.Tensor.from_numpy
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)  # pictures are rendered in parallel
         vertices, triangles = _merged([(v.vertices_m, v.triangles) for v in visuals])
         self._scene.add_triangles(
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(vertices, dtype=np.float32)),
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(triangles, dtype=np.uint32)),
+            self._tensor(np.ascontiguousarray(vertices, dtype=np.float32)),
+            self._tensor(np.ascontiguousarray(triangles, dtype=np.uint32)),
         )
         counts = [len(visual.triangles) for visual in visuals]
         self._albedo = np.repeat(np.array([v.rgb for v in visuals], dtype=np.float32), counts, axis=0)
@@ -60,7 +62,7 @@ class Body:
     def cast(self, X_body_ray: Array, directions: Array32) -> Hits:
         """Hits of rays from the origin of a frame along `directions` (n, 3) in it."""
         rays = _rays(X_body_ray, directions)
-        answer = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)
+        answer = self._scene.cast_rays(self._tensor(rays), nthreads=1)
         t_hit = answer["t_hit"].numpy()
         index = np.flatnonzero(np.isfinite(t_hit))
         t, triangle = t_hit[index], answer["primitive_ids"].numpy()[index]
@@ -76,7 +78,7 @@ class Body:
         rays = np.empty((len(points_m), 6), dtype=np.float32)
         rays[:, :3] = points_m
         rays[:, 3:] = direction
-        answer = self._scene.test_occlusions(o3d.core.Tensor.from_numpy(rays), tnear=2e-4, nthreads=1)
+        answer = self._scene.test_occlusions(self._tensor(rays), tnear=2e-4, nthreads=1)
         blocked: NDArray[np.bool_] = answer.numpy()
         return blocked
 

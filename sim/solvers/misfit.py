@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from hw.types import Array
@@ -29,6 +31,21 @@ def misfit(expectations: Expectations, context: Array, action: Array, observatio
     return float(
         np.sqrt(squared_misfits(expectations, context, observation, parameters, executed, drawn.nuisance).min())
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Misfits:
+    """The misfits of a session's trials, each computed once."""
+
+    expectations: Expectations
+    _known: dict[bytes, float] = field(default_factory=dict, repr=False)
+
+    def of(self, context: Array, action: Array, observation: Array) -> float:
+        """See `misfit`."""
+        key = b"".join(part.tobytes() for part in (context, action, observation))
+        if key not in self._known:
+            self._known[key] = misfit(self.expectations, context, action, observation)
+        return self._known[key]
 
 
 def squared_misfits(

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 
-import torch
 from threadpoolctl import ThreadpoolController
 
 
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
     """Compute on one thread: with several, sums are split differently and results depend on the number of cores."""
+    import torch  # noqa: PLC0415 - seconds to import, and no session needs it
+
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -19,6 +19,8 @@ PROGRAM = "import sys; {}; sys.stderr.write(' '.join(m for m in {} if m in sys.m
         ("from adaptsim_cli.app import run; run(['lab', 'list'])", "pydrake"),
         ("import sim.tasks, hw.workcell", ""),
         ("import adaptsim_cli.session.store", ""),
+        ("import adaptsim_cli.wiring.session, adaptsim_cli.wiring.hindsight", "cv2 scipy"),
+        ("import sim.tasks.scooping, sim.lab.simulated, adaptsim_cli.wiring.session", "cv2 pydrake scipy"),
     ],
 )
 def test_nothing_heavy_is_imported_that_is_not_needed(program: str, needed: str) -> None:

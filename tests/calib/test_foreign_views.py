@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import real_views
 
+from calib.foreign.labelling import told_apart
+from calib.foreign.sizing import solve_any_size
 from calib.geometry import angle_deg, distance_mm
-from calib.labelling import told_apart
-from calib.sizing import solve_any_size
 from calib.types import Mounting, Setup, View
 from perception.board.targets import Chessboard
 from perception.board.types import Corners

@@ -10,8 +10,8 @@ import pytest
 import real_views
 
 from calib.errors import TooFewViews, UnusableViews
-from calib.several import CameraViews, Together, solve_together
-from calib.sizing import solve_any_size
+from calib.foreign.several import CameraViews, Together, solve_together
+from calib.foreign.sizing import solve_any_size
 from calib.types import Mounting
 from hw.types import Array
 
@@ -55,15 +55,15 @@ def test_it_is_better_than_each_alone_by_markers_that_took_no_part(together: Tog
 
 def test_folders_that_do_not_belong_together_are_refused() -> None:
     one, two, three = cameras()
-    with pytest.raises(UnusableViews, match="two or more"):
+    with pytest.raises(UnusableViews, match="calibrate solve"):
         solve_together([one])
-    with pytest.raises(UnusableViews, match="on the wrist"):
+    with pytest.raises(UnusableViews, match=two.name):
         solve_together([one, replace(two, setup=replace(two.setup, mounting=Mounting.WRIST))])
     moved = [replace(v, X_BF=real_views.X_BF[(int(v.name) + 1) % 20]) for v in three.views]
-    with pytest.raises(UnusableViews, match="must show the same posture of the arm"):
+    with pytest.raises(UnusableViews, match=rf"view \d+ of {three.name}"):
         solve_together([two, replace(three, views=tuple(moved))])
     renamed = tuple(replace(v, name=f"x{v.name}") for v in three.views)
-    with pytest.raises(TooFewViews, match="0 postures are seen by more than one camera"):
+    with pytest.raises(TooFewViews, match=r"^0 postures"):
         solve_together([two, replace(three, views=renamed)])
     known = replace(three.setup, size_known=True, board=three.setup.board.scaled(0.8))
     with pytest.raises(UnusableViews, match="different targets"):

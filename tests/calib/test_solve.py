@@ -172,7 +172,6 @@ def test_a_mirror_pose_that_fits_better_is_not_believed() -> None:
     assert {view.name for view in found.views if view.mirrored} == flipped
     named = mirror_poses(found).message
     assert all(name in named for name in flipped)
-    assert "the mirrored tilt fits the picture better" in named
 
 
 def test_views_that_are_all_alike_are_refused() -> None:
@@ -194,7 +193,7 @@ def test_views_that_are_all_alike_are_refused() -> None:
 def test_views_that_do_not_belong_together_are_refused() -> None:
     views = rig.views(rig.truth(9), seed=9)
     mixed = [replace(v, q_rad=w.q_rad) for v, w in zip(views, views[7:] + views[:7], strict=True)]
-    with pytest.raises(TooFewViews, match="agree with one another"):
+    with pytest.raises(TooFewViews, match=r"only \d+ of \d+ views"):
         solve(mixed, rig.SETUP, forward)
 
 
@@ -235,7 +234,7 @@ def test_a_view_that_fits_badly_in_itself_is_left_out_with_its_own_residual() ->
     fit = next(view for view in found.views if view.name == rough.name)
     others = [view.own_rms_px for view in found.views if view.name != rough.name]
     assert not fit.used
-    assert "from where the other views and the joints" in fit.reason
+    assert f"{fit.off_mm:.1f} mm" in fit.reason
     assert fit.own_rms_px > 5 * max(others)
     assert distance_mm(found.X_AC, true.X_AC) < 0.5
 

@@ -85,7 +85,6 @@ def test_a_good_calibration_meets_the_touch_and_a_moved_one_is_refused(true: Tru
     bad = touch.check(moved, rig.SETUP, corners, CORNER, touches(p))
     assert bad.verdict is Grade.BAD
     assert bad.value == pytest.approx(6.0, abs=1.5)
-    assert "touch it again" in bad.message
 
 
 def test_touches_that_cannot_tell_say_why(true: Truth, solution: Solution) -> None:
@@ -96,9 +95,9 @@ def test_touches_that_cannot_tell_say_why(true: Truth, solution: Solution) -> No
         assert check.verdict is Grade.NOT_MEASURED
         return check.message
 
-    assert "3 touches, 4 from different directions" in found(touches(p, count=3))
-    assert "leaned too little" in found(touches(p, lean_deg=2.0))
-    assert "leaned too little" in found(np.repeat(touches(p)[:1], 4, axis=0))
+    assert "3 touches" in found(touches(p, count=3))
+    assert "20 to 40°" in found(touches(p, lean_deg=2.0))
+    assert "20 to 40°" in found(np.repeat(touches(p)[:1], 4, axis=0))
     slipped = touches(p)
     slipped[2, :3, 3] += 0.02
-    assert "the touches disagree by" in found(slipped)
+    assert f"limit {1e3 * touch.LIMIT_SCATTER_M:.0f} mm" in found(slipped)

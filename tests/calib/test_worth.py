@@ -6,7 +6,7 @@ import pytest
 import real_views
 import rig
 
-from calib.sizing import solve_any_size
+from calib.foreign.sizing import solve_any_size
 from calib.solve import solve
 from calib.types import Solution, View
 from hw.kinematics import forward
@@ -49,7 +49,7 @@ def test_more_views_lower_the_error_and_enough_of_them_halve_it(whole: Solution)
     assert 0.5 < worth.left < 1.0
     assert worth.to_halve is None or worth.to_halve > 3
     assert set(worth.more) <= set(whole.used)
-    assert "Three more views like" in worth.sentences[-1]
+    assert ", ".join(worth.more) in worth.sentences[-1]
 
 
 def test_views_of_few_postures_ask_for_fewer_more_to_halve_their_error() -> None:

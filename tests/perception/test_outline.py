@@ -51,6 +51,12 @@ def test_a_body_that_does_not_stand_out_is_not_measured() -> None:
     assert fit(series(np.zeros(3), contrast=0.0), CAMERA) is None
 
 
+def test_pictures_that_ask_for_different_shifts_are_not_measured() -> None:
+    """As of a hand that a board hides: what is left of its outline fits now here, now there."""
+    apart = [series(0.012 * np.array([np.cos(turn), np.sin(turn), 0.0])) for turn in (0.0, 2.1, 4.2)]
+    assert fit([apart[i % 3][i] for i in range(8)], CAMERA) is None
+
+
 def test_too_few_pictures_are_not_measured() -> None:
     assert fit(series(np.zeros(3), pictures=4), CAMERA) is None
 

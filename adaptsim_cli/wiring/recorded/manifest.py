@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -130,12 +131,15 @@ def _point(trial: RawTrial, space: Space) -> Array:
 
 def _number(trial: RawTrial, name: str) -> float:
     try:
-        return float(trial.values[name])
+        value = float(trial.values[name])
     except KeyError as error:
         known = ", ".join(sorted(trial.values))
         raise RecordingsRefused(f"trial {trial.name}: {name} is missing; there are {known}") from error
     except (TypeError, ValueError) as error:
         raise RecordingsRefused(f"trial {trial.name}: {name} = {trial.values[name]!r} is no number") from error
+    if not math.isfinite(value):
+        raise RecordingsRefused(f"trial {trial.name}: {name} = {value:g} is not finite")
+    return value
 
 
 def _track(trial: RawTrial, outcome: Outcome | None) -> ObjectTrack:

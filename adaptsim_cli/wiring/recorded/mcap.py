@@ -59,11 +59,13 @@ def _trial(path: Path, source: Mcap) -> RawTrial:
 def _messages(path: Path, topics: set[str]) -> Iterator[_Message]:
     """The decoded messages of these topics, by their log time."""
     try:
-        from mcap.exceptions import McapError
-        from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
     except ImportError as error:
         raise ExtraMissing(f"{path} needs the package mcap-ros2-support: pip install 'adaptsim[ros2]'") from error
+    from mcap.exceptions import McapError
+    from mcap.reader import make_reader
+    from zstandard import ZstdError
+
     try:
         require_file(path, MCAP_BYTES)
         with path.open("rb") as file:
@@ -73,7 +75,9 @@ def _messages(path: Path, topics: set[str]) -> Iterator[_Message]:
                 if (header := getattr(content, "header", None)) is not None:
                     times["header"] = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
                 yield _Message(channel.topic, content, times)
-    except (McapError, Unreadable, OSError, EOFError, ValueError, IndexError, KeyError, AttributeError) as error:
+    except (
+        McapError, ZstdError, Unreadable, OSError, EOFError, ValueError, IndexError, KeyError, AttributeError
+    ) as error:  # fmt: skip
         raise RecordingsRefused(f"{path} is no readable MCAP file of ROS 2 messages: {error}") from error
 
 

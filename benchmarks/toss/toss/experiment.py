@@ -35,6 +35,7 @@ from sim.rollouts.run import Requests, Rollouts, observed
 from sim.rollouts.shards import read_rollouts, write_rollouts
 from sim.solvers.among import Among
 from sim.solvers.grid import PROBES, GridSolver
+from sim.solvers.misfit import Misfits
 from sim.solvers.solver import policy_for
 from sim.storage.files import whole_file
 from sim.tasks.solver import SolvedPolicy
@@ -203,7 +204,7 @@ def _judged(method: Method, session: Half, scores: Half, history: tuple[Iteratio
     """The verdict, and the held-out errors of prior and posterior."""
     assert isinstance(method, AdaptSim)
     best, ahead = assess(method, TASK, history)
-    verdict = verdict_of(TASK, history, session.solver, best, ahead)
+    verdict = verdict_of(TASK, history, Misfits(session.solver), best, ahead)
     weights = method.reality(history).weights
     prior = np.full(len(weights), 1.0 / len(weights))
     truth = np.stack([TASK.end_state(track) for track in scores.trials.tracks])

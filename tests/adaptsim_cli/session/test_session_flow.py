@@ -58,6 +58,14 @@ def test_two_runs_of_one_iteration_equal_one_run_of_two(tmp_path: Path) -> None:
     assert once.summary(1)["particles"] == twice.summary(1)["particles"]
 
 
+def test_policies_of_earlier_iterations_are_let_go(tmp_path: Path) -> None:
+    session = attended(tmp_path, unattended())
+    for iteration in (0, 1):
+        run_iteration(session)
+        session.store.mark_shown(iteration, "now")
+    assert {iteration for iteration, _ in session.policies} == {2}, "only those of the next iteration"
+
+
 def test_the_context_is_what_the_camera_measured(tmp_path: Path) -> None:
     trial = run(tmp_path).trials(0)[0]
     assert trial.context != trial.drawn_context

@@ -23,7 +23,7 @@ def test_a_session_tells_what_happened_in_order(tmp_path: Path) -> None:
     store = run(tmp_path)
     lines = watching.read(store.folder)
     assert lines[0].event == "begun"
-    assert [line.event for line in lines][-2:] == ["reported", "ended"]
+    assert [line.event for line in lines][-3:] == ["reported", "done", "ended"]
     plans = [line.data for line in lines if line.event == "planned"]
     assert [(plan["iteration"], plan["particle"], plan["trial"], plan["attempt"]) for plan in plans] == [
         (1, 1, 1, 1),

@@ -17,7 +17,8 @@ from adaptsim_cli.config import Places, Resolved
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.records import Facts
-from adaptsim_cli.touch_off.store import EstimateRecord, SavedTouchOff
+from adaptsim_cli.touch_off.solving import MeasuredValue
+from adaptsim_cli.touch_off.store import SavedTouchOff
 from adaptsim_cli.wiring.calibration import calibrations
 from adaptsim_cli.wiring.rig_frames import ground_of, own_ground
 from adaptsim_cli.wiring.touch_off import correction_by, origin, touch_off_of, touch_offs
@@ -169,7 +170,7 @@ def test_a_tool_without_corners_takes_the_table_from_the_touch_off_of_another_to
 
 def touched(zeros_rad: Array) -> SavedTouchOff:
     """A touch-off of a spatula, 0.9 mm too high in the hand, on a table that slopes."""
-    value: dict[str, Any] = {name: EstimateRecord(value=v, within=1e-4) for name, v in VALUES.items()}
+    value: dict[str, Any] = {name: MeasuredValue(value=v, within=1e-4) for name, v in VALUES.items()}
     return SavedTouchOff(
         created="2026-01-01T00:00:00+00:00", hw="panda", arm="panda", rig="r", tool="scooping tool", source="a test",
         table_origin_m=-0.0032, edge_over_table_m=1e-4, repeat_m=1e-5, misfit_m=1e-5, slip_m=0.0, pressed_N=15.0,

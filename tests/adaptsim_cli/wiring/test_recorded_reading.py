@@ -134,6 +134,13 @@ HEAD = "trial,t_s,q1,q2,v1,v2,excess\n"
         ({"trials_csv": "trial,trial\n"}, "names a column twice"),
         ({"trials_csv": "trial,outcome\nrun0,settled\n"}, "has samples of trial run1, which is not listed"),
         ({"trials_csv": "trial,outcome\n" + "".join(f"run{i},settled\n" for i in range(8))}, "run0: k11 is missing"),
+        (
+            {
+                "trials_csv": f"trial,outcome,{','.join(TASK.action.names)}\n"
+                + "".join(f"run{i},settled{',nan' * 8}\n" for i in range(8))
+            },
+            "run0: k11 = nan",
+        ),
         ({"trials_csv": "trial,outcome\nrun0\n"}, "line 2: 1 cells instead of 2"),
         ({"trajectories_csv": "trial,t_s,q1\n"}, "has no column 'q2'"),
         ({"trajectories_csv": HEAD + "run0,0,a,0,0,0,0\n"}, "line 2: q1 = 'a' is no number"),

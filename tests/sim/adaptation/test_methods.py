@@ -1,5 +1,5 @@
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,7 +13,8 @@ from sim.adaptation.verdict import Kind, Reason
 from sim.errors import CheckpointError, UnknownName
 from sim.research.methods.q_policy import QPolicy, encode, inputs, look_back, new_policy, seen_in_session
 from sim.solvers.emulator.solver import EmulatorSolver
-from sim.solvers.misfit import misfit
+from sim.solvers.misfit import Misfits, misfit
+from sim.solvers.solver import Expectations
 
 MEMORIES = ["iteration", "state", "history"]
 AIMED = replace(TOY, goal_m=lambda context: context)  # its contexts are goals
@@ -234,8 +235,28 @@ def test_misfit_is_small_for_the_simulators_own_and_large_for_others():
     assert min(other) > 1.5 * emulator.misfit_limit
 
 
+def test_the_misfit_of_a_trial_is_computed_once() -> None:
+    solver, asked = EmulatorSolver(trained()[0]), []
+
+    class Counting:
+        task, residual_std, misfit_limit = TOY, solver.residual_std, solver.misfit_limit
+
+        def trajectories(self, *inputs: np.ndarray) -> np.ndarray:
+            asked.append(inputs)
+            return solver.trajectories(*inputs)
+
+    misfits, rng = Misfits(cast(Expectations, Counting())), np.random.default_rng(0)
+    context, action = (space.sample(rng, 1)[0] for space in (TOY.context, TOY.action))
+    observation = np.full(TOY.observation.size, 0.5)
+    assert misfits.of(context, action, observation) == misfits.of(context.copy(), action, observation)
+    assert misfits.of(context, action, observation) == misfit(solver, context, action, observation)
+    assert len(asked) == 1
+    misfits.of(context, action, observation + 0.1)
+    assert len(asked) == 2
+
+
 def judged(history, ahead=None):
-    return judge(TOY, history, EmulatorSolver(trained()[0]), choose_best(TOY, history), ahead)
+    return judge(TOY, history, Misfits(EmulatorSolver(trained()[0])), choose_best(TOY, history), ahead)
 
 
 def test_the_verdict_follows_from_the_data():

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.bundle import motion_of
-from calib.errors import UnusableViews
+from calib.errors import UnusableViews, determined
+from calib.foreign.labelling import renumbered, told_apart
+from calib.foreign.pixels import Looks, PixelUnknowns, adjust, looks, poses, rms_px
+from calib.foreign.sizing import solve_any_size
 from calib.geometry import angle_deg, distance_mm, move
-from calib.labelling import renumbered, told_apart
-from calib.pixels import Looks, PixelUnknowns, adjust, looks, poses, rms_px
 from calib.projection import LENS
-from calib.sizing import solve_any_size
 from calib.types import Forward, Mounting, Setup, Solution, View
 from hw.types import Array
 
@@ -47,6 +47,7 @@ class Fault:
     views: tuple[str, ...]
 
 
+@determined()
 def faults(
     views: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
 ) -> tuple[Fault, ...]:

@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.bundle import motion_of
-from calib.geometry import difference
-from calib.pixels import Adjusted, PixelUnknowns, adjust, held_out_px, jackknife, looks
+from calib.errors import determined
+from calib.foreign.pixels import Adjusted, PixelUnknowns, adjust, held_out_px, jackknife, looks
+from calib.foreign.sizing import solve_any_size
+from calib.geometry import difference, rms
 from calib.projection import LENS, with_lens
-from calib.sizing import solve_any_size
 from calib.types import Check, Forward, Grade, Setup, Solution, View
 from hw.types import Array, Intrinsics
 
@@ -55,7 +56,7 @@ def suspicious(solution: Solution) -> bool:
     """Do the views disagree beyond the noise of their corners, or the corners of a view together?"""
     noise = solution.noise
     apart = solution.fit_px > SUSPICIOUS * np.sqrt(2.0) * noise.corner_px
-    return bool(apart or noise.view_px > SMOOTH * noise.corner_px or solution.choice.pixels)
+    return bool(apart or noise.view_px > SMOOTH * noise.corner_px)
 
 
 def settle(
@@ -74,6 +75,7 @@ def settle(
     return *solve_any_size(views, replace(setup, lens_covariance=tried.doubt), forward), tried
 
 
+@determined()
 def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forward | None) -> IntrinsicsCheck | None:
     """Test with the views that the solution uses; None if they are too few."""
     used = [view for view in views if view.name in set(solution.used)]
@@ -88,8 +90,8 @@ def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forw
     stated = adjust(of, start, noise, scale=scale, lens=False)
     free = adjust(of, stated.place, max(stated.px / np.sqrt(2.0), 0.02), scale=scale, lens=True)
     free = adjust(of, free.place, max(free.px / np.sqrt(2.0), 0.02), scale=scale, lens=True)
-    before = _rms(held_out_px(of, stated, FOLDS, scale=scale, lens=False))
-    after = _rms(held_out_px(of, free, FOLDS, scale=scale, lens=True))
+    before = rms(held_out_px(of, stated, FOLDS, scale=scale, lens=False))
+    after = rms(held_out_px(of, free, FOLDS, scale=scale, lens=True))
     lens, covariance = free.place.lens[0], jackknife(free)
     sigma = np.sqrt(np.diagonal(covariance)[-LENS:])
     better = after < _BETTER * before and bool((np.abs(lens) > _SIGNIFICANT * sigma).any())
@@ -116,13 +118,10 @@ def check(found: IntrinsicsCheck | None, *, refined: bool) -> Check:
     if found is None:
         reason = "not tried: the views agree within the noise of their corners, or are too few"
         return Check(NAME, Grade.NOT_MEASURED, reason)
-    share = 100 * (1 - found.refined_px / found.stated_px)
-    if refined:
-        return Check(NAME, Grade.GOOD, f"refined: {found.sentence}", share, 100 * (1 - _BETTER), "%")
-    if not found.better:
-        return Check(NAME, Grade.GOOD, found.sentence, share, 100 * (1 - _BETTER), "%")
-    advice = "add --refine-intrinsics to use these, or state the right ones"
-    return Check(NAME, Grade.SUSPECT, f"{found.sentence}: {advice}", share, 100 * (1 - _BETTER), "%")
+    said = f"refined: {found.sentence}" if refined else found.sentence
+    measured = 100 * (1 - found.refined_px / found.stated_px), 100 * (1 - _BETTER), "%"
+    advice = ": add --refine-intrinsics to use these, or state the right ones"
+    return Check.graded(NAME, said, measured, advice, good=refined or not found.better, worse=Grade.SUSPECT)
 
 
 def rescues(found: IntrinsicsCheck) -> str:
@@ -164,7 +163,3 @@ def _into_pose(free: Adjusted, covariance: Array) -> Array:
     lens = np.arange(len(free.normal) - LENS, len(free.normal))
     moves = -np.linalg.solve(free.normal[np.ix_(rest, rest)], free.normal[np.ix_(rest, lens)])[:6]
     return np.asarray(moves @ covariance[np.ix_(lens, lens)] @ moves.T)
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

@@ -10,7 +10,7 @@ from calib.bundle import motion_of
 from calib.closed_form import robust_start
 from calib.condense import condense, unusable
 from calib.errors import UnusableViews
-from calib.sizing import roughly_sized
+from calib.foreign.sizing import roughly_sized
 from calib.types import Forward, Mounting, Setup, View, corners_of_box
 from hw.types import Array
 

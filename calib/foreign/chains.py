@@ -15,9 +15,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calib.errors import ViewFolderError
+from calib.files import known_arm
+from calib.records import SetupRecord
 from calib.types import Forward
 from hw.bounded import Unreadable, read_bytes
-from hw.types import Array
+from hw.types import Array, frozen_array
 
 URDF_BYTES = 8 * 2**20
 _TURNING, _SLIDING, _RIGID = ("revolute", "continuous"), ("prismatic",), ("fixed",)
@@ -30,6 +32,18 @@ class Link:
     X: Array  # (4, 4)
     axis: Array  # (3,) of length 1
     kind: Literal["turning", "sliding", "rigid"]
+
+
+def any_arm(record: SetupRecord, folder: Path) -> tuple[Forward | None, int]:
+    """Forward kinematics of the views' arm and its number of joints; None and 0 if unknown. Raises ViewFolderError."""
+    given = record.kinematics
+    if given is None:
+        return known_arm(record, folder)
+    if given.dh is not None:
+        assert given.dh_convention is not None  # checked by the record
+        return denavit_hartenberg(given.dh, given.dh_convention)
+    assert given.urdf is not None
+    return urdf(folder / given.urdf, given.base, given.tip)
 
 
 def denavit_hartenberg(rows: Sequence[Sequence[float]], convention: Literal["craig", "classic"]) -> tuple[Forward, int]:
@@ -99,9 +113,9 @@ def _attribute(joint: ElementTree.Element, tag: str, name: str) -> str:
 def _numbers(element: ElementTree.Element | None, name: str, default: str) -> Array:
     text = default if element is None else element.get(name, default)
     try:
-        return np.array([float(word) for word in text.split()])
+        return frozen_array([float(word) for word in text.split()], (3,), name)
     except ValueError as error:
-        raise ViewFolderError(f"the URDF holds {text[:40]!r} where numbers belong") from error
+        raise ViewFolderError(f"the URDF holds {text[:40]!r} where three numbers belong") from error
 
 
 def _forward(links: Sequence[Link]) -> tuple[Forward, int]:

@@ -15,10 +15,10 @@ import numpy as np
 from calib.closed_form import robust_start, size_by_motion
 from calib.condense import condense
 from calib.errors import UnusableViews
+from calib.foreign.labelling import told_apart
+from calib.foreign.sizing import roughly_sized
 from calib.geometry import difference
-from calib.labelling import told_apart
 from calib.pose_records import EULER, Convention, PoseKeys, PosesRecord
-from calib.sizing import roughly_sized
 from calib.solve import demand_variety, solve
 from calib.types import Forward, Mounting, Setup, View
 from hw.poses import inverse

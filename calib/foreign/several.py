@@ -14,12 +14,12 @@ import numpy as np
 from calib import gates
 from calib.bundle import Unknowns, motion_of, predict
 from calib.condense import condense
-from calib.errors import TooFewViews, UnusableViews
+from calib.errors import TooFewViews, UnusableViews, determined
 from calib.estimate import Data, Estimate, estimate
-from calib.geometry import angle_deg, distance_mm
-from calib.pairing import Fault, faults
-from calib.sizing import solve_any_size
-from calib.types import Acceptance, Choice, Forward, Mounting, Setup, Solution, View, ViewFit
+from calib.foreign.pairing import Fault, faults
+from calib.foreign.sizing import solve_any_size
+from calib.geometry import angle_deg, distance_mm, rms
+from calib.types import Check, Choice, Forward, Mounting, Setup, Solution, View, ViewFit, reasons
 from calib.uncertainty import jackknife, uncertainty
 from hw.types import Array
 
@@ -54,7 +54,7 @@ class Placed:
     worst_95_mm: float  # at the worst corner of the work volume
     alone_worst_95_mm: float
     from_alone_mm: float  # distance between the two positions
-    acceptance: Acceptance
+    gates: tuple[Check, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +71,10 @@ class Together:
     @property
     def accepted(self) -> bool:
         """Whether no gate of any camera forbids it."""
-        return all(camera.acceptance.accepted for camera in self.cameras)
+        return not any(reasons(camera.gates) for camera in self.cameras)
 
 
+@determined()
 def solve_together(cameras: Sequence[CameraViews]) -> Together:
     """Solve each camera, then all together, by the same estimator.
 
@@ -121,7 +122,7 @@ def _placed(
     held = found.folds.px[rows[found.folds.rows]]
     X, known = found.fit.state.X_AC[k], uncertainty(found.fit, data.moved, setup, found.joints, k)
     figures = gates.Figures(
-        len(alone.used), len(alone.views), _rms(fit_px[rows]), _rms(held), known.worst_95_mm, alone.distance_m
+        len(alone.used), len(alone.views), rms(fit_px[rows]), rms(held), known.worst_95_mm, alone.distance_m
     )
     return Placed(
         name=camera.name,
@@ -137,7 +138,7 @@ def _placed(
         worst_95_mm=known.worst_95_mm,
         alone_worst_95_mm=alone.uncertainty.worst_95_mm,
         from_alone_mm=distance_mm(X, alone.X_AC),
-        acceptance=Acceptance(gates.of_figures(figures, setup, gates.why_rejected(alone))),
+        gates=gates.of_figures(figures, setup, gates.why_rejected(alone)),
     )
 
 
@@ -182,7 +183,3 @@ def _same_arm(cameras: Sequence[CameraViews]) -> None:
 def _poses(camera: CameraViews, views: Sequence[View]) -> Array:
     moved = motion_of(views, camera.setup.mounting, camera.forward)
     return moved.X_AH(np.zeros(moved.joints))
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

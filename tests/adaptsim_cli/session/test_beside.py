@@ -1,0 +1,94 @@
+"""Work beside the operator, and the report that is drawn there."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+from toy_rig import ToyLab, opener
+from toy_session import resolved, run
+
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.report import page
+from adaptsim_cli.session import running
+from adaptsim_cli.session.beside import Beside, one_thread
+from adaptsim_cli.session.store import SessionStore, results_of, trials_of
+
+WAIT_S = 30.0  # no test waits so long unless it fails
+
+
+def test_work_is_done_in_the_thread_before_it_is_asked_for() -> None:
+    done, by = threading.Event(), list[threading.Thread]()
+
+    def work() -> None:
+        by.append(threading.current_thread())
+        done.set()
+
+    with one_thread() as beside:
+        ahead = beside.begin(work)
+        assert done.wait(WAIT_S)
+        ahead.result()
+    assert len(by) == 1 and by[0] is not threading.current_thread()
+
+
+def test_work_that_has_not_begun_is_done_by_whoever_needs_it() -> None:
+    release = threading.Event()
+    with one_thread() as beside:
+        first = beside.begin(lambda: release.wait(WAIT_S))
+        second = beside.begin(threading.current_thread)
+        assert second.result() is threading.current_thread()
+        release.set()
+        assert first.result()
+
+
+def test_without_a_thread_work_waits_for_whoever_needs_it() -> None:
+    done = list[str]()
+    Beside().begin(lambda: done.append("dropped")).drop()
+    Beside().begin(lambda: done.append("settled")).settle()
+    assert done == []
+    Beside().begin(lambda: done.append("needed")).result()
+    assert done == ["needed"]
+
+
+def test_an_error_reaches_whoever_asks_and_nobody_else() -> None:
+    def failing() -> None:
+        raise SessionError("no room")
+
+    with one_thread() as beside:
+        ahead = beside.begin(failing)
+        ahead.settle()
+        with pytest.raises(SessionError, match="no room"):
+            ahead.result()
+        with pytest.raises(SessionError, match="no room"):
+            ahead.drop()
+
+
+def test_a_report_shows_its_iterations_while_the_session_is_beyond_them(tmp_path: Path) -> None:
+    """The first drawing begins to read only after a trial of the second iteration was stored."""
+    went_on, drawn = threading.Event(), list[list[int]]()
+
+    def draw(store: SessionStore) -> Path:
+        assert went_on.wait(WAIT_S), "the second iteration waited for the first report"
+        drawn.append([trial.trial for trial in trials_of(store)])
+        assert store.iterations() == len(results_of(store)) == len(drawn)
+        return page.write(store)
+
+    settings = resolved(tmp_path)
+    lab = ToyLab(0, {"place": lambda trial, attempt: went_on.set() if trial > 5 else None})
+    path = running.run_session(settings, running.SessionRequest(None, frozenset(), 2, yes=True), opener(lab), draw)
+    store = SessionStore.open(settings.places.sessions, path.parent.name)
+    assert drawn == [[1, 2, 3, 4], [1, 2, 3, 4, 5, 6, 7, 8]], "the last one is drawn before the command ends"
+    assert store.existing().shown == {0, 1}
+
+
+def test_a_report_that_fails_stops_the_command_and_is_drawn_again_by_the_next_one(tmp_path: Path) -> None:
+    def full(store: SessionStore) -> Path:
+        raise SessionError("the disk is full")
+
+    settings, lab = resolved(tmp_path), ToyLab(0)
+    with pytest.raises(SessionError, match="the disk is full"):
+        running.run_session(settings, running.SessionRequest(None, frozenset(), 1, yes=True), opener(lab), full)
+    store = run(tmp_path, lab)
+    assert (store.iterations(), store.existing().shown) == (1, {0}), "the same iteration, shown again"
+    assert (store.folder / "report.html").is_file()

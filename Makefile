@@ -62,14 +62,14 @@ test-long: $(STAMP)
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n 2 -m slow --durations 10
 
-# What the extras export, rerun and lerobot read and write, with these programs themselves.
+# What the extras export, rerun, lerobot and realsense read and write, with these programs themselves.
 test-extra:
 	rm -rf .venv-extra && $(PYTHON) -m venv .venv-extra
-	.venv-extra/bin/python -m pip install --quiet --constraint requirements.lock --editable '.[export,rerun]' pytest pytest-timeout
+	.venv-extra/bin/python -m pip install --quiet --constraint requirements.lock --editable '.[export,rerun,realsense]' pytest pytest-timeout
 	.venv-extra/bin/python -m pip install --quiet uv
 	printf 'torch==2.13.0\ntorchvision==0.28.0\n' > .venv-extra/overrides.txt  # lerobot asks for torch below 2.11
 	.venv-extra/bin/uv pip install --quiet --python .venv-extra --target .venv-extra/lerobot --overrides .venv-extra/overrides.txt 'lerobot>=0.4,<0.5'
-	LEROBOT=$(CURDIR)/.venv-extra/lerobot .venv-extra/bin/python -m pytest -m extra tests/extras
+	LEROBOT=$(CURDIR)/.venv-extra/lerobot .venv-extra/bin/python -m pytest -m extra tests/extras tests/hw tests/contracts
 
 # Every package that pyproject.toml names, at the lowest version that it allows; the two tests left out are about the locked ones.
 test-lowest:

@@ -25,6 +25,7 @@ from adaptsim_cli.commands import (
     rollouts,
     run_iteration,
     sessions,
+    setup,
     touch_off,
 )
 from adaptsim_cli.research import benchmark, checkpoints, pretrain
@@ -49,6 +50,7 @@ app.command("benchmark")(benchmark.benchmark)
 app.command("world-tables")(benchmark.world_tables)
 app.command("rollout")(rollouts.rollout)
 app.command("preview")(rollouts.preview)
+app.command("setup")(setup.setup)
 app.command("parts")(parts.parts)
 app.command("report")(exporting.report)
 app.command("compare")(exporting.compare)

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -35,13 +34,14 @@ def same_lab(task: str, hw: str, world: str, seed: int | None = None) -> str:
 
 
 PROJECT_FILE = "adaptsim.toml"
-RIG_FILE = "rig.toml"
+RIG_FILE, PRACTICE_FILE = "rig.toml", "practice.toml"
 _PREFIX = "ADAPTSIM_"
 _NOT_SETTINGS = frozenset(
     _PREFIX + name
     for name in (
         "HOME",
         "DEBUG",
+        "SPEAK",
         "K4A_LIBRARY",  # hw/camera/k4a_library.py
         *("K4ARECORD_LIBRARY", "KINECT_RECORDING", "STAGED_KINECT", "DRILL_TRANSCRIPT"),  # for tests and benchmarks
         "REPOSITORY_URL",  # setup.py
@@ -212,14 +212,6 @@ def load(
     if not values["rig"]:
         values["rig"] = next((str(file) for file in where.rig_files if file.is_file()), "")
     return Resolved(Config(**values), sources, where)
-
-
-def template() -> str:
-    """A settings file with every setting as a comment: default and meaning."""
-    lines = [f"# Settings of adaptsim. A project's {PROJECT_FILE}, ADAPTSIM_<KEY> and flags win over this file.", ""]
-    for name, info in Config.model_fields.items():
-        lines += [f"# {info.description}", f"#{name} = {json.dumps(info.default)}", ""]
-    return "\n".join(lines)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -4,8 +4,8 @@
 
 The lab's trial has everything: placing, finding, planning, the whole arm, the way home, filming and tracking. The
 rollout is what training simulates, in the same world, at the place where the object truly was put. Actions are those of
-the policy of an E drawn in Omega for each world (`--actions policies`) or drawn evenly (`--actions even`).
-Disagreements are written out one by one; `--pictures FOLDER` keeps the last moments of each.
+the shipped policy of an E drawn in Omega for each world. Disagreements are written out one by one; the last line is one
+JSON object.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -23,7 +23,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, cast
 
-import cv2
 import numpy as np
 
 from adaptsim_cli.research.lab_place import Nobody, rig_in_lab
@@ -78,26 +77,22 @@ class Row:
 def main() -> None:
     arguments = _arguments()
     task = get_task(arguments.task)
-    one = partial(trial, arguments.task, arguments.seed, arguments.actions, arguments.checkpoint, arguments.pictures)
+    one = partial(trial, arguments.task, arguments.seed)
     numbers = range(arguments.first, arguments.first + arguments.worlds)
     rows = list[Row]()
     with ProcessPoolExecutor(arguments.workers, mp_context=get_context("spawn")) as pool:
         for row in pool.map(one, numbers):
             rows.append(row)
-            if not arguments.json:
-                print(told(row), flush=True)
-    if arguments.json:
-        print(json.dumps({**summary(task, rows), "rows": [asdict(row) for row in rows]}))
-    else:
-        print(report(task, rows))
+            print(told(row), flush=True)
+    print(json.dumps({**summary(task, rows), "rows": [asdict(row) for row in rows]}))
 
 
-def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | None, number: int) -> Row:
+def trial(name: str, seed: int, number: int) -> Row:
     """World `number` of `seed`, in the lab and without an arm."""
     task, world, began = get_task(name), drawn_world(get_task(name), seed, number), time.monotonic()
     rng = np.random.default_rng((seed, number, 1))
     wanted = task.context.denormalise(INNER * rng.random(len(task.context)) + (1.0 - INNER) / 2.0)
-    policy = _policy(task, actions, checkpoint, rng)
+    policy = policy_for(load_checkpoint(task, "default").solver, task.parameters.sample(rng, 1))
     facts: dict[str, Any] = {
         "number": number,
         "parameters": dict(zip(task.parameters.names, world.parameters.round(6).tolist(), strict=True)),
@@ -109,7 +104,7 @@ def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | N
             action = policy(placed.context)
             facts["action"] = dict(zip(task.action.names, action.round(6).tolist(), strict=True))
             executed = rig.execute(rig.plan(placed, action))
-            seen, images = _seen(rig, placed.context, action, executed.files())
+            seen = _seen(rig, placed.context, action, executed.files())
         except (NotExecutable, MotionRefused, PerceptionError) as error:
             return Row(**{"action": {}, **facts}, refused=str(error), wall_s=time.monotonic() - began)
         truth = lab.truth()["trials"][-1]
@@ -119,7 +114,7 @@ def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | N
     back_m = np.zeros((4, 4))
     back_m[0, 3] = NUDGE_M
     repeated = [_without_arm(name, world, motion, X_BO + sign * back_m).outcome.value for sign in (-1.0, 1.0)]
-    row = Row(
+    return Row(
         **facts,
         outcome=(alone.outcome.value, seen.outcome.value),
         reward=(task.score(alone, placed.context), task.score(seen, placed.context)),
@@ -131,43 +126,20 @@ def trial(name: str, seed: int, actions: str, checkpoint: str, pictures: str | N
         flags=(*alone.flags, *seen.flags),
         wall_s=time.monotonic() - began,
     )
-    if pictures and not row.agrees:
-        _keep(Path(pictures), f"{name}-{seed}-{number}", images)
-    return row
 
 
-def _seen(
-    rig: OnRig, context: Array, action: Array, files: Mapping[str, bytes]
-) -> tuple[ObjectTrack, dict[str, bytes]]:
-    """The track that the camera gives, and its key frames."""
+def _seen(rig: OnRig, context: Array, action: Array, files: Mapping[str, bytes]) -> ObjectTrack:
+    """The track that the camera gives."""
     with TemporaryDirectory() as folder:
         for name, content in files.items():
             (Path(folder) / name).write_bytes(content)
-        seen = rig.track(context, action, Path(folder))
-        return seen.track, {n: c for n, c in seen.files.items() if n.endswith(".jpg")}
+        return rig.track(context, action, Path(folder)).track
 
 
 def _without_arm(name: str, world: World, motion: ToolMotion, X_BO: Array) -> ObjectTrack:
     play = import_module(f"sim.tasks.{name}.rollout").play
     track: ObjectTrack = play(motion, X_BO, world.parameters, world.nuisance, world.unmodelled)
     return track
-
-
-def _policy(task: Task, actions: str, checkpoint: str, rng: np.random.Generator) -> Callable[[Array], Array]:
-    if actions == "even":
-        action = task.action.sample(rng, 1)[0]
-        return lambda _: action
-    solver = load_checkpoint(task, checkpoint).solver
-    return policy_for(solver, task.parameters.sample(rng, 1))
-
-
-def _keep(folder: Path, name: str, images: Mapping[str, bytes]) -> None:
-    """The key frames side by side."""
-    folder.mkdir(parents=True, exist_ok=True)
-    order = ("start", "contact", "lift", "middle", "end", "rest")
-    shown = [images[f"moment-{label}.jpg"] for label in order if f"moment-{label}.jpg" in images]
-    strip: list[Any] = [cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) for content in shown]
-    cv2.imwrite(str(folder / f"{name}.jpg"), np.hstack(strip))
 
 
 def summary(task: Task, rows: Sequence[Row]) -> dict[str, Any]:
@@ -195,43 +167,6 @@ def task_succeeded(row: Row, which: int = 0) -> bool:
     return row.outcome[which] in (Outcome.ON_BLADE.value, Outcome.UPRIGHT.value)
 
 
-def report(task: Task, rows: Sequence[Row]) -> str:
-    """Figures, and agreement by shape and by effect, as Markdown."""
-    found, apart_words = summary(task, rows), "Both succeed in no world"
-    if found["apart_mm_median"] is not None:
-        apart_words = (
-            f"Where both succeed the ends are {found['apart_mm_median']:.1f} mm apart (median; p90 "
-            f"{found['apart_mm_p90']:.1f})"
-        )
-    lines = [
-        "",
-        f"{found['worlds']} worlds, {found['refused']} without a trial. Outcomes agree in {found['agree']:.3f} "
-        f"(success: rollout {found['success'][0]:.2f}, lab {found['success'][1]:.2f}); a rollout agrees with itself, "
-        f"the object moved by {1e3 * NUDGE_M:g} mm, in {found['itself']:.3f}.",
-        f"{apart_words}. Rewards correlate with {found['reward_correlation']:.3f}; the lab's are "
-        f"{found['reward_bias']:+.3f} higher. Lost on the way home: {found['lost_on_the_way']}.",
-        "",
-        "| where | worlds | agree | apart mm |",
-        "|---|---|---|---|",
-    ]
-    done = [row for row in rows if not row.refused]
-    for what, chosen in _groups(task, done):
-        apart = [row.apart_mm for row in chosen if row.agrees and task_succeeded(row)]
-        median = f"{np.median(apart):.1f}" if apart else "–"
-        lines.append(f"| {what} | {len(chosen)} | {sum(row.agrees for row in chosen)} | {median} |")
-    return "\n".join(lines)
-
-
-def _groups(task: Task, rows: Sequence[Row]) -> Iterable[tuple[str, list[Row]]]:
-    for dimension in task.parameters.dimensions:
-        if dimension.scale == "integer":
-            for kind in sorted({row.parameters[dimension.name] for row in rows}):
-                yield f"{dimension.name} = {kind:g}", [r for r in rows if r.parameters[dimension.name] == kind]
-    for effect in task.plausible:
-        yield effect, [row for row in rows if effect in row.effects]
-    yield "nothing unmodelled", [row for row in rows if not row.effects]
-
-
 def told(row: Row) -> str:
     if row.refused:
         return f"{row.number}: no trial: {row.refused}"
@@ -250,11 +185,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--worlds", type=int, default=60)
     parser.add_argument("--first", type=int, default=0, help="number of the first world")
     parser.add_argument("--seed", type=int, default=0, help="of the worlds, the labs and the actions")
-    parser.add_argument("--actions", choices=("policies", "even"), default="policies")
-    parser.add_argument("--checkpoint", default="default", help="whose policies act: a shipped name, or a folder")
-    parser.add_argument("--pictures", help="folder for the key frames of the disagreements")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--json", action="store_true")
     return parser.parse_args()
 
 

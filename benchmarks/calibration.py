@@ -1,7 +1,6 @@
 """How good a calibration is, beside OpenCV's closed forms on the same views.
 
     python benchmarks/calibration.py                 200 seeds of simulated corners, no rendering
-    python benchmarks/calibration.py --rendered      through the lab's camera, against the lab's truth
 
 20 views of a 280 x 200 mm board on a Panda's flange, 0.7 to 1.3 m before a Kinect, corners with 0.1 px of noise along
 an axis; then with 0.1 mrad of encoder noise and joint offsets of 0.5 mrad (both normal); then 3 of the 20 views spoilt
@@ -13,7 +12,6 @@ same arm acts on what the camera sees. Seeds start at 0; the factors of the stat
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -258,47 +256,24 @@ def show(found: dict[str, object]) -> None:
         print(f"  stated error, {name}: {row}")
 
 
-def main() -> int:
+def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=None, help="default 200")
+    parser.add_argument("--seeds", type=int, default=200)
     parser.add_argument("--first-seed", type=int, default=0)
-    parser.add_argument("--rendered", action="store_true", help="what calibration_rendered.py does")
-    parser.add_argument("--json", action="store_true")
     parser.add_argument("--keep", type=Path, help="JSON lines, written as it goes and read on resuming")
-    parser.add_argument("--rows", action="store_true", help="with --json: every single calibration as well")
     parser.add_argument("--case", type=int, action="append", choices=range(len(CASES)), help="only these, from 0")
-    options, rest = parser.parse_known_args()
-    if options.rendered:
-        import calibration_rendered  # noqa: PLC0415 - drake and open3d, only where asked for
-
-        count = [] if options.seeds is None else ["--seeds", str(options.seeds)]
-        count += [] if options.keep is None else ["--keep", str(options.keep)]
-        sys.argv = [calibration_rendered.__file__, *count, *rest]
-        calibration_rendered.main()
-        return 0
-    if rest:
-        parser.error(f"unknown: {' '.join(rest)}")
-    seeds = range(options.first_seed, options.first_seed + (options.seeds or 200))
+    options = parser.parse_args()
     kept = Kept(options.keep)
-    out = []
     for case in [CASES[i] for i in options.case or range(len(CASES))]:
         rows = []
-        for seed in seeds:
+        for seed in range(options.first_seed, options.first_seed + options.seeds):
             try:
                 rows.append(Row(**kept.row(case.name, seed, partial(made, seed, case))))
             except CalibrationError as error:
                 print(f"{case.name}, seed {seed}: {error}", file=sys.stderr)
-        found = summary(case, rows)
-        if options.rows:
-            found["rows"] = [asdict(row) for row in rows]
-        out.append(found)
-        if not options.json:
-            show(found)
-            sys.stdout.flush()
-    if options.json:
-        print(json.dumps(out, indent=1))
-    return 0
+        show(summary(case, rows))
+        sys.stdout.flush()
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -17,7 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -68,9 +68,8 @@ def main() -> None:
     rows = list[Row]()
     for number in range(arguments.first, arguments.first + arguments.cases):
         rows.append(case(task, arguments.seed, number, number < arguments.halved))
-        if not arguments.json:
-            print(json.dumps(asdict(rows[-1])), flush=True)
-    print(json.dumps(summary(task, rows)) if arguments.json else report(task, rows))
+        print(json.dumps(asdict(rows[-1])), flush=True)
+    print(report(task, rows))
 
 
 def drawn(task: Task, seed: int, number: int) -> tuple[World, Array, Array]:
@@ -143,7 +142,6 @@ def summary(task: Task, rows: Sequence[Row]) -> dict[str, Any]:
             if any(len(row.cpu_s) > i for row in rows)
         },
         "flags": sorted({flag for row in rows for flag in row.flags}),
-        "groups": {name: agreement(task, chosen, 0, 3) for name, chosen in _groups(task, rows)},
     }
 
 
@@ -176,17 +174,6 @@ def _succeeds(task: Task) -> Callable[[str], bool]:
     return lambda outcome: outcome == wanted
 
 
-def _groups(task: Task, rows: Sequence[Row]) -> Iterable[tuple[str, list[Row]]]:
-    for dimension in task.parameters.dimensions:
-        if dimension.scale == "integer":
-            for kind in sorted({row.parameters[dimension.name] for row in rows}):
-                yield f"{dimension.name} = {kind:g}", [r for r in rows if r.parameters[dimension.name] == kind]
-    for effect in effects_in("mujoco", task.unmodelled()):
-        if any(effect in row.effects for row in rows):
-            yield effect, [row for row in rows if effect in row.effects]
-    yield "nothing unmodelled", [row for row in rows if not row.effects]
-
-
 def report(task: Task, rows: Sequence[Row]) -> str:
     """The same as Markdown."""
     found = summary(task, rows)
@@ -194,8 +181,6 @@ def report(task: Task, rows: Sequence[Row]) -> str:
     rule = "|---|---|---|---|---|---|---|"
     lines = ["", head.format("compared"), rule]
     lines += [_line(name, values) for name, values in found["pairs"].items()]
-    lines += ["", head.format("drake and mujoco, where"), rule]
-    lines += [_line(name, values) for name, values in found["groups"].items()]
     cost = ", ".join(f"{name} {cpu_s:.2f} s" for name, cpu_s in found["cpu_s"].items())
     return "\n".join([*lines, "", f"CPU per rollout (median): {cost}.", *found["flags"]])
 
@@ -270,7 +255,6 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--halved", type=int, default=60, help="so many of them also with the step halved twice")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", action="store_true")
     parser.add_argument("--pictures", help="render one rollout in both into this folder instead")
     parser.add_argument("--world", help="which one to render")
     return parser.parse_args()

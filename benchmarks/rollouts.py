@@ -5,11 +5,8 @@
 Draws parameters, actions and nuisance over their ranges, runs each with the step of training and with a quarter of it
 (same mesh, same contact model), and prints how often the outcome agrees, how far the object's XY lies apart at the
 observed times and at the end, what a rollout costs on one core, and how much more the same rollout costs with a whole
-arm. With --all also every candidate for something cheaper, against the same quarter: other steps, the other contact
-model, a coarser mesh, a longer step after the impact, an integrator that chooses its steps (CENIC), another engine
-(MuJoCo); with --later of these only the longer step. With --cenic also CENIC against its own limit. All settings take
-turns at each few draws, so that a busy computer slows all alike. Finished rollouts are kept in the cache; a stopped run
-goes on.
+arm. Both steps take turns at each few draws, so that a busy computer slows both alike. Finished rollouts are kept in
+the cache; a stopped run goes on.
 """
 
 from __future__ import annotations
@@ -18,79 +15,25 @@ import argparse
 import json
 import time
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from unittest.mock import patch
 
-import cenic
 import numpy as np
-import two_steps
 from scipy.stats import qmc
-from two_steps import Later
 
 from hw.types import Array
-from sim.lab.physics import Physics, simulate_of
 from sim.tasks import get_task
 from sim.tasks.fingerprint import scene_key
 from sim.tasks.task import Task
 
-COARSER = 4
-STEPS_S = (0.010, 0.005, 0.004)
-"""Longer than that of training."""
-ACCURACIES, LIMIT = (1e-2, 1e-3), 1e-6
-"""Of CENIC, and the one that stands for its limit."""
-MESHES_M = {"pushing": 0.025}
-"""A coarser mesh, twice the edge; a piece of food has its triangles by design."""
-LATER = {"pushing": (Later(0.06, 0.005),), "scooping": (Later(0.3, 0.010), Later(0.4, 0.010))}
-"""Longer steps after the impact."""
+FINER = 4
 TURN = 10
-"""Draws that one setting runs before the next has its turn."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """One way to compute the same rollout."""
-
-    contact: str
-    dt_s: float
-    accuracy: float | None = None  # None: fixed steps; else CENIC's
-    mesh_m: float | None = None  # None: that of training
-    physics: Physics = "drake"
-    later: Later | None = None
-
-    def __str__(self) -> str:
-        if self.physics != "drake":
-            return self.physics
-        if self.accuracy:
-            return f"CENIC, {self.accuracy:g}"
-        mesh = f", mesh {1e3 * self.mesh_m:g} mm" if self.mesh_m else ""
-        then = self.later
-        after = f", {1e3 * then.step_s:g} ms from {then.delay_s:g} s after the impact on" if then else ""
-        return f"{self.contact}, {1e3 * self.dt_s:g} ms{mesh}{after}"
-
-    @property
-    def file(self) -> str:
-        """Its part of the name in the cache."""
-        if self.physics != "drake":
-            return self.physics
-        mesh = f"-mesh-{1e6 * self.mesh_m:.0f}um" if self.mesh_m else ""
-        then = self.later
-        after = f"-then-{1e6 * then.step_s:.0f}us-{then.delay_s:g}s" if then else ""
-        return f"cenic-{self.accuracy:g}" if self.accuracy else f"{self.contact}-{1e6 * self.dt_s:.0f}us{mesh}{after}"
-
-    def within(self, task: Task) -> AbstractContextManager[object]:
-        """Rollouts of this process are computed so, as far as no effect of a world says it."""
-        if self.accuracy:
-            return cenic.stepping(task, self.accuracy)
-        if self.later:
-            return two_steps.stepping(task, self.later)
-        return patch(f"sim.tasks.{task.name}.scene.MESH_M", self.mesh_m) if self.mesh_m else nullcontext()
+"""Draws that one step runs before the other has its turn."""
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Rollouts of one setting, in the order of the draws."""
+    """Rollouts with one step, in the order of the draws."""
 
     outcome: list[str]
     succeeded: Array  # (n,) 0 or 1
@@ -103,44 +46,18 @@ def main() -> None:
     arguments = _arguments()
     task = get_task(arguments.task)
     draws = draw(task, arguments.count)
-    chosen = Setting(task.unmodelled().contact, task.require_hardware().time_step_s(None))
-    limit = replace(chosen, dt_s=chosen.dt_s / COARSER)
-    others = _candidates(task, chosen) if arguments.all else []
-    delays = LATER.get(task.name, ()) if arguments.all or arguments.later else ()
-    candidates = list(dict.fromkeys([chosen, *others, *(replace(chosen, later=then) for then in delays)]))
-    own_limit = replace(chosen, accuracy=LIMIT)
-    by_cenic = [replace(chosen, accuracy=a) for a in ACCURACIES] if arguments.cenic else []
-    settings = list(dict.fromkeys([limit, *candidates, *([*by_cenic, own_limit] if arguments.cenic else ())]))
-    rows = measure(task, draws, settings, Path(arguments.cache) / scene_key(task))
-    print(f"{task.name}: {arguments.count} rollouts over the ranges, against {limit} (a quarter of training's step)")
+    step_s = task.require_hardware().time_step_s(None)
+    coarse, fine = measure(task, draws, (step_s, step_s / FINER), Path(arguments.cache) / scene_key(task))
+    print(f"{task.name}: {arguments.count} rollouts over the ranges, {1e3 * step_s:g} ms against a quarter of it")
     print(
-        "setting | outcome agrees | success (limit) | XY apart, mm: median of all times, end median / p90, "
-        "end median where both succeed | CPU ms | of training's"
+        "outcome agrees | success (quarter) | XY apart, mm: median of all times, end median / p90, "
+        "end median where both succeed | CPU ms"
     )
-    trained_s = rows[chosen].cpu_s.mean()
-
-    def show(candidate: Setting, against: Setting, name: str) -> None:
-        share = rows[candidate].cpu_s.mean() / trained_s
-        print(f"{name} | {compare(rows[candidate], rows[against])} | {share:.2f}", flush=True)
-
-    for candidate in [*candidates, limit]:
-        show(candidate, limit, f"{candidate}{' <- training' if candidate is chosen else ''}")
-    for candidate in by_cenic:
-        show(candidate, own_limit, f"{candidate}, against {own_limit}")
-        show(candidate, limit, f"{candidate}, against {limit}")
+    print(compare(coarse, fine))
     if arguments.arm:
-        alone_s = rows[chosen].cpu_s[: arguments.arm].mean()
+        alone_s = coarse.cpu_s[: arguments.arm].mean()
         whole_s = whole_arm_cpu_s(task, draws, arguments.arm)
         print(f"with a whole arm: {1e3 * whole_s:.0f} ms, {whole_s / alone_s:.1f} times the rollout of training")
-
-
-def _candidates(task: Task, chosen: Setting) -> list[Setting]:
-    """Cheaper settings than the `chosen` one."""
-    other = "lagged" if chosen.contact == "sap" else "sap"
-    steps = [Setting(c, dt_s) for c in (chosen.contact, other) for dt_s in (*STEPS_S, chosen.dt_s)]
-    mesh_m = MESHES_M.get(task.name)
-    meshes = [replace(chosen, mesh_m=mesh_m)] if mesh_m else []
-    return [*steps, *meshes, replace(chosen, accuracy=ACCURACIES[0]), replace(chosen, physics="mujoco")]
 
 
 def draw(task: Task, count: int) -> list[tuple[Array, Array, Array]]:
@@ -156,33 +73,31 @@ def draw(task: Task, count: int) -> list[tuple[Array, Array, Array]]:
 
 
 def measure(
-    task: Task, draws: Sequence[tuple[Array, Array, Array]], settings: Sequence[Setting], cache: Path
-) -> dict[Setting, Measured]:
-    """Every draw with each setting, from the cache as far as it goes."""
+    task: Task, draws: Sequence[tuple[Array, Array, Array]], steps_s: Sequence[float], cache: Path
+) -> list[Measured]:
+    """Every draw with each step, from the cache as far as it goes."""
     cache.mkdir(parents=True, exist_ok=True)
-    files = {setting: cache / f"{task.name}-{setting.file}-ends.jsonl" for setting in settings}
+    files = {step_s: cache / f"{task.name}-{1e6 * step_s:.0f}us.jsonl" for step_s in steps_s}
     for first in range(0, len(draws), TURN):
-        for setting, file in files.items():
+        for step_s, file in files.items():
             done = len(file.read_text().splitlines()) if file.exists() else 0
-            _add(task, draws[max(done, first) : first + TURN], setting, file)
-    return {setting: _measured(task, file, len(draws)) for setting, file in files.items()}
+            _add(task, draws[max(done, first) : first + TURN], step_s, file)
+    return [_measured(task, file, len(draws)) for file in files.values()]
 
 
-def _add(task: Task, draws: Sequence[tuple[Array, Array, Array]], setting: Setting, file: Path) -> None:
+def _add(task: Task, draws: Sequence[tuple[Array, Array, Array]], step_s: float, file: Path) -> None:
     """Run the draws and add them to a file of the cache."""
-    unmodelled = task.unmodelled(contact=setting.contact, dt_s=setting.dt_s)
-    simulate = simulate_of(task.name, setting.physics)
-    with file.open("a") as out, setting.within(task):
+    unmodelled = task.unmodelled(dt_s=step_s)
+    with file.open("a") as out:
         for parameters, action, nuisance in draws:
             before_s = time.process_time()
-            track = simulate(parameters, task.reference_context, action, nuisance, unmodelled)
-            cpu_s = time.process_time() - before_s
+            track = task.simulate(parameters, task.reference_context, action, nuisance, unmodelled)
             row = {
+                "cpu_s": time.process_time() - before_s,
                 "outcome": track.outcome.value,
                 "succeeded": float(task.succeeded(track)),
                 "state": track.at(task.observation.times_s).tolist(),
                 "end": track.state[-1].tolist(),
-                "cpu_s": cpu_s,
             }
             out.write(json.dumps(row) + "\n")
             out.flush()
@@ -239,9 +154,6 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--task", default="scooping")
     parser.add_argument("--count", type=int, default=400)
     parser.add_argument("--arm", type=int, default=20, help="rollouts with a whole arm; 0 for none")
-    parser.add_argument("--all", action="store_true", help="also every cheaper candidate")
-    parser.add_argument("--later", action="store_true", help="also the longer steps after the impact")
-    parser.add_argument("--cenic", action="store_true", help="also CENIC against its own limit")
     parser.add_argument("--cache", default="build/convergence")
     return parser.parse_args()
 

@@ -1,6 +1,9 @@
 """Film a first session in a terminal of 80 x 24, from clone to report: the commands really run.
 
     python docs/film.py
+    python docs/film.py setup
+
+The second one practises a setup, answers every question, and writes docs/start/setup.md alone.
 
 Writes docs/figures/first-session.cast (asciinema play FILE), and what stands in the terminal at the end as a page,
 docs/start/film.md, and as a picture, docs/figures/first-session.svg. Needs git and tmux; tmux is the terminal that
@@ -23,6 +26,7 @@ import sys
 import tempfile
 import termios
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -60,10 +64,42 @@ def commands(clone: Path) -> tuple[str, ...]:
     )
 
 
-def main() -> int:
+SETUP_PAGE = ROOT / "docs/start/setup.md"
+SETUP_HEAD = """# A setup, practised
+
+Written by `python docs/film.py setup`, which types this command into a terminal of 80 × 24 and answers its questions: mostly with Enter, which takes what stands in brackets.
+With a real arm, `adaptsim setup --hw fr3`, the first five steps ask and look at the devices. Of every step the middle is left out here (…).
+
+"""
+ANSWERS = {"Name a box": "lamp", "upper corner": "0.7 -0.7 0.5"}
+"""Typed once each, at the question that has these words in it; every other answer is Enter."""
+FIRST, LAST = 14, 5
+"""Lines of a step that the page keeps."""
+
+
+def setup() -> int:
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
-        events = film(place)
+        (place / "adaptsim").symlink_to(ROOT)
+        events = film(place, ("adaptsim setup --world oreo",))
+        shown = screen("".join(text for _, text in events), place)
+    steps = re.split(r"\n(?=\d+ of \d+  [a-z])", plain(shown))
+    SETUP_PAGE.write_text(f"{SETUP_HEAD}```text\n{chr(10).join(map(shortened, steps))}\n```\n", encoding="utf-8")
+    print(f"{SETUP_PAGE.relative_to(ROOT)}: {events[-1][0]:.0f} s")
+    return 0
+
+
+def shortened(step: str) -> str:
+    lines = step.splitlines()
+    return step if len(lines) <= FIRST + LAST else "\n".join([*lines[:FIRST], "…", *lines[-LAST:]])
+
+
+def main() -> int:
+    if sys.argv[1:] == ["setup"]:
+        return setup()
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        events = film(place, commands(place / "adaptsim"))
         header = {"version": 2, "width": COLUMNS, "height": ROWS, "title": "adaptsim: a first session"}
         lines = [json.dumps(header), *(json.dumps([round(t_s, 2), "o", text]) for t_s, text in events)]
         CAST.write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -74,7 +110,7 @@ def main() -> int:
     return 0
 
 
-def film(place: Path) -> list[tuple[float, str]]:
+def film(place: Path, typed: Sequence[str]) -> list[tuple[float, str]]:
     """(time in s, output) of all commands, as a terminal gets it; the clone and all data lie in `place`."""
     (place / ".inputrc").write_text("set enable-bracketed-paste off\n")
     process, fd = pty.fork()
@@ -89,7 +125,7 @@ def film(place: Path) -> list[tuple[float, str]]:
     fcntl.ioctl(fd, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
     events: list[tuple[float, str]] = []
     clock_s = _until_prompt(fd, events, 0.0)
-    for command in commands(place / "adaptsim"):
+    for command in typed:
         for key in command:
             os.write(fd, key.encode())
             time.sleep(0.02)
@@ -103,10 +139,18 @@ def film(place: Path) -> list[tuple[float, str]]:
 
 
 def _until_prompt(fd: int, events: list[tuple[float, str]], clock_s: float, after: str = "") -> float:
-    """Read until the shell asks again; returns the film's clock. Raises TimeoutError after ten minutes."""
-    seen, last_s, deadline_s = "", time.monotonic(), time.monotonic() + 600.0
+    """Read until the shell asks again; returns the film's clock. Raises TimeoutError after twenty minutes.
+
+    A line that ends with a colon, and a second of silence, is a question: it is answered from `ANSWERS`.
+    """
+    seen, last_s, deadline_s = "", time.monotonic(), time.monotonic() + 1200.0
+    left, answered = dict(ANSWERS), 0
     while time.monotonic() < deadline_s:
         if not select.select([fd], [], [], 1.0)[0]:
+            if re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", seen[answered:]).rstrip().endswith(":"):
+                key = next((words for words in left if words in seen[answered:]), "")
+                answered = len(seen)
+                os.write(fd, left.pop(key, "").encode() + b"\n")
             continue
         text = os.read(fd, 65536).decode("utf-8", "replace")
         now_s = time.monotonic()
@@ -117,7 +161,7 @@ def _until_prompt(fd: int, events: list[tuple[float, str]], clock_s: float, afte
         answer = seen.partition(after)[2] if after else f"\n{seen}"
         if answer.endswith(f"\n{PROMPT}"):
             return clock_s
-    raise TimeoutError(f"{after}: no prompt within ten minutes; seen: {seen[-500:]}")
+    raise TimeoutError(f"{after}: no prompt within twenty minutes; seen: {seen[-500:]}")
 
 
 def screen(stream: str, place: Path) -> str:

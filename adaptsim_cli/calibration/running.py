@@ -72,7 +72,7 @@ def calibrate(
     _need_terminal(resolved, request)
     store = stores(config, resolved.places)
     resting.tell_resting(screen, "the calibration in use", ends(config, resolved.places))
-    board = _board(resolved, screen, request)
+    board = board_in_use(resolved, screen, yes=request.yes)
     with (
         store.locked(),
         _continued("adaptsim calibrate"),
@@ -220,12 +220,9 @@ def board(
     paper: str,
     square_mm: float | None,
     width_mm: float | None,
-    *,
-    yes: bool,
-    as_json: bool,
+    screen: Screen,
 ) -> None:
-    """Write the page, ask for its measured width, remember both. Raises UsageError, SessionError."""
-    screen = Screen(as_json=as_json)
+    """Write the page, and remember it with its measured width. Raises UsageError, SessionError."""
     if out.suffix not in printing.FORMATS:
         raise UsageError(f"--out {out}: the name ends in one of {', '.join(printing.FORMATS)}")
     printed = printing.fitting(paper, square_mm)
@@ -243,8 +240,7 @@ def board(
     measured = f"adaptsim calibrate board --paper {paper} --out {out} --width-mm WIDTH"
     step = (measured, "with the width that you measured") if width_mm is None else ("adaptsim calibrate", "with it")
     screen.next(step)
-    if as_json:
-        screen.data("calibrate board", {"file": str(path), "paper": paper, **kept.model_dump()})
+    screen.data("calibrate board", {"file": str(path), "paper": paper, **kept.model_dump()})
 
 
 def summary(record: SavedCalibration) -> dict[str, Any]:
@@ -279,14 +275,14 @@ def _after(config: Config) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _board(resolved: Resolved, screen: Screen, request: CalibrationRequest) -> Board:
+def board_in_use(resolved: Resolved, screen: Screen, *, yes: bool) -> Board:
     """The board in use, with its measured size; asks for the size if a person is there."""
     known = printing.known(resolved.places.data)
     if known is None:
         if not resolved.config.is_simulated:
             raise UsageError("no board is known yet. Print one: adaptsim calibrate board")
         return Board()
-    if known.measured or request.yes:
+    if known.measured or yes:
         return known.board.board()
     across = known.board.squares_across
     planned_mm = across * known.nominal_square_mm

@@ -35,6 +35,7 @@ def calibrate(
     realtime: options.Realtime = False,
     pace: options.Pace = None,
     operator: options.Operator = None,
+    speak: options.Speak = False,
     as_json: options.Json = False,
 ) -> None:
     """Find the camera's pose: the arm shows the camera a board from many sides. Takes about ten minutes.
@@ -69,7 +70,6 @@ def board(
     width_mm: Annotated[
         float | None, typer.Option("--width-mm", help="Measured width of all squares of a row together.")
     ] = None,
-    yes: options.Yes = False,
     as_json: options.Json = False,
 ) -> None:
     """Write the calibration board at true scale, and store the size that you measured on the print.
@@ -80,8 +80,9 @@ def board(
     """
     from adaptsim_cli import config
     from adaptsim_cli.calibration import running
+    from adaptsim_cli.screen.console import Screen
 
-    running.board(config.load({}), out, paper, square_mm, width_mm, yes=yes, as_json=as_json)
+    running.board(config.load({}), out, paper, square_mm, width_mm, Screen(as_json=as_json))
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""`adaptsim config show/path/init`."""
+"""`adaptsim config show/path`."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def show(as_json: options.Json = False) -> None:
         screen.next(("adaptsim doctor", "checks that everything is ready"))
     else:
         screen.plain("No rig file, so no real arm.")
-        screen.next(("adaptsim config init", "asks about the lab and writes the rig file"))
+        screen.next(("adaptsim setup --hw fr3", "asks about the lab, and leads to the first trial"))
 
 
 @app.command()
@@ -59,30 +59,6 @@ def path(as_json: options.Json = False) -> None:
         for name, place in where.items():
             screen.plain(f"{name.replace('_', ' '):<13} {place}")
         screen.next(("adaptsim config show", "all settings, and where each comes from"))
-
-
-@app.command()
-def init(
-    project: Annotated[bool, typer.Option("--project", help="Write into this folder instead of the user's.")] = False,
-    arm: Annotated[str | None, typer.Option("--arm", help="fr3, panda, or none for the simulated lab alone.")] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a rig file without asking.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Take every default, ask nothing.")] = False,
-    as_json: options.Json = False,
-) -> None:
-    """Ask about the lab and write its rig file, plus a settings file with every setting as a comment.
-
-    An existing settings file is left unchanged. An existing rig file is replaced only if you agree.
-
-    Example: adaptsim config init --arm fr3
-    """
-    from adaptsim_cli import config
-    from adaptsim_cli.devices.rig_file import writing
-    from adaptsim_cli.screen import console
-
-    screen = console.Screen(as_json=as_json)
-    request = writing.InitRequest(project=project, arm=arm, overwrite=overwrite, yes=yes)
-    written = writing.init(config.places(), request, screen)
-    screen.data("config init", written.as_json())
 
 
 def schema(

@@ -49,7 +49,7 @@ class Consent:
         if (unended := self.last.unended() if self.last else None) is not None:
             self.screen.note(unended)
         self._name()
-        self._stop_button(arm)
+        self.stop_button(arm)
         self._slow_start()
         if self.pace < 1.0:
             self.screen.note(f"Every motion is played at pace {self.pace:g}; nothing is learnt from these trials")
@@ -92,8 +92,8 @@ class Consent:
             self.operator = answer
         self.screen.tell_listeners(f"operator: {self.operator}")
 
-    def _stop_button(self, arm: Arm) -> None:
-        """Have the stop button pressed, see that the arm says so, have it released, recover."""
+    def stop_button(self, arm: Arm) -> None:
+        """If it is due: have the stop button pressed, see that the arm says so, have it released, recover."""
         if self.known is None or "stop_button" in self.waived:
             return
         if not self.known.read().stop_button_is_due(datetime.now(UTC)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
@@ -37,6 +37,7 @@ class ArmFacts:
     stop_button: str = ""  # ISO 8601: when it was last found to stop the arm; "": never
     stop_button_by: str = ""  # the operator
     setups: Mapping[str, str] = field(default_factory=dict)  # `setup_of` -> ISO 8601 of the slow motion with it
+    steps: tuple[str, ...] = ()  # those of `adaptsim setup` that are done
 
     def stop_button_is_due(self, now: datetime) -> bool:
         """Whether the stop button has to be checked (again)."""
@@ -56,7 +57,8 @@ class KnownArm:
         try:
             found = read_table(self.folder / "known.json")
             setups = {str(setup): str(at) for setup, at in dict(found["setups"]).items()}
-            known = ArmFacts(str(found["stop_button"]), str(found["stop_button_by"]), setups)
+            steps = tuple(str(step) for step in found["steps"])
+            known = ArmFacts(str(found["stop_button"]), str(found["stop_button_by"]), setups, steps)
             known.stop_button_is_due(datetime.now(UTC))
         except (FileNotFoundError, Unreadable, KeyError, TypeError, ValueError):
             return ArmFacts()
@@ -71,11 +73,16 @@ class KnownArm:
         known = self.read()
         self._write(replace(known, setups={**known.setups, setup: _now()}))
 
+    def set_up(self, steps: Sequence[str]) -> None:
+        """Remember that these steps of a setup are done, and no others. Raises SessionError."""
+        self._write(replace(self.read(), steps=tuple(steps)))
+
     def _write(self, known: ArmFacts) -> None:
         content = {
             "stop_button": known.stop_button,
             "stop_button_by": known.stop_button_by,
             "setups": dict(known.setups),
+            "steps": list(known.steps),
         }
         durable.make_folder(self.folder)
         durable.replace_file(self.folder / "known.json", (json.dumps(content, indent=1) + "\n").encode())

@@ -113,14 +113,13 @@ class Drivers:
 
 def makers_drivers() -> Drivers:
     """The adapters of `hw`. An SDK is loaded when its device is entered; DeviceUnavailable names a missing one."""
-    from hw.camera.process import CameraProcess
     from hw.franka.arm import open_franka
     from hw.franka.hand_process import HandProcess
     from hw.serial import balance, enable_pedal
 
     return Drivers(
         arm=lambda cell, settings, pedal: open_franka(cell, settings, pedal=pedal),
-        camera=lambda part, infrared: CameraProcess(part.serial or None, part.settings(), infrared=infrared),
+        camera=lambda part, infrared: part.camera(infrared=infrared),
         pedal=enable_pedal.EnablePedal,
         balance=lambda part: balance.SerialBalance(part.port, part.protocol),
         hand=lambda model, host, pedal: HandProcess(model, host, pedal=pedal),

@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 
 from adaptsim_cli.config import Config
 from adaptsim_cli.devices.lab import Drivers, Lab
+from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
@@ -26,12 +27,29 @@ def open_lab(config: Config, task: Task, drivers: Drivers | None = None, screen:
         yield (_simulated(config, task, stack) if config.is_simulated else _real(config, task, drivers, screen, stack))
 
 
+def check_stop_button(config: Config, rig: RigDescription, screen: Screen, drivers: Drivers | None = None) -> None:
+    """Connect the arm of `rig` alone; if its stop button is due, have it pressed and released. Nothing moves.
+
+    Raises StoppedByOperator, DeviceUnavailable.
+    """
+    from adaptsim_cli.devices.lab import makers_drivers
+    from adaptsim_cli.devices.mounted import mounted_as_shipped
+    from adaptsim_cli.devices.real import RealLab
+    from sim.tasks import get_task
+
+    task = get_task(config.task)
+    with ExitStack() as stack:
+        lab = RealLab(task, rig, drivers or makers_drivers(), stack, screen, config)
+        lab.check_stop_button(mounted_as_shipped(task, rig.arm.model).cell)
+
+
 def _simulated(config: Config, task: Task, stack: ExitStack) -> Lab:
+    from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
     from adaptsim_cli.devices.simulated import SimulatedLab
     from sim.lab.world import load_world
 
-    world = load_world(config.world, task)
-    return SimulatedLab(task, world, config.seed, stack, realtime=config.realtime, pace=config.pace)
+    world, rig = load_world(config.world, task), rig_of(config, tasks_with_tools())
+    return SimulatedLab(task, world, config.seed, stack, rig, realtime=config.realtime, pace=config.pace)
 
 
 def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | None, stack: ExitStack) -> Lab:

@@ -105,6 +105,12 @@ class RealLab:
         self._connect(arm)
         return TouchDevices(PacedGuardedArm(arm, self._pace), hand, tool_there, arm.confirm)
 
+    def check_stop_button(self, cell: Workcell) -> None:
+        """Connect the arm; have its stop button pressed and released if that is due. Raises StoppedByOperator."""
+        arm = self._arm(cell, self._task.name, "nothing on the table")
+        self._stack.enter_context(arm)
+        arm.consent.stop_button(arm)
+
     def _arm(self, cell: Workcell, tool: str, on_table: str, watch: ToolWatch | None = None) -> ConfirmedArm:
         """The arm, to be connected last.
 
@@ -140,7 +146,12 @@ class RealLab:
     def _pedal(self) -> Pedal | None:
         """The rig's pedal, connected; None: waived."""
         part = self.rig.pedal
-        return None if part is None else self._stack.enter_context(self._drivers.pedal(part.port))
+        if part is None:
+            return None
+        pedal = self._stack.enter_context(self._drivers.pedal(part.port))
+        self._stack.callback(self._screen.hear, None)
+        self._screen.hear(pedal)
+        return pedal
 
     def _hand(self) -> Hand:
         """The arm's hand, connected."""

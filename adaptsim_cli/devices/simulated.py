@@ -9,7 +9,7 @@ from adaptsim_cli.config import SIMULATED
 from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.pacing import PacedArm, PacedGuardedArm
-from adaptsim_cli.devices.rig_file.description import as_shipped
+from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool
@@ -36,9 +36,17 @@ class SimulatedLab:
     """`devices.lab.Lab`: one task in one world."""
 
     def __init__(
-        self, task: Task, world: World, seed: int, stack: ExitStack, *, realtime: bool = False, pace: float = FULL
+        self,
+        task: Task,
+        world: World,
+        seed: int,
+        stack: ExitStack,
+        rig: RigDescription,
+        *,
+        realtime: bool = False,
+        pace: float = FULL,
     ) -> None:
-        self.rig, self.title = as_shipped("panda"), f"simulated lab, world {world.name}"
+        self.rig, self.title = rig, f"simulated lab, world {world.name}"
         self.nominal = nominal_hand_eye(world, seed)
         self._task, self._world, self._seed, self._stack = task, world, seed, stack
         self._realtime, self._pace = realtime, pace

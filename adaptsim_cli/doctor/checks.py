@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
+import re
 import shutil
 import time
 from datetime import UTC, datetime
@@ -25,6 +26,7 @@ from adaptsim_cli.doctor.table import (
     add_check,
     advice,
     after,
+    described,
     missing,
     ok,
     real,
@@ -32,7 +34,6 @@ from adaptsim_cli.doctor.table import (
     with_rig,
 )
 from adaptsim_cli.wiring.calibration import current_calibration
-from hw.camera.process import CameraProcess
 from hw.errors import BalanceError
 from hw.franka.realtime import PRIORITY
 from hw.franka.versions import MATRIX, PACKAGES
@@ -156,12 +157,12 @@ def _clock_frequency(lab: Examined) -> Finding:
     return ok("governor performance on every core" if governors else "this machine has no frequency governor")
 
 
-@check(DEVICES, "rig file", "adaptsim config init --arm {hw}, or correct the file", real)
+@check(DEVICES, "rig file", "adaptsim setup --hw {hw}, or correct the file", real)
 def _rig_file(lab: Examined) -> Finding:
     return ok(f"{lab.config.rig}: {lab.rig.name}, {lab.rig.arm.model} at {lab.rig.arm.address}")
 
 
-@check(DEVICES, "safeguards", when=with_rig)
+@check(DEVICES, "safeguards", when=described)
 def _safeguards(lab: Examined) -> Finding:
     """What the rig file must state or waive before the arm moves."""
     if found := gaps(lab.rig, lab.config.task):
@@ -228,9 +229,15 @@ def _arm(lab: Examined) -> Finding:
     return advice(told, "; ".join(seen.notes)) if seen.notes else ok(told)
 
 
+WITHDRAWN = "1.1.1"
+"""Firmware of the Femto Bolt."""
+UPDATE = "install a newer firmware with the maker's viewer, on Windows"
+
+
 @check(DEVICES, "camera", "see docs/guide/cameras.md", with_rig)
 def _camera(lab: Examined) -> Finding:
-    report, serial = readings.cameras(), lab.rig.camera.serial
+    part = lab.rig.camera
+    report, serial = readings.cameras(part.kind), part.serial
     if report.error is not None:
         return missing(report.error, report.fix or "")
     if serial and serial not in report.serials:
@@ -242,14 +249,18 @@ def _camera(lab: Examined) -> Finding:
     if not report.depth_engine:
         fix = "install libdepthengine.so.2.0 beside the library; docs/guide/cameras.md"
         return missing(f"{report.library} has no depth engine, so there would be no depth", fix)
-    which = serial or report.serials[0]
-    return ok(f"{which}, {report.maker} library {report.version or '(version unknown)'}")
+    which = next(device for device in report.devices if device.serial == (serial or report.serials[0]))
+    told = f"{which.serial}, firmware {which.firmware or '(not reported)'}"
+    told += f", {report.maker} library {report.version or '(version unknown)'}"
+    if report.maker == "Orbbec" and WITHDRAWN in re.split(r"[ ,]+", which.firmware):
+        return missing(f"{told}; its maker withdrew {WITHDRAWN}, whose time stamps overflow", UPDATE)
+    return ok(told)
 
 
 @check(DEVICES, "camera images", "docs/guide/cameras.md: USB, power, display", after("camera"))
 def _camera_images(lab: Examined) -> Finding:
     """Half a second of synchronised frames, by the camera's own record."""
-    with CameraProcess(lab.rig.camera.serial or None, lab.rig.camera.settings()) as camera:
+    with lab.rig.camera.camera() as camera:
         camera.start_recording()
         time.sleep(STREAM_S)
         camera.stop_recording()
@@ -262,7 +273,7 @@ def _camera_images(lab: Examined) -> Finding:
     return advice(told, own) if dropped else ok(told)
 
 
-@check(DEVICES, "calibration", "adaptsim calibrate --hw {hw}, ten minutes", with_rig)
+@check(DEVICES, "calibration", "adaptsim calibrate --hw {hw}, ten minutes", described)
 def _calibration(lab: Examined) -> Finding:
     known, days = current_calibration(lab.config, lab.resolved.places), lab.config.calibration_days
     if known is None:
@@ -334,7 +345,7 @@ def _world(lab: Examined) -> Finding:
     return ok(f"{load_world(lab.config.lab_world, get_task(lab.config.task)).name} of {lab.config.task}")
 
 
-@check(TASK, "motion", "[tools], [table], [person] and [[keep_out]] of the rig file", with_rig)
+@check(TASK, "motion", "[tools], [table], [person] and [[keep_out]] of the rig file", described)
 def _motion(lab: Examined) -> Finding:
     """Whether the task is possible in the session's workcell: the middle action at the reference context."""
     from adaptsim_cli.wiring.motion import mounted_for, planned

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict
 from itertools import groupby
 from typing import Any
@@ -18,11 +18,14 @@ from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 
 
-def examine(resolved: Resolved) -> Iterator[Finding]:
-    """Check everything that an iteration with these settings needs. A missing part is a finding, never an error."""
+def examine(resolved: Resolved, names: Collection[str] = tuple(CHECKS)) -> Iterator[Finding]:
+    """Check everything that an iteration with these settings needs, or only what is named.
+
+    A missing part is a finding, never an error.
+    """
     lab = Examined(resolved)
-    for name, check in CHECKS.items():
-        lab.found[name] = check(lab)
+    for name in names:
+        lab.found[name] = CHECKS[name](lab)
         yield lab.found[name]
 
 
@@ -30,6 +33,15 @@ _MARKS = {Severity.OK: ("✓", "green"), Severity.ADVICE: ("!", "yellow"), Sever
 
 
 def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
+    """Show everything, and the next command if nothing is missing."""
+    screen.show(views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw))
+    show_table(found, screen)
+    if not missing_in(found):
+        screen.plain("\nReady")
+        screen.next((f"adaptsim run-iteration {same_lab(config.task, config.hw, config.world)}", "the first trials"))
+
+
+def show_table(found: Sequence[Finding], screen: Screen, *, grouped: bool = True) -> None:
     """Show the table, what was not checked, then each remedy on an unwrapped line, so that it can be copied."""
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
     table.add_column(width=1)
@@ -37,10 +49,10 @@ def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
     table.add_column(overflow="fold")
     made = [finding for finding in found if finding.verdict in _MARKS]
     for group, findings in groupby(made, key=lambda finding: finding.group):
-        table.add_row("", Text(group, style="bold"), "")
+        if grouped:
+            table.add_row("", Text(group, style="bold"), "")
         for finding in findings:
             table.add_row(Text(*_MARKS[finding.verdict]), finding.name, Text(finding.detail))
-    screen.show(views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw))
     screen.show(table)
     left_out = [finding for finding in found if finding.verdict not in _MARKS]
     for why in dict.fromkeys(finding.detail for finding in left_out):
@@ -52,22 +64,20 @@ def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
             screen.show(Text(f"\n{head}", style="bold"))
         for finding in remedies:
             screen.plain(f"  {finding.name}: {finding.fix}")
-    if not _missing(found):
-        screen.plain("\nReady")
-        screen.next((f"adaptsim run-iteration {same_lab(config.task, config.hw, config.world)}", "the first trials"))
 
 
 def as_json(found: Sequence[Finding], config: Config) -> dict[str, Any]:
     """The checklist for `doctor --json`."""
     told = [{**asdict(finding), "verdict": finding.verdict.value} for finding in found]
-    return {"ready": not _missing(found), "hw": config.hw, "task": config.task, "checks": told}
+    return {"ready": not missing_in(found), "hw": config.hw, "task": config.task, "checks": told}
 
 
 def require(found: Sequence[Finding]) -> None:
     """Raises PreflightFailed naming what is missing."""
-    if names := _missing(found):
+    if names := missing_in(found):
         raise PreflightFailed(f'not ready: {", ".join(names)}. Each remedy is listed above, and under "fix" in --json')
 
 
-def _missing(found: Sequence[Finding]) -> list[str]:
+def missing_in(found: Sequence[Finding]) -> list[str]:
+    """The names of what is missing."""
     return [finding.name for finding in found if finding.verdict is Severity.MISSING]

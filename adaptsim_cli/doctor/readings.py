@@ -175,8 +175,8 @@ def arm(model: str, settings: FrankaSettings) -> Inspection:
     return inspect(model, settings, realtime=kernel()[1])
 
 
-def cameras() -> ProbeReport:
-    """The cameras that are plugged in."""
-    from hw.camera.probe import probe_k4a
+def cameras(kind: str) -> ProbeReport:
+    """The cameras of this kind that are plugged in."""
+    from hw.camera.probe import probe_k4a, probe_realsense
 
-    return probe_k4a(patience_s=LOOK_S)
+    return (probe_realsense if kind == "realsense" else probe_k4a)(patience_s=LOOK_S)

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 
 from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.devices.rig_file.description import RigDescription
-from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
+from adaptsim_cli.devices.rig_file.reading import practised, rig_of, tasks_with_tools
 from adaptsim_cli.errors import CliError
 from calib.errors import CalibrationError
 from hw.errors import CameraError, DeviceUnavailable, MotionRefused
@@ -107,6 +107,11 @@ def add_check(
 def real(lab: Examined) -> str:
     """Only for a real arm."""
     return "hw = fake needs none" if lab.config.is_simulated else ""
+
+
+def described(lab: Examined) -> str:
+    """Only with a rig file: of a real arm, or of a setup that is practised."""
+    return "" if practised(lab.config) else with_rig(lab)
 
 
 def with_rig(lab: Examined) -> str:

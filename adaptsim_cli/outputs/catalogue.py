@@ -65,7 +65,6 @@ OUTPUTS: Mapping[str, type[Output]] = {
     "checkpoints parameters": learning.CheckpointParameters,
     "config show": rig.Settings,
     "config path": rig.Places,
-    "config init": rig.Initialised,
     "lab list": learning.Worlds,
     "lab show": learning.World,
 }

@@ -236,15 +236,6 @@ class Places(Output):
     project_file: str = said("settings of this folder")
 
 
-class Initialised(Output):
-    """Files that were written about the lab."""
-
-    settings: str = said("settings file")
-    settings_written: bool = said("false if there was one, which is unchanged")
-    rig_file: str | None = said("rig file; null without a real arm")
-    rig: dict[str, Any] | None = said("its contents")
-
-
 class PartFile(Output):
     """One solid to print."""
 

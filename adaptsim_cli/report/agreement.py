@@ -44,7 +44,7 @@ class Agreement:
     bias: float  # mean of observed minus predicted
     bias_low: float  # 95 % interval of it
     bias_high: float
-    unit: str  # of the errors: "mm" for a place, else the unit of the observed quantity
+    unit: str  # of the errors: "mm" on the table, else that of the observed quantities
 
     @property
     def inside(self) -> int:
@@ -69,31 +69,31 @@ class Agreement:
 
 
 def agreement(
-    trials: Sequence[TrialRecord], predictions: Mapping[int, Prediction] | None, is_place: bool, std: float
+    trials: Sequence[TrialRecord], predictions: Mapping[int, Prediction] | None, unit: str, std: float
 ) -> Agreement | None:
     """The agreement of trials with their predictions; None without a trial. `std` is that of single trials."""
     if not trials:
         return None
-    rows = tuple(_row(trial, predictions[trial.trial] if predictions else None, is_place) for trial in trials)
+    rows = tuple(_row(trial, predictions[trial.trial] if predictions else None, unit) for trial in trials)
     off = np.array([row.observed - row.predicted for row in rows])
     half = Z95 * max(std, float(off.std(ddof=1)) if len(off) > 1 else 0.0) / len(off) ** 0.5
     bias = float(off.mean())
-    return Agreement(rows, bias, bias - half, bias + half, "mm" if is_place else "")
+    return Agreement(rows, bias, bias - half, bias + half, unit)
 
 
-def end_error(observed: Array, expected: Array, is_place: bool) -> float:
-    """Mean distance of expected ends (N, k) from the observed one (k,): in mm of x and y, or in the unit given."""
-    columns = slice(0, 2) if is_place else slice(None)
+def end_error(observed: Array, expected: Array, unit: str) -> float:
+    """Mean distance of expected ends (N, k) from the observed one (k,): in mm of x and y, or in another unit of all."""
+    columns = slice(0, 2) if unit == "mm" else slice(None)
     away = np.linalg.norm(expected[:, columns] - observed[columns], axis=1)
-    return float(away.mean()) * (1e3 if is_place else 1.0)
+    return float(away.mean()) * (1e3 if unit == "mm" else 1.0)
 
 
-def _row(trial: TrialRecord, prediction: Prediction | None, is_place: bool) -> Row:
+def _row(trial: TrialRecord, prediction: Prediction | None, unit: str) -> Row:
     before = after = None
     if prediction is not None:
         seen = trial.track.track().at(prediction.t_s[-1:])[0, list(prediction.columns)]
-        before = end_error(seen, prediction.guess[-1:], is_place)
-        after = end_error(seen, prediction.likely[:, -1], is_place)
+        before = end_error(seen, prediction.guess[-1:], unit)
+        after = end_error(seen, prediction.likely[:, -1], unit)
     return Row(
         trial.trial, trial.predicted_reward, trial.predicted_low, trial.predicted_high, trial.reward, before, after
     )

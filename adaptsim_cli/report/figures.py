@@ -35,6 +35,13 @@ class HeldOut:
     before: float  # median error of the predicted ends, for parameters drawn from the prior
     after: float  # the same for the posterior
 
+    @property
+    def in_words(self) -> str:
+        """Whether to believe the posterior, in one sentence."""
+        if self.after < self.before:
+            return "Believe the posterior rather than the prior: it predicts trials that it never saw better."
+        return "Do not believe the posterior: it predicts trials that it never saw no better than the prior."
+
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
@@ -45,7 +52,7 @@ class Judgement:
     first: RewardEstimate  # of the first policies, under the last posterior
     adapted: RewardEstimate | None  # of the policy at the best parameters; None without a result
     udr: RewardEstimate  # of policies for all of Omega
-    is_place: bool  # whether errors are distances on the table
+    unit: str  # of the errors of predicted ends: "mm" on the table, else that of the observed quantities
     held_out: HeldOut | None = None  # None: no trial was held out
 
 

@@ -149,7 +149,7 @@ def render(
         ],
         known=known,
         agreement=agreement(
-            trials, known.predictions if known else None, known is not None and known.is_place, trial_std(facts.task)
+            trials, known.predictions if known else None, known.unit if known else "", trial_std(facts.task)
         ),
         measured_udr=reference is not None,
         confirmed=len(confirmed),
@@ -185,6 +185,7 @@ def _compiled(template: str) -> Template:
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["plain"] = plain
+    environment.filters["rounded"] = lambda value: plain(float(f"{value:.2g}"))
     return environment.from_string((resources.files("adaptsim_cli.report") / template).read_text(encoding="utf-8"))
 
 

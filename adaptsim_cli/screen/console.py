@@ -24,6 +24,8 @@ from rich.text import Text
 from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, pictures, views
 from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
+from adaptsim_cli.screen.presses import Presses
+from adaptsim_cli.screen.speaking import Speaker
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
 from hw.errors import HardwareError
@@ -33,9 +35,12 @@ from sim.errors import ClusterUnavailable, NotExecutable, RolloutError, SolverFa
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+    from hw.ports import Pedal
 
 ANSWERING = "answering"
 """The stage of the time spent waiting for answers."""
+AGAIN = "(again)"
+"""Two presses of the pedal at a question without r."""
 END = "(end of input)"
 """The answer that listeners get at the end of input."""
 
@@ -67,14 +72,25 @@ class Listener(Protocol):
 class Screen:
     """The terminal, or its stand-in."""
 
-    def __init__(self, *, as_json: bool = False, console: Console | None = None) -> None:
+    def __init__(self, *, as_json: bool = False, console: Console | None = None, leads: bool = True) -> None:
+        """`leads`: it shows next commands; a walk through several commands shows its own."""
         loading.clear()
+        self._leads = leads
         self._as_json = as_json
         self._console = console or CleanConsole(stderr=as_json, highlight=False, markup=False)
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
         self._listeners: list[Listener] = []
         self._noted: list[str] = []
         self._stopwatch = Stopwatch()
+        self._pedal: Pedal | None = None
+        if os.environ.get("ADAPTSIM_SPEAK"):
+            self.tell(Speaker())
+
+    def hear(self, pedal: Pedal | None) -> None:
+        """From now on short presses of `pedal` answer questions that name keys too: one is Enter, two are r."""
+        self._pedal = pedal
+        if pedal is not None:
+            self.note("  The pedal answers too: one short press is Enter; two are r, or ask the question again")
 
     def tell(self, listener: Listener) -> None:
         """From now on `listener` also gets every wait, question, answer and warning; earlier warnings at once."""
@@ -131,7 +147,11 @@ class Screen:
         StoppedByOperator at the end of input.
         """
         while True:
-            answer = self.ask(f"{question} {prompt(listed or keys)}:")
+            typed = {key.typed for key in keys}
+            presses = {1: ""} if "" in typed else {}
+            answer = self.ask(f"{question} {prompt(listed or keys)}:", presses | {2: "r" if "r" in typed else AGAIN})
+            if answer == AGAIN:
+                continue
             if answer == HELP:
                 self.show(views.keys(explain, explained(keys)))
             elif (key := chosen(keys, answer)) is not None:
@@ -151,9 +171,17 @@ class Screen:
         if self.choose(question, enter(does, then), stop(f"The command ends; {kept}.")) == "q":
             raise StoppedByOperator(f"stopped by the operator; {kept}")
 
-    def words(self, question: str, explain: str = "Type the answer and press Enter; q leaves.") -> str | None:
-        """Ask for a sentence; "" if it is empty, None at q, `explain` at `?`. Raises StoppedByOperator."""
-        while (answer := self.ask_text(question)) == HELP:
+    def words(
+        self,
+        question: str,
+        explain: str = "Type the answer and press Enter; q leaves.",
+        presses: Mapping[int, str] | None = None,
+    ) -> str | None:
+        """Ask for a sentence; "" if it is empty, None at q, `explain` at `?`. Raises StoppedByOperator.
+
+        `presses`: see `ask_text`.
+        """
+        while (answer := self.ask_text(question, presses)) == HELP:
             self.show(views.indent(Text(explain)))
         return None if answer in ("q", "Q") else answer
 
@@ -166,23 +194,45 @@ class Screen:
             self.note(f"  {answer} is not one of these numbers; for example {otherwise:g}")
         raise StoppedByOperator("stopped by the operator; nothing has changed")
 
-    def ask(self, question: str) -> str:
+    def ask(self, question: str, presses: Mapping[int, str] | None = None) -> str:
         """One line of answer, lower case and stripped. Raises StoppedByOperator at the end of input."""
-        return self.ask_text(question).lower()
+        return self.ask_text(question, presses).lower()
 
-    def ask_text(self, question: str) -> str:
-        """One line of answer as it was typed, stripped. Raises StoppedByOperator at the end of input."""
+    def ask_text(self, question: str, presses: Mapping[int, str] | None = None) -> str:
+        """One line of answer as it was typed, stripped. Raises StoppedByOperator at the end of input.
+
+        `presses` are the answers of so many short presses of the pedal, if one is heard.
+        """
         self._console.print(Text(question, style="bold"), end=" ")
         for listener in self._listeners:
             listener.asking(question)
         began = time.monotonic()
         with self._stopwatch.stage(ANSWERING):
-            answer = read_line()
+            answer = read_line(self._by_pedal(presses or {}))
         for listener in self._listeners:
             listener.answered(question, answer.strip(" \t\r\n") if answer else END, time.monotonic() - began)
         if not answer:
             raise StoppedByOperator("the input ended; everything completed is stored")
         return answer.strip(" \t\r\n")
+
+    def _by_pedal(self, answers: Mapping[int, str]) -> Callable[[], str | None] | None:
+        """Looks at the pedal for an answer; None without a pedal, or if no press answers."""
+        seen, pedal = Presses(), self._pedal
+        if pedal is None or not answers:
+            return None
+
+        def look() -> str | None:
+            nonlocal seen
+            now_s = time.monotonic()
+            seen = seen.after(pedal.pressed(), now_s)
+            if not (count := seen.count(now_s)):
+                return None
+            seen = Presses()
+            if (answer := answers.get(count)) is not None:
+                self.plain(answer)
+            return answer
+
+        return look
 
     @contextmanager
     def busy(self, what: str, stage: str = "") -> Iterator[None]:
@@ -248,7 +298,7 @@ class Screen:
 
         Commands stay unwrapped, to be copied.
         """
-        for index, (command, why) in enumerate(steps):
+        for index, (command, why) in enumerate(steps if self._leads else ()):
             self.plain(f"{'Next: ' if not index else '  or: '}{command}")
             self.show(Text(f"      {why}", style="dim"))
 
@@ -336,14 +386,19 @@ _WORTH_CONTINUING = (
 
 
 @contextmanager
-def how_to_continue(hint: str, interrupted: str = "interrupted; everything completed is stored") -> Iterator[None]:
-    """Add `hint` to the error that stops a run; Ctrl-C becomes Interrupted with the message `interrupted`."""
+def how_to_continue(
+    hint: str,
+    interrupted: str = "interrupted; everything completed is stored",
+    also: tuple[type[Exception], ...] = (),
+) -> Iterator[None]:
+    """Add `hint` to the error that stops a run, one of these or `also`; Ctrl-C becomes Interrupted(`interrupted`)."""
+    explained: tuple[type[Exception], ...] = (*_WORTH_CONTINUING, *also)
     try:
         yield
     except KeyboardInterrupt as error:
         stopped = Interrupted(interrupted)
         stopped.add_note(hint)
         raise stopped from error
-    except _WORTH_CONTINUING as error:
+    except explained as error:
         error.add_note(hint)
         raise

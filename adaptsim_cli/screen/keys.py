@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import select
 import sys
 import termios
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 HELP = "?"
@@ -57,11 +58,18 @@ def unknown(answer: str) -> str:
     return f"{answer if answer.isprintable() else repr(answer)} means nothing here, and nothing has happened."
 
 
-def read_line() -> str:
+LOOK_S = 0.02
+
+
+def read_line(otherwise: Callable[[], str | None] | None = None) -> str:
     """The typed line with its end, "" at the end of input.
 
     Input typed before the call does not answer the question and is discarded, because Enter may start a motion.
+    `otherwise` is asked every `LOOK_S` for an answer that comes another way.
     """
     if sys.stdin.isatty():
         termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
+        while otherwise is not None and not select.select([sys.stdin], [], [], LOOK_S)[0]:
+            if (answer := otherwise()) is not None:
+                return f"{answer}\n"
     return sys.stdin.readline()

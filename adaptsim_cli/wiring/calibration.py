@@ -95,7 +95,7 @@ def open_calibration_rig(
     with open_lab(config, get_task(config.task), drivers, screen) as lab:
         eye = lab.nominal if rough is None else rough.hand_eye()
         boxes = () if eye is None else (camera_box(eye.X_BC),)
-        held, home_rad = _held(board), np.array(BOARD_HOME_RAD)
+        held, home_rad = held_board(board), np.array(BOARD_HOME_RAD)
         cell = workcell(lab.rig, UNKNOWN_RAD, weighed(held.tool(), lab.rig.tool(BOARD)), boxes)
         devices = lab.for_calibration(held, cell, home_rad)
         yield CalibrationRig(
@@ -114,7 +114,7 @@ def open_calibration_rig(
         )
 
 
-def _held(board: Board) -> HeldBoard:
+def held_board(board: Board) -> HeldBoard:
     """The board in the gripper, as in docs/guide/calibrate.md."""
     from perception.board import draw
     from sim.lab.board import HeldBoard

@@ -91,7 +91,7 @@ class Hindsight:
             first=expected(policies_of(checkpoint, particles_of(store, 0))),
             adapted=expected([self._final(store, history[: results[-1].iteration])]) if results else None,
             udr=expected(self._of_udr),
-            is_place=_is_place(checkpoint.solver.task),
+            unit=_unit(checkpoint.solver.task),
             held_out=self._held_out(store, posteriors) if results and store.facts.held_out else None,
         )
 
@@ -132,7 +132,7 @@ class Hindsight:
                 context = held.context_of(row, np.asarray(task.reference_context))
                 ends = predicted(solver, drawn, context, held.actions[row])[:, -1]
                 seen = track.at(task.observation.times_s[-1:])[0, list(task.observation.columns)]
-                found.append(end_error(seen, ends, _is_place(task)))
+                found.append(end_error(seen, ends, _unit(task)))
             return float(np.median(found))
 
         return HeldOut(
@@ -206,9 +206,14 @@ class Reports:
             return str(error)
 
 
-def _is_place(task: Task) -> bool:
-    """Whether the first two observed columns are a place on the table."""
-    return task.goal_m is not None or not task.observation.curves
+def _unit(task: Task) -> str:
+    """The unit of an error of a predicted end: mm if the first two observed columns are a place on the table, else that
+    of all curves; empty if they differ.
+    """
+    if task.goal_m is not None or not task.observation.curves:
+        return "mm"
+    units = {curve.partition("[")[2].rstrip("]") for curve in task.observation.curves}
+    return units.pop() if len(units) == 1 else ""
 
 
 def confirmed(store: SessionStore) -> tuple[float, ...]:

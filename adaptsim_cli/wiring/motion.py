@@ -26,18 +26,24 @@ PATHS = ("approach", "task", "way back")
 class PlannedMotion:
     """The three paths of a trial, and how close they come to every limit."""
 
-    task: Task
-    arm: str
+    there: MountedTask
     context: Array  # (c,)
     action: Array  # (a,)
     paths: tuple[JointPath, JointPath, JointPath]
     reports: tuple[LimitReport, LimitReport, LimitReport]
 
+    @property
+    def task(self) -> Task:
+        """The task with the tool as mounted."""
+        return self.there.task
+
     def page(self) -> Preview:
         """The motion in a browser."""
         from sim.lab.preview import Preview
 
-        return Preview(self.task, self.context, self.paths)
+        page, area, cell = Preview(self.task, self.context, self.paths), self.there.area, self.there.cell
+        page.surround(cell.table, area.x_m, area.y_m, cell.keep_out)
+        return page
 
     def next_step(self, config: Config) -> tuple[str, str]:
         """The command that makes this motion, and what it does."""
@@ -50,7 +56,7 @@ class PlannedMotion:
         """The object that `preview --json` prints."""
         return {
             "task": self.task.name,
-            "arm": self.arm,
+            "arm": self.there.cell.arm.name,
             "units": {d.name: d.unit for space in (self.task.context, self.task.action) for d in space.dimensions},
             "context": dict(zip(self.task.context.names, self.context.tolist(), strict=True)),
             "action": dict(zip(self.task.action.names, self.action.tolist(), strict=True)),
@@ -70,7 +76,7 @@ class PlannedMotion:
         from adaptsim_cli.screen import views
 
         approach, task, back = self.reports
-        head = Text.assemble((f"{self.arm}: ", "bold"), f"{self.paths[1].duration_s:.2f} s of motion")
+        head = Text.assemble((f"{self.there.cell.arm.name}: ", "bold"), f"{self.paths[1].duration_s:.2f} s of motion")
         body = [
             (c.quantity, c.where, f"{c.t_s:.2f}", f"{c.value:.4g}", f"{c.limit:.4g} {c.unit}", f"{100 * c.ratio:.0f} %")
             for c in sorted(task.checks, key=lambda check: -check.ratio)
@@ -96,7 +102,7 @@ _COLUMNS = ("quantity", "where", "t_s", "value", "limit", "unit", "ratio")
 
 def mounted_for(resolved: Resolved, arm: str | None) -> MountedTask:
     """The task on the named `arm` with default settings; else in the lab of the rig file, if the settings name a real
-    arm; else on a Panda.
+    arm or practise a setup; else on a Panda.
 
     Raises UsageError, NoHardware, NotExecutable, SessionError for an unreadable calibration, PreflightFailed for a
     stale touch-off.
@@ -105,7 +111,7 @@ def mounted_for(resolved: Resolved, arm: str | None) -> MountedTask:
 
     from adaptsim_cli.devices.mounted import mounted, mounted_as_shipped
     from adaptsim_cli.devices.rig_file.description import Model
-    from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
+    from adaptsim_cli.devices.rig_file.reading import practised, rig_of, tasks_with_tools
     from adaptsim_cli.wiring.calibration import current_calibration
     from adaptsim_cli.wiring.touch_off import correction_by, touch_off_of
     from hw.collision import camera_box
@@ -113,7 +119,7 @@ def mounted_for(resolved: Resolved, arm: str | None) -> MountedTask:
 
     config = resolved.config
     task, models = get_task(config.task), get_args(Model)
-    if arm is not None or config.is_simulated:
+    if arm is not None or (config.is_simulated and not practised(config)):
         if arm not in (None, *models):
             raise UsageError(f"--arm {arm}: choose one of {', '.join(models)}")
         return mounted_as_shipped(task, cast(Model, arm or "panda"))
@@ -140,4 +146,4 @@ def planned(there: MountedTask, context: Sequence[str], action: Sequence[str]) -
     how = views.point(task.action, action, middle, "--action")
     paths = there.paths(there.hardware.plan(where, how))
     approach, motion, back = (there.cell.require(path) for path in paths)
-    return PlannedMotion(task, there.cell.arm.name, where, how, paths, (approach, motion, back))
+    return PlannedMotion(there, where, how, paths, (approach, motion, back))

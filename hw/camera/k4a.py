@@ -1,5 +1,5 @@
-"""An Azure Kinect, or a Femto Bolt, behind `hw.ports.Camera`: colour 1280 x 720 and depth 640 x 576 at 30 FPS, exposed
-together, each with the device's own time, which is mapped to the arm's clock (the host's monotonic clock).
+"""A live camera behind `hw.ports.Camera`: colour and depth at 30 FPS, exposed together, with the device's own time,
+which is mapped to the arm's clock (the host's monotonic clock).
 """
 
 from __future__ import annotations
@@ -8,12 +8,13 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 from hw.camera import k4a_library
+from hw.camera.capture import Captured
 from hw.camera.clock import DeviceClock
 from hw.camera.grabber import Film, Grabber, TimedCapture
-from hw.camera.k4a_device import COLOUR_MODE, DEPTH_MODE, RATE_HZ, ColourSettings, K4aDevice
+from hw.camera.k4a_device import RATE_HZ, ColourSettings, K4aDevice
 from hw.camera.k4a_library import K4aLibrary
 from hw.camera.probe import probe_k4a
 from hw.errors import CameraError, DeviceUnavailable
@@ -25,6 +26,41 @@ MOST_LOST = 0.25
 _log = logging.getLogger(__name__)
 
 
+class Device(Protocol):
+    """The driver of one camera. Each method may raise CameraError or DeviceUnavailable."""
+
+    modes: tuple[str, str]  # of colour and depth
+
+    def open(self, serial: str | None) -> None:
+        """Open the camera with this serial number, or the only one."""
+        ...
+
+    def model(self) -> CameraModel:
+        """The factory calibration, for the modes in use."""
+        ...
+
+    def set_colour(self, wanted: ColourSettings) -> ColourSettings:
+        """Fix exposure, white balance and gain; return the values that the device then reports."""
+        ...
+
+    def start(self, *, infrared: bool) -> None:
+        """Colour and depth at 30 FPS, exposed together."""
+        ...
+
+    def next_capture(self) -> Captured | None:
+        """The next capture with all images; None if none came within half a second, or an image is missing."""
+        ...
+
+    def close(self) -> None:
+        """Stop and close; safe to call again."""
+        ...
+
+
+def kinect(now_s: Callable[[], float]) -> Device:
+    """An Azure Kinect or a Femto Bolt, not open. Raises DeviceUnavailable without libk4a or a camera."""
+    return K4aDevice(probed_library(), now_s)
+
+
 def probed_library() -> K4aLibrary:
     """libk4a, after a child process has shown that it can be loaded and sees a camera. Raises DeviceUnavailable."""
     report = probe_k4a()
@@ -33,7 +69,7 @@ def probed_library() -> K4aLibrary:
     return k4a_library.load(report.library)
 
 
-class KinectCamera:
+class LiveCamera:
     """Entering takes about three seconds: probe, start, and map the device's clock."""
 
     def __init__(
@@ -43,19 +79,20 @@ class KinectCamera:
         *,
         infrared: bool = False,
         latency_s: float = 0.0,
-        library: Callable[[], K4aLibrary] = probed_library,
+        device: Callable[[Callable[[], float]], Device] = kinect,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         """`now_s` is the arm's clock: the monotonic one, which libk4a stamps with too. Raises ValueError."""
         if latency_s < 0.0:
             raise ValueError(f"a camera latency of {latency_s:g} s: it must be 0 or more")
         self._serial, self._wanted, self._infrared = serial, settings, infrared
-        self._latency_s, self._library, self._now_s = latency_s, library, now_s
-        self._device: K4aDevice | None = None
+        self._latency_s, self._driver, self._now_s = latency_s, device, now_s
+        self._device: Device | None = None
         self._grabber: Grabber | None = None
         self._model: CameraModel | None = None
         self._settings: ColourSettings | None = None
         self._film: Film | None = None
+        self._modes = ("", "")
 
     def __enter__(self) -> Self:
         """Raises DeviceUnavailable without library or camera, CameraError if the camera does not start."""
@@ -67,14 +104,14 @@ class KinectCamera:
 
         Raises as entering does.
         """
-        progress("looking for libk4a and its cameras")
-        device = self._device = K4aDevice(self._library(), self._now_s)
+        progress("looking for cameras")
+        device = self._device = self._driver(self._now_s)
         try:
             progress("opening the camera and reading its calibration")
             device.open(self._serial)
             self._model = device.model()
-            self._settings = device.set_colour(self._wanted)
-            progress("starting the depth engine")
+            self._settings, self._modes = device.set_colour(self._wanted), device.modes
+            progress("starting the cameras")
             device.start(infrared=self._infrared)
             progress("waiting for the first images")
             clock = DeviceClock(delay_s=0.5e-6 * self._settings.exposure_us + self._latency_s)
@@ -125,7 +162,7 @@ class KinectCamera:
             }
         return {
             "serial": self.model().serial,
-            "modes": [COLOUR_MODE, DEPTH_MODE],
+            "modes": list(self._modes),
             "settings": self.settings.as_json(),
             "latency_s": self._latency_s,
             "recording": last,

@@ -47,7 +47,9 @@ class ColourSettings:
 
 
 class K4aDevice:
-    """Opens on `open`. Not thread-safe, except that `next_capture` may run in a thread of its own."""
+    """`hw.camera.k4a.Device`. Not thread-safe, except that `next_capture` may run in a thread of its own."""
+
+    modes = (COLOUR_MODE, DEPTH_MODE)
 
     def __init__(self, library: K4aLibrary, now_s: Callable[[], float] = time.monotonic) -> None:
         self._library, self._now_s = library, now_s

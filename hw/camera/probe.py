@@ -1,4 +1,4 @@
-"""Looks for libk4a and its cameras in a child process: a library that crashes ends only the child."""
+"""Looks for cameras and the library that serves them in a child process: a library that crashes ends only the child."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from hw.camera import k4a_library
+from hw.camera import k4a_library, realsense
 from hw.camera.k4a_library import INSTALL, K4aLibrary
 from hw.camera.k4a_types import SUCCEEDED, HardwareVersion
 from hw.errors import DeviceUnavailable
 
+REALSENSE = "pyrealsense2"
 _MARK = "K4A-PROBE "  # libk4a may write to stdout too
 _PATIENCE_S = 20.0
 _CHILD = (sys.executable, "-P", "-m", "hw.camera.probe")
@@ -37,11 +39,11 @@ class FoundDevice:
 
 @dataclass(frozen=True)
 class ProbeReport:
-    """The child's findings about libk4a."""
+    """The child's findings about the library and its cameras."""
 
     library: str | None  # the file loaded; None: none found
     version: str | None  # of the library, from the name of its file
-    maker: str | None  # "Microsoft" or "Orbbec"
+    maker: str | None  # "Microsoft", "Orbbec" or "Intel"
     depth_engine: bool  # whether the closed library that turns raw readings into depth is found
     devices: tuple[FoundDevice, ...]
     error: str | None  # None if at least one camera can be used
@@ -71,6 +73,16 @@ def probe_k4a(file: str | None = None, patience_s: float = _PATIENCE_S, child: S
     chosen = file or k4a_library.library_file()
     if chosen is None:
         return _nothing(None, "libk4a, the camera's library, is not installed", _sentence(INSTALL))
+    return _asked(child, chosen, patience_s, INSTALL)
+
+
+def probe_realsense(patience_s: float = _PATIENCE_S, child: Sequence[str] = _CHILD) -> ProbeReport:
+    """The same for the cameras that `pyrealsense2` sees."""
+    return _asked(child, REALSENSE, patience_s, realsense.INSTALL)
+
+
+def _asked(child: Sequence[str], chosen: str, patience_s: float, install: str) -> ProbeReport:
+    """The report of a child process that looks with the library `chosen`."""
     try:
         ended = subprocess.run(
             [*child, chosen],
@@ -87,7 +99,7 @@ def probe_k4a(file: str | None = None, patience_s: float = _PATIENCE_S, child: S
     answer = next((line for line in reversed(ended.stdout.splitlines()) if line.startswith(_MARK)), None)
     if answer is None:
         why = f"{chosen} ended its process ({_how(ended.returncode)}) while it listed the cameras"
-        return _nothing(chosen, why, f"The installation is damaged or does not fit this machine: {INSTALL}")
+        return _nothing(chosen, why, f"The installation is damaged or does not fit this machine: {install}")
     return _report(json.loads(answer.removeprefix(_MARK)))
 
 
@@ -108,6 +120,22 @@ def look(library: K4aLibrary, file: str, maps: str) -> ProbeReport:
         error=None if usable else error,
         fix=None if usable else fix,
     )
+
+
+def look_realsense(devices: Sequence[Any]) -> ProbeReport:
+    """The devices of `pyrealsense2`, each with its firmware; one at a USB 2 port cannot be used."""
+    sdk = import_module(REALSENSE)
+    info = sdk.camera_info
+    found = []
+    for index, device in enumerate(devices):
+        told = {key: device.get_info(key) for key in (info.serial_number, info.firmware_version)}
+        usb = device.get_info(info.usb_type_descriptor) if device.supports(info.usb_type_descriptor) else ""
+        why = f"it is at a USB {usb} port, too slow for colour and depth" if usb.startswith("2") else None
+        found.append(FoundDevice(index, told[info.serial_number], told[info.firmware_version], why))
+    usable = any(device.error is None for device in found)
+    error = None if usable else found[0].error if found else f"{REALSENSE} finds no camera"
+    fix = None if usable else "plug the camera into a USB 3 port of its own, with the cable that came with it"
+    return ProbeReport(REALSENSE, sdk.__version__, "Intel", True, tuple(found), error, fix)
 
 
 def _device(library: K4aLibrary, index: int) -> FoundDevice:
@@ -159,6 +187,11 @@ def _sentence(text: str) -> str:
 
 
 def _child(file: str) -> ProbeReport:
+    if file == REALSENSE:
+        try:
+            return look_realsense(realsense.plugged_in())
+        except DeviceUnavailable as error:
+            return _nothing(REALSENSE, str(error), realsense.INSTALL)
     try:
         library = k4a_library.load(file)
     except DeviceUnavailable as error:

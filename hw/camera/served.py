@@ -10,50 +10,79 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from importlib import import_module
 from multiprocessing.connection import Connection
 
-from hw.camera.k4a import KinectCamera
-from hw.child import Call
+from hw.camera.grabber import Film
+from hw.camera.k4a import LiveCamera
+from hw.camera.messages import (
+    Failed,
+    Open,
+    Opened,
+    Recorded,
+    Request,
+    Snapshot,
+    Started,
+    StartRecording,
+    Step,
+    StopRecording,
+)
+from hw.camera.realsense import RealSenseDevice
 from hw.errors import CameraError, DeviceUnavailable
 
 ORPHAN_S = 1.0
 """How long a driver may block the process after the program has ended."""
 
-CONNECT, END_FILM = "connect", "end_film"
-"""The two calls with answers of their own: the steps of connecting (text), then (model, facts); and (number of images,
-`Film` without them, facts), then each image. Others are methods of `KinectCamera`. An answer may be an error instead.
-"""
+Make = Callable[[Open], LiveCamera]
 
 
-def serve(program: Connection, make: Callable[..., KinectCamera]) -> None:
-    """Answer calls until the program hangs up; `make` takes the arguments of `KinectCamera`."""
-    camera: KinectCamera | None = None
+def kinect(asked: Open) -> LiveCamera:
+    """The camera that is plugged in."""
+    return LiveCamera(asked.serial, asked.settings, infrared=asked.infrared, latency_s=asked.latency_s)
+
+
+def realsense(asked: Open) -> LiveCamera:
+    """The RealSense that is plugged in."""
+    return LiveCamera(
+        asked.serial, asked.settings, infrared=asked.infrared, latency_s=asked.latency_s, device=RealSenseDevice
+    )
+
+
+def serve(program: Connection, make: Make) -> None:
+    """Answer requests until the program hangs up."""
+    camera: LiveCamera | None = None
     try:
         with suppress(EOFError, OSError):
             while True:
-                call: Call = program.recv()
+                request: Request = program.recv()
                 try:
-                    if call.method == CONNECT:
-                        serial, settings, infrared, latency_s = call.arguments
-                        camera = make(serial, settings, infrared=infrared, latency_s=latency_s)
-                        camera.connect(program.send)
-                        program.send((camera.model(), camera.facts()))
+                    if isinstance(request, Open):
+                        camera = make(request)
+                        camera.connect(lambda doing: program.send(Step(doing)))
+                        program.send(Opened(camera.model(), camera.settings, camera.facts()))
                     elif camera is None:
-                        program.send(DeviceUnavailable("the camera is not connected"))
-                    elif call.method == END_FILM:
-                        film = camera.end_film()
-                        program.send((len(film.shots), replace(film, shots=()), camera.facts()))
-                        for shot in film.shots:
-                            program.send(shot)
+                        program.send(Failed("the camera is not connected", unavailable=True))
                     else:
-                        program.send(getattr(camera, call.method)(*call.arguments))
+                        _answer(program, camera, request)
                 except (CameraError, DeviceUnavailable) as error:
-                    program.send(error)
+                    program.send(Failed(str(error), isinstance(error, DeviceUnavailable)))
     finally:
         if camera is not None:
             camera.__exit__()
+
+
+def _answer(program: Connection, camera: LiveCamera, request: Request) -> None:
+    if isinstance(request, Snapshot):
+        program.send(camera.shot())
+    elif isinstance(request, StartRecording):
+        camera.start_recording()
+        program.send(Started())
+    elif isinstance(request, StopRecording):
+        film: Film = camera.end_film()
+        facts = camera.facts()
+        program.send(Recorded(len(film.shots), film.dropped, film.longest_gap_s, film.clock, facts))
+        for one in film.shots:
+            program.send(one)
 
 
 def end_with(pipe: int) -> None:

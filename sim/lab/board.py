@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hw.collision import HAND, HAND_MASS, Capsule, Tool
 from hw.kinematics import FLANGE
-from hw.mass import box
+from hw.mass import Mass, box
 from hw.types import Array
 from sim.panda.shapes import Primitive, mesh
 from sim.types import Texture, Visual
@@ -61,6 +61,13 @@ class HeldBoard:
         width, height = self.size_m
         return replace(self, size_m=(factor * width, factor * height))
 
+    @property
+    def mass_F(self) -> Mass:
+        """The plate's mass in the flange frame, without the hand."""
+        width, height = outline_m = np.array(self.size_m) + 2 * MARGIN_M
+        centre_m = (*(outline_m / 2.0 - MARGIN_M), THICKNESS_M / 2)
+        return box(BOARD_KG_M2 * width * height, (width, height, THICKNESS_M), centre_m).placed(self.X_FM)
+
     def tool(self) -> Tool:
         """The hand with the plate, as capsules side by side, for the checks of `hw.limits`."""
         width, height = (length + 2 * MARGIN_M for length in self.size_m)
@@ -73,10 +80,7 @@ class HeldBoard:
             ends = np.array([[along, y, THICKNESS_M / 2] for y in rows])
             start, end = ends @ X[:3, :3].T + X[:3, 3]
             plate.append(Capsule(f"board strip {i + 1}", FLANGE, start, end, _CAPSULE_M + _CLEARANCE_M))
-        outline_m = np.array([width, height])
-        centre_m = (*(outline_m / 2.0 - MARGIN_M), THICKNESS_M / 2)
-        board = box(BOARD_KG_M2 * width * height, (width, height, THICKNESS_M), centre_m)
-        return Tool("calibration board", HAND_MASS + board.placed(X), (*HAND, *plate))
+        return Tool("calibration board", HAND_MASS + self.mass_F, (*HAND, *plate))
 
     def visuals(self) -> tuple[Visual, ...]:
         """Plate with the print on its face, and the tab in the gripper; fixed to the flange."""

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatAnimation, MeshcatParams, Rgba
+from pydrake.geometry import Box, Meshcat, MeshcatAnimation, MeshcatParams, Rgba
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
+from hw.collision import KeepOut, Table
 from hw.types import Array, JointPath
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.shapes import visuals
@@ -21,6 +22,10 @@ from sim.tasks.task import Task
 from sim.types import Visual
 
 FRAMES_PER_S = 30.0
+SEEN_M = 1.5
+"""What stands around an arm is drawn up to this far from the arm's base, along each axis."""
+_LIFT_M = 0.002  # of the work area, so that it lies above the table top
+_AREA, _BOX = Rgba(0.2, 0.6, 0.3, 0.4), Rgba(0.8, 0.2, 0.1, 0.25)
 
 
 class Preview:
@@ -60,6 +65,20 @@ class Preview:
         for clutter in ("/Grid", "/Axes"):
             self._meshcat.SetProperty(clutter, "visible", False)
         self._meshcat.SetCameraPose(vector(1.25, -0.95, 0.75), vector(0.45, 0.0, 0.2))
+
+    def surround(
+        self, table: Table, x_m: tuple[float, float], y_m: tuple[float, float], boxes: Sequence[KeepOut]
+    ) -> None:
+        """Draw a rig around it, as far as `SEEN_M`: the work area `x_m` by `y_m` on its table, and keep-out boxes."""
+        self._meshcat.Delete("/rig")
+        corners = [(x, y) for x in np.clip(x_m, -SEEN_M, SEEN_M) for y in np.clip(y_m, -SEEN_M, SEEN_M)]
+        at = np.array([[x, y, _LIFT_M + table.height_m + table.slope_x * x + table.slope_y * y] for x, y in corners])
+        self._meshcat.SetTriangleMesh("/rig/area", at.T, np.array([[0, 2, 1], [1, 2, 3]], np.int32).T, _AREA)
+        for number, box in enumerate(boxes):
+            low_m, high_m = np.maximum(box.low_m, -SEEN_M), np.minimum(box.high_m, SEEN_M)
+            if (low_m < high_m).all():
+                self._meshcat.SetObject(f"/rig/box-{number}", Box(*(high_m - low_m).tolist()), _BOX)
+                self._meshcat.SetTransform(f"/rig/box-{number}", RigidTransform(vector(*(low_m + high_m) / 2.0)))
 
     @property
     def url(self) -> str:

@@ -69,14 +69,6 @@ def test_a_bad_environment_variable_is_refused(home: Path, project: Path) -> Non
         load(home, project, ADAPTSIM_WRLD="wd")
 
 
-def test_the_template_is_a_valid_file_of_defaults(home: Path, project: Path) -> None:
-    lines = [line.removeprefix("#") for line in config.template().splitlines() if not line.startswith("# ")]
-    (project / "adaptsim.toml").write_text("\n".join(lines))
-    found = load(home, project)
-    assert found.config == load(home, project.parent).config
-    assert set(found.sources.values()) == {str(project / "adaptsim.toml")}
-
-
 def test_every_documented_variable_may_be_set(tmp_path: Path) -> None:
     root = Path(__file__).parents[2]
     pages = (*root.glob("*.md"), *(root / "docs").rglob("*.md"))

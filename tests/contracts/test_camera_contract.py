@@ -19,15 +19,18 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "lab": cameras.lab,
     "board-lab": cameras.board_lab,
     "kinect": cameras.kinect,
+    "realsense": cameras.realsense,
 }
 REAL = pytest.param(cameras.real_kinect, id="real", marks=pytest.mark.hardware)
-LIVE = ("lab", "board-lab", "kinect")
-SPOILT = ("fake", "lab", "kinect")
+LIVE = ("lab", "board-lab", "kinect", "realsense")
+SPOILT = ("fake", "lab", "kinect", "realsense")
 ROUNDING_S = 1e-5
 
 
 def over(*names: str) -> list[object]:
-    return [pytest.param(SCENES[name], id=name) for name in names]
+    """Those that need an extra of the program are marked so."""
+    marks = {"realsense": pytest.mark.extra}
+    return [pytest.param(SCENES[name], id=name, marks=marks.get(name, ())) for name in names]
 
 
 @pytest.fixture(params=[*over(*SCENES), REAL])

@@ -11,10 +11,11 @@ from typing import Self, TypeVar
 
 import numpy as np
 from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, frames, kinect_library
+from staged_realsense import SoftRealSense
 
-from hw.camera.k4a import KinectCamera
+from hw.camera.k4a import Device, LiveCamera
 from hw.camera.k4a_device import ColourSettings
-from hw.camera.process import CameraProcess
+from hw.camera.process import open_camera
 from hw.camera.replay import RecordedCamera, Take
 from hw.errors import CameraError
 from hw.fake import FakeCamera
@@ -116,27 +117,30 @@ def board_lab() -> Scene:
     return Scene(built.camera, swing, lambda: built.arm.state().t_s, rate_hz=15.0)
 
 
-class StagedKinect:
-    """A `KinectCamera` on the stand-in of libk4a, and somebody who shows it captures whenever it waits for one."""
+class Staged:
+    """A `LiveCamera` on a stage, and somebody who shows it captures whenever it waits for one."""
 
-    def __init__(self) -> None:
+    def __init__(self, make: Callable[[], FakeK4a | SoftRealSense]) -> None:
         settings = ColourSettings()
-        self._library = _library()
-        self._camera = KinectCamera(
+        self._make, self._library = make, make()
+        self._camera = LiveCamera(
             None,
             settings,
             latency_s=DELAY_S - 0.5e-6 * settings.exposure_us,
-            library=lambda: self._library,
+            device=self._driver,
             now_s=self.now_s,
         )
         self._next_s = self.now_s()  # middle of the next exposure
         self.loses = False  # every other capture of the next film
 
+    def _driver(self, now_s: Callable[[], float]) -> Device:
+        return self._library.driver(now_s)
+
     def now_s(self) -> float:
         return self._library.clock.now_s()
 
     def __enter__(self) -> Self:
-        started, self._library = self.now_s(), _library()
+        started, self._library = self.now_s(), self._make()
         self._library.clock.advance_to(started)
         self._next_s = started
         with ThreadPoolExecutor(1) as pool:
@@ -193,13 +197,19 @@ def _library() -> FakeK4a:
 
 
 def kinect() -> Scene:
-    staged = StagedKinect()
+    staged = Staged(_library)
+    return Scene(staged, staged.film, staged.now_s, staged.spoil)
+
+
+def realsense() -> Scene:
+    """On the SDK's own software device: the real library, without a device."""
+    staged = Staged(SoftRealSense)
     return Scene(staged, staged.film, staged.now_s, staged.spoil)
 
 
 def real_kinect() -> Scene:
     """The camera that is plugged in, or the one with the serial number in ADAPTSIM_TEST_CAMERA."""
-    camera = CameraProcess(os.environ.get("ADAPTSIM_TEST_CAMERA"))
+    camera = open_camera(os.environ.get("ADAPTSIM_TEST_CAMERA"))
 
     def pictures() -> None:
         for _ in range(10):

@@ -20,8 +20,8 @@ import cv2
 import numpy as np
 
 from hw.camera import k4a_types as k4a
-from hw.camera.k4a import KinectCamera
-from hw.camera.k4a_device import ColourSettings
+from hw.camera.k4a import LiveCamera
+from hw.camera.k4a_device import ColourSettings, K4aDevice
 from hw.camera.k4a_library import PROTOTYPES
 from hw.fake.clock import FakeClock
 
@@ -100,6 +100,10 @@ class FakeK4a:
 
     def __getattr__(self, name: str) -> Any:
         return self._callbacks[name]
+
+    def driver(self, now_s: Callable[[], float]) -> K4aDevice:
+        """The camera's driver, on this library."""
+        return K4aDevice(self, now_s)
 
     def show(self, *shown: Shown) -> None:
         """Hand these captures to the camera, one after the other, each at its time; returns when all were taken."""
@@ -283,13 +287,13 @@ def frames(start_s: float, count: int, **what: Any) -> list[Shown]:
     return [Shown(start_s + i * PERIOD_S, **what) for i in range(count)]
 
 
-def camera_on(fake: FakeK4a, serial: str | None = None, **options: Any) -> KinectCamera:
+def camera_on(fake: FakeK4a, serial: str | None = None, **options: Any) -> LiveCamera:
     settings = options.pop("settings", ColourSettings())
-    return KinectCamera(serial, settings, library=lambda: fake, now_s=fake.clock.now_s, **options)
+    return LiveCamera(serial, settings, device=fake.driver, now_s=fake.clock.now_s, **options)
 
 
 @contextmanager
-def running(fake: FakeK4a, serial: str | None = None, **options: Any) -> Iterator[KinectCamera]:
+def running(fake: FakeK4a, serial: str | None = None, **options: Any) -> Iterator[LiveCamera]:
     """A camera on `fake` that has seen 20 images, from 100 s on."""
     camera = camera_on(fake, serial, **options)
     with ThreadPoolExecutor(1) as pool:

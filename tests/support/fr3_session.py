@@ -39,6 +39,8 @@ from sim.tasks import get_task
 PROGRAM = Path(__file__).with_name("fr3_program.py")
 PATIENCE_S = 900.0
 LIFTED_LINES = 15
+LISTENS_S = 0.5
+"""From the end of a question to the moment from which the program no longer throws away what is typed."""
 HOLD = "Hold the pedal to let the arm move"
 RIG = """\
 name = "drill"
@@ -252,10 +254,6 @@ class Command:
         data = [json.loads(line) for line in self._process.stdout.read().decode().splitlines()]
         return Ended(self._process.wait(), self._said, data)
 
-    def _waits(self) -> bool:
-        """Whether the program reads keys: what is typed between a question and that is thrown away."""
-        return not termios.tcgetattr(self._screen)[3] & termios.ICANON
-
     def _cued(self) -> bool:
         motion = self._cue.recv(16).decode().strip()
         if not motion:
@@ -277,7 +275,7 @@ class Command:
         for question, answer in self._answers.items():
             if question in self._said[self._answered :]:
                 self._answered = len(self._said)
-                until(self._waits)
+                time.sleep(LISTENS_S)
                 typed = answer if isinstance(answer, str) else answer()
                 os.write(self._screen, typed.encode() + b"\n")
         if HOLD in self._said[self._held :]:

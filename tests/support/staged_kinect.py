@@ -1,7 +1,7 @@
 """A camera for `hw.camera.served` whose driver is a stand-in that shows captures by itself, in real time.
 
 `ADAPTSIM_STAGED_KINECT` says what goes wrong: "hangs N" has the driver hang at its N-th capture, "hangs open" while it
-is opened, "dies N" ends the process there, "dim N" exposes otherwise from there on.
+is opened, "hangs stop" while it is stopped, "dies N" ends the process there, "dim N" exposes otherwise from there on.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import Any
 from fake_k4a import PERIOD_S, FakeK4a, Shown, kinect_library
 
 from hw.camera import k4a_types as k4a
-from hw.camera.k4a import KinectCamera
-from hw.camera.k4a_device import ColourSettings
+from hw.camera.k4a import LiveCamera
+from hw.camera.messages import Open
 
 
 class LiveK4a(FakeK4a):
@@ -32,6 +32,11 @@ class LiveK4a(FakeK4a):
             threading.Event().wait()
         return super()._device_open(index, handle)
 
+    def _device_stop_cameras(self, handle: int) -> None:
+        if self._when == "stop":
+            threading.Event().wait()
+        super()._device_stop_cameras(handle)
+
     def _device_get_capture(self, handle: int, capture: Any, timeout_ms: int) -> int:
         self._count += 1
         if self._how == "hangs" and str(self._count) == self._when:
@@ -47,7 +52,7 @@ class LiveK4a(FakeK4a):
         return k4a.SUCCEEDED
 
 
-def live(serial: str | None, settings: ColourSettings, *, infrared: bool, latency_s: float) -> KinectCamera:
-    """For `hw.camera.served`."""
+def live(asked: Open) -> LiveCamera:
+    """`hw.camera.served.Make`."""
     library = kinect_library(LiveK4a("A1"))
-    return KinectCamera(serial, settings, infrared=infrared, library=lambda: library)
+    return LiveCamera(asked.serial, asked.settings, infrared=asked.infrared, device=library.driver)

@@ -12,6 +12,7 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
 from hw.camera.k4a_device import ColourSettings
+from hw.camera.process import KINECT, REALSENSE, CameraProcess, open_camera
 from hw.collision import MOST_SLOPE, KeepOut, Side, Table, persons_side
 from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
 from hw.types import Array, frozen_array
@@ -230,8 +231,12 @@ class KeepOutPart:
 
 @dataclass(frozen=True, config=_RULES)
 class CameraPart:
-    """The Azure Kinect or Femto Bolt. Exposure and white balance are fixed, so that pictures are comparable."""
+    """The camera. Exposure and white balance are fixed, so that pictures are comparable."""
 
+    kind: Annotated[
+        Literal["k4a", "realsense"],
+        Field(description="k4a (Azure Kinect, Femto Bolt) or realsense (Intel D400 family)"),
+    ] = "k4a"
     serial: Annotated[str, Field(description="serial number; empty: the only camera plugged in")] = ""
     exposure_us: Annotated[
         int, Field(ge=500, le=33_330, description="exposure of the colour camera", json_schema_extra={"unit": "µs"})
@@ -245,6 +250,11 @@ class CameraPart:
     mains_hz: Annotated[
         Literal[50, 60], Field(description="mains frequency of the lamps, 50 or 60", json_schema_extra={"unit": "Hz"})
     ] = 60
+
+    def camera(self, *, infrared: bool = False) -> CameraProcess:
+        """The camera, not connected; `infrared` asks for that image in every frame."""
+        maker = REALSENSE if self.kind == "realsense" else KINECT
+        return open_camera(self.serial or None, self.settings(), infrared=infrared, maker=maker)
 
     def settings(self) -> ColourSettings:
         """Exposure, white balance, gain and mains frequency for the camera."""

@@ -13,8 +13,8 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from adaptsim_cli.config import Config
-from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.config import PRACTICE_FILE, Config
+from adaptsim_cli.devices.rig_file.description import RigDescription, as_shipped
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.storage.validation import plain, unknown
 from hw.bounded import Unreadable, read_table
@@ -43,9 +43,16 @@ _LIMITS = {
 }
 
 
+def practised(config: Config) -> bool:
+    """Whether the simulated lab has a rig file: that of a setup which is practised there."""
+    return config.is_simulated and Path(config.rig).name == PRACTICE_FILE
+
+
 def rig_of(config: Config, tools: Collection[str] = ()) -> RigDescription:
-    """The lab of the settings' real arm. Raises UsageError if there is no rig file, or it is for another arm."""
-    begin = f"adaptsim config init --arm {config.hw}"
+    """The lab of the settings. Raises UsageError if a real arm has no rig file, or one for another arm."""
+    if config.is_simulated:
+        return read(Path(config.rig), tools) if practised(config) else as_shipped("panda")
+    begin = f"adaptsim setup --hw {config.hw}"
     if not config.rig:
         raise UsageError(f"hw = {config.hw}: there is no rig file, so nothing has moved. Write one: {begin}")
     rig = read(Path(config.rig), tools)
@@ -72,7 +79,7 @@ def read(path: Path, tools: Collection[str] = ()) -> RigDescription:
     try:
         content = read_table(path)
     except FileNotFoundError as error:
-        raise UsageError(f"there is no rig file {path}. Write one: adaptsim config init") from error
+        raise UsageError(f"there is no rig file {path}. Write one: adaptsim setup --hw fr3") from error
     except Unreadable as error:
         raise UsageError(f"rig file {path} {error}") from error
     return described(content, str(path), tools)

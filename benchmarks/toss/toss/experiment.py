@@ -8,6 +8,7 @@ command continues. The last line is one JSON object.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import sys
 from collections.abc import Callable, Iterator
@@ -17,21 +18,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.judging import assess, final_policy
 from sim.adaptation.judging import judge as verdict_of
 from sim.adaptation.method import Iteration, Method
 from sim.adaptation.methods.adaptsim import AdaptSim
-from sim.adaptation.methods.belief import Belief
 from sim.adaptation.reality import Simulators
 from sim.adaptation.reward_table import RewardTable
-from sim.research.benchmark.sessions import Conditions, judge, run_iterations, udr_policies
+from sim.research.benchmark.sessions import Conditions, judge, judged_contexts, run_iterations, udr_policies
 from sim.research.benchmark.trial_sources import FromRecordings
 from sim.research.methods.random_search import RandomSearch
 from sim.rollouts.draws import cover
 from sim.rollouts.recorded import RecordedTrials
-from sim.rollouts.run import Requests, Rollouts, observed
+from sim.rollouts.run import Requests, observed
 from sim.rollouts.shards import read_rollouts, write_rollouts
 from sim.solvers.among import Among
 from sim.solvers.grid import PROBES, GridSolver
@@ -46,11 +47,11 @@ from toss.page import write
 GRID = 48
 """Points of the grid that fill the ranges."""
 
-BUDGET, PARTICLES, SEEDS, HELD_OUT = 20, 2, 200, 0.5
-CONDITIONS = Conditions(BUDGET, PARTICLES)
-REFERENCES = "references"
 AUTHORS_MU, AUTHORS = 0.15, 8
 """The authors' friction, and how many points of the grid have it; they state no modulus and no dissipation."""
+
+CONDITIONS, SEEDS, HELD_OUT = Conditions(budget=20, particles=2), 200, 0.5
+REFERENCES = "references"
 
 ORDER = 7
 """Seed of the order in which tosses are simulated."""
@@ -63,20 +64,78 @@ CONTEXTS = 64
 class Half:
     """One half of the tosses, with the simulator that answers for them."""
 
+    grid: GridSolver
     trials: RecordedTrials
-    solver: Among
-    prospects: RewardTable
+
+    @cached_property
+    def solver(self) -> Among:
+        """It knows only these tosses."""
+        return Among(self.grid, self.trials.actions)
+
+    @cached_property
+    def prospects(self) -> RewardTable:
+        """Exact: policies of the grid's points, in simulators at the grid's points."""
+        contexts = TASK.context.sample(np.random.default_rng(0), CONTEXTS)
+        predicted = self._predicted(contexts)
+        chosen = _best(predicted)[:, :, None]
+        rewards = np.take_along_axis(predicted, chosen, axis=1).mean(axis=0)
+        return RewardTable(self.grid.points, self.grid.points, rewards)
+
+    def earned_by_points(self, seed: int) -> Array:
+        """(K,) what the policies of the grid's points earn with the recordings of this half, averaged over goals."""
+        contexts = judged_contexts(TASK, CONDITIONS, seed)
+        every = range(len(self.trials))
+        real = np.array([self.trials.rewards(every, np.tile(context, (len(every), 1))) for context in contexts])
+        return np.asarray(np.take_along_axis(real, _best(self._predicted(contexts)), axis=1).mean(axis=0))
+
+    def _predicted(self, contexts: Array) -> Array:
+        """(G, A, K) rewards of every toss at every point of the grid."""
+        success, end = self.outcomes
+        return np.stack([success * TASK.reward_of_success(end, context) for context in contexts])
+
+    @cached_property
+    def outcomes(self) -> tuple[Array, Array]:
+        """Success (A, K) and end states (A, K, k) of every toss at every point of the grid."""
+        success, end = self.solver.outcomes(self.grid.points[None], self.trials.actions[:, None], np.zeros(0))
+        return success[0], end[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """The tosses shown to a session, and those held out for the scores."""
+
+    session: Half
+    scores: Half
+    seed: int
 
     @classmethod
-    def of(cls, grid: GridSolver, trials: RecordedTrials) -> Half:
-        """The prospects are exact: policies of the grid's points, in simulators at the grid's points."""
-        solver = Among(grid, trials.actions)
-        contexts = TASK.context.sample(np.random.default_rng(0), CONTEXTS)
-        rewards = []
-        for policy in solver.policies(grid.points[:, None], np.random.default_rng(0)):
-            acts = np.broadcast_to(policy.actions(contexts), (len(grid.points), CONTEXTS, len(TASK.action)))
-            rewards.append(solver.expected_rewards(grid.points, contexts, acts, np.random.default_rng(0)))
-        return cls(trials, solver, RewardTable(grid.points, grid.points, np.array(rewards)))
+    def of(cls, grid: GridSolver, parts: tuple[RecordedTrials, RecordedTrials], seed: int) -> Split:
+        return cls(Half(grid, parts[0]), Half(grid, parts[1]), seed)
+
+    def history(self, method: Method) -> tuple[Iteration, ...]:
+        """The whole session of a method."""
+        place = FromRecordings(self.session.trials, self.scores.trials)
+        *_, history = run_iterations(self.session.solver, method, place, CONDITIONS, self.seed)
+        return history
+
+    def final(self, name: str, history: tuple[Iteration, ...]) -> float:
+        """The reward of the final policy after this session."""
+        return self.scored(final_policy(METHODS[name](self.scores), self.scores.solver, TASK, history))
+
+    def udr(self) -> float:
+        """The mean reward of policies for all parameters."""
+        return float(np.mean([self.scored(policy) for policy in udr_policies(self.scores.solver, self.seed)]))
+
+    def scored(self, policy: SolvedPolicy) -> float:
+        """The reward of a policy with the tosses held out."""
+        place = FromRecordings(self.session.trials, self.scores.trials)
+        return judge(TASK, policy.actions, place, CONDITIONS, self.seed).reward
+
+    @property
+    def best_recorded(self) -> float:
+        """The reward of the best tosses held out, in hindsight."""
+        place = FromRecordings(self.session.trials, self.scores.trials)
+        return judge(TASK, place.best_actions, place, CONDITIONS, self.seed).reward
 
 
 def _bo(half: Half) -> Method:
@@ -94,7 +153,6 @@ def _sysid(half: Half, *, point: bool) -> Method:
 METHODS: dict[str, Callable[[Half], Method]] = {
     "adaptsim": lambda half: AdaptSim(Simulators(half.solver, half.prospects)),
     "random": lambda half: RandomSearch(TASK),
-    "adaptsim-belief": lambda half: Belief(half.solver, half.prospects),
     "bo": _bo,
     "sysid-bayes": partial(_sysid, point=False),
     "sysid-bayes-point": partial(_sysid, point=True),
@@ -118,127 +176,87 @@ def simulated(tosses: Tosses, folder: Path) -> GridSolver:
         path = folder / f"toss-{number:04d}.npz"
         found = read_rollouts(path, asked)
         if found is None:
-            found = _rolled(asked)
+            found = observed(TASK, [TASK.simulate(point, context[0], action, nothing) for point in grid.points])
             write_rollouts(path, asked, found)
             _say(f"simulated {i + 1} of {len(tosses.numbers)} tosses")
         grid.remember(action, nothing, found)
     return grid
 
 
-@dataclass(frozen=True, eq=False)
-class Seed:
-    """One split of the tosses, with the sessions and policies on it."""
-
-    grid: GridSolver
-    trials: RecordedTrials
-    number: int
-
-    @cached_property
-    def halves(self) -> tuple[Half, Half]:
-        """The half for the session, and the one for the scores."""
-        shown, held = self.trials.split(HELD_OUT, self.number)
-        return Half.of(self.grid, shown), Half.of(self.grid, held)
-
-    def run(self, name: str) -> dict[str, Any]:
-        """The results of a method; of the references and the control, for the name `REFERENCES`."""
-        session, scores = self.halves
-        if name == REFERENCES:
-            return self._references(session, scores) | _control(self.grid, self.trials, self.number)
-        history = _history(METHODS[name](session), session, scores.trials, self.number)
-        final = final_policy(METHODS[name](scores), scores.solver, TASK, history)
-        found: dict[str, Any] = {name: self._scored(final)}
-        return found | (_judged(METHODS[name](session), session, scores, history) if name == "adaptsim" else {})
-
-    def _references(self, session: Half, scores: Half) -> dict[str, Any]:
-        each = [self._scored(policy_for(scores.solver, point[None])) for point in self.grid.points]
-        theirs = policy_for(scores.solver, self.grid.points[GRID:])
-        place = FromRecordings(session.trials, scores.trials)
-        best = judge(TASK, place.best_actions, place, CONDITIONS, self.number).reward
-        return {
-            "udr": float(np.mean([self._scored(policy) for policy in udr_policies(scores.solver, self.number)])),
-            "average_particle": float(np.mean(each[:GRID])),
-            "best_of_grid": each[_best_on(session, self.grid.points, self.number)],
-            "authors": self._scored(theirs),
-            "best_recorded": best,
-        }
-
-    def _scored(self, policy: SolvedPolicy) -> float:
-        session, scores = self.halves
-        return judge(
-            TASK, policy.actions, FromRecordings(session.trials, scores.trials), CONDITIONS, self.number
-        ).reward
+def results(name: str, grid: GridSolver, trials: RecordedTrials, seed: int) -> dict[str, Any]:
+    """The results of a method with one seed; of the references and the controls, for the name `REFERENCES`."""
+    split = Split.of(grid, trials.split(HELD_OUT, seed), seed)
+    if name == REFERENCES:
+        return _references(split) | _controls(grid, trials, seed)
+    method = METHODS[name](split.session)
+    history = split.history(method)
+    found: dict[str, Any] = {name: split.final(name, history)}
+    return found | (_judged(method, split, history) if isinstance(method, AdaptSim) else {})
 
 
-def _control(grid: GridSolver, trials: RecordedTrials, seed: int) -> dict[str, float]:
+def _references(split: Split) -> dict[str, Any]:
+    each = split.scores.earned_by_points(split.seed)
+    shown = split.session.earned_by_points(split.seed + 10_000)
+    return {
+        "udr": split.udr(),
+        "average_particle": float(each[:GRID].mean()),
+        "best_of_grid": float(each[shown.argmax()]),
+        "authors": split.scored(policy_for(split.scores.solver, split.scores.grid.points[GRID:])),
+        "best_recorded": split.best_recorded,
+    }
+
+
+def _controls(grid: GridSolver, trials: RecordedTrials, seed: int) -> dict[str, float]:
     """The gain of `adaptsim` over UDR if the recorded outcomes are shuffled: in all tosses, and only in those shown."""
+    shown, held = trials.split(HELD_OUT, seed)
     found = dict[str, float]()
-    split = trials.split(HELD_OUT, seed)
-    for name, (shown, held) in {
+    for name, parts in {
         "permuted": trials.permuted(seed).split(HELD_OUT, seed),
-        "permuted_shown": (split[0].permuted(seed), split[1]),
+        "permuted_shown": (shown.permuted(seed), held),
     }.items():
-        session, scores, place = Half.of(grid, shown), Half.of(grid, held), FromRecordings(shown, held)
-        history = _history(METHODS["adaptsim"](session), session, held, seed)
-        policies = [final_policy(METHODS["adaptsim"](scores), scores.solver, TASK, history)]
-        earned = [
-            float(np.mean([judge(TASK, p.actions, place, CONDITIONS, seed).reward for p in some]))
-            for some in (policies, udr_policies(scores.solver, seed))
-        ]
-        found[name] = earned[0] - earned[1]
+        split = Split.of(grid, parts, seed)
+        history = split.history(METHODS["adaptsim"](split.session))
+        found[name] = split.final("adaptsim", history) - split.udr()
     return found
 
 
-def _history(method: Method, session: Half, held: RecordedTrials, seed: int) -> tuple[Iteration, ...]:
-    *_, history = run_iterations(session.solver, method, FromRecordings(session.trials, held), CONDITIONS, seed)
-    return history
-
-
-def _best_on(session: Half, grid: Array, seed: int) -> int:
-    """The point of the grid whose policy earns most with all tosses of the session, not only twenty."""
-    place = FromRecordings(session.trials, session.trials)
-    policies = session.solver.policies(grid[:, None], np.random.default_rng(0))
-    return int(np.argmax([judge(TASK, policy.actions, place, CONDITIONS, seed + 10_000).reward for policy in policies]))
-
-
-def _judged(method: Method, session: Half, scores: Half, history: tuple[Iteration, ...]) -> dict[str, Any]:
+def _judged(method: AdaptSim, split: Split, history: tuple[Iteration, ...]) -> dict[str, Any]:
     """The verdict, and the held-out errors of prior and posterior."""
-    assert isinstance(method, AdaptSim)
     best, ahead = assess(method, TASK, history)
-    verdict = verdict_of(TASK, history, Misfits(session.solver), best, ahead)
+    verdict = verdict_of(TASK, history, Misfits(split.session.solver), best, ahead)
     weights = method.reality(history).weights
-    prior = np.full(len(weights), 1.0 / len(weights))
-    truth = np.stack([TASK.end_state(track) for track in scores.trials.tracks])
-    _, ends = scores.solver.outcomes(session.prospects.truths[None], scores.trials.actions[:, None], np.zeros(0))
-    off_m = np.linalg.norm(ends[0, ..., :2] - truth[:, None, :2], axis=-1)
-    shows = face_on_top(ends[0, ..., 2:]) == face_on_top(truth[:, 2:])[:, None]
+    truth = np.stack([TASK.end_state(track) for track in split.scores.trials.tracks])
+    _, ends = split.scores.outcomes
+    off_m = np.linalg.norm(ends[..., :2] - truth[:, None, :2], axis=-1)
+    shows = face_on_top(ends[..., 2:]) == face_on_top(truth[:, 2:])[:, None]
     found: dict[str, Any] = {"inexpressible": verdict.is_inexpressible, "strange": verdict.strange}
-    for name, share in (("prior", prior), ("posterior", weights)):
+    for name, share in (("prior", np.full(len(weights), 1.0 / len(weights))), ("posterior", weights)):
         found[f"{name}_error_mm"] = 1e3 * float(np.median(off_m @ share))
         found[f"{name}_face"] = float((shows @ share).mean())
-    found["posterior"] = [float(v) for v in weights @ TASK.parameters.normalise(session.prospects.truths)]
+    found["posterior"] = [float(v) for v in weights @ TASK.parameters.normalise(split.session.grid.points)]
     return found
-
-
-def _rolled(asked: Requests) -> Rollouts:
-    rows = zip(asked.parameters, asked.context, asked.action, asked.nuisance, strict=True)
-    return observed(TASK, [TASK.simulate(*row) for row in rows])
 
 
 def rows_of(
     grid: GridSolver, trials: RecordedTrials, methods: tuple[str, ...], seeds: int, folder: Path
 ) -> Iterator[dict[str, Any]]:
     """The results of each seed; every part is kept in a file of its own."""
-    for number in range(seeds):
-        seed, row = Seed(grid, trials, number), {"seed": number}
+    for seed in range(seeds):
+        row: dict[str, Any] = {"seed": seed}
         for name in (REFERENCES, *methods):
-            path = folder / f"seed-{number:04d}-{name}.json"
+            path = folder / f"seed-{seed:04d}-{name}.json"
             if not path.exists():
-                found = json.dumps(seed.run(name))
+                found = json.dumps(results(name, grid, trials, seed))
                 with whole_file(path) as temporary:
                     temporary.write_text(found)
             row |= json.loads(path.read_text())
-        _say(f"seed {number + 1} of {seeds}: udr {row['udr']:.3f}, " + ", ".join(f"{m} {row[m]:.3f}" for m in methods))
+        _say(f"seed {seed + 1} of {seeds}: udr {row['udr']:.3f}, " + ", ".join(f"{m} {row[m]:.3f}" for m in methods))
         yield row
+
+
+def _best(predicted: Array) -> NDArray[np.intp]:
+    """(G, A, K) rewards -> (G, K) the toss that the policy of each point chooses."""
+    return np.asarray(predicted.round(9).argmax(axis=1))
 
 
 def _say(what: str) -> None:
@@ -266,16 +284,15 @@ def main() -> None:
     (asked.out / "table").mkdir(parents=True, exist_ok=True)
     grid = simulated(tosses, asked.out / "table")
     trials = RecordedTrials(TASK, tuple(map(str, tosses.numbers)), None, tosses.actions, tosses.tracks)
-    rows = list(rows_of(grid, trials, methods, asked.seeds, asked.out))
+    folder = asked.out / hashlib.sha256(tosses.actions.tobytes() + grid.points.tobytes()).hexdigest()[:12]
+    folder.mkdir(exist_ok=True)
+    rows = list(rows_of(grid, trials, methods, asked.seeds, folder))
     if asked.page is not None:
         held = trials.split(HELD_OUT, 0)[1]
-        write(rows, methods, tosses, total, trials.at(held.actions).tolist(), len(grid.points), asked.page)
-    mean = partial(_mean, rows)
-    print(json.dumps({**{n: mean(n) for n in ("udr", *methods, "best_recorded", "permuted")}, "seeds": len(rows)}))
-
-
-def _mean(rows: list[dict[str, Any]], name: str) -> float:
-    return round(float(np.mean([row[name] for row in rows])), 4)
+        write(rows, methods, tosses, total, trials.at(held.actions).tolist(), grid, asked.page)
+    names = ("udr", *methods, "best_recorded", "permuted")
+    means = {name: round(float(np.mean([row[name] for row in rows])), 4) for name in names}
+    print(json.dumps({**means, "seeds": len(rows)}))
 
 
 if __name__ == "__main__":

@@ -106,11 +106,16 @@ def run_iterations(
 
 def judge(task: Task, act: Commands, place: TrialSource, conditions: Conditions, seed: int) -> Judged:
     """The mean reward of these commands over contexts, by rollouts that no session uses."""
-    contexts = task.context.sample(_stream(seed, _Chance.JUDGE_CONTEXT), _worthwhile(task, conditions.judged))
+    contexts = judged_contexts(task, conditions, seed)
     rewards = place.judge(contexts, act(contexts), _stream(seed, _Chance.JUDGE))
     half = 1.96 * float(rewards.std(ddof=1)) / len(rewards) ** 0.5
     mean = float(rewards.mean())
     return Judged(mean, (max(0.0, mean - half), min(1.0, mean + half)))
+
+
+def judged_contexts(task: Task, conditions: Conditions, seed: int) -> Array:
+    """(N, c) the contexts in which `judge` judges."""
+    return task.context.sample(_stream(seed, _Chance.JUDGE_CONTEXT), _worthwhile(task, conditions.judged))
 
 
 def mean_of(judged: Sequence[Judged]) -> Judged:

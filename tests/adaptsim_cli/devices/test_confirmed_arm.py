@@ -82,7 +82,7 @@ def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_mov
     sdk.modes.pressed = True
     asked: list[str] = []
 
-    def answer(question: str) -> str:
+    def answer(question: str, presses: object = None) -> str:
         asked.append(question.partition("(nothing moves). ")[2] or question.partition("anything. ")[2])
         if not sdk.modes.pressed:
             return "recover"
@@ -107,7 +107,7 @@ def test_who_leaves_a_pressed_stop_button_stops_the_command() -> None:
     sdk.modes.pressed = True
     settings = FrankaSettings("172.16.0.2")
     screen = quiet()
-    screen.ask = lambda question: "q"  # type: ignore[method-assign]
+    screen.ask = lambda question, presses=None: "q"  # type: ignore[method-assign]
     with (
         FrankaArm(
             cell("fr3"), settings, lambda: InProcess(Connection("fr3", sdk, DRIVES["fr3"], settings, realtime=True))

@@ -177,12 +177,14 @@ def test_the_doctor_says_when_the_check_is_older_than_a_day(
     monkeypatch.setattr(checks, "folder_of", lambda *_: tmp_path)
     if age is not None:
         at = (datetime.now(UTC) - timedelta(hours=age)).isoformat(timespec="seconds")
-        (tmp_path / "known.json").write_text(json.dumps({"stop_button": at, "stop_button_by": "Kim", "setups": {}}))
+        content = {"stop_button": at, "stop_button_by": "Kim", "setups": {}, "steps": []}
+        (tmp_path / "known.json").write_text(json.dumps(content))
     assert CHECKS["stop button"](lab).verdict is verdict
 
 
 def test_a_damaged_memory_asks_everything_again(tmp_path: Path) -> None:
-    for content in ("{", "[]", '{"stop_button": 3}', '{"stop_button": "x", "stop_button_by": "", "setups": {}}'):
+    no_time = '{"stop_button": "x", "stop_button_by": "", "setups": {}, "steps": []}'
+    for content in ("{", "[]", '{"stop_button": 3}', no_time):
         (tmp_path / "known.json").write_text(content)
         assert KnownArm(tmp_path).read().stop_button_is_due(NOW)
 

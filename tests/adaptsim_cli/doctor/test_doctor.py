@@ -19,7 +19,7 @@ from real_lab import READY_RAD, RIG, calibrated, calibration, write_rig
 from rich.console import Console
 
 from adaptsim_cli import app, config
-from adaptsim_cli.devices.rig_file.description import BalancePart, PedalPart, RigDescription
+from adaptsim_cli.devices.rig_file.description import BalancePart, CameraPart, PedalPart, RigDescription
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.doctor import checks, examination, readings
 from adaptsim_cli.doctor.checks import CHECKS
@@ -44,6 +44,12 @@ def kinect(*serials: str, engine: bool = True, error: str | None = None) -> Prob
     return ProbeReport("libk4a.so.1.4", "1.4.1", "Microsoft", engine, devices, error, "plug it in" if error else None)
 
 
+def bolt(firmware: str) -> ProbeReport:
+    """A Femto Bolt through its maker's libk4a."""
+    devices = (FoundDevice(0, "34", f"colour {firmware}, depth {firmware}"),)
+    return ProbeReport("libk4a.so.1.4", "2.0.11", "Orbbec", True, devices, None, None)
+
+
 def seen(mode: str = "Idle", missed: int = 0, gap_s: float = 0.0012, notes: tuple[str, ...] = ()) -> Inspection:
     q_rad = tuple(READY_RAD)
     return Inspection(Reading(q_rad, q_rad, (0.0,) * 7, mode), Rhythm(1000, missed, gap_s, 5), notes)
@@ -53,7 +59,7 @@ HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-pyt
 
 
 def always(value: object) -> Callable[..., object]:
-    return lambda *_: value
+    return lambda *_, **__: value
 
 
 def rig_with(**parts: object) -> RigDescription:
@@ -103,7 +109,9 @@ def lab_of(place: Path, hw: str = "fr3", **parts: object) -> Examined:
         ("arm", {"arm": always(seen(gap_s=0.03))}, ADVICE, "longest gap 30.0 ms (at most"),
         ("arm", {"arm": always(seen(notes=("memory is not locked",)))}, ADVICE, "0 missed"),
         ("arm", {"arm": always(seen(mode="UserStopped"))}, MISSING, "would not move: the stop button is pressed"),
-        ("camera", {"cameras": always(kinect("12"))}, OK, "12, Microsoft library 1.4.1"),
+        ("camera", {"cameras": always(kinect("12"))}, OK, "12, firmware colour 1.6, Microsoft library 1.4.1"),
+        ("camera", {"cameras": always(bolt("1.1.1"))}, MISSING, "its maker withdrew 1.1.1, whose time stamps overflow"),
+        ("camera", {"cameras": always(bolt("1.1.2"))}, OK, "firmware colour 1.1.2, depth 1.1.2, Orbbec library 2.0.11"),
         ("camera", {"cameras": always(kinect("12", "34"))}, MISSING, "several cameras are plugged in: 12, 34"),
         ("camera", {"cameras": always(kinect("12", engine=False))}, MISSING, "no depth engine"),
         ("camera", {"cameras": always(kinect(error="no camera is seen"))}, MISSING, "no camera is seen"),
@@ -190,7 +198,7 @@ def test_the_camera_streams_or_its_driver_is_given_up(
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(root / "tests" / "support"), str(root))))
     monkeypatch.setenv("ADAPTSIM_STAGED_KINECT", wrong)
     camera = CameraProcess(None, ColourSettings(), maker="staged_kinect:live", step_s=60.0)
-    monkeypatch.setattr(checks, "CameraProcess", always(camera))
+    monkeypatch.setattr(CameraPart, "camera", always(camera))
     found = CHECKS["camera images"](lab_of(tmp_path))
     assert found.verdict in verdicts
     assert says in found.detail
@@ -331,7 +339,7 @@ def test_a_real_lab_is_looked_at_device_by_device(
     assert app.run(["doctor", "--hw", "panda", "--json"]) == 3
     out, err = capfd.readouterr()
     assert {c["name"]: c["verdict"] for c in json.loads(out)["checks"]}["rig file"] == "missing"
-    assert "adaptsim config init --arm panda" in out
+    assert "adaptsim setup --hw panda" in out
     assert "not ready:" in err
     write_rig(place, RIG.replace("172.16.0.2", "127.0.0.1"))
     monkeypatch.setenv("ADAPTSIM_K4A_LIBRARY", str(place / "none.so"))

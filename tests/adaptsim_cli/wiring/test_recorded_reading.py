@@ -6,71 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap_ros2.writer import Writer
-from recordings import recordings, write_tables
+from recordings import MANIFEST, recordings, write_mcap, write_tables
 
 from adaptsim_cli.wiring.recorded.folder import digest, read_recorded
 from sim.errors import RecordingsRefused
 from sim.tasks.pendulum import TASK
-
-STATE = "std_msgs/Header header\nfloat64[] position\nfloat64[] velocity\nfloat64 excess\n" + "\n".join(
-    (
-        "=" * 80,
-        "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id",
-        "=" * 80,
-        "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n",
-    )
-)
-COMMAND, TEXT = "float64[] data\n", "string data\n"
-LATE_S = 0.04
-
-MANIFEST = """
-task = "pendulum"
-
-[mcap]
-trajectory = "/joints"
-state = ["position[0]", "position[1]", "velocity[0]", "velocity[1]", "excess"]
-clock = "header"
-late_s = 0.04
-start = "/command"
-
-[mcap.fields]
-outcome = "/verdict:data"
-""" + "".join(f'{name} = "/command:data[{i}]"\n' for i, name in enumerate(TASK.action.names))
-
-
-def stamp(t_s: float) -> dict[str, int]:
-    ns = round(1e9 * t_s)
-    return {"sec": ns // 10**9, "nanosec": ns % 10**9}
-
-
-def write_mcap(folder: Path, n: int) -> Path:
-    """Trials that began at 1000 s, whose joints were stamped 40 ms late; every file also holds what nobody asks for."""
-    folder.mkdir()
-    (folder / "recorded.toml").write_text(MANIFEST)
-    for i, (action, track) in enumerate(zip(*recordings(n), strict=True)):
-        with (folder / f"swing-{i:02d}.mcap").open("wb") as file:
-            writer = Writer(file)
-            text = writer.register_msgdef("std_msgs/msg/String", TEXT)
-            command = writer.register_msgdef(
-                "lab_msgs/msg/Command", f"std_msgs/Header header\n{COMMAND}{STATE[STATE.index('=') :]}"
-            )
-            joints = writer.register_msgdef("lab_msgs/msg/Joints", STATE)
-            writer.write_message("/chatter", text, {"data": "hello"}, 999 * 10**9)
-            writer.write_message("/verdict", text, {"data": track.outcome.value}, 1000 * 10**9)
-            head = {"stamp": stamp(1000.0), "frame_id": ""}
-            writer.write_message("/command", command, {"header": head, "data": list(action)}, 1000 * 10**9)
-            for t_s, state in zip(track.t_s, track.state, strict=True):
-                at_s = 1000.0 + float(t_s) + LATE_S
-                message = {
-                    "header": {"stamp": stamp(at_s), "frame_id": "base"},
-                    "position": list(state[:2]),
-                    "velocity": list(state[2:4]),
-                    "excess": float(state[4]),
-                }
-                writer.write_message("/joints", joints, message, round(1e9 * (at_s + 0.3)))
-            writer.finish()
-    return folder
 
 
 def test_trials_that_a_foreign_ros_2_writer_recorded_are_read_with_their_clock_corrected(tmp_path: Path) -> None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import write_tables
+from recordings import write_mcap, write_tables
 
 from adaptsim_cli import api, app
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.wiring.recorded.folder import read_recorded
+from sim.tasks.pendulum import TASK
 
 pytestmark = pytest.mark.long
 
@@ -42,7 +44,9 @@ def test_a_session_takes_every_recording_once_and_its_report_judges_by_those_hel
     assert "ran on recorded trials" in capsys.readouterr().err
     page = (session.folder / "report.html").read_text()
     assert "Predicted against observed" in page
-    assert "16 recorded trials were held out" in page
+    assert "16 trials held out" in page
+    assert " rad</td>" in page
+    assert "elieve the posterior" in page
     assert "SIMULATED" not in page
 
 
@@ -89,10 +93,68 @@ def test_a_real_arm_and_another_solver_are_refused(recorded: Path, capsys: pytes
     assert "leave out --solver naf" in capsys.readouterr().err
 
 
-def test_the_trials_of_a_session_are_recordings_for_another(home: Path, recorded: Path) -> None:
+def own_session(folder: Path) -> Path:
+    """Trials of a session of this program."""
     begun = ["run-iteration", "--task", "pendulum", "--world", "wd", "--method", "random", "--session", "old"]
     assert app.run([*begun, "-n", "4", "--yes"]) == 0
-    old = SessionStore.open(home / "data" / "sessions", "old")
-    assert run(old.folder) == 0
-    seen = {tuple(t.action.values()) for t in api.open_session("old").trials}
-    assert {tuple(t.action.values()) for t in api.open_session("pendulum-old").trials} <= seen
+    return folder.parent / "data" / "sessions" / "old"
+
+
+@pytest.mark.parametrize("source", [write_tables, write_mcap, own_session])
+def test_a_session_runs_to_its_verdict_from_the_files_of_any_program_and_again_to_the_same_numbers(
+    source: Callable[[Path], Path], tmp_path: Path
+) -> None:
+    folder, found = source(tmp_path / "lab"), []
+    recorded = {tuple(action) for action in read_recorded(TASK, folder).actions}
+    for name in ("first", "second"):
+        assert run(folder, "-n", "2", "--session", name) == 0
+        session = api.open_session(name)
+        *_, last = session.iterations
+        assert last.number == 2
+        assert last.verdict.trials == len(session.trials) == 4
+        assert {tuple(trial.action_array) for trial in session.trials} <= recorded
+        assert f"reward {last.verdict.reward:.2f}" in (session.folder / "report.html").read_text()
+        found.append(([t.action for t in session.trials], [t.reward for t in session.trials], last.verdict))
+    assert found[0] == found[1]
+
+
+Change = Callable[[list[list[str]]], None]
+
+
+def put(line: int, column: int, cell: str) -> Change:
+    def change(rows: list[list[str]]) -> None:
+        rows[line][column] = cell
+
+    return change
+
+
+def twin(rows: list[list[str]]) -> None:
+    rows[2][1:] = rows[1][1:]
+
+
+def nothing(rows: list[list[str]]) -> None:
+    pass
+
+
+@pytest.mark.parametrize(
+    ("n", "file", "change", "reason"),
+    [
+        (7, "trials.csv", nothing, "there are 7 recorded trials, and at least 8 are needed"),
+        (8, "trials.csv", put(0, 3, "gain"), "trial run0: k11 is missing"),
+        (8, "trials.csv", put(2, 3, "1e4"), "trial run1: action: k11"),
+        (8, "trials.csv", twin, "trials run0 and run1 have the same action"),
+        (8, "trials.csv", put(2, 0, "run0"), "has samples of trial run1, which is not listed"),
+        (8, "trajectories.csv", put(0, 2, "angle"), "has no column 'q1'"),
+        (8, "trajectories.csv", put(3, 1, "0.0"), "trial run0: its times must increase"),
+    ],
+)
+def test_a_hostile_table_gets_one_line_and_no_session(
+    n: int, file: str, change: Change, reason: str, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = write_tables(home / "lab", n)
+    rows = [line.split(",") for line in (folder / file).read_text().splitlines()]
+    change(rows)
+    (folder / file).write_text("".join(",".join(cells) + "\n" for cells in rows))
+    assert run(folder) == 8
+    assert reason in capsys.readouterr().err.replace("\n", " ")
+    assert not (home / "data" / "sessions").exists()

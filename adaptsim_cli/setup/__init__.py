@@ -1,0 +1,1 @@
+"""`adaptsim setup`: one walk from an unpacked arm to the first trial. Start at `walk`."""

@@ -1,0 +1,104 @@
+"""The answers of a setup: each question has a default, a wrong answer is explained and asked again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from adaptsim_cli.config import Config, Places, Resolved
+from adaptsim_cli.devices.known_arm import KnownArm, folder_of
+from adaptsim_cli.devices.rig_file.description import RigDescription, Waivable
+from adaptsim_cli.devices.rig_file.reading import described, tasks_with_tools
+from adaptsim_cli.devices.rig_file.template import template
+from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.storage import durable
+
+NOTHING = "none"
+T = TypeVar("T")
+
+
+@dataclass
+class Answers:
+    """The rig file as answered so far, and how to ask for more of it."""
+
+    config: Config
+    places: Places
+    file: Path
+    rig: RigDescription
+    screen: Screen
+    defaults: bool  # every default is taken, nobody is asked
+
+    @property
+    def resolved(self) -> Resolved:
+        """The settings of a command that runs with this rig file."""
+        return Resolved(self.config, {}, self.places)
+
+    @property
+    def known(self) -> KnownArm:
+        """What this computer remembers of the arm."""
+        return KnownArm(folder_of(self.places, self.rig))
+
+    def text(self, question: str, default: str) -> str:
+        """An answer as typed; Enter gives the default. Raises StoppedByOperator."""
+        if self.defaults:
+            return default
+        answer = self.screen.words(f"{question} [{default}]:")
+        if answer is None:
+            raise StoppedByOperator("stopped by the operator; every completed step is kept")
+        return answer or default
+
+    def ask(self, question: str, default: str, read: Callable[[str], T]) -> T:
+        """Ask until `read` takes the answer; it raises UsageError for a wrong one."""
+        while True:
+            try:
+                return read(self.text(question, default))
+            except UsageError as error:
+                if self.defaults:
+                    raise
+                self.screen.note(f"  {error}")
+
+    def take(self, question: str, default: str, parts: Callable[[str], Mapping[str, Any]]) -> None:
+        """Ask until `parts` of the answer fit into the rig file."""
+        self.ask(question, default, lambda text: self.put(**parts(text)))
+
+    def put(self, **parts: Any) -> None:
+        """Replace parts of the rig file. Raises UsageError, and nothing is replaced, if the whole is not valid."""
+        try:
+            self.rig = described(asdict(self.rig) | parts, "")
+        except UsageError as error:
+            raise UsageError(str(error).removeprefix(": ")) from error
+
+    def one_of(self, question: str, choices: Sequence[str], default: str) -> str:
+        """Ask until the answer is one of `choices`."""
+        while (answer := self.text(f"{question} {', '.join(choices)}.", default).lower()) not in choices:
+            self.screen.note(f"  {answer!r}: choose one of {', '.join(choices)}")
+        return answer
+
+    def waived(self, what: Waivable, is_there: bool) -> list[str]:
+        """The waived checks once `what` is there, or is not and goes without."""
+        others = [str(name) for name in self.rig.waived if name != what]
+        return others if is_there else [*others, what]
+
+    def save(self) -> None:
+        """Write the rig file, whole, with a comment at every key. Raises SessionError."""
+        durable.make_folder(self.file.parent)
+        durable.replace_file(self.file, template(self.rig, tasks_with_tools()).encode())
+
+
+def numbers(text: str, count: int) -> list[float]:
+    """So many numbers, with blanks or commas between them. Raises UsageError."""
+    try:
+        found = [float(word) for word in text.replace(",", " ").split()]
+    except ValueError:
+        found = []
+    if len(found) != count:
+        raise UsageError(f"{text!r}: {count} number{'s' if count > 1 else ''} belong{'' if count > 1 else 's'} here")
+    return found
+
+
+def shown(values: Sequence[float]) -> str:
+    """Numbers as `numbers` reads them."""
+    return " ".join(f"{value:g}" for value in values)

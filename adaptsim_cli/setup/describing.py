@@ -1,0 +1,217 @@
+"""The steps that describe the lab: they ask, and fill the rig file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from adaptsim_cli.devices.mounted import mounted_as_shipped
+from adaptsim_cli.devices.opening import check_stop_button
+from adaptsim_cli.devices.rig_file.inventory import BALANCES, BOARDS, like, serial_ports
+from adaptsim_cli.devices.rig_file.reached import reached
+from adaptsim_cli.devices.rig_file.reading import BOARD
+from adaptsim_cli.doctor import readings
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.setup.answers import NOTHING, Answers, numbers, shown
+from hw.collision import Side
+from hw.mass import Mass
+from hw.serial.balance import PROTOCOLS
+
+ANY = "any"
+"""The only camera that is plugged in."""
+
+
+def arm(answers: Answers) -> None:
+    """Name and address; the forces at which the arm stops by itself are shown."""
+    given = answers.rig.arm
+    answers.take("Name of the lab, in one word?", answers.rig.name, lambda name: {"name": name})
+    answers.take(
+        "Address of the arm's control box?",
+        given.address,
+        lambda address: {"arm": {**asdict(given), "address": address}},
+    )
+    torques = shown(given.stops_at_Nm.tolist())
+    answers.screen.plain(f"  The arm stops by itself at {given.stops_at_N:g} N, and at {torques} Nm in joints 1 to 7.")
+    answers.screen.plain("  Other limits: [arm.collision] of the rig file.")
+
+
+def stop_button(answers: Answers) -> None:
+    """The button is pressed and released, and the arm says so."""
+    check_stop_button(answers.config, answers.rig, answers.screen)
+
+
+def pedal(answers: Answers) -> None:
+    """Ports of the pedal, which may be waived, and of the balance."""
+    rig, ports = answers.rig, serial_ports(Path("/dev"))
+    for number, port in enumerate(ports, start=1):
+        answers.screen.plain(f"  {number}  {port}")
+    choice = "A number, a path, or none." if ports else "A path, or none."
+    port = rig.pedal.port if rig.pedal else like(ports, BOARDS)
+
+    def with_pedal(text: str) -> dict[str, Any]:
+        found = _port(text, ports)
+        return {"pedal": found, "waived": answers.waived("pedal", found is not None)}
+
+    answers.take(f"Serial port of the enabling pedal? {choice}", port or NOTHING, with_pedal)
+    left = [other for other in ports if answers.rig.pedal is None or other != answers.rig.pedal.port]
+    port = rig.balance.port if rig.balance else like(left, BALANCES)
+    answers.take(f"Serial port of the balance? {choice}", port or NOTHING, lambda text: {"balance": _port(text, ports)})
+    if answers.rig.balance is not None:
+        kind = answers.one_of("Which protocol does it use?", tuple(PROTOCOLS), answers.rig.balance.protocol)
+        answers.put(balance={"port": answers.rig.balance.port, "protocol": kind})
+
+
+def _port(text: str, ports: Sequence[str]) -> dict[str, str] | None:
+    """A port from a number of the list or a path; None for "none". Raises UsageError."""
+    if text == NOTHING:
+        return None
+    if text.isdigit() and 1 <= int(text) <= len(ports):
+        return {"port": ports[int(text) - 1]}
+    if not text.startswith("/"):
+        raise UsageError(f"{text!r} is not a path: it begins with /dev/")
+    return {"port": text}
+
+
+def camera(answers: Answers) -> None:
+    """The kind of the camera, and its serial number."""
+    kind = answers.one_of("Which camera is it?", ("k4a", "realsense"), answers.rig.camera.kind)
+    answers.put(camera={**asdict(answers.rig.camera), "kind": kind})
+    with answers.screen.busy("Looking for cameras"):
+        found = readings.cameras(kind).serials
+    answers.screen.plain(f"  Cameras seen: {', '.join(found) or NOTHING}")
+    given = answers.rig.camera
+    default = given.serial or (found[0] if found else ANY)
+    answers.take(
+        f"Serial number of the camera? {ANY}: the only one plugged in.",
+        default,
+        lambda text: {"camera": {**asdict(given), "serial": "" if text == ANY else text}},
+    )
+
+
+class _Drawn:
+    """The table and the boxes in the browser, beside a motion of the task, while they are typed."""
+
+    def __init__(self, answers: Answers) -> None:
+        from adaptsim_cli.wiring.motion import planned
+        from sim.tasks import get_task
+
+        self._answers = answers
+        with answers.screen.busy("Drawing a motion of the task"):
+            shipped = mounted_as_shipped(get_task(answers.config.task), answers.rig.arm.model)
+            self._page = planned(shipped, (), ()).page()
+        answers.screen.plain(f"  Table and boxes are drawn while you type: {self._page.url}")
+        self.again()
+
+    def again(self) -> None:
+        """Draw what is known now."""
+        rig = self._answers.rig
+        self._page.surround(rig.table.plane(), rig.table.x_m, rig.table.y_m, rig.boxes())
+
+
+def table(answers: Answers) -> None:
+    """The table, the operator's side, and the boxes, drawn while they are typed."""
+    answers.screen.plain("  In the arm's base frame: x ahead, y to the left, z up, from the middle of its foot, in m.")
+    drawn = None if answers.defaults else _Drawn(answers)
+    for key, question, count in (
+        ("height_m", "How high is the table top?", 1),
+        ("x_m", "From where to where is it free, ahead of the arm?", 2),
+        ("y_m", "From where to where is it free, to the sides?", 2),
+    ):
+        given = asdict(answers.rig.table)
+        default = shown(np.atleast_1d(given[key]).tolist())
+
+        def changed(text: str, key: str = key, count: int = count, given: Mapping[str, Any] = given) -> dict[str, Any]:
+            values = numbers(text, count)
+            return {"table": {**given, key: values if count > 1 else values[0]}}
+
+        answers.take(question, default, changed)
+        if drawn:
+            drawn.again()
+    _person(answers)
+    if drawn:
+        drawn.again()
+    _boxes(answers, drawn)
+
+
+def _person(answers: Answers) -> None:
+    """The operator's side, which a task must not need."""
+    given = answers.rig.person
+    side = answers.one_of(
+        "On which side, seen from the base, do you stand?",
+        (*get_args(Side), NOTHING),
+        NOTHING if "person" in answers.rig.waived else "left" if given is None else given.side,
+    )
+    if side == NOTHING:
+        answers.put(person=None, waived=answers.waived("person", False))
+        return
+
+    def kept_clear(text: str) -> dict[str, Any]:
+        parts = {
+            "person": {"side": side, "from_m": numbers(text, 1)[0]},
+            "waived": answers.waived("person", True),
+        }
+        answers.put(**parts)
+        if answers.rig.person is not None and (said := "; ".join(reached(answers.rig.person.box()))):
+            raise UsageError(f"{said}: stand further out")
+        return parts
+
+    answers.take("How far from the arm's axis does your side begin?", f"{given.from_m if given else 0.6:g}", kept_clear)
+
+
+def _boxes(answers: Answers, drawn: _Drawn | None) -> None:
+    """The boxes one after the other, until there are no more."""
+    for box in answers.rig.keep_out:
+        answers.screen.plain(f"  box {box.name}: {shown(box.low_m)} to {shown(box.high_m)}")
+    question = "Name a box that the arm must keep out of: lamp, stand, screen (none: no more)."
+    while (name := answers.text(question, NOTHING)) != NOTHING:
+        low_m = answers.ask("  Its lower corner, x y z?", "0.5 -0.9 0", partial(numbers, count=3))
+        answers.take("  Its upper corner, x y z?", "0.7 -0.7 0.4", partial(_with_box, answers, name, low_m))
+        if drawn:
+            drawn.again()
+        for said in reached(answers.rig.keep_out[-1].box()):
+            answers.screen.note(f"  {said}: name it again to correct it")
+    answers.put(waived=answers.waived("keep_out", bool(answers.rig.keep_out)))
+
+
+def _with_box(answers: Answers, name: str, low_m: Sequence[float], text: str) -> dict[str, Any]:
+    box = {"name": name, "low_m": low_m, "high_m": numbers(text, 3)}
+    others = [asdict(other) for other in answers.rig.keep_out if other.name != name]
+    return {"keep_out": [*others, box], "waived": answers.waived("keep_out", True)}
+
+
+def tool(answers: Answers) -> None:
+    """Mass and centre of mass of the task's tool."""
+    from sim.tasks import get_task
+
+    task = get_task(answers.config.task)
+    hardware = task.require_hardware()
+    answers.screen.plain("  A mount of your own: [tools] of the rig file. Parts to print: adaptsim parts")
+    _payload(answers, task.name, f"the {task.name} tool", hardware.tool_mass.placed(hardware.X_FT))
+
+
+def board_payload(answers: Answers, mass_F: Mass) -> None:
+    """Mass and centre of mass of the calibration board, by default those of `mass_F` in the flange frame."""
+    _payload(answers, BOARD, "the board", mass_F)
+
+
+def _payload(answers: Answers, name: str, what: str, mass_F: Mass) -> None:
+    part = answers.rig.tool(name)
+    known = part.payload
+    kg, com_m = (mass_F.kg, mass_F.com_m.tolist()) if known is None else (known.mass_kg, known.com_F_m)
+
+    def put(payload: Mapping[str, Any]) -> dict[str, Any]:
+        tools = {other: asdict(tool) for other, tool in answers.rig.tools.items()}
+        return {"tools": tools | {name: {**asdict(part), "payload": payload}}}
+
+    answers.take(f"Mass of {what}, in kg?", f"{kg:.3g}", lambda text: put({"mass_kg": numbers(text, 1)[0]}))
+    mass_kg = answers.rig.tool(name).held().mass_kg
+    answers.take(
+        "Its centre of mass from the flange, x y z in m?",
+        " ".join(f"{value:.3f}" for value in com_m),
+        lambda text: put({"mass_kg": mass_kg, "com_F_m": numbers(text, 3)}),
+    )

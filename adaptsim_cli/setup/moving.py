@@ -1,0 +1,99 @@
+"""The steps that use the devices. Each is the function of a command of its own, and continues as that does."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from adaptsim_cli.calibration import printing
+from adaptsim_cli.calibration import running as calibrating
+from adaptsim_cli.config import Resolved
+from adaptsim_cli.devices.consent import SLOW_PACE
+from adaptsim_cli.screen.keys import Key, enter
+from adaptsim_cli.session import single
+from adaptsim_cli.setup.answers import Answers
+from adaptsim_cli.setup.describing import board_payload
+from adaptsim_cli.touch_off import running as touching
+from adaptsim_cli.touch_off.parts import Grasp
+from adaptsim_cli.wiring import calibration, rig_frames, touch_off
+from adaptsim_cli.wiring.session import open_parts
+from hw.errors import Rehearsed
+
+BOARD_PDF = Path("board.pdf")
+
+
+def board(answers: Answers) -> None:
+    """Print the calibration board, unless one is known already; measure it, and say what it weighs."""
+    screen, data = answers.screen, answers.places.data
+    known = printing.known(data)
+    if known is None:
+        paper = answers.one_of("Paper for the calibration board?", tuple(printing.PAPERS_MM), "a4")
+        calibrating.board(answers.resolved, BOARD_PDF, paper, None, None, screen)
+        if not answers.defaults:
+            screen.go_on("Print it, and glue it to something stiff and flat.", "when done", then="Nothing moves.")
+    measured = calibrating.board_in_use(answers.resolved, screen, yes=answers.defaults)
+    board_payload(answers, calibration.held_board(measured).mass_F)
+
+
+def calibrate(answers: Answers) -> None:
+    """Find the camera: the first time on a real rig by hand, since nothing can be planned yet."""
+    config, screen = answers.config, answers.screen
+    known = calibration.current_calibration(config, answers.places)
+    if known is not None and not answers.defaults:
+        keep = enter("to keep it", "The step is done.")
+        again = Key("r", "to calibrate again", "A new calibration begins.")
+        if screen.choose(f"A calibration of {known.created} is in use.", keep, again) == "":
+            return
+    calibrating.calibrate(
+        _slowly(answers, practice=False),
+        calibrating.CalibrationRequest(known is None and not config.is_simulated, 25, False, answers.defaults, False),
+        partial(calibration.open_calibration_rig, screen=screen),
+        calibration.calibrations,
+        rig_frames.open_sessions,
+        screen,
+    )
+
+
+def touch(answers: Answers) -> None:
+    """Find table and tool by touch."""
+    touching.touch_off(
+        _slowly(answers, practice=False),
+        touching.TouchOffRequest(Grasp(), answers.defaults, False),
+        partial(touch_off.open_touch_rig, screen=answers.screen),
+        touch_off.touch_offs,
+        rig_frames.open_sessions,
+        answers.screen,
+    )
+
+
+def slow_motion(answers: Answers) -> None:
+    """One trial in slow motion."""
+    with suppress(Rehearsed):
+        _trial(_slowly(answers), answers)
+
+
+def trial(answers: Answers) -> None:
+    """One trial at full speed."""
+    _trial(answers.resolved, answers)
+
+
+def _trial(resolved: Resolved, answers: Answers) -> None:
+    config, screen = resolved.config, answers.screen
+    folder = resolved.places.data / "rollouts" / f"{config.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
+    with TemporaryDirectory() as learnt, ExitStack() as stack:
+        with screen.busy("Loading the task, the policies and the devices", "loading"):
+            parts = stack.enter_context(open_parts(config, Path(learnt), screen=screen))
+        made = single.rollout(config, parts, single.Chosen((), (), ()), screen, folder, yes=answers.defaults)
+    screen.plain(f"  {made.outcome.value.replace('_', ' ')}, reward {made.reward:.2f}, stored: {folder}")
+
+
+def _slowly(answers: Answers, *, practice: bool = True) -> Resolved:
+    """The settings for a set-up that has not moved yet. The simulated lab is slow only to `practice` it."""
+    config = answers.config
+    if config.is_simulated and not practice:
+        return answers.resolved
+    return replace(answers.resolved, config=config.model_copy(update={"pace": min(config.pace, SLOW_PACE)}))

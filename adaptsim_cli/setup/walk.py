@@ -1,0 +1,140 @@
+"""The walk through a setup. Read `STEPS` from the top: this is the order of a lab's first day.
+
+A step is done once nothing in its part of the doctor's checklist is missing. What is done is remembered on the disk; a
+walk that was stopped or killed goes on at the first step that is not done, or whose check no longer passes. A step that
+is done again makes all later ones due.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rich.text import Text
+
+from adaptsim_cli.doctor import examination
+from adaptsim_cli.doctor.table import Severity
+from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
+from adaptsim_cli.screen import views
+from adaptsim_cli.screen.console import how_to_continue
+from adaptsim_cli.screen.keys import Key, enter, stop
+from adaptsim_cli.setup import describing, moving
+from adaptsim_cli.setup.answers import Answers
+from calib.errors import CalibrationError
+from sim.errors import SimError
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step: what it asks or does, and the doctor's checks that end it."""
+
+    name: str
+    does: Callable[[Answers], None]
+    checks: tuple[str, ...] = ()
+    practised: str = ""  # what a real lab does here, if the simulated one has nothing to do
+    touches: bool = False  # only for a task whose tool finds the table by touch
+
+
+COMPUTER = (
+    "python", "packages", "libraries", "driver", "disk space", "disk speed", "real-time kernel", "priorities",
+    "clock frequency", "checkpoint",
+)  # fmt: skip
+STEPS = (
+    Step("computer", lambda _: None, COMPUTER),
+    Step(
+        "arm", describing.arm, ("rig file", "network", "arm"),
+        "asks for the arm's address; shows version, mode and limits of the arm, and how fast it answers",
+    ),
+    Step(
+        "stop button", describing.stop_button, ("rig file", "stop button"),
+        "has you press the arm's stop button, sees that the arm says so, and has you release it",
+    ),
+    Step(
+        "pedal", describing.pedal, ("rig file", "pedal", "balance"),
+        "asks for the serial ports of pedal and balance, and reads both",
+    ),
+    Step(
+        "camera", describing.camera, ("rig file", "camera", "camera images"),
+        "lists the cameras, and films half a second with yours",
+    ),
+    Step("table and boxes", describing.table, ("rig file",)),
+    Step("tool", describing.tool, ("rig file", "safeguards", "motion")),
+    Step("board", moving.board, ("rig file",)),
+    Step("calibration", moving.calibrate, ("rig file", "calibration")),
+    Step("touch-off", moving.touch, ("rig file", "motion"), touches=True),
+    Step("slow motion", moving.slow_motion),
+    Step("first trial", moving.trial),
+)  # fmt: skip
+
+
+def walk(answers: Answers, *, begin: str = "") -> None:
+    """From the first step that is not done to the command of the first session; `begin` names a step to do again.
+
+    Raises the error that stops it, with the command to continue. Every completed step is kept.
+    """
+    config, screen = answers.config, answers.screen
+    steps = [step for step in STEPS if not step.touches or _touches(answers)]
+    names = [step.name for step in steps]
+    if begin and begin not in names:
+        raise UsageError(f"--from {begin}: choose one of {', '.join(names)}")
+    screen.show(views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw))
+    screen.plain(f"{len(steps)} steps. Enter takes what stands in brackets, q stops; the same command goes on.")
+    with how_to_continue(f"Go on with: {command(answers)}", also=(CalibrationError, SimError, SessionError)):
+        for number, step in enumerate(steps, start=1):
+            screen.show(Text(f"\n{number} of {len(steps)}  {step.name}", style="bold"))
+            later = begin and names.index(begin) < number
+            if later or not _still_done(answers, step):
+                _do(answers, step)
+                answers.known.set_up(names[:number])
+    screen.plain(f"\nThe lab is set up. Rig file: {answers.file}")
+
+
+def command(answers: Answers) -> str:
+    """The command that goes on with this walk."""
+    return f"adaptsim setup {answers.config.same_lab}"
+
+
+def _touches(answers: Answers) -> bool:
+    from sim.tasks import get_task
+
+    return get_task(answers.config.task).require_hardware().touchable is not None
+
+
+def _still_done(answers: Answers, step: Step) -> bool:
+    """Whether the step was done earlier, and its checks still pass."""
+    return step.name in answers.known.read().steps and not _missing(answers, step)
+
+
+def _do(answers: Answers, step: Step) -> None:
+    """Do the step until nothing is missing. Raises StoppedByOperator."""
+    screen, asks = answers.screen, True
+    while True:
+        if asks and not _only_told(answers, step):
+            step.does(answers)
+            answers.save()
+        if not (missing := _missing(answers, step)):
+            return
+        if answers.defaults:
+            raise PreflightFailed(f"not ready: {', '.join(missing)}")
+        again = enter("to check again", "Nothing is asked; the check runs again, after you have mended what it names.")
+        other = Key("a", "to answer again", "The questions of this step are asked again.")
+        answer = screen.choose("Not ready yet.", again, other, stop("The command ends; the same command goes on."))
+        if answer == "q":
+            raise StoppedByOperator("stopped by the operator; every completed step is kept")
+        asks = answer == "a"
+
+
+def _missing(answers: Answers, step: Step) -> list[str]:
+    """Make and show the checks of the step; the names of what is missing."""
+    if _only_told(answers, step):
+        answers.screen.show(f"  Simulated. A real lab {step.practised}.")
+        return []
+    with answers.screen.busy("Checking"):
+        found = tuple(examination.examine(answers.resolved, step.checks))
+    made = [finding for finding in found if finding.verdict is not Severity.SKIPPED]
+    examination.show_table(made, answers.screen, grouped=False)
+    return examination.missing_in(found)
+
+
+def _only_told(answers: Answers, step: Step) -> bool:
+    return bool(step.practised) and answers.config.is_simulated

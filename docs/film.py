@@ -91,7 +91,7 @@ def setup() -> int:
 
 def shortened(step: str) -> str:
     lines = step.splitlines()
-    return step if len(lines) <= FIRST + LAST else "\n".join([*lines[:FIRST], "…", *lines[-LAST:]])
+    return step if len(lines) <= FIRST + LAST else "\n".join([*lines[:FIRST], "…", *lines[-LAST:], ""])
 
 
 def main() -> int:

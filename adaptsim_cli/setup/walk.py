@@ -78,7 +78,7 @@ def walk(answers: Answers, *, begin: str = "") -> None:
     if begin and begin not in names:
         raise UsageError(f"--from {begin}: choose one of {', '.join(names)}")
     screen.show(views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw))
-    screen.plain(f"{len(steps)} steps. Enter takes what stands in brackets, q stops; the same command goes on.")
+    screen.plain(f"{len(steps)} steps. Enter takes the answer in brackets; q stops, and this command goes on.")
     with how_to_continue(f"Go on with: {command(answers)}", also=(CalibrationError, SimError, SessionError)):
         for number, step in enumerate(steps, start=1):
             screen.show(Text(f"\n{number} of {len(steps)}  {step.name}", style="bold"))

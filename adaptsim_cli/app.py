@@ -28,7 +28,7 @@ from adaptsim_cli.commands import (
     setup,
     touch_off,
 )
-from adaptsim_cli.research import benchmark, checkpoints, pretrain
+from adaptsim_cli.research import benchmark, checkpoints, own_object, pretrain
 from adaptsim_cli.screen import loading
 
 EXIT_CODES = (
@@ -46,6 +46,7 @@ app = typer.Typer(
 )
 app.command("run-iteration")(run_iteration.run_iteration)
 app.command("pretrain")(pretrain.pretrain)
+app.command("object")(own_object.own_object)
 app.command("benchmark")(benchmark.benchmark)
 app.command("world-tables")(benchmark.world_tables)
 app.command("rollout")(rollouts.rollout)

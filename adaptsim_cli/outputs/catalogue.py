@@ -20,6 +20,7 @@ class Schemas(Output):
 OUTPUTS: Mapping[str, type[Output]] = {
     "run-iteration": trials.Iteration,
     "pretrain": learning.Pretrained,
+    "object": learning.OwnObject,
     "benchmark": learning.BenchmarkOutput,
     "world-tables": learning.WorldTables,
     "rollout": trials.Rollout,

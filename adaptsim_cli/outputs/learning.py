@@ -101,6 +101,27 @@ class Identifiable(Record):
     words: str = said("the same in words")
 
 
+class HeldOut(Record):
+    """The error of an emulator by fresh rollouts."""
+
+    rollouts: int = said("how many")
+    accuracy: float = said("share of outcomes foretold")
+    position_error_median: float = said("of the last observed position, in state units")
+    end_state_error_median: float | None = maybe("of successes, in units; null without one")
+
+
+class OwnObject(Output):
+    """An own object: its file, its picture, its checkpoint."""
+
+    object: str = said("its name")
+    file: str = said("the TOML file")
+    picture: str | None = maybe("PNG of the object in the lab; null for a task without an arm")
+    inside: bool = said("whether the shipped emulator serves it as it is")
+    checkpoint: str = said("folder of its checkpoint")
+    held_out: HeldOut | None = maybe("the error of its emulator; null for a task that is solved exactly")
+    parameters: list[Identifiable] = said("which of them a session can estimate")
+
+
 class CheckpointParameters(Output):
     """Which parameters sessions can identify."""
 

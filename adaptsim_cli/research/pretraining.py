@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import UsageError
@@ -99,6 +99,38 @@ def pretrain(
         how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
     ):
         return pretrain(task, folder, chosen, config.seed, executor, progress, solver, wanted)
+
+
+def object_ready(
+    resolved: Resolved, config: Config, rollouts: int | None, progress: Callable[[str, int, int], None]
+) -> dict[str, Any]:
+    """Make the checkpoint of the settings' object; what `adaptsim object` says of it, for JSON.
+
+    Raises SimError, SessionError.
+    """
+    from dataclasses import asdict
+
+    from adaptsim_cli.research.checkpoint_figures import tell_parameters
+    from sim.adaptation.checkpoint import load_checkpoint
+    from sim.research.pretraining.for_object import is_inside, make_ready
+    from sim.tasks import get_task
+
+    task, usual = task_of(config), get_task(config.task)
+    folder = (resolved.places.pretraining / f"{task.name}-{Path(config.object).stem}-object").absolute()
+    make_folder(folder)
+    with (
+        locked(folder, f"another command works on this object in {folder}: wait for it"),
+        how_to_continue("Simulated rollouts are kept: the same command continues", "interrupted"),
+        open_executor(config, "processes", "") as crew,
+    ):
+        path, found = make_ready(task, load_checkpoint(usual), folder, config.seed, crew, progress, rollouts)
+    told = tell_parameters(config, lambda done, total: progress("sessions", done, total))
+    return {
+        "inside": is_inside(task, usual),
+        "checkpoint": str(path),
+        "held_out": None if found is None else asdict(found),
+        "parameters": told["parameters"],
+    }
 
 
 def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextManager[Executor]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from hw.types import Array, Placing
+from hw.placing import Placing
+from hw.types import Array
 
 
 class FakeBench:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,9 @@ def describe(space: Space) -> list[dict[str, Any]]:
 def interface(task: Task) -> dict[str, Any]:
     """Every property of a task that decides the meaning of the numbers in a dataset or a network."""
     seen = task.observation
-    return {
+    effects = {} if task.scene is None else asdict(task.scene)
+    scene = {"scene": {k: v for k, v in json.loads(json.dumps(effects)).items() if v is not None}} if effects else {}
+    return scene | {
         "task": task.name,
         "parameters": describe(task.parameters),
         "margin": describe(task.margin),

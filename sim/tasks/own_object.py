@@ -1,4 +1,4 @@
-"""An own object: a task with the ranges for one kind of object instead of the paper's.
+"""An own object: a task with the ranges, sizes and mass of one kind of object instead of the paper's.
 
     task = "scooping"
     name = "tofu"
@@ -7,15 +7,20 @@
     mu = [0.30, 0.40]
     h = [1.8, 2.6]
 
+    [sizes]
+    radius = [0.010, 0.018]
+
 Parameters missing from `[ranges]` keep the task's own range. The ranges become Omega. The margin around it has the
-proportions of the task's own margin and ends where that ends, because the scene is not tested beyond.
+proportions of the task's own margin and ends where that ends, because the scene is not tested beyond. `[sizes]`
+replaces ranges of the nuisance, `mass_kg` and `[effects]` change the scene itself, within what worlds are drawn from.
 """
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +40,12 @@ class OwnObject:
     task: str
     name: str  # its name for a person
     ranges: Mapping[str, tuple[float, float]]
+    sizes: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of the nuisance
+    mass_kg: float | None = None  # of an object in the middle of its ranges; None: the task's
+    effects: Mapping[str, Any] = field(default_factory=dict)  # of `Task.unmodelled`
 
     def __post_init__(self) -> None:
-        for key, (low, high) in self.ranges.items():
+        for key, (low, high) in {**self.ranges, **self.sizes}.items():
             if not low < high:
                 raise ObjectError(
                     f"the object {self.name}: {key} = [{low:g}, {high:g}] is not a range: the first number must be the "
@@ -50,7 +58,12 @@ class _File(BaseModel):
 
     task: str
     name: str = Field(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9][A-Za-z0-9 _-]*$")
-    ranges: dict[str, tuple[float, float]] = Field(min_length=1)
+    ranges: dict[str, tuple[float, float]] = Field(
+        default_factory=dict
+    )  # parameter -> low and high, in the task's units
+    sizes: dict[str, tuple[float, float]] = Field(default_factory=dict)  # the same for quantities of the nuisance
+    mass_kg: float | None = Field(default=None, gt=0)  # what the object weighs; left out: the task's
+    effects: dict[str, float | tuple[float, ...]] = Field(default_factory=dict)  # of the scene, as in a world's file
 
 
 def load_object(path: Path) -> OwnObject:
@@ -61,37 +74,133 @@ def load_object(path: Path) -> OwnObject:
         raise ObjectError(f"there is no object file {path}: check the path") from error
     except Unreadable as error:
         raise ObjectError(f"the object file {path} {error}") from error
-    if isinstance(raw.get("ranges"), dict):
-        raw["ranges"] = {key: tuple(v) if isinstance(v, list) else v for key, v in raw["ranges"].items()}
+    for table in ("ranges", "sizes", "effects"):
+        if isinstance(raw.get(table), dict):
+            raw[table] = {key: tuple(v) if isinstance(v, list) else v for key, v in raw[table].items()}
     try:
         file = _File.model_validate(raw)
     except ValidationError as error:
         raise ObjectError(f"{path}: {_message(error)}") from error
     try:
-        return OwnObject(file.task, file.name, file.ranges)
+        return OwnObject(**file.model_dump())
     except ObjectError as error:
         raise ObjectError(f"{path}: {error}") from error
 
 
-def with_ranges(task: Task, own: OwnObject) -> Task:
-    """The task with the object's ranges (Omega and the margin around it) and the object's name.
+def as_toml(task: Task, own: OwnObject) -> str:
+    """The file of an object, whole: with unit and meaning of every quantity."""
+    lines = [f'task = "{own.task}"', f'name = "{own.name}"']
+    lines += [] if own.mass_kg is None else [f"mass_kg = {own.mass_kg!r}"]
+    for table, given, space in (("ranges", own.ranges, task.parameters), ("sizes", own.sizes, task.nuisance)):
+        lines += ["", f"[{table}]"] if given else []
+        for d in space.dimensions:
+            if d.name in given:
+                lines.append(f"{d.name} = {[*given[d.name]]}  # {d.unit + ', ' if d.unit else ''}{d.meaning}")
+    lines += ["", "[effects]"] if own.effects else []
+    lines += [f"{key} = {[*value] if isinstance(value, tuple) else value}" for key, value in own.effects.items()]
+    return "\n".join(lines) + "\n"
 
-    Raises ObjectError on a parameter that the task does not have, and on a range beyond the task's margin.
+
+def with_ranges(task: Task, own: OwnObject) -> Task:
+    """The task with the object's ranges (Omega and the margin around it), sizes, scene and name.
+
+    Raises ObjectError on a quantity that the task does not have, and on values beyond what its scene was tried with.
     """
     if own.task != task.name:
         raise ObjectError(
             f"the object {own.name} is for the task {own.task}, not for {task.name}: name another --task or --object"
         )
-    for key in own.ranges:
-        if key not in task.parameters.names:
-            near = difflib.get_close_matches(key, task.parameters.names, n=1)
-            hint = f", did you mean {near[0]}?" if near else ";"
-            known = ", ".join(task.parameters.names)
-            raise ObjectError(f"the object {own.name}: {task.name} has no parameter {key!r}{hint} There are: {known}")
+    _require_known(own, own.ranges, task.parameters.names, "parameter")
+    _require_known(own, own.sizes, task.nuisance.names, "size")
     pairs = [_narrowed(d, m, own) for d, m in zip(task.parameters.dimensions, task.margin.dimensions, strict=True)]
     parameters, margin = (Space(tuple(column)) for column in zip(*pairs, strict=True))
+    nuisance = Space(tuple(_sized(d, own) for d in task.nuisance.dimensions))
     mirror = task.mirror if task.mirror is not None and task.mirror.keeps(margin) else None
-    return replace(task, parameters=parameters, margin=margin, mirror=mirror, object_name=own.name)
+    changed = replace(task, parameters=parameters, margin=margin, nuisance=nuisance, mirror=mirror)
+    effects = _effects(changed, own)
+    if not effects:
+        return replace(changed, object_name=own.name)
+    if task.exact is not None:
+        raise ObjectError(
+            f"the object {own.name}: {task.name} is solved exactly for its own scene: leave mass and effects out"
+        )
+    return _in_scene(replace(changed, object_name=own.name), task.unmodelled(**effects))
+
+
+def _require_known(own: OwnObject, given: Mapping[str, Any], known: Sequence[str], what: str) -> None:
+    for key in given:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f", did you mean {near[0]}?" if near else ";"
+            there = ", ".join(known) or "none"
+            raise ObjectError(f"the object {own.name}: {own.task} has no {what} {key!r}{hint} There are: {there}")
+
+
+def _sized(usual: Dimension, own: OwnObject) -> Dimension:
+    """A range of the nuisance for the object: at most half as small and twice as large as the task's."""
+    low, high = own.sizes.get(usual.name, (usual.low, usual.high))
+    reach = max(abs(usual.low), abs(usual.high))
+    least, most = (usual.low / 2, usual.high * 2) if usual.low > 0.0 else (-2 * reach, 2 * reach)
+    if not least <= low < high <= most:
+        raise ObjectError(
+            f"the object {own.name}: {usual.label} = [{low:g}, {high:g}] lies outside the range that the scene of "
+            f"{own.task} supports, {least:g} to {most:g} {usual.unit}: check the unit"
+        )
+    return replace(usual, low=low, high=high)
+
+
+def _effects(task: Task, own: OwnObject) -> dict[str, Any]:
+    """The effects of the object's scene, its mass included. Raises ObjectError beyond those of worlds."""
+    effects = dict(own.effects)
+    _require_tried(task, own, effects)
+    if own.mass_kg is not None:
+        weighing = None if task.hardware is None else task.hardware.weighing
+        if weighing is None:
+            raise ObjectError(f"the object {own.name}: {task.name} has no mass to set: leave mass_kg out")
+        effect, usual_kg = weighing
+        parameters, nuisance = (s.denormalise(np.full(len(s), 0.5)) for s in (task.parameters, task.nuisance))
+        effects[effect] = own.mass_kg / usual_kg(parameters, nuisance, task.unmodelled(**effects))
+    _require_tried(task, own, effects)
+    return effects
+
+
+def _require_tried(task: Task, own: OwnObject, effects: Mapping[str, Any]) -> None:
+    _require_known(own, effects, tuple(task.plausible), "effect")
+    for key, value in effects.items():
+        low, high = task.plausible[key]
+        if isinstance(low, str) or np.shape(value) != np.shape(low):
+            raise ObjectError(f"the object {own.name}: the effect {key} takes no {value!r} here: leave it out")
+        if not (np.all(np.less_equal(low, value)) and np.all(np.less_equal(value, high))):
+            raise ObjectError(
+                f"the object {own.name}: {key} = {value} lies outside the range that the scene of {own.task} was tried "
+                f"in, {low} to {high}: check the unit"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class _InScene:
+    """A function of a task for which no unmodelled effects means those of an object."""
+
+    function: Callable[..., Any]
+    effects: Any
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        given = inspect.signature(self.function).bind(*arguments, **named)
+        if given.arguments.get("unmodelled") is None:
+            given.arguments["unmodelled"] = self.effects
+        return self.function(*given.args, **given.kwargs)
+
+
+def _in_scene(task: Task, effects: Any) -> Task:
+    """The task with these effects wherever it has none."""
+    hardware = task.hardware
+    if hardware is not None:
+        names = [n for n in ("build_scene", "time_step_s", "rest_pose", "course") if getattr(hardware, n) is not None]
+        changed: dict[str, Any] = {name: _InScene(getattr(hardware, name), effects) for name in names}
+        hardware = replace(hardware, **changed)
+    return replace(
+        task, simulate=_InScene(task.simulate, effects), simulate_many=None, hardware=hardware, scene=effects
+    )
 
 
 def _narrowed(usual: Dimension, tried: Dimension, own: OwnObject) -> tuple[Dimension, Dimension]:
@@ -120,7 +229,9 @@ def _message(error: ValidationError) -> str:
     first: Any = min(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
     key = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
-        return f"unknown key {key!r}; an object file has task, name and the table [ranges]"
+        return (
+            f"unknown key {key!r}; an object file has task, name, mass_kg and the tables [ranges], [sizes], [effects]"
+        )
     if first["type"] == "missing":
         return f"{key} is missing; an object file has task, name and the table [ranges] with [low, high] of parameters"
     return f"{key} = {first['input']!r}: {first['msg'][0].lower()}{first['msg'][1:]}"

@@ -213,6 +213,8 @@ class Hardware:
     """Whether the tool carries the object home, so that the way there must be gentle."""
     touchable: Touchable | None = None  # how its tool finds the table by touch; None: not possible
     parts: Callable[[], tuple[Part, ...]] = tuple  # what a lab prints for it; raises ExtraMissing
+    weighing: tuple[str, Callable[[Array, Array, Any], float]] | None = None
+    """The effect that scales the object's mass; (parameters, nuisance, unmodelled) -> mass without that effect, kg."""
     course: Callable[[ToolMotion, Array, Array, Any], Any] | None = None
     """(motion, X_BO, nuisance, unmodelled) -> a rollout without its physics (`sim.tasks.shared.readings.Course`), from
     which a scene is exported; None: not possible."""
@@ -251,6 +253,8 @@ class Task:
     plausible: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
     """The plausible range of each unmodelled effect, from which worlds are drawn."""
     hardware: Hardware | None = None  # None: it runs in simulation only
+    scene: Any = None
+    """The effects of an own object that its scene always has (`sim.tasks.own_object`); None: the task's scene."""
 
     def require_hardware(self) -> Hardware:
         """The parts for an arm. Raises NoHardware for a task that runs in simulation only."""

@@ -33,7 +33,7 @@ ELSEWHERE = {
     r" world-tables": "minutes of two cores; tests/adaptsim_cli/commands runs it with few rollouts",
     r" benchmark (--task (pushing|scooping)|--fresh)": "needs the tables of forty worlds",
     r" curling": "the task of a tutorial; tests/documents/test_tutorials.py",
-    r" --object my-tofu.toml": "needs a pretraining of ten minutes",
+    r"adaptsim object |--object tofu.toml": "minutes of two cores; tests/adaptsim_cli/commands, with a pendulum",
     r" --rerun": "opens a viewer; tests/extras",
     r" rollouts report \S": "the name holds the time; without one it is the newest",
     r" --refine-intrinsics": "is refused with so few views, exit code 3; tests/calib/test_trial.py",

@@ -25,6 +25,7 @@ from sim.solvers.emulator.report import EmulatorReport
 from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.misfit import misfit
 from sim.solvers.threads import one_thread
+from sim.storage.files import Tensors
 from sim.tasks.task import Task
 
 
@@ -87,8 +88,12 @@ def train_emulator(
     seed: int,
     settings: EmulatorSettings | None = None,
     progress: Callable[[int, int], None] | None = None,
+    start: Emulator | None = None,
 ) -> tuple[Emulator, EmulatorReport]:
-    """Fit, calibrate and evaluate an ensemble. The same seed gives the same numbers. Raises DatasetError."""
+    """Fit, calibrate and evaluate an ensemble. The same seed gives the same numbers. Raises DatasetError.
+
+    `start` is an emulator of the same task, of the same size, whose networks are trained on.
+    """
     settings = settings or EmulatorSettings()
     if len(dataset) < SMALLEST:
         raise DatasetError(f"{len(dataset)} rollouts are too few to learn from: simulate {SMALLEST} or more")
@@ -97,7 +102,11 @@ def train_emulator(
     learnt = with_mirror_images(task, dataset)
     rows = np.concatenate([train + first for first in range(0, len(learnt), len(dataset))])
     targets = _targets(task, learnt)
-    y_mean, y_std = _scaling(targets.y[rows], targets.known[rows])
+    before = None if start is None else start.tensors
+    if before is None:
+        y_mean, y_std = _scaling(targets.y[rows], targets.known[rows])
+    else:
+        y_mean, y_std = (before[name][:-1].astype(np.float64) for name in ("y_mean", "y_std"))
     data = _Data(
         x=torch.from_numpy(encode(task, learnt.parameters, learnt.action, learnt.nuisance)),
         y=torch.from_numpy(np.where(targets.known, (targets.y - y_mean) / y_std, 0.0)).float(),
@@ -105,7 +114,7 @@ def train_emulator(
         success=torch.from_numpy(learnt.succeeded.copy()).float(),
     )
     with one_thread():
-        weights = _fit(data, rows, calibrate, settings, rng, progress)
+        weights = _fit(data, rows, calibrate, settings, rng, progress, before)
     # The last output is the success logit, which is not scaled.
     tensors = {name: weight.detach().numpy() for name, weight in weights.items()} | {
         "depth": np.array(settings.layers),
@@ -178,12 +187,15 @@ def _fit(
     settings: EmulatorSettings,
     rng: np.random.Generator,
     progress: Callable[[int, int], None] | None,
+    before: Tensors | None,
 ) -> dict[str, Tensor]:
     """Each member on its own bootstrap of the data; the weights with the best validation loss."""
     generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
     widths = [data.x.shape[1], *[settings.hidden] * settings.layers, data.y.shape[1] + 1]
     weights = _initial(settings.members, widths, "w", "b", generator)
     priors = _initial(settings.members, [widths[0], 32, widths[-1]], "pw", "pb", generator)
+    if before is not None:
+        weights, priors = ({name: torch.from_numpy(before[name].copy()) for name in part} for part in (weights, priors))
     bootstrap = torch.from_numpy(rng.choice(train, size=(settings.members, len(train))))
     steps = int(np.clip(settings.passes * len(train) // settings.batch, settings.least_steps, settings.most_steps))
     for tensor in weights.values():

@@ -26,7 +26,7 @@ from sim.tasks.pushing.params import (
 from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.printing import parts
 from sim.tasks.pushing.rest import rest_pose
-from sim.tasks.pushing.rollout import course_of, simulate
+from sim.tasks.pushing.rollout import bottle_mass_kg, course_of, simulate
 from sim.tasks.pushing.scene import build_scene, time_step_s
 from sim.tasks.task import Hardware, Standing, Task
 
@@ -38,6 +38,7 @@ HARDWARE = Hardware(
     build_scene=build_scene,
     time_step_s=time_step_s,
     rest_pose=rest_pose,
+    weighing=("bottle_mass_scale", bottle_mass_kg),
     course=course_of,
     tracker="bottle",
     parts=parts,

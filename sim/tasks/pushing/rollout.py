@@ -14,7 +14,7 @@ from pydrake.math import RigidTransform
 
 from hw.types import Array
 from perception.types import SETTLE_S, ObjectTrack, Outcome
-from sim.tasks.pushing.params import BOTTLE_RADIUS_M, TIPPED_RAD, Unmodelled
+from sim.tasks.pushing.params import BOTTLE_MASS_KG, BOTTLE_RADIUS_M, TIPPED_RAD, Unmodelled
 from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.rest import rest_pose
 from sim.tasks.pushing.scene import build_scene, time_step_s
@@ -73,6 +73,11 @@ def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: Unmo
     start_s = _start_s(motion, X_BO[:3, 3])
     start = Start(start_s, X_BO, drive.trajectory.value(start_s)[:, 0])
     return Course(drive, start, Ending(partial(_still, motion), _has_fallen, float(motion.t_s[-1]) + SETTLE_S))
+
+
+def bottle_mass_kg(parameters: Array, nuisance: Array, unmodelled: Unmodelled) -> float:
+    """What every bottle of training weighs."""
+    return BOTTLE_MASS_KG
 
 
 def _start_s(motion: ToolMotion, p_BO_m: Array) -> float:

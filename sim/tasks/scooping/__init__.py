@@ -21,7 +21,7 @@ from sim.tasks.scooping.params import (
 )
 from sim.tasks.scooping.plan import plan
 from sim.tasks.scooping.printing import parts
-from sim.tasks.scooping.rollout import course_of, rest_pose, simulate
+from sim.tasks.scooping.rollout import course_of, piece_mass_kg, rest_pose, simulate
 from sim.tasks.scooping.scene import build_scene, time_step_s
 from sim.tasks.scooping.touch import TOUCHABLE
 from sim.tasks.task import Hardware, Task
@@ -34,6 +34,7 @@ HARDWARE = Hardware(
     build_scene=build_scene,
     time_step_s=time_step_s,
     rest_pose=rest_pose,
+    weighing=("density_scale", piece_mass_kg),
     course=course_of,
     tracker="piece",
     home_pitch_rad=HOME_PITCH_RAD,

@@ -65,6 +65,11 @@ def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Un
     return lying(np.array([context[0] + ahead_m, context[1]]), height_m)
 
 
+def piece_mass_kg(parameters: Array, nuisance: Array, unmodelled: Unmodelled) -> float:
+    """What a piece of training's density weighs."""
+    return PIECE_DENSITY_KG_M3 * piece_of(parameters, nuisance, unmodelled).volume_m3
+
+
 def _half_width_m(nuisance: Array, unmodelled: Unmodelled | None) -> float:
     """From the piece's centre to its near side."""
     return float(nuisance[0]) * (unmodelled or Unmodelled()).semi_axis_scale[0]

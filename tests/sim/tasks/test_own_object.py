@@ -1,6 +1,8 @@
 import pickle
 import re
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,12 +11,13 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.reward_table import ProspectSettings
 from sim.errors import CheckpointError, ObjectError
 from sim.research.pretraining.evaluation import EvaluationSettings
+from sim.research.pretraining.for_object import is_inside, make_ready
 from sim.research.pretraining.meta_training import MetaSettings
 from sim.research.pretraining.pipeline import PretrainBudget, pretrain
 from sim.rollouts import serial_executor
 from sim.tasks import TASKS, get_task
 from sim.tasks.fingerprint import fingerprint
-from sim.tasks.own_object import OwnObject, load_object, with_ranges
+from sim.tasks.own_object import OwnObject, as_toml, load_object, with_ranges
 
 TOFU = """
 task = "scooping"
@@ -125,3 +128,67 @@ def test_the_page_says_what_the_code_does(tmp_path):
             assert f"| {task.name} | {row}" in page
     example = re.search(r"```toml\n(.*?)```", page, re.DOTALL).group(1)
     assert with_ranges(get_task("scooping"), load_object(stored(tmp_path, example))).object_name == "tofu"
+
+
+HEAVY = OwnObject("pushing", "milk", {"mu": (0.08, 0.16)}, {"placed_x": (-0.002, 0.002)}, 0.48, {"com_height_m": 0.045})
+
+
+def test_mass_and_effects_are_the_scene_of_an_object():
+    usual: Any = get_task("pushing")
+    own: Any = with_ranges(usual, HEAVY)
+    values: Any = [space.denormalise(np.full(len(space), 0.4)) for space in (own.parameters, own.context, own.action)]
+    nothing, effects = np.zeros(2), usual.unmodelled(bottle_mass_scale=0.48 / 0.3, com_height_m=0.045)
+    track = own.simulate(*values, nothing)
+    assert track.state.tolist() == usual.simulate(*values, nothing, effects).state.tolist()
+    assert track.state.tolist() != usual.simulate(*values, nothing).state.tolist()
+    assert own.require_hardware().rest_pose(values[1], values[0], np.zeros(2), None)[2, 3] < 0.05 - 1.5e-6
+    assert own.nuisance.low.tolist() == [-0.002, -0.0035]
+    assert fingerprint(own) != fingerprint(with_ranges(usual, replace(HEAVY, mass_kg=0.5)))
+    assert fingerprint(usual) == "86d4fc06d6ec1074", "that of the shipped checkpoint"
+
+
+def test_a_piece_is_weighed_in_the_middle_of_its_ranges():
+    own = with_ranges(
+        get_task("scooping"), OwnObject("scooping", "cheese", {}, {}, 0.009, {"semi_axis_scale": (1.2, 1.0)})
+    )
+    parameters, nuisance = (space.denormalise(np.full(len(space), 0.5)) for space in (own.parameters, own.nuisance))
+    effect, usual_kg = own.hardware.weighing
+    assert getattr(own.scene, effect) * usual_kg(parameters, nuisance, own.scene) == pytest.approx(0.009)
+
+
+@pytest.mark.parametrize(
+    ("own", "message"),
+    [
+        (replace(HEAVY, mass_kg=3.0), r"bottle_mass_scale = 10.* lies outside the range .* 0.3 to 3.0: check the unit"),
+        (replace(HEAVY, effects={"com_heigth_m": 0.04}), "no effect 'com_heigth_m', did you mean com_height_m"),
+        (replace(HEAVY, effects={"contact": 1.0}), "contact takes no 1.0 here"),
+        (replace(HEAVY, sizes={"placed_x": (-0.1, 0.1)}), r"placed_x \[m\] = .* lies outside the range"),
+        (replace(HEAVY, sizes={"radius": (0.1, 0.2)}), "no size 'radius'"),
+        (OwnObject("pendulum", "rod", {}, {}, 1.0), "pendulum has no mass to set"),
+    ],
+)
+def test_a_scene_beyond_what_was_tried_is_refused(own, message):
+    with pytest.raises(ObjectError, match=message):
+        with_ranges(get_task(own.task), own)
+
+
+@pytest.mark.parametrize("own", [HEAVY, OwnObject("scooping", "tofu", {"g": (1, 2), "h": (2.0, 2.6)})])
+def test_a_written_file_is_read_back(tmp_path, own):
+    text = as_toml(get_task(own.task), own)
+    assert "friction" in text or "height of the piece" in text
+    assert load_object(stored(tmp_path, text)) == own
+
+
+def test_a_checkpoint_for_an_object_starts_from_the_shipped_one(tmp_path):
+    usual = get_task("pushing")
+    own = with_ranges(usual, HEAVY)
+    assert not is_inside(own, usual)
+    assert is_inside(with_ranges(usual, OwnObject("pushing", "jar", {"mu": (0.08, 0.16)})), usual)
+    tiny = ProspectSettings(candidates=4, truths=8, contexts=1)
+    with serial_executor() as executor:
+        path, found = make_ready(own, load_checkpoint(usual), tmp_path, 0, executor, lambda *_: None, 64, tiny, 16)
+    checkpoint = load_checkpoint(own, str(path))
+    assert found.rollouts == 16
+    assert found.accuracy > 0.6
+    assert checkpoint.emulator.tensors["pw0"].shape == load_checkpoint(usual).emulator.tensors["pw0"].shape
+    assert checkpoint.card.facts()["start"] == load_checkpoint(usual).sha256

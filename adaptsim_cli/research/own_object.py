@@ -1,0 +1,167 @@
+"""`adaptsim object`: an own object in one command."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from adaptsim_cli import options
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from adaptsim_cli.screen.console import Screen
+    from sim.tasks.own_object import OwnObject
+    from sim.tasks.task import Task
+    from sim.types import Space
+
+_Ranges = list[str] | None
+
+
+def own_object(
+    name: Annotated[str, typer.Argument(help="Name of the object; its file is NAME.toml in the current folder.")],
+    task: options.Task = None,
+    ranges: Annotated[
+        _Ranges, typer.Option("--range", help="Range of a parameter as name=low:high, repeatable; names: lab list.")
+    ] = None,
+    sizes: Annotated[_Ranges, typer.Option("--size", help="Range of a size as name=low:high, repeatable.")] = None,
+    mass: Annotated[float | None, typer.Option("--mass", help="What the object weighs, kg.", min=1e-4)] = None,
+    effect: Annotated[
+        _Ranges, typer.Option("--effect", help="Effect of the scene as name=value, repeatable; names: a world's file.")
+    ] = None,
+    rollouts: Annotated[
+        int | None, typer.Option("--rollouts", min=64, help="Simulated trials to learn from, if it is another scene.")
+    ] = None,
+    seed: options.Seed = None,
+    workers: options.Workers = None,
+    as_json: options.Json = False,
+) -> None:
+    """Describe an object of your own, draw it, and make its checkpoint from the shipped one.
+
+    Without values it asks; a NAME.toml that exists is used as it is. With narrower ranges alone nothing is learnt: the
+    shipped emulator serves them. An object of another size or mass is learnt, beginning with the shipped emulator.
+
+    Example: adaptsim object tofu --task scooping --range mu=0.30:0.40 --range h=2.0:2.6
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.research.pretraining import object_ready
+    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.storage import durable
+    from sim.tasks import get_task
+    from sim.tasks.own_object import as_toml, load_object, with_ranges
+
+    resolved = config.load({"task": task, "seed": seed, "workers": workers})
+    screen, usual = console.Screen(as_json=as_json), get_task(resolved.config.task)
+    file, picture = Path(f"{name}.toml"), Path(f"{name}.png")
+    given = any((ranges, sizes, mass, effect))
+    if file.exists() and not given:
+        own = load_object(file)
+    else:
+        durable.require_new(file, force=False)
+        own = _typed(name, usual, ranges, sizes, mass, effect) if given else _asked(screen, name, usual)
+        with_ranges(usual, own)  # raises before anything is written
+        durable.write_file(file.absolute(), as_toml(usual, own).encode())
+    chosen = resolved.config.model_copy(update={"task": own.task, "object": str(file)})
+    own_task = with_ranges(get_task(own.task), own)
+    drawn = own_task.hardware is not None
+    if drawn:
+        with screen.busy("Drawing the object"):
+            durable.replace_file(picture.absolute(), _png(own_task))
+    with screen.progress() as progress:
+        ready = object_ready(resolved, chosen, rollouts, progress)
+    told = {"object": name, "file": str(file), "picture": str(picture) if drawn else None, **ready}
+    if screen.data("object", told):
+        return
+    screen.plain(f"Object: {file}" + (f", picture: {picture}" if drawn else ""))
+    body = [(p["title"], views.number(p["left"]), p["words"]) for p in ready["parameters"]]
+    screen.show(views.rows(("parameter", "error left", "after a session of 8 trials"), body, right=(1,)))
+    screen.plain("Inside the margin: nothing to learn." if ready["inside"] else "Another scene: learnt.")
+    if (found := ready["held_out"]) is not None:
+        screen.plain(
+            f"On {found['rollouts']} fresh rollouts: {100 * found['accuracy']:.0f} % of outcomes right, "
+            f"last position {1e3 * found['position_error_median']:.1f} mm off (median)."
+        )
+    run = f"adaptsim run-iteration --task {own.task} --object {file}"
+    screen.next((run, "a session with it"), (f"xdg-open {picture}" if drawn else f"cat {file}", "is it your object?"))
+
+
+def _typed(name: str, task: Task, ranges: _Ranges, sizes: _Ranges, mass: float | None, effects: _Ranges) -> OwnObject:
+    from sim.tasks.own_object import OwnObject
+
+    parameters, nuisance = ({key: _range(key, text) for key, text in _split(given or ())} for given in (ranges, sizes))
+    scene = {key: _numbers(key, text) for key, text in _split(effects or ())}
+    return OwnObject(task.name, name, parameters, nuisance, mass, scene)
+
+
+def _split(given: Iterable[str]) -> Iterable[tuple[str, str]]:
+    from adaptsim_cli.errors import UsageError
+
+    for text in given:
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise UsageError(f"{text}: write name=low:high, for example h=2.0:2.6")
+        yield key.strip(), value.strip()
+
+
+def _range(key: str, text: str) -> tuple[float, float]:
+    from adaptsim_cli.errors import UsageError
+
+    try:
+        low, high = map(float, text.replace(",", ".").split(":"))
+    except ValueError as error:
+        raise UsageError(f"{key}={text}: write the two ends of the range as low:high, for example 2.0:2.6") from error
+    return low, high
+
+
+def _numbers(key: str, text: str) -> Any:
+    from adaptsim_cli.errors import UsageError
+
+    try:
+        values = tuple(float(part) for part in text.split(":"))
+    except ValueError as error:
+        raise UsageError(f"{key}={text}: write a number, or several with colons between") from error
+    return values if len(values) > 1 else values[0]
+
+
+def _asked(screen: Screen, name: str, task: Task) -> OwnObject:
+    """The answers of a person; Enter keeps the task's range."""
+    from adaptsim_cli.screen import console
+    from sim.tasks.own_object import OwnObject
+
+    console.require_terminal("there is no terminal to ask at: give --range, --size or --mass")
+    ranges, sizes = (_answers(screen, space) for space in (task.parameters, task.nuisance))
+    weighs = task.hardware is not None and task.hardware.weighing is not None
+    return OwnObject(task.name, name, ranges, sizes, _mass(screen) if weighs else None)
+
+
+def _mass(screen: Screen) -> float | None:
+    while answer := screen.ask("Mass in kg (Enter: as in training)?"):
+        with suppress(ValueError):
+            return float(answer.replace(",", "."))
+        screen.note(f"  {answer} is not a number; for example 0.4")
+    return None
+
+
+def _answers(screen: Screen, space: Space) -> Mapping[str, tuple[float, float]]:
+    from adaptsim_cli.errors import UsageError
+
+    found = dict[str, tuple[float, float]]()
+    for d in space.dimensions:
+        while answer := screen.ask(f"{d.title}, low:high (Enter: {d.low:g}:{d.high:g})?"):
+            try:
+                found[d.name] = _range(d.name, answer)
+                break
+            except UsageError as error:
+                screen.note(f"  {error}")
+    return found
+
+
+def _png(task: Task) -> bytes:
+    import cv2
+
+    from sim.lab.still import still
+
+    return bytes(cv2.imencode(".png", still(task)[..., ::-1])[1])

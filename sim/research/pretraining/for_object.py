@@ -1,0 +1,125 @@
+"""A checkpoint for an own object from the shipped one: its networks as they are, or trained on for another scene.
+
+The shipped emulator has learnt the whole margin. An object that only has narrower ranges is inside: its networks
+answer for it, and only the prospects are made anew. An object of another size or mass is another scene: the networks
+begin from the shipped ones and learn from a third of the rollouts.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.adaptation.checkpoint import Checkpoint, save_checkpoint
+from sim.adaptation.reward_table import ProspectSettings, look_ahead
+from sim.errors import CheckpointError
+from sim.research.pretraining.pipeline import PretrainBudget, StageProgress, stage_seeds
+from sim.rollouts.dataset import build_dataset, draw_requests
+from sim.rollouts.run import run_many
+from sim.solvers.emulator.adopting import adopted
+from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.emulator.training import EmulatorSettings, held_out_errors, train_emulator
+from sim.solvers.solver import Solver
+from sim.tasks.task import Task
+
+HELD_OUT = 192
+"""Fresh rollouts over the object's margin that judge the networks."""
+
+LEARNING_RATE = 5e-4
+"""A third of that of networks without a start: they must not forget first."""
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """The error of an emulator over the margin of an object, by rollouts that it has not learnt from."""
+
+    rollouts: int
+    accuracy: float  # of success or failure
+    position_error_median: float  # last observed position, in state units
+    end_state_error_median: float | None  # of successes, in units; None without one
+
+
+def is_inside(task: Task, shipped: Task) -> bool:
+    """Whether all rollouts of an object are among those that the shipped emulator learnt from."""
+    known = all(
+        space.contains(values)
+        for ours, space in ((task.margin, shipped.margin), (task.nuisance, shipped.nuisance))
+        for values in (ours.low, ours.high)
+    )
+    return task.scene is None and known
+
+
+def make_ready(
+    task: Task,
+    shipped: Checkpoint,
+    folder: Path,
+    seed: int,
+    executor: Executor,
+    progress: StageProgress,
+    rollouts: int | None = None,
+    prospects: ProspectSettings | None = None,
+    held_out: int = HELD_OUT,
+) -> tuple[Path, HeldOut | None]:
+    """Write the checkpoint of an object into `folder`; `rollouts` to learn from, if it is not inside.
+
+    The error is None for a task that is solved exactly. Raises CheckpointError if the shipped checkpoint has no
+    emulator for it, DatasetError.
+    """
+    draws, emulator, found = stage_seeds(seed), None, None
+    facts: dict[str, Any] = {"seed": seed, "start": shipped.sha256}
+    if task.exact is None:
+        emulator = _learnt(task, shipped, folder, draws, executor, progress, rollouts)
+        found = judge(emulator, held_out, draws[3], executor, progress)
+        facts["held_out"] = {name: value for name, value in asdict(found).items() if value is not None}
+    solver = EmulatorSolver(emulator) if emulator else _exact(task)
+    ahead = look_ahead(solver, draws[2], prospects, _stage("prospects", progress))
+    return save_checkpoint(task, folder / "checkpoint", emulator, {}, facts, ahead), found
+
+
+def _exact(task: Task) -> Solver:
+    assert task.exact is not None
+    return task.exact(task)
+
+
+def _learnt(
+    task: Task,
+    shipped: Checkpoint,
+    folder: Path,
+    draws: tuple[int, ...],
+    executor: Executor,
+    progress: StageProgress,
+    rollouts: int | None,
+) -> Emulator:
+    if shipped.emulator is None:
+        raise CheckpointError(f"{shipped.path} holds no emulator: `adaptsim pretrain --object` makes a checkpoint")
+    start = adopted(shipped.emulator, task)
+    if is_inside(task, shipped.solver.task):
+        return start
+    budget = PretrainBudget.small(task)
+    count = rollouts or budget.rollouts + budget.denser
+    dataset = build_dataset(task, folder / "dataset", count, draws[0], executor, _stage("dataset", progress))
+    settings = replace(EmulatorSettings(), learning_rate=LEARNING_RATE)
+    return train_emulator(task, dataset, draws[1], settings, _stage("emulator", progress), start)[0]
+
+
+def judge(emulator: Emulator, count: int, seed: int, executor: Executor, progress: StageProgress) -> HeldOut:
+    """The error by fresh rollouts."""
+    requests = draw_requests(emulator.task, count, np.random.default_rng(seed))
+    true = run_many(emulator.task, requests, executor, _stage("held-out rollouts", progress))
+    errors = held_out_errors(emulator, requests, true)
+    ends = errors["end_state_error_median"]
+    return HeldOut(
+        rollouts=count,
+        accuracy=float(errors["accuracy"].mean()),
+        position_error_median=float(np.median(errors["position_error_median"])),
+        end_state_error_median=float(np.median(ends)) if len(ends) else None,
+    )
+
+
+def _stage(name: str, progress: StageProgress) -> Any:
+    return lambda done, total: progress(name, done, total)

@@ -1,0 +1,73 @@
+"""`adaptsim object` writes the file whole and makes the checkpoint that sessions find; a wrong value writes nothing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from adaptsim_cli import app, config
+from adaptsim_cli.screen import console
+from adaptsim_cli.wiring.checkpoints import checkpoint_of
+
+VALUES = ["--task", "pendulum", "--range", "m1=1.5:2.0"]
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.long
+def test_a_session_finds_the_checkpoint_of_an_object(capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["object", "rod", *VALUES, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["inside"], told["held_out"], told["picture"]) == (True, None, None)
+    assert [p["name"] for p in told["parameters"]] == ["m1", "m2", "b1", "b2"]
+    assert "m1 = [1.5, 2.0]  # kg" in Path("rod.toml").read_text()
+    chosen = config.load({"task": "pendulum", "object": "rod.toml"}).config
+    assert str(checkpoint_of(chosen).path) == told["checkpoint"]
+    assert app.run(["object", "rod", *VALUES]) == 2
+    assert "rod.toml exists already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (["--range", "m1=2"], "m1=2: write the two ends of the range as low:high"),
+        (["--range", "m1"], "m1: write name=low:high"),
+        (["--range", "m3=1:2"], "pendulum has no parameter 'm3'"),
+        (["--range", "m1=1:9"], "lies outside the range that the scene of pendulum supports"),
+        (["--effect", "wind=a"], "wind=a: write a number"),
+        (["--mass", "1"], "pendulum has no mass to set"),
+        ([], "there is no terminal to ask at"),
+    ],
+)
+def test_a_wrong_value_writes_nothing(
+    values: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run(["object", "rod", "--task", "pendulum", *values]) == 2
+    assert message in capsys.readouterr().err
+    assert not list(tmp_path.glob("rod*"))
+
+
+def test_without_values_it_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+    from adaptsim_cli.research.own_object import _asked  # noqa: PLC0415 - what the command asks
+    from sim.tasks import get_task  # noqa: PLC0415
+
+    answers = iter(["0.08:0.16", "", "1e4", "1e4:1e5", "", "", "", "heavy", "0,4"])
+    asked = list[str]()
+
+    def answer(question: str) -> str:
+        asked.append(question)
+        return next(answers)
+
+    monkeypatch.setattr(console, "require_terminal", lambda otherwise: None)
+    screen = console.Screen()
+    monkeypatch.setattr(screen, "ask", answer)
+    own = _asked(screen, "milk", get_task("pushing"))
+    assert own.ranges == {"mu": (0.08, 0.16), "mu_p": (1e4, 1e5)}
+    assert own.mass_kg == 0.4
+    assert asked[0] == "table friction mu, low:high (Enter: 0.05:0.2)?"

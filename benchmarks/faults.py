@@ -64,8 +64,8 @@ from hw.fake import FakeHand
 from hw.franka import player
 from hw.franka.arm import FrankaArm
 from hw.franka.connection import Connection
+from hw.franka.drives import DRIVES
 from hw.franka.messages import PlayOutcome
-from hw.franka.player import DRIVES
 from hw.franka.settings import FrankaSettings
 from hw.ports import Pedal
 from hw.serial.pedal_protocol import PedalState, line_for
@@ -320,7 +320,7 @@ class Lab:
         try:
             with self.arm:
                 if kind in HANDS:
-                    self.hand._width_m, self.hand._holds = HANDS[kind]
+                    self.hand.width_m, self.hand.holds = HANDS[kind]
                 if kind in DISKS:
                     durable.replace_file = _full(1 if kind == DISKS[0] else 2, written)
                 if world.at < 0:

@@ -5,6 +5,10 @@
 Each case takes a valid file and changes it: bytes flipped, cut, doubled or replaced by awkward tokens; in TOML and JSON
 also values replaced and keys removed or renamed. A reader may accept the file or raise an error of this program.
 Anything else is printed with its reader and number, and `--only NUMBER --reader NAME` repeats it.
+
+Seed 42, 25 minutes: 35,392 cases of 28 kinds of files, 29,752 refused, 10 tracebacks of two defects, since mended
+(infinite numbers in `trials.csv`, places of four numbers in a URDF). Seed 43 afterwards, 22 minutes on a
+busy computer: 1,596 cases, 1,350 refused, no traceback.
 """
 
 from __future__ import annotations

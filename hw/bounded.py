@@ -71,16 +71,13 @@ def parse_table(content: bytes, *, is_toml: bool, finite: bool = True) -> dict[s
 
 def read_bytes(path: Path, most: int) -> bytes:
     """The content of a file of at most `most` bytes. Raises FileNotFoundError, Unreadable."""
+    require_file(path, most)
     try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise Unreadable("is not a file" if not path.is_dir() else "is a folder")
         with path.open("rb") as file:
             content = file.read(most + 1)
-    except FileNotFoundError:
-        raise
     except OSError as error:
         raise Unreadable(f"cannot be read: {error.strerror}") from error
-    if len(content) > most:
+    if len(content) > most:  # it grew
         raise Unreadable(f"has more than {most / 2**20:g} MB")
     return content
 

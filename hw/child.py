@@ -12,11 +12,20 @@ import socket
 import subprocess
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
 END_S = 3.0
 """How long a child may take to end by itself: longer than the longest stop along a path."""
+
+
+@dataclass(frozen=True)
+class Call:
+    """A request to another process: what it shall do, by the name of a method, and with which arguments."""
+
+    method: str
+    arguments: tuple[Any, ...] = ()
 
 
 class ChildGone(Exception):

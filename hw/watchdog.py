@@ -5,19 +5,33 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import time
 from collections.abc import Callable
-
-from hw.since_boot import since_boot_s
 
 ALIVE, PEDAL, REQUESTED = b".", b"P", b"S"
 WHY = {PEDAL: "pedal", REQUESTED: "request"}
 SILENT, ORPHANED = "silence", "orphaned"
+IN_WORDS = {
+    "pedal": "the enabling pedal was released",
+    "request": "a stop was requested",
+    SILENT: "the program was silent for too long",
+    ORPHANED: "the program ended",
+}
+"""Why a motion was stopped, for the operator."""
 SILENCE_S = 0.06
 """The longest silence of the program during a motion; the same as for the pedal."""
 WORD_EVERY_S = 0.005
 """How often the program writes a word (continue or stop) during a motion."""
 
 _PR_SET_PDEATHSIG = 1
+
+
+def since_boot_s() -> float:
+    """Seconds since the computer started, its sleep included (`time.monotonic` leaves that out on Linux).
+
+    The clock for freshness: nothing said before a sleep looks new afterwards.
+    """
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 class Watchdog:

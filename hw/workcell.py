@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from hw.braking import check_braking
 from hw.collision import KeepOut, Table, Tool
-from hw.errors import MotionRefused
+from hw.errors import ArmFault, MotionRefused
 from hw.joint_limits import LIMITS, JointLimits
 from hw.kinematics import JOINTS
 from hw.limits import (
@@ -152,3 +152,15 @@ class Workcell:
     def in_true_joints(self) -> Workcell:
         """The same workcell for planning in true joints: a path passes it if its reported version passes `self`."""
         return replace(self, arm=self.arm.in_true_joints())
+
+
+def refuse_while_stopped(fault: str | None) -> None:
+    """Raises ArmFault while an arm is stopped by `fault`."""
+    if fault is not None:
+        raise ArmFault(f"the arm is stopped ({fault}); recover it before the next motion")
+
+
+def refuse_unless_safe(path: JointPath, cell: Workcell, q_now_rad: Array, *, fault: str | None) -> None:
+    """Raises ArmFault while stopped by `fault`, MotionRefused if `cell` refuses `path` from `q_now_rad` (7,)."""
+    refuse_while_stopped(fault)
+    cell.require(path, q_now_rad)

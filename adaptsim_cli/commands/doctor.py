@@ -15,13 +15,13 @@ def doctor(
     world: options.World = None,
     hw: options.Hw = None,
     assessment: Annotated[
-        Path | None, typer.Option("--assessment", help="Write a risk assessment of this rig into a new .md file.")
+        Path | None, typer.Option("--assessment", help="Write a risk assessment of this rig into a new .html file.")
     ] = None,
     as_json: options.Json = False,
 ) -> None:
     """Check everything that an iteration needs, and give the remedy for whatever is missing. Nothing moves.
 
-    Exit code 3 when something is missing. With --assessment it only writes the page, to be completed and signed.
+    Exit code 3 when something is missing. With --assessment it only writes the sheet, to be completed and signed.
 
     Example: adaptsim doctor --hw fr3
     """

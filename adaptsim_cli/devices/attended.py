@@ -17,9 +17,8 @@ from adaptsim_cli.screen.views import Readiness, clear_to_move
 from adaptsim_cli.session.records import RigFacts
 from hw.errors import ArmFault, BalanceError, DeviceUnavailable, HandError
 from hw.pacing import slowed
-from hw.placing import Placing
 from hw.ports import Arm, Balance, Camera, Hand
-from hw.types import Array
+from hw.types import Array, Placing
 
 _WAY_OUT = "The command ends; everything completed is stored, and the same command goes on from here."
 

@@ -1,4 +1,4 @@
-"""`adaptsim doctor --assessment`: one page about the risks of a rig, with its own numbers, to be signed.
+"""`adaptsim doctor --assessment`: one sheet about the risks of a rig, with its own numbers, to be completed and signed.
 
 Its order is that of ISO 12100 (limits of the machine, hazards, estimation, reduction) for the tasks that ISO 10218-2
 lists for a person at an arm. It is a draft for the lab's own assessment, not a certificate.
@@ -9,195 +9,126 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from importlib import metadata
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.consent import SLOW_PACE
-from adaptsim_cli.devices.known_arm import ArmFacts, KnownArm, folder_of
+from adaptsim_cli.devices.known_arm import ArmFacts, KnownArm, folder_of, setup_of
 from adaptsim_cli.devices.mounted import MountedTask
-from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.devices.rig_file.description import RigDescription, Waivable
 from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.report.page import fill
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.views import top_speed_m_s
 from adaptsim_cli.storage import durable
+from adaptsim_cli.wiring.calibration import current_calibration
 from adaptsim_cli.wiring.motion import mounted_for, planned
 from hw.braking import STOP_S, check_braking
 from hw.contact import IMPACT_NS_M
+from hw.errors import MotionRefused
 from hw.guarding import SPEED_M_S
 from hw.kinematics import forward
 from hw.limits import contact_limit_N
+from hw.motion_limits import FLANGE
 from hw.types import JointPath
+from hw.watchdog import SILENCE_S
+from sim.errors import NotExecutable
+
+REACH_M = 0.855
+"""Of both arms, from the axis of joint 1 to the flange (the maker's data sheets)."""
+
+WITHOUT: dict[Waivable, str] = {
+    "pedal": "the arm moves without anybody holding a pedal; only the stop button ends a motion",
+    "hand": "nobody asks the hand whether it still holds the tool",
+    "person": "no side is kept clear for a person: the arm may move wherever the operator stands",
+    "payload": "the arm takes the weight of tool or object for a push, or a push for weight",
+    "keep_out": "the arm knows no obstacle but table, camera and itself",
+    "stop_button": "nobody shows every day that the stop button stops this arm",
+    "slow_start": "a changed rig file, tool or calibration moves the arm at full speed at once",
+}
+"""What is missing where a rig file waives a check."""
 
 
 @dataclass(frozen=True)
 class Motions:
-    """The numbers of the middle action of the task, planned with this rig."""
+    """The numbers of the middle action of the task and of those at the ends of its ranges, planned with this rig."""
 
+    planned: int  # actions; the others cannot be executed
     speed_m_s: float  # of the tool, at most
     stop_s: float  # longest stop
-    stop_m: float  # the tool's travel in `STOP_S` at that speed, at most
     contact_N: float  # predicted, at most
 
+    @property
+    def stop_m(self) -> float:
+        """The tool's travel from a released pedal to rest, at most: the pedal's silence, then a stop at full speed."""
+        return self.speed_m_s * (SILENCE_S + STOP_S)
 
-def motions_of(there: MountedTask, paths: Sequence[JointPath]) -> Motions:
-    """Speeds, stops and forces of planned `paths` in reported joints."""
-    speed_m_s, stop_s = 0.0, 0.0
-    X_FT = there.hardware.X_FT
-    for path in paths:
-        tool_m = (forward(there.cell.arm.true_rad(path.q_rad[::10])) @ X_FT)[:, :3, 3]
-        speed_m_s = max(speed_m_s, float(np.linalg.norm(np.diff(tool_m, axis=0), axis=1).max()) * 100.0)
-        stop_s = max(stop_s, check_braking(path, there.cell.motion).longest_s)
-    contact_N = max((path.contact.force_N for path in paths if path.contact is not None), default=0.0)
-    return Motions(speed_m_s, stop_s, speed_m_s * STOP_S, contact_N)
+    @property
+    def impact_N(self) -> float:
+        """Peak force of a rigid contact at the largest speed."""
+        return self.speed_m_s * IMPACT_NS_M
 
 
-@dataclass(frozen=True)
-class Hazard:
-    """One row: who is exposed, to what, how bad and how likely before the measures, and what reduces it."""
-
-    task: str
-    person: str
-    hazard: str
-    severity: str  # S1 bruise, S2 injury that heals, S3 lasting injury
-    likelihood: str  # rare, possible, likely
-    here: str  # measures of the program and of this rig
-    lab: str  # what stays with the lab
-
-
-def hazards(rig: RigDescription, moves: Motions) -> tuple[Hazard, ...]:
-    """The rows of the page."""
-    stops_N = rig.arm.stops_at_N
-    peak_N = moves.speed_m_s * IMPACT_NS_M
-    pedal = "the arm moves only while the pedal is held" if rig.pedal else "WAIVED: no enabling pedal"
-    box = "a box keeps the arm off that side" if rig.person else "WAIVED: no side of a person is kept clear"
-    return (
-        Hazard(
-            "placing the object, reading the screen",
-            "operator at the table",
-            f"struck by arm or tool at up to {moves.speed_m_s:.2f} m/s; a rigid contact peaks near {peak_N:.0f} N",
-            "S2",
-            "possible",
-            f"{box}; a question before every motion; {pedal}; a stop within {STOP_S:g} s",
-            "nobody within reach while a command runs; eye protection; a fence or scanner if others pass by",
-        ),
-        Hazard(
-            "watching a motion",
-            "operator with a hand at the stop button",
-            f"the tool travels up to {100.0 * moves.stop_m:.0f} cm after the wish to stop",
-            "S2",
-            "possible",
-            "every path can stop along itself at every moment; checked before it begins",
-            "the stop button within reach, checked every day: it is the safety device",
-        ),
-        Hazard(
-            "any motion",
-            "operator, bystander",
-            f"clamped between arm and table or obstacle; the arm stops by itself at {stops_N:g} N",
-            "S3",
-            "rare",
-            f"keep-out boxes: {', '.join(box.name for box in rig.keep_out) or 'none'}; clearance to table and itself",
-            "gaps of 100 mm for hands and 500 mm for bodies around the work area, or guards",
-        ),
-        Hazard(
-            "scooping or pushing",
-            "operator",
-            f"the tool presses on the table with up to {moves.contact_N:.0f} N",
-            "S2",
-            "rare",
-            "contact only inside the declared window; tool and edge as in the rig file",
-            "blunt edges where possible; a cover over the tool outside of trials",
-        ),
-        Hazard(
-            "touch-off, tool change",
-            "operator with a hand at the gripper",
-            f"fingers clamped by the hand; arm at up to {1e3 * SPEED_M_S:g} mm/s",
-            "S1",
-            "possible",
-            f"fingers at 30 mm/s; a typed word; {pedal}" if "hand" not in rig.waived else "WAIVED: no hand is watched",
-            "offer the tool by its handle; never reach between the fingers",
-        ),
-        Hazard(
-            "a fault: tool lost, object thrown, reflex, power cut",
-            "operator, bystander",
-            "a tool or an object flies off; the arm rests on what it touched",
-            "S2",
-            "rare",
-            "the hand is asked before every motion whether it holds the tool; after a fault nothing moves without "
-            "`recover`",
-            "eye protection; look at the arm first; a way to free a clamped person without power",
-        ),
-        Hazard(
-            "a changed rig file, tool or calibration",
-            "operator",
-            "the arm moves elsewhere than expected",
-            "S2",
-            "possible",
-            "WAIVED: no slow first motion"
-            if "slow_start" in rig.waived
-            else f"the first motion runs at pace {SLOW_PACE:g} at most, unless the operator takes it on by name",
-            "watch the first motion with a hand at the stop button",
-        ),
+def motions_of(there: MountedTask, actions: Sequence[Sequence[JointPath]]) -> Motions:
+    """Speeds, stops and forces of the planned paths (in reported joints) of each action."""
+    paths = [path for one in actions for path in one]
+    arm, X_FT = there.cell.arm, there.hardware.X_FT
+    return Motions(
+        len(actions),
+        top_speed_m_s(paths, lambda q_rad: forward(arm.true_rad(q_rad)) @ X_FT),
+        max(check_braking(path, there.cell.motion).longest_s for path in paths),
+        max((path.contact.force_N for path in paths if path.contact is not None), default=0.0),
     )
 
 
-def page(there: MountedTask, rig: RigDescription, moves: Motions, known: ArmFacts) -> str:
-    """The assessment as Markdown, ready to print and sign."""
+def page(there: MountedTask, rig: RigDescription, moves: Motions, known: ArmFacts, identity: dict[str, str]) -> str:
+    """The assessment as HTML, two sides of A4; `identity` names what it is about, and in which state."""
     payload = rig.tool(there.task.name).payload
-    boxes = [f"| {box.name} | {_corner(box.low_m)} | {_corner(box.high_m)} |" for box in there.cell.keep_out]
-    rows = [
-        f"| {n} | {h.task} | {h.person} | {h.hazard} | {h.severity} | {h.likelihood} | {h.here} | {h.lab} |"
-        for n, h in enumerate(hazards(rig, moves), start=1)
-    ]
-    lines = [
-        f"# Risk assessment: {rig.name}, {rig.arm.model} at {rig.arm.address}, {there.task.name}",
-        "",
-        f"Written by `adaptsim doctor --assessment` on {datetime.now(UTC):%Y-%m-%d}. A draft after ISO 12100 and ISO "
-        "10218-2: the lab completes, decides and signs it. No part of this program is a safety device.",
-        "",
-        "## Limits of the machine",
-        "",
-        f"* largest speed of the tool in a planned {there.task.name} motion: {moves.speed_m_s:.2f} m/s",
-        f"* longest stop of that motion: {moves.stop_s:.2f} s; promised for every motion: {STOP_S:g} s, so at most "
-        f"{100.0 * moves.stop_m:.0f} cm of travel",
-        f"* the arm stops by itself at {rig.arm.stops_at_N:g} N and at "
-        f"{', '.join(f'{torque:g}' for torque in rig.arm.stops_at_Nm)} Nm in joints 1 to 7",
-        f"* predicted contact force: {moves.contact_N:.0f} N; allowed: {contact_limit_N(rig.arm.stops_at_N):.0f} N",
-        f"* payload in the hand: {'not stated' if payload is None else f'{payload.mass_kg:g} kg'}",
-        f"* stop button last found to stop the arm: {known.stop_button or 'never'} {known.stop_button_by}".rstrip(),
-        f"* waived by the rig file: {', '.join(rig.waived) or 'nothing'}",
-        "",
-        "| kept clear | from x, y, z in m | to |",
-        "|---|---|---|",
-        *(boxes or ["| nothing | | |"]),
-        "",
-        "## Hazards",
-        "",
-        "Severity: S1 bruise, S2 injury that heals, S3 lasting injury; likelihood before the measures.",
-        "",
-        "| | task | person | hazard | severity | likelihood | reduced here by | stays with the lab |",
-        "|---|---|---|---|---|---|---|---|",
-        *rows,
-        "",
-        "## Decision",
-        "",
-        "Remaining risk acceptable: yes / no. Further measures:",
-        "",
-        "| | name | date | signature |",
-        "|---|---|---|---|",
-        "| operator | | | |",
-        "| safety officer | | | |",
-    ]
-    return "\n".join(lines) + "\n"
+    return fill(
+        "assessment.html.j2",
+        rig=rig,
+        task=there.task,
+        moves=moves,
+        identity=identity,
+        payload_kg=None if payload is None else payload.mass_kg,
+        boxes=[(box.name, _corner(box.low_m), _corner(box.high_m)) for box in there.cell.keep_out],
+        without=[(name, WITHOUT[name]) for name in rig.waived],
+        reach_m=REACH_M + float(np.linalg.norm(there.hardware.X_FT[:3, 3])),
+        flange_m_s=FLANGE[rig.arm.model].m_s,
+        allowed_N=contact_limit_N(rig.arm.stops_at_N),
+        moved=known.setups.get(identity["set-up"], "never"),
+        stop_button=f"{known.stop_button} by {known.stop_button_by}" if known.stop_button else "never",
+        stop_s=STOP_S,
+        silence_s=SILENCE_S,
+        guarded_m_s=SPEED_M_S,
+        slow_pace=SLOW_PACE,
+    )
 
 
 def _corner(p_m: np.ndarray) -> str:
-    return ", ".join(f"{value:g}" for value in p_m)
+    return ", ".join(f"{value:.2f}" for value in p_m)
+
+
+def _planned(there: MountedTask) -> list[Sequence[JointPath]]:
+    """The middle action, which must be executable, and those at the ends of all ranges that are."""
+    found: list[Sequence[JointPath]] = [planned(there, (), ()).paths]
+    space = there.task.action
+    for ends in product(*zip(space.low.tolist(), space.high.tolist(), strict=True)):
+        typed = [f"{name}={value!r}" for name, value in zip(space.names, ends, strict=True)]
+        try:
+            found.append(planned(there, (), typed).paths)
+        except (NotExecutable, MotionRefused):
+            continue
+    return found
 
 
 def write(resolved: Resolved, path: Path, screen: Screen) -> None:
-    """Plan the task's middle action with this rig and write the page. Nothing moves, and no device is opened.
+    """Plan the task's actions with this rig and write the page. Nothing moves, and no device is opened.
 
     Raises UsageError (no real arm, no rig file, an existing file), and the errors of planning.
     """
@@ -205,8 +136,17 @@ def write(resolved: Resolved, path: Path, screen: Screen) -> None:
         raise UsageError("--assessment: the simulated lab hurts nobody; name an arm with --hw")
     if path.exists():
         raise UsageError(f"{path} exists already: name a new file")
-    rig, there = rig_of(resolved.config, tasks_with_tools()), mounted_for(resolved, None)
-    moves = motions_of(there, planned(there, (), ()).paths)
-    text = page(there, rig, moves, KnownArm(folder_of(resolved.places, rig)).read())
+    config, places = resolved.config, resolved.places
+    rig, there = rig_of(config, tasks_with_tools()), mounted_for(resolved, None)
+    calibrated = current_calibration(config, places)
+    identity = {
+        "date": f"{datetime.now(UTC):%Y-%m-%d}",
+        "program": f"adaptsim {metadata.version('adaptsim')}",
+        "set-up": setup_of(rig, there.cell),
+        "calibration": "none yet: no box around the camera" if calibrated is None else calibrated.created[:10],
+    }
+    with screen.busy(f"Planning {there.task.name} with {rig.name}"):
+        moves = motions_of(there, _planned(there))
+    text = page(there, rig, moves, KnownArm(folder_of(places, rig)).read(), identity)
     durable.write_file(path.absolute(), text.encode())
-    screen.plain(f"Written: {path}. Complete it, decide, and sign it")
+    screen.plain(f"Written: {path}. Print it, complete it, decide, and sign it")

@@ -134,24 +134,30 @@ def curve(method: MethodSummary, levels: Mapping[str, float]) -> str:
 
 
 def differences(methods: Sequence[MethodSummary]) -> str:
-    """Mean paired difference of each method to UDR, with its interval."""
+    """Mean paired difference of each method to UDR, with its interval; far below, the number alone."""
     told = [(m, m.above_udr, m.above_udr_ci95) for m in methods]
     known = [(m, mean, ci) for m, mean, ci in told if mean is not None and ci is not None]
     height = 26.0 * len(known)
     canvas = Canvas(760, height + 40.0, "Difference of every method to UDR, paired by world, seed and contexts")
     ends = [end for _, _, ci in known for end in ci]
-    x = Scale(min(-0.05, *ends), max(0.05, *ends), 170.0, 740.0)
+    x = Scale(max(FAR_BELOW, min(-0.05, *ends)), max(0.05, *ends), 170.0, 740.0)
     for tick in x.ticks(7):
         canvas.line(x(tick), 4.0, x(tick), height + 8.0, "mean" if abs(tick) < 1e-9 else "grid")
         canvas.text(x(tick), height + 26.0, f"{tick:+.2f}" if tick else "0", anchor="middle")
     for i, (method, mean, (low, high)) in enumerate(known):
         middle = 20.0 + 26.0 * i
         canvas.text(160.0, middle + 4.0, method.method, anchor="end")
-        canvas.rect(x(low), middle - 5.0, max(x(high) - x(low), 1.5), 10.0, "expected c0", 3)
+        if mean < x.low:
+            canvas.text(x.start + 4.0, middle + 4.0, f"{signed(mean)}, far below", "row")
+            continue
+        left = x(max(low, x.low))
+        canvas.rect(left, middle - 5.0, max(x(high) - left, 1.5), 10.0, "expected c0", 3)
         canvas.dot(x(mean), middle, 4.5, "dot c0", f"{mean:+.3f} ({low:+.3f} to {high:+.3f})")
     return canvas.svg()
 
 
+FAR_BELOW = -0.25
+"""The lowest difference to UDR that its figure draws, so that one method does not squash the others."""
 MINUS = "\N{MINUS SIGN}"
 
 

@@ -97,7 +97,7 @@ def _type(node: ast.expr) -> str:
         text = text.replace(old, new)
     text = re.sub(r"\bHardware\b", "Literal['fake', 'panda', 'fr3']", text)
     text = re.sub(r"\bSide\b", "Literal['left', 'right', 'front', 'back']", text)
-    text = re.sub(r"\b\w+(Part|Record|Collision|Summary)\b|\bCollision\b", "table", text)
+    text = re.sub(r"\b\w+(Part|Record|Collision|Summary)\b|\b(Collision|MeasuredValue)\b", "table", text)
     text = re.sub(r"tuple\[tuple\[int, float\], \.\.\.\]", "list of int and float", text)
     text = re.sub(r"tuple\[(\w+), \.\.\.\]", r"list of \1", text)
     text = re.sub(r"tuple\[(Three|Four)(, \1)+\]", lambda m: f"{m[1].lower()} rows of {m[1].lower()}", text)

@@ -5,6 +5,6 @@ from hw.fake.bench import FakeBench
 from hw.fake.camera import FakeCamera
 from hw.fake.clock import FakeClock
 from hw.fake.guarded import FakeGuardedArm
-from hw.fake.hand import FakeHand
+from hw.grasping import FakeHand
 
 __all__ = ["FakeArm", "FakeBench", "FakeCamera", "FakeClock", "FakeGuardedArm", "FakeHand"]

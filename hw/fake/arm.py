@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike
 
 from hw.errors import ArmFault, DeviceUnavailable
 from hw.fake.clock import FakeClock
-from hw.refusal import refuse_unless_safe
 from hw.types import ArmState, Execution, JointPath, frozen_array
-from hw.workcell import Workcell
+from hw.workcell import Workcell, refuse_unless_safe
 
 
 class FakeArm:

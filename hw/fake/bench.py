@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from hw.placing import Placing
-from hw.types import Array
+from hw.types import Array, Placing
 
 
 class FakeBench:

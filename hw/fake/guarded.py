@@ -12,8 +12,8 @@ from hw.fake.arm import FakeArm
 from hw.franka.settings import Payload
 from hw.guarding import require_guarded
 from hw.kinematics import jacobian, link_poses
-from hw.refusal import refuse_while_stopped
 from hw.types import Array, Contact, Execution, Guard, JointPath, frozen_array
+from hw.workcell import refuse_while_stopped
 
 STIFFNESS_N_M = 4000.0
 

@@ -5,30 +5,29 @@ Times are `time.monotonic()`, which all processes of a computer share.
 
 from __future__ import annotations
 
+import gc
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Self
 
 import numpy as np
 
 from hw.collision import Tool
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
-from hw.franka.checks import PathCheck, back_from, until
 from hw.franka.driver import LOST, UNAVAILABLE, UNMOVED, Failure, Reading
 from hw.franka.messages import Timing
-from hw.franka.parts import Player
 from hw.franka.playback import TOUCH, PlayableMotion, Played, motion_of
-from hw.franka.process import PlayerProcess
+from hw.franka.process import Player, PlayerProcess
 from hw.franka.settings import FrankaSettings, Payload
-from hw.franka.starting import FADE_S, SLOW_FADE_S, from_held
+from hw.franka.starting import FADE_S, SLOW_FADE_S, PathCheck, back_from, from_held, until
 from hw.franka.stops import WHY, StopReport, stop_report
 from hw.franka.touching import contact_of, way_back
 from hw.franka.weighing import READINGS, require_declared
 from hw.ports import Pedal
-from hw.refusal import refuse_while_stopped
 from hw.types import ArmState, Contact, Execution, Guard, JointPath, frozen_array
 from hw.watchdog import ALIVE, PEDAL, REQUESTED
-from hw.workcell import Workcell
+from hw.workcell import Workcell, refuse_while_stopped
 
 __all__ = ["FrankaArm", "Pedal", "Player", "franka", "open_franka"]
 
@@ -115,7 +114,8 @@ class FrankaArm:
 
         Raises MotionRefused, ArmFault or StoppedByPedal; if it braked, the last two carry the path to standstill.
         """
-        self._play(self._admitted(path, self._cell.require, FADE_S))
+        with _heard():
+            self._play(self._admitted(path, self._cell.require, FADE_S))
         assert self.last_execution is not None
         return self.last_execution
 
@@ -125,11 +125,12 @@ class FrankaArm:
         Raises NoContact (back at the start), MotionRefused (nothing moved), ArmFault or StoppedByPedal (stopped on the
         way there or back, and still there).
         """
-        motion = self._admitted(path, until(guard, self._cell), SLOW_FADE_S)
-        played = self._play(motion, guard)
-        search, stop = self.last_execution, self.last_stop
-        contact = contact_of(played, motion.path)
-        self._play(self._way_back(played, motion.path, back_from(guard, self._cell)))
+        with _heard():
+            motion = self._admitted(path, until(guard, self._cell), SLOW_FADE_S)
+            played = self._play(motion, guard)
+            search, stop = self.last_execution, self.last_stop
+            contact = contact_of(played, motion.path)
+            self._play(self._way_back(played, motion.path, back_from(guard, self._cell)))
         self.last_execution, self.last_stop = search, stop
         if contact is None:
             raise NoContact(
@@ -308,6 +309,20 @@ class FrankaArm:
         if self._player is not None:
             self._player.close()
             self._player = None
+
+
+@contextmanager
+def _heard() -> Iterator[None]:
+    """Without Python's garbage collection: a full one takes 0.15 s in a session's process, and meanwhile the pedal is
+    not heard by the program, nor the program by the player.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 def open_franka(cell: Workcell, settings: FrankaSettings, *, pedal: Pedal | None = None) -> FrankaArm:

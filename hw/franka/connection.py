@@ -1,4 +1,4 @@
-"""A connected arm of either model: the common part of both SDKs. Driving a motion differs (`fr3.py`, `panda.py`).
+"""A connected arm of either model: the common part of both SDKs. Driving a motion differs (`drives.py`).
 
 An arm accepts settings only in its mode Idle, not after a reflex or while the stop button is pressed. So connecting
 sets nothing: in any mode the arm can be read, explained and recovered. The settings are sent before every motion.
@@ -7,16 +7,12 @@ sets nothing: in any mode the arm can be read, explained and recovered. The sett
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from typing import Any
 
 from hw.franka import reflexes
 from hw.franka.driver import LOST, UNMOVED, Failure, Reading, Step, error_names, failure, mode_name
+from hw.franka.drives import Drive
 from hw.franka.settings import FrankaSettings, Payload
-
-Drive = Callable[[Any, Any, Step], None]
-"""(SDK module, its Robot, step): call `step` every millisecond until it marks its joints as the last."""
-
 
 RECOVERY_READINGS = 1000
 """How many states (one per millisecond) an arm may need until it reports that it has recovered."""
@@ -29,13 +25,13 @@ _PASSING = ("Move", "AutomaticErrorRecovery")
 
 
 class Connection:
-    """`hw.franka.driver.Driver` over an SDK's module. Its constructor connects and sets nothing."""
+    """One connected arm, over an SDK's module. Every method raises `Failure`. Its constructor sets nothing."""
 
     def __init__(self, model: str, sdk: Any, drive: Drive, settings: FrankaSettings, *, realtime: bool) -> None:
         """Raises Failure."""
         self._model, self._sdk, self._drive, self._host = model, sdk, drive, settings.host
         self._settings, self._payload = settings, settings.payload
-        self.notes: tuple[str, ...] = ()
+        self.notes: tuple[str, ...] = ()  # what the computer denies this process (`hw.franka.realtime.settle`)
         self.alone: object = None  # what keeps other programs away, as long as this lives
         # The errors of both SDKs. Of these, only pylibfranka's version mismatch is not a RuntimeError.
         self._errors: tuple[type[Exception], ...] = (RuntimeError, getattr(sdk, "FrankaException", RuntimeError))
@@ -46,14 +42,14 @@ class Connection:
             raise self._failure(error) from error
 
     def reading(self) -> Reading:
-        """See `Driver`."""
+        """What the arm reports now."""
         try:
             return self._read()
         except self._errors as error:
             raise self._failure(error) from error
 
     def listen(self, states: int) -> tuple[int, float, int | None]:
-        """See `Driver`."""
+        """Read so many states as they come -> milliseconds missed, longest gap (s), version of the arm's server."""
         robot = self._robot
         try:
             first_s = last_s = robot.read_once().time.to_sec()
@@ -68,7 +64,7 @@ class Connection:
         return max(round(1e3 * (last_s - first_s)) - (states - 1), 0), gap_s, version
 
     def prepare(self) -> None:
-        """See `Driver`."""
+        """Give the arm its settings, before every motion. Raises `Failure` where its mode is another than Idle."""
         reading = self._settled()
         if reading.mode != "Idle":
             why = reading.unwilling or reflexes.of_mode(reading.mode, busy=True)
@@ -80,14 +76,14 @@ class Connection:
             raise found if found.kind == LOST else Failure(UNMOVED, f"{found.text}; nothing has moved") from error
 
     def drive(self, step: Step) -> None:
-        """See `Driver`."""
+        """Call `step` every millisecond until it says that its joints are the last."""
         try:
             self._drive(self._sdk, self._robot, step)
         except self._errors as error:
             raise self._stopped(error) from error
 
     def recover(self) -> None:
-        """See `Driver`."""
+        """Clear reflexes. Never moves."""
         try:
             if self._read().mode != "Reflex":
                 return
@@ -99,7 +95,7 @@ class Connection:
             raise self._failure(error) from error
 
     def carry(self, payload: Payload) -> None:
-        """See `Driver`; an arm that is not idle gets the payload with its next motion."""
+        """What the hand holds from now on; an arm that is not Idle receives it before its next motion. Never moves."""
         self._payload = payload
         if self._settled().mode != "Idle":  # it is sent with the settings of the next motion
             return

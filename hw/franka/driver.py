@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from hw.franka import reflexes, versions
-from hw.franka.settings import Payload
 from hw.kinematics import JOINTS
 from hw.types import frozen_array
 
@@ -41,70 +40,13 @@ class Reading:
         return self.mode in reflexes.BY_HAND and not self.reasons
 
 
-class SdkState(Protocol):
-    """The fields of either SDK's RobotState that a cycle reads."""
-
-    @property
-    def q(self) -> Sequence[float]:
-        """(7,) measured joints, rad."""
-        ...
-
-    @property
-    def q_d(self) -> Sequence[float]:
-        """(7,) joints that the arm's controller holds, rad."""
-        ...
-
-    @property
-    def dq(self) -> Sequence[float]:
-        """(7,) measured joint velocities, rad/s."""
-        ...
-
-    @property
-    def tau_ext_hat_filtered(self) -> Sequence[float]:
-        """(7,) estimated joint torques of external forces, Nm."""
-        ...
-
-    @property
-    def control_command_success_rate(self) -> float:
-        """Share of the last 100 commands that arrived in time, 0 to 1."""
-        ...
-
+SdkState = Any
+"""Either SDK's RobotState. A cycle reads: q and q_d (held by the controller) in rad, dq in rad/s, tau_ext_hat_filtered
+in Nm, (7,) each, and control_command_success_rate, the share of the last 100 commands that arrived in time.
+"""
 
 Step = Callable[[SdkState, float], tuple[list[float], bool]]
 """One cycle: (state, seconds since the last cycle) -> (joints to command (7,), whether they are the last)."""
-
-
-class Driver(Protocol):
-    """One connected arm. Every method raises `Failure`."""
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Real-time properties that the computer denies this process (`hw.franka.realtime.settle`)."""
-        ...
-
-    def reading(self) -> Reading:
-        """What the arm reports now."""
-        ...
-
-    def prepare(self) -> None:
-        """Give the arm its settings, before every motion. Raises `Failure` where its mode is another than Idle."""
-        ...
-
-    def drive(self, step: Step) -> None:
-        """Call `step` every millisecond until it says that its joints are the last."""
-        ...
-
-    def listen(self, states: int) -> tuple[int, float, int | None]:
-        """Read so many states as they come -> milliseconds missed, longest gap (s), version of the arm's server."""
-        ...
-
-    def recover(self) -> None:
-        """Clear reflexes. Never moves."""
-        ...
-
-    def carry(self, payload: Payload) -> None:
-        """What the hand holds from now on; an arm that is not Idle receives it before its next motion. Never moves."""
-        ...
 
 
 FAULT, UNMOVED, LOST, UNAVAILABLE = "fault", "unmoved", "lost", "unavailable"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Self
 
 from hw.errors import DeviceUnavailable, HandError
@@ -17,34 +18,30 @@ STEPS_OF_WIDTH_M = 0.002
 """A width that differs by more than this from the request is an error."""
 
 Sdk = Callable[[], Any]
+"""Imports the module of an SDK; raises DeviceUnavailable where it is not installed."""
 
 
-def fr3_sdk() -> Any:
-    """Raises DeviceUnavailable where the SDK is not installed."""
-    try:
-        import pylibfranka  # noqa: PLC0415
-    except ImportError as error:
-        raise DeviceUnavailable(f"the FR3's SDK does not load ({error}); run: pip install pylibfranka") from error
-    return pylibfranka
+OPEN, STATE = "open", "state"
+"""The two calls that move nothing; the others are `home`, `move` and `grasp` of `hw.ports.Hand`, and `stop`."""
 
 
-def panda_sdk() -> Any:
-    """Raises DeviceUnavailable where the SDK is not installed."""
-    try:
-        from panda_py import libfranka  # noqa: PLC0415
-    except ImportError as error:
-        raise DeviceUnavailable(f"the Panda's SDK does not load ({error}); run: pip install panda-python") from error
-    return libfranka
+@dataclass(frozen=True)
+class Stopped:
+    """The answer to a command that was stopped."""
+
+    why: str  # a key of `hw.watchdog.IN_WORDS`
+    after_s: float  # from the request to stop until the hand accepted it
 
 
-SDKS: dict[str, Sdk] = {"panda": panda_sdk, "fr3": fr3_sdk}
+Answer = HandState | HandError | DeviceUnavailable | Stopped
+"""To every call; HandError: it was not carried out, DeviceUnavailable: the hand is lost."""
 
 
 class FrankaHand:
     """Entering connects; every command returns once the fingers stand still."""
 
     def __init__(self, host: str, sdk: Sdk) -> None:
-        """`host` is the arm's address; `sdk` one of `SDKS`."""
+        """`host` is the arm's address."""
         self._host, self._load = host, sdk
         self._gripper: Any = None
         self._errors: tuple[type[Exception], ...] = (RuntimeError,)

@@ -13,11 +13,12 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from typing import Any, Protocol
+from typing import Any
 
-from hw.child import Child, ChildGone
+from hw.child import Call, Child, ChildGone
 from hw.errors import DeviceUnavailable
-from hw.franka.hand_messages import Answer, Done, NotDone, Open, Request, State, Stop, Stopped
+from hw.franka.hand import OPEN, STATE, Answer, Stopped
+from hw.types import HandState
 from hw.watchdog import WORD_EVERY_S, Watchdog
 
 WORKER_S = 0.5
@@ -32,51 +33,31 @@ STOP_S = 1.0
 """The longest wait for the answer to a stop."""
 
 
-class Worker(Protocol):
-    """The worker's process as the keeper uses it (`hw.child.Child`)."""
-
-    def send(self, request: object) -> None:
-        """See `hw.child.Child`."""
-        ...
-
-    def answers(self, within_s: float) -> bool:
-        """See `hw.child.Child`."""
-        ...
-
-    def receive(self) -> Any:
-        """See `hw.child.Child`."""
-        ...
-
-    def kill(self) -> None:
-        """See `hw.child.Child`."""
-        ...
-
-
 class Keeper:
     """One hand: its worker, and the connection that stops it."""
 
-    def __init__(self, opened: Open, listener: Watchdog, worker: Worker, stop: Callable[[], object]) -> None:
-        self._opened, self._listener, self._worker, self._stop = opened, listener, worker, stop
+    def __init__(self, host: str, listener: Watchdog, worker: Child, stop: Callable[[], object]) -> None:
+        self._host, self._listener, self._worker, self._stop = host, listener, worker, stop
         self._ended = False
 
-    def ask(self, request: Request) -> Answer:
+    def ask(self, call: Call) -> Answer:
         """Have the worker do it, and stop it if the program wants that. A worker that ended is not restarted."""
         if self._ended:
-            return NotDone("the hand was stopped in the middle of a command: connect again, and home it", lost=True)
+            return DeviceUnavailable("the hand was stopped in the middle of a command: connect again, and home it")
         try:
-            self._worker.send(request)
-            return self._wait(READ_S) if isinstance(request, State) else self._watch()
+            self._worker.send(call)
+            return self._wait(READ_S) if call.method == STATE else self._watch()
         except ChildGone as how:
             self._ended = True
             with suppress(Exception):  # the fingers must stop, whatever the SDK raises
                 self._stop()
-            return NotDone(f"the process that moves the hand was {how}; a stop was sent to the hand", lost=True)
+            return DeviceUnavailable(f"the process that moves the hand was {how}; a stop was sent to the hand")
 
     def _wait(self, within_s: float) -> Answer:
         if self._worker.answers(within_s):
             return _known(self._worker.receive())
         self._end()
-        return NotDone(f"the hand at {self._opened.host} does not answer within {within_s:g} s", lost=True)
+        return DeviceUnavailable(f"the hand at {self._host} does not answer within {within_s:g} s")
 
     def _watch(self) -> Answer:
         self._listener.begin()
@@ -91,7 +72,7 @@ class Keeper:
             self._stop()
         except Exception as error:  # noqa: BLE001 each SDK has its own errors, and the worker must end in any case
             self._end()
-            return NotDone(f"the hand could not be stopped ({error}); its connection was closed", lost=True)
+            return DeviceUnavailable(f"the hand could not be stopped ({error}); its connection was closed")
         after_s = time.monotonic() - began_s
         if self._worker.answers(WORKER_S):
             with suppress(ChildGone):
@@ -110,64 +91,62 @@ def serve(program: Connection, listener: Watchdog) -> None:
     keeper: Keeper | None = None
     while not listener.orphaned:
         try:
-            request: Request = program.recv()
+            call: Call = program.recv()
         except (EOFError, OSError):
             return
-        if isinstance(request, Open):
-            keeper, answer = opened(request, listener)
+        if call.method == OPEN:
+            keeper, answer = opened(call, listener)
         elif keeper is None:
-            answer = NotDone("the hand is not connected", lost=True)
+            answer = DeviceUnavailable("the hand is not connected")
         else:
-            answer = keeper.ask(request)
+            answer = keeper.ask(call)
         with suppress(OSError):  # the program is gone
             program.send(answer)
 
 
-def opened(request: Open, listener: Watchdog) -> tuple[Keeper | None, Answer]:
+def opened(call: Call, listener: Watchdog) -> tuple[Keeper | None, Answer]:
     """Open the worker's connection to the hand, and a second one through which to stop it."""
-    worker, answer = _connected(request, OPEN_S)
+    worker, answer = _connected(call, OPEN_S)
     if worker is None:
         return None, answer
-    stopper, second = _connected(request, SECOND_S)
+    stopper, second = _connected(call, SECOND_S)
     if stopper is None:
         worker.kill()
-        why = second.text if isinstance(second, NotDone) else "it gave no state"
-        return None, NotDone(
-            f"the hand at {request.host} does not accept a second connection ({why}), and without one nothing could "
-            'stop it: end other programs that use it, or put waived = ["hand"] into the rig file and close the hand '
-            "in Desk",
-            lost=True,
+        return None, DeviceUnavailable(
+            f"the hand at {call.arguments[1]} does not accept a second connection ({second}), and without one nothing "
+            'could stop it: end other programs that use it, or put waived = ["hand"] into the rig file and close the '
+            "hand in Desk"
         )
-    return Keeper(request, listener, worker, lambda: _stopped(stopper)), answer
+    return Keeper(call.arguments[1], listener, worker, lambda: _stopped(stopper)), answer
 
 
-def _connected(request: Open, within_s: float) -> tuple[Child | None, Answer]:
+def _connected(call: Call, within_s: float) -> tuple[Child | None, Answer]:
     """A worker with a connection of its own, and the hand's state; no worker if there is no connection."""
     worker = Child("hw.franka.hand_worker", str(os.getpid()))
     try:
-        worker.send(request)
+        worker.send(call)
         if worker.answers(within_s):
             answer = _known(worker.receive())
         else:
             worker.kill()
-            answer = NotDone(f"the hand at {request.host} does not answer within {within_s:g} s", lost=True)
+            answer = DeviceUnavailable(f"the hand at {call.arguments[1]} does not answer within {within_s:g} s")
     except ChildGone as how:
-        answer = NotDone(f"the process that moves the hand was {how}", lost=True)
-    return (worker if isinstance(answer, Done) else None), answer
+        answer = DeviceUnavailable(f"the process that moves the hand was {how}")
+    return (worker if isinstance(answer, HandState) else None), answer
 
 
-def _stopped(stopper: Worker) -> None:
+def _stopped(stopper: Child) -> None:
     """Raises DeviceUnavailable or ChildGone if the hand did not accept the stop."""
-    stopper.send(Stop())
-    answer = _known(stopper.receive()) if stopper.answers(STOP_S) else NotDone(f"no answer within {STOP_S:g} s")
-    if isinstance(answer, NotDone):
-        raise DeviceUnavailable(answer.text)
+    stopper.send(Call("stop"))
+    answer = _known(stopper.receive()) if stopper.answers(STOP_S) else f"no answer within {STOP_S:g} s"
+    if not isinstance(answer, HandState):
+        raise DeviceUnavailable(str(answer))
 
 
 def _known(answer: Any) -> Answer:
-    if isinstance(answer, Done | NotDone | Stopped):
+    if isinstance(answer, Answer):
         return answer
-    return NotDone(f"the hand's worker answered {type(answer).__name__}", lost=True)
+    return DeviceUnavailable(f"the hand's worker answered {type(answer).__name__}")
 
 
 def main(connection_fd: str, pipe_fd: str, silence_s: str) -> None:

@@ -5,24 +5,18 @@ from __future__ import annotations
 import time
 from typing import Any, Self
 
-from hw.child import Child, ChildGone
+from hw.child import Call, Child, ChildGone
 from hw.errors import DeviceUnavailable, HandError
+from hw.franka.hand import OPEN, STATE, Stopped
 from hw.franka.hand_keeper import OPEN_S, READ_S, SECOND_S
-from hw.franka.hand_messages import Command, Done, Grasp, Home, Move, NotDone, Open, Request, State, Stopped
 from hw.ports import Pedal
 from hw.types import HandState
-from hw.watchdog import ALIVE, PEDAL, REQUESTED, SILENCE_S, WORD_EVERY_S
+from hw.watchdog import ALIVE, IN_WORDS, PEDAL, REQUESTED, SILENCE_S, WORD_EVERY_S
 
 LONGEST_S = 30.0
 """The longest time for a command: the fingers need three seconds for their whole travel."""
 _STOPPED_S = 2.0
 """How long the hand's process may take to report that the hand was stopped."""
-_WHY = {
-    "pedal": "the enabling pedal was released",
-    "request": "a stop was requested",
-    "silence": "the program was silent for too long",
-    "orphaned": "the program ended",
-}
 _THEN = "look at it, then run the command again: it homes the hand again"
 
 
@@ -44,7 +38,7 @@ class HandProcess:
         """Raises DeviceUnavailable."""
         self._child = Child("hw.franka.hand_keeper", str(self._silence_s))
         try:
-            self._ask(Open(self._model, self._host), OPEN_S + SECOND_S + READ_S)
+            self._ask(Call(OPEN, (self._model, self._host)), OPEN_S + SECOND_S + READ_S)
         except BaseException:
             self.__exit__()
             raise
@@ -57,25 +51,25 @@ class HandProcess:
 
     def state(self) -> HandState:
         """See `hw.ports.Hand`."""
-        return self._ask(State(), 2.0 * READ_S)
+        return self._ask(Call(STATE), 2.0 * READ_S)
 
     def home(self) -> None:
         """See `hw.ports.Hand`."""
-        self._do(Home())
+        self._do(Call("home"))
 
     def move(self, width_m: float) -> None:
         """See `hw.ports.Hand`."""
-        self._do(Move(width_m))
+        self._do(Call("move", (width_m,)))
 
     def grasp(self, width_m: float, force_N: float) -> None:
         """See `hw.ports.Hand`."""
-        self._do(Grasp(width_m, force_N))
+        self._do(Call("grasp", (width_m, force_N)))
 
-    def _ask(self, request: Request, within_s: float) -> HandState:
+    def _ask(self, call: Call, within_s: float) -> HandState:
         """Raises HandError, DeviceUnavailable."""
         child = self._connected()
         try:
-            child.send(request)
+            child.send(call)
             if not child.answers(within_s):
                 self.__exit__()
                 raise DeviceUnavailable(f"the hand at {self._host} does not answer within {within_s:g} s")
@@ -83,7 +77,7 @@ class HandProcess:
         except ChildGone as how:
             raise self._gone(how) from how
 
-    def _do(self, command: Command) -> None:
+    def _do(self, command: Call) -> None:
         """Raises HandError, also if it was stopped, and DeviceUnavailable."""
         child = self._connected()
         if self._pedal is not None and not self._pedal.enabled():
@@ -115,16 +109,15 @@ class HandProcess:
         self.__exit__()
 
     def _told(self, answer: Any) -> HandState:
-        if isinstance(answer, Done):
-            return answer.state
+        if isinstance(answer, HandState):
+            return answer
         if isinstance(answer, Stopped):
             self.stopped_after_s = answer.after_s
             self.__exit__()
-            raise HandError(f"the hand was stopped: {_WHY.get(answer.why, answer.why)}; {_THEN}")
-        text = answer.text if isinstance(answer, NotDone) else f"it answered {type(answer).__name__}"
-        if isinstance(answer, NotDone) and not answer.lost:
-            raise HandError(text)
-        raise self._lost(text)
+            raise HandError(f"the hand was stopped: {IN_WORDS[answer.why]}; {_THEN}")
+        if isinstance(answer, HandError):
+            raise answer
+        raise self._lost(str(answer))
 
     def _lost(self, text: str) -> DeviceUnavailable:
         self.__exit__()

@@ -8,39 +8,34 @@ from __future__ import annotations
 
 import sys
 from contextlib import suppress
+from functools import partial
 from multiprocessing.connection import Connection
 
+from hw.child import Call
 from hw.errors import DeviceUnavailable, HandError
-from hw.franka.hand import SDKS, FrankaHand
-from hw.franka.hand_messages import Answer, Done, Grasp, Home, Move, NotDone, Open, Request, Stop
+from hw.franka.hand import OPEN, STATE, Answer, FrankaHand
+from hw.franka.versions import PACKAGES, load
 from hw.watchdog import die_with_parent
 
 
 def serve(keeper: Connection) -> None:
-    """Answer requests until the keeper hangs up."""
+    """Answer calls, each with the hand's state or its error, until the keeper hangs up."""
     hand: FrankaHand | None = None
     with suppress(EOFError, OSError):
         while True:
-            request: Request = keeper.recv()
+            call: Call = keeper.recv()
             answer: Answer
             try:
-                if isinstance(request, Open):
-                    hand = FrankaHand(request.host, SDKS[request.model])
+                if call.method == OPEN:
+                    model, host = call.arguments
+                    hand = FrankaHand(host, partial(load, PACKAGES[model]))
                     hand.__enter__()
                 assert hand is not None, "it is opened first"
-                if isinstance(request, Home):
-                    hand.home()
-                elif isinstance(request, Move):
-                    hand.move(request.width_m)
-                elif isinstance(request, Grasp):
-                    hand.grasp(request.width_m, request.force_N)
-                elif isinstance(request, Stop):
-                    hand.stop()
-                answer = Done(hand.state())
-            except HandError as error:
-                answer = NotDone(str(error))
-            except DeviceUnavailable as error:
-                answer = NotDone(str(error), lost=True)
+                if call.method not in (OPEN, STATE):
+                    getattr(hand, call.method)(*call.arguments)
+                answer = hand.state()
+            except (HandError, DeviceUnavailable) as error:
+                answer = error
             keeper.send(answer)
 
 

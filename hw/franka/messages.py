@@ -1,13 +1,11 @@
-"""The messages between the program and its player process."""
+"""How strict the player is with time, and its answers to the program."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hw.franka.driver import Failure, Reading
-from hw.franka.playback import START_S, PlayableMotion, Played
-from hw.franka.settings import FrankaSettings, Payload
-from hw.types import Guard
+from hw.franka.driver import Failure
+from hw.franka.playback import START_S, Played
 from hw.watchdog import SILENCE_S
 
 
@@ -22,61 +20,8 @@ class Timing:
 
 
 @dataclass(frozen=True)
-class Connect:
-    """Ask the player to connect to the arm."""
-
-    model: str
-    settings: FrankaSettings
-    timing: Timing
-
-
-@dataclass(frozen=True)
-class Read:
-    """Ask for the arm's present state."""
-
-
-@dataclass(frozen=True)
-class Play:
-    """Ask for a motion, to its end or to a touch."""
-
-    motion: PlayableMotion
-    guard: Guard | None = None  # brake at a touch
-
-
-@dataclass(frozen=True)
-class Recover:
-    """Ask to clear a fault; nothing moves."""
-
-
-@dataclass(frozen=True)
-class Carry:
-    """Tell the arm what its hand holds."""
-
-    payload: Payload
-
-
-@dataclass(frozen=True)
-class Listen:
-    """Read `states` states in a row, one per millisecond; nothing moves."""
-
-    states: int
-
-
-Request = Connect | Read | Play | Recover | Carry | Listen
-
-
-@dataclass(frozen=True)
-class Connected:
-    """The answer to `Connect`."""
-
-    reading: Reading
-    notes: tuple[str, ...] = ()
-    """Real-time properties that the computer denies the player (`hw.franka.realtime.settle`)."""
-
-
-@dataclass(frozen=True)
 class Rhythm:
-    """The answer to `Listen`: how evenly the arm's states arrived."""
+    """How evenly the arm's states arrived."""
 
     states: int
     missed: int  # milliseconds of the arm's clock without one
@@ -88,7 +33,7 @@ class Rhythm:
 
 @dataclass(frozen=True, eq=False)
 class PlayOutcome:
-    """What came of a `Play`: the log, and the failure that ended it, if one did."""
+    """What came of a motion: the log, and the failure that ended it, if one did."""
 
     played: Played
     failure: Failure | None = None

@@ -21,8 +21,8 @@ from hw.errors import MotionRefused
 from hw.franka.driver import SdkState
 from hw.limits import START_TOLERANCE_RAD
 from hw.motion_limits import MotionLimits
-from hw.since_boot import since_boot_s
 from hw.types import PATH_RATE_HZ, Array, JointPath
+from hw.watchdog import since_boot_s
 
 STOPS_EVERY_S = 0.01
 STALE_RAD = 3e-6

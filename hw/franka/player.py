@@ -1,7 +1,7 @@
 """The process that speaks to the arm, and does nothing else: `python -m hw.franka.player`.
 
 The SDKs hold Python's global lock while a motion runs, and the arm waits only a millisecond for an answer. So the arm
-has a process of its own, which knows no camera, no policy and no screen. The program sends it `Request`s over a
+has a process of its own, which knows no camera, no policy and no screen. The program calls it over a
 connection. While a motion runs, the program also writes to a pipe that it is alive (ALIVE) or wants a stop. Silence on
 the pipe, or its end, stops the motion too, so a program that hangs or was killed cannot keep the arm moving.
 """
@@ -17,24 +17,28 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
+from hw.child import Call
 from hw.contact import Detector
 from hw.errors import DeviceUnavailable
-from hw.franka import connection, fr3, panda, realtime, versions
-from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Driver, Failure
-from hw.franka.messages import Carry, Connect, Connected, Listen, Play, PlayOutcome, Recover, Request, Rhythm, Timing
+from hw.franka import connection, realtime, versions
+from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Failure
+from hw.franka.drives import DRIVES
+from hw.franka.messages import PlayOutcome, Rhythm, Timing
 from hw.franka.playback import START_S, STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback
+from hw.franka.settings import FrankaSettings
 from hw.types import Guard
 from hw.watchdog import Watchdog
+
+CONNECT, READING, PLAY, LISTEN = "connect", "reading", "play", "listen"
+"""The calls; others are methods of `hw.franka.connection.Connection`, answered with the reading after them."""
 
 REST_READINGS = 2000
 HANDOVER_S = 5.0
 """How long a player may wait for the one before it, which may still have to brake."""
 
-DRIVES: dict[str, connection.Drive] = {"fr3": fr3.drive, "panda": panda.drive}
-
 
 def play(
-    driver: Driver,
+    driver: connection.Connection,
     motion: PlayableMotion,
     listener: Watchdog,
     guard: Guard | None = None,
@@ -63,7 +67,7 @@ def play(
     return PlayOutcome(playback.played())
 
 
-def wait_for_rest(driver: Driver) -> None:
+def wait_for_rest(driver: connection.Connection) -> None:
     """After the arm stopped by itself: read at 1 kHz until it stands still or does not answer."""
     still = 0
     with suppress(Failure):
@@ -74,30 +78,32 @@ def wait_for_rest(driver: Driver) -> None:
                 return
 
 
-def serve(program: Connection, listener: Watchdog, connect: Callable[[Connect], Driver]) -> None:
-    """Answer requests, each with its result or a `Failure`, until the program is gone."""
-    driver: Driver | None = None
+def serve(program: Connection, listener: Watchdog, connect: Callable[..., connection.Connection]) -> None:
+    """Answer calls, each with its result or a `Failure`, until the program is gone. `connect` is as below."""
+    driver: connection.Connection | None = None
     timing = Timing()
     while not listener.orphaned:
         try:
-            request: Request = program.recv()
+            call: Call = program.recv()
         except (EOFError, OSError):
             return
         try:
-            if isinstance(request, Connect):
-                driver, timing = connect(request), request.timing
-                answer: Any = Connected(driver.reading(), driver.notes)
+            answer: Any
+            if call.method == CONNECT:
+                driver, timing = connect(*call.arguments), call.arguments[-1]
+                driver.reading()
+                answer = driver.notes
             elif driver is None:
                 answer = Failure(UNAVAILABLE, "the arm is not connected")
-            elif isinstance(request, Play):
-                answer = play(driver, request.motion, listener, request.guard, timing.start_s)
-            elif isinstance(request, Listen):
-                answer = Rhythm(request.states, *driver.listen(request.states))
+            elif call.method == PLAY:
+                motion, guard = call.arguments
+                answer = play(driver, motion, listener, guard, timing.start_s)
+            elif call.method == LISTEN:
+                (states,) = call.arguments
+                answer = Rhythm(states, *driver.listen(states))
             else:
-                if isinstance(request, Recover):
-                    driver.recover()
-                elif isinstance(request, Carry):
-                    driver.carry(request.payload)
+                if call.method != READING:
+                    getattr(driver, call.method)(*call.arguments)
                 answer = driver.reading()
         except Failure as failure:
             answer = failure
@@ -107,17 +113,16 @@ def serve(program: Connection, listener: Watchdog, connect: Callable[[Connect], 
             return
 
 
-def connect(request: Connect) -> Driver:
+def connect(model: str, settings: FrankaSettings, timing: Timing) -> connection.Connection:
     """Connect to the real arm: real-time priority, SDK, arm. Raises Failure."""
-    model, timing = request.model, request.timing
     try:
-        alone = sole(request.settings.host)
+        alone = sole(settings.host)
         if timing.realtime:
             realtime.claim()
         sdk = versions.load(versions.PACKAGES[model])
     except DeviceUnavailable as error:
         raise Failure(UNAVAILABLE, str(error)) from error
-    driver = connection.Connection(model, sdk, DRIVES[model], request.settings, realtime=timing.realtime)
+    driver = connection.Connection(model, sdk, DRIVES[model], settings, realtime=timing.realtime)
     driver.alone = alone
     if timing.realtime:
         driver.notes = realtime.settle()  # once everything is loaded

@@ -4,24 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
-from hw.child import Child, ChildGone
+from hw.child import Call, Child, ChildGone
 from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
-from hw.franka.messages import (
-    Carry,
-    Connect,
-    Connected,
-    Listen,
-    Play,
-    PlayOutcome,
-    Read,
-    Recover,
-    Request,
-    Rhythm,
-    Timing,
-)
+from hw.franka.messages import PlayOutcome, Rhythm, Timing
 from hw.franka.playback import HOLD_S, PlayableMotion
+from hw.franka.player import CONNECT, LISTEN, PLAY, READING
 from hw.franka.settings import FrankaSettings, Payload
 from hw.types import Guard
 from hw.watchdog import WORD_EVERY_S
@@ -30,6 +19,40 @@ ANSWER_S = 60.0
 """The longest wait for anything but a motion: the start of the process, and libfranka, which is slow to give up."""
 
 _T = TypeVar("_T")
+
+
+class Player(Protocol):
+    """What is asked of the process that plays motions (`hw.franka.process.PlayerProcess`). All raise Failure."""
+
+    @property
+    def alive(self) -> bool:
+        """Whether its process runs."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the computer does not give its process: a sentence each."""
+        ...
+
+    def reading(self) -> Reading:
+        """What the arm reports now."""
+        ...
+
+    def recover(self) -> Reading:
+        """Clear a fault; what the arm reports then."""
+        ...
+
+    def carry(self, payload: Payload) -> Reading:
+        """Set what the hand holds; what the arm reports then."""
+        ...
+
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
+        """Play `motion`; `word` is asked every few milliseconds whether it may go on, `guard` ends it at a contact."""
+        ...
+
+    def close(self) -> None:
+        """End the process; the arm stops if it moves."""
+        ...
 
 
 class PlayerProcess:
@@ -45,7 +68,7 @@ class PlayerProcess:
                 f"{model} at {settings.host} accepts the connection and then does not answer: if another program, on "
                 "any computer, is connected to the arm, end that one; otherwise restart the arm"
             )
-            self._connected = _known(self._ask(Connect(model, settings, timing), silent), Connected)
+            self._notes: tuple[str, ...] = _known(self._ask(Call(CONNECT, (model, settings, timing)), silent), tuple)
         except Failure:
             self.close()
             raise
@@ -63,23 +86,23 @@ class PlayerProcess:
     @property
     def notes(self) -> tuple[str, ...]:
         """See `Player`."""
-        return self._connected.notes
+        return self._notes
 
     def listen(self, states: int) -> Rhythm:
         """Read `states` states as they come; nothing moves."""
-        return _known(self._ask(Listen(states)), Rhythm)
+        return _known(self._ask(Call(LISTEN, (states,))), Rhythm)
 
     def reading(self) -> Reading:
         """See `Player`."""
-        return _known(self._ask(Read()), Reading)
+        return _known(self._ask(Call(READING)), Reading)
 
     def recover(self) -> Reading:
         """See `Player`."""
-        return _known(self._ask(Recover()), Reading)
+        return _known(self._ask(Call("recover")), Reading)
 
     def carry(self, payload: Payload) -> Reading:
         """See `Player`."""
-        return _known(self._ask(Carry(payload)), Reading)
+        return _known(self._ask(Call("carry", (payload,))), Reading)
 
     def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
         """Play `motion`; with a guard, until it touches.
@@ -88,7 +111,7 @@ class PlayerProcess:
         """
         longest_s = motion.path.duration_s + float(motion.stop_s.max()) + HOLD_S + self._timing.overrun_s
         with self._asking:
-            self._send(Play(motion, guard))
+            self._send(Call(PLAY, (motion, guard)))
             for _ in range(round(longest_s / WORD_EVERY_S)):
                 if self._child.answers(WORD_EVERY_S):
                     return _known(self._receive(), PlayOutcome)
@@ -102,7 +125,7 @@ class PlayerProcess:
         """End the process by closing its pipes."""
         self._child.close()
 
-    def _ask(self, request: Request, silent: str = "the arm's player does not answer") -> Any:
+    def _ask(self, request: Call, silent: str = "the arm's player does not answer") -> Any:
         with self._asking:
             self._send(request)
             if not self._child.answers(ANSWER_S):
@@ -110,7 +133,7 @@ class PlayerProcess:
                 raise Failure(LOST, f"{silent} ({ANSWER_S:g} s)")
             return self._receive()
 
-    def _send(self, request: Request) -> None:
+    def _send(self, request: Call) -> None:
         try:
             self._child.send(request)
         except ChildGone as how:

@@ -1,19 +1,36 @@
-"""Begins a path at the joints that the arm holds, which sag a little under its load."""
+"""The checks of a path before an arm plays it, and its beginning at the joints that the arm holds."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
 from hw.errors import MotionRefused
-from hw.franka.checks import PathCheck
-from hw.limits import START_TOLERANCE_RAD
-from hw.types import Array, JointPath
+from hw.guarding import check_guarded, require_guarded
+from hw.limits import START_TOLERANCE_RAD, refuse_beyond
+from hw.types import Array, Guard, JointPath
+from hw.workcell import Workcell
 
 FADE_S = 0.5
 SLOW_FADE_S = 2.0
 """For guarded motions: their speed is limited too."""
 SAME_RAD = 1e-6
 """States come in single precision, so the held joints may differ by this much from the last command."""
+
+
+PathCheck = Callable[[JointPath, Array | None], object]
+"""Raises MotionRefused for a path that must not be played; given the present joints (7,), it has to begin there."""
+
+
+def until(guard: Guard, cell: Workcell) -> PathCheck:
+    """The check of a motion that ends at a touch. A motion played to its end is checked by `Workcell.require`."""
+    return lambda path, q_now_rad: require_guarded(path, guard, cell, q_now_rad)
+
+
+def back_from(guard: Guard, cell: Workcell) -> PathCheck:
+    """The check of the way back from the touch, which declares no contact."""
+    return lambda path, q_now_rad: refuse_beyond(check_guarded(path, guard, cell, q_now_rad))
 
 
 def from_held(path: JointPath, q_held_rad: Array, model: str, check: PathCheck, fade_s: float) -> JointPath:
@@ -34,5 +51,5 @@ def from_held(path: JointPath, q_held_rad: Array, model: str, check: PathCheck, 
     u = np.minimum(path.t_s / min(fade_s, path.duration_s), 1.0)
     left = 1.0 - u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
     faded = JointPath(path.t_s, path.q_rad + left[:, None] * off, path.contact)
-    check(faded)
+    check(faded, None)
     return faded

@@ -8,14 +8,9 @@ import numpy as np
 
 from hw.franka.playback import NONSENSE, STILL_RAD_S, Played
 from hw.kinematics import forward
+from hw.watchdog import IN_WORDS
 
-WHY = {
-    "pedal": "the enabling pedal was released",
-    "request": "a stop was requested",
-    "silence": "the program was silent for too long",
-    "orphaned": "the program ended",
-    NONSENSE: "the arm reported a number that is none",
-}
+WHY = {**IN_WORDS, NONSENSE: "the arm reported a number that is none"}
 
 
 @dataclass(frozen=True)

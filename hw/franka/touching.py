@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hw.braking import brake
-from hw.franka.checks import PathCheck
 from hw.franka.playback import TOUCH, PlayableMotion, Played, motion_of
-from hw.franka.starting import SLOW_FADE_S, from_held
+from hw.franka.starting import SLOW_FADE_S, PathCheck, from_held
 from hw.guarding import withdrawal
 from hw.motion_limits import MotionLimits
 from hw.types import PATH_RATE_HZ, Array, Contact, JointPath
@@ -44,5 +43,5 @@ def way_back(
     """
     there = path if played.braked_from < 0 else brake(path, played.braked_from / PATH_RATE_HZ, limits)
     back = withdrawal(there)
-    check(back)
+    check(back, None)
     return motion_of(from_held(back, q_held_rad, limits.model, check, SLOW_FADE_S), limits)

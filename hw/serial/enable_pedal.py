@@ -10,7 +10,7 @@ import serial
 
 from hw.errors import DeviceUnavailable
 from hw.serial.pedal_protocol import SILENCE_S, PedalState
-from hw.since_boot import since_boot_s
+from hw.watchdog import since_boot_s
 
 BAUD = 115_200
 _GREETING_S = 3.0

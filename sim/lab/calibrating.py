@@ -17,9 +17,8 @@ from scipy.spatial.transform import Rotation
 from hw.errors import ArmFault, CameraError, DeviceUnavailable
 from hw.kinematics import link_poses
 from hw.ports import Arm, Camera
-from hw.refusal import refuse_unless_safe
 from hw.types import ArmState, Array, CameraModel, Execution, Frame, JointPath, frozen_array
-from hw.workcell import Workcell
+from hw.workcell import Workcell, refuse_unless_safe
 from sim.errors import SimError
 from sim.lab.arm import laid_board, touching_q_rad
 from sim.lab.board import BODY, HeldBoard

@@ -11,9 +11,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from hw.placing import Placing
 from hw.ports import Arm, Camera, ObjectPlacer
-from hw.types import Array, Frame, frozen_array
+from hw.types import Array, Frame, Placing, frozen_array
 from hw.workcell import Workcell
 from sim.lab.arm import LabArm
 from sim.lab.camera import LabCamera

@@ -13,13 +13,12 @@ from hw.braking import brake
 from hw.collision import KeepOut
 from hw.contact import TORQUE_NOISE_NM, Detector
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
+from hw.grasping import FakeHand
 from hw.guarding import require_guarded
 from hw.kinematics import forward
-from hw.refusal import refuse_unless_safe, refuse_while_stopped
 from hw.types import PATH_RATE_HZ, ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
-from hw.workcell import Workcell
+from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped
 from sim.lab import mounting
-from sim.lab.arm import Grip, LabHand
 from sim.lab.rng_streams import REPEATABILITY_RAD, joint_zeros, touch_stream
 from sim.lab.touch_cell import Felt, TouchCell
 from sim.lab.world import World
@@ -61,9 +60,8 @@ class TouchLab:
         """
         world.require_lab()
         self._task, self._world = task, world
-        self._grip = Grip(HANDLE_M)
-        self.arm = _FeelingArm(task, world, seed, self._grip, frozen_array(home_q_rad, (7,)), cell, things)
-        self.hand = LabHand(self._grip)
+        self.hand = FakeHand()
+        self.arm = _FeelingArm(task, world, seed, self.hand, frozen_array(home_q_rad, (7,)), cell, things)
 
     def __enter__(self) -> Self:
         self.arm.__enter__()
@@ -76,9 +74,8 @@ class TouchLab:
 
     def offer_tool(self, there: bool) -> None:
         """The simulated person holds the tool between the open fingers (True), or takes it away."""
-        self._grip.offered = there
-        if not there:
-            self._grip.holds = False
+        self.hand.between_m = HANDLE_M if there else None
+        self.hand.holds = self.hand.holds and there
 
     def truth(self) -> dict[str, Any]:
         """The true values that a touch-off should find, only for checks.
@@ -108,12 +105,12 @@ class _FeelingArm:
         task: Task,
         world: World,
         seed: int,
-        grip: Grip,
+        hand: FakeHand,
         home_q_rad: Array,
         cell: Workcell,
         things: tuple[KeepOut, ...],
     ) -> None:
-        self._task, self._world, self._seed, self._grip = task, world, seed, grip
+        self._task, self._world, self._seed, self._hand = task, world, seed, hand
         self._hardware = task.require_hardware()
         self._feelers = touchable(self._hardware).feelers
         self._workcell, self._things, self._q_rad = cell, things, home_q_rad
@@ -221,8 +218,8 @@ class _FeelingArm:
     def _knocks(self, path: JointPath) -> int | None:
         """The first sample at which the tool is below the true table."""
         table = mounting.true_table(self._world.mount)
-        feelers = self._feelers if self._grip.holds else (FINGERTIPS,)
-        X_FT = mounting.X_FT(self._hardware.X_FT, self._world.mount) if self._grip.holds else np.eye(4)
+        feelers = self._feelers if self._hand.holds else (FINGERTIPS,)
+        X_FT = mounting.X_FT(self._hardware.X_FT, self._world.mount) if self._hand.holds else np.eye(4)
         X_BT = forward(path.q_rad[::20] + self.zeros_rad) @ X_FT
         for feeler in feelers:
             p_m = X_BT[:, :3, :3] @ feeler.p_T_m + X_BT[:, :3, 3]
@@ -232,17 +229,17 @@ class _FeelingArm:
         return None
 
     def _cell(self) -> TouchCell:
-        holds = self._grip.holds
+        holds = self._hand.holds
         if holds not in self._cells:
             feelers = self._feelers if holds else None
             self._cells[holds] = TouchCell(self._task, self._world, feelers, self._things)
-        self._cells[holds].holds_at_most(self._world.mount.grip_Nm_per_N * self._grip.force_N)
+        self._cells[holds].holds_at_most(self._world.mount.grip_Nm_per_N * self._hand.force_N)
         return self._cells[holds]
 
     @property
     def _workcell_now(self) -> Workcell:
         """The workcell with the tool that the arm assumes in the hand."""
-        return self._workcell.holding(feeling(self._hardware) if self._grip.holds else empty_hand())
+        return self._workcell.holding(feeling(self._hardware) if self._hand.holds else empty_hand())
 
     def _moved_to(self, q_rad: Array, duration_s: float) -> float:
         t_start_s, self._t_s = self._t_s, self._t_s + duration_s

@@ -45,9 +45,9 @@ def test_a_device_whose_clock_is_set_while_it_runs_is_noticed(skip_s: float) -> 
 
 
 def test_nothing_is_known_before_the_first_image() -> None:
-    with pytest.raises(CameraError, match="not known before the first image"):
+    with pytest.raises(CameraError, match="first image"):
         DeviceClock().map()
-    with pytest.raises(ValueError, match="must be 0 or more"):
+    with pytest.raises(ValueError, match="0 or more"):
         DeviceClock(delay_s=-1.0)
 
 

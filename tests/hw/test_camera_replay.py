@@ -32,7 +32,7 @@ def test_each_recording_shows_the_next_take() -> None:
         camera.start_recording()
         assert len(camera.stop_recording()) == 5
         assert camera.snapshot() is takes[1].still
-        with pytest.raises(CameraError, match="all 2 films of this recording have been shown"):
+        with pytest.raises(CameraError, match="2 films"):
             camera.start_recording()
 
 
@@ -46,7 +46,7 @@ def test_out_of_turn_and_out_of_order() -> None:
         camera.start_recording()
         with pytest.raises(CameraError, match="recording already"):
             camera.start_recording()
-    with pytest.raises(ValueError, match="in order of time"):
+    with pytest.raises(ValueError, match="order"):
         Take(frame(0.0), (frame(1.0), frame(1.0)))
-    with pytest.raises(ValueError, match="at least one take"):
+    with pytest.raises(ValueError, match="one take"):
         RecordedCamera(MODEL, [])

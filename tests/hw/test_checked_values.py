@@ -80,7 +80,7 @@ def test_no_hostile_number_becomes_a_value(name: str) -> None:
 
 @pytest.mark.parametrize("text", ["0.001", "nan", None])
 def test_a_text_is_no_number(text: Any) -> None:
-    with pytest.raises(ValueError, match="depth of the contact window"):
+    with pytest.raises(ValueError, match="depth"):
         ContactWindow(0.0, 1.0, text, 5.0)
 
 

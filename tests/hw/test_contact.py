@@ -122,19 +122,19 @@ def test_the_largest_force_counts_what_is_felt_while_it_brakes() -> None:
 def test_a_guarded_motion_keeps_to_its_own_limits() -> None:
     assert check_guarded(down(), GUARD, CELL, Q_TOP_RAD).ok
     assert not CELL.check(down(), Q_TOP_RAD).ok  # any other motion may not go there
-    with pytest.raises(MotionRefused, match="speed of the guarded point"):
+    with pytest.raises(MotionRefused, match="speed"):
         require_guarded(down(speed_m_s=1.5 * SPEED_M_S), GUARD, CELL)
-    with pytest.raises(MotionRefused, match="depth of the search"):
+    with pytest.raises(MotionRefused, match="search"):
         require_guarded(down(way_m=0.02 + 1.2 * DEPTH_M), GUARD, CELL)
-    with pytest.raises(MotionRefused, match="no contact window"):
+    with pytest.raises(MotionRefused, match="window"):
         require_guarded(JointPath(down().t_s, down().q_rad), GUARD, CELL)
-    with pytest.raises(MotionRefused, match="distance from the arm"):
+    with pytest.raises(MotionRefused, match="distance"):
         require_guarded(down(), GUARD, CELL, over(0.05))
 
 
 def test_what_is_not_to_touch_must_stay_higher_than_the_tip() -> None:
     short = replace(TOOL, points_F_m=TIP[None] - np.array([0.0, 0.0, 0.04]))
-    with pytest.raises(MotionRefused, match="lead of hand over the tool"):
+    with pytest.raises(MotionRefused, match="lead"):
         require_guarded(down(), GUARD, CELL.holding(short))
 
 
@@ -142,7 +142,7 @@ def test_forces_stay_below_the_arms_own_threshold() -> None:
     path = down()
     assert path.contact is not None
     require_guarded(path, GUARD, stopping_at(1.3 * path.contact.force_N))
-    with pytest.raises(MotionRefused, match="predicted contact force"):
+    with pytest.raises(MotionRefused, match="contact force"):
         require_guarded(path, GUARD, stopping_at(1.1 * path.contact.force_N))
     with pytest.raises(MotionRefused, match="guard's force"):
         require_guarded(path, replace(GUARD, force_N=6.0), stopping_at(11.0))
@@ -175,7 +175,7 @@ def test_the_way_back_is_the_way_there() -> None:
 
 
 def test_a_guard_and_boxes_are_checked() -> None:
-    with pytest.raises(ValueError, match="must be above 0"):
+    with pytest.raises(ValueError, match="above 0"):
         Guard(0.0, TIP)
     box = KeepOut("thing", np.array([0.4, -0.1, 0.0]), np.array([0.6, 0.1, 0.2]))
     with pytest.raises(MotionRefused, match="thing"):

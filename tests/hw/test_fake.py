@@ -22,7 +22,7 @@ def test_sleeping_moves_the_clock_and_nothing_else_does() -> None:
     assert clock.now_s() == clock.now_s() == 5.0
     clock.sleep(0.25)
     assert clock.now_s() == 5.25
-    with pytest.raises(ValueError, match="must be 0 or more"):
+    with pytest.raises(ValueError, match="0 or more"):
         clock.sleep(-1.0)
 
 

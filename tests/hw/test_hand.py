@@ -20,7 +20,7 @@ def test_a_gripper_that_stops_or_falls_silent_is_said(sdk: Callable[[float | Non
         hand._gripper.broken = "libfranka gripper: command failed"
         with pytest.raises(HandError, match="command failed"):
             hand.grasp(HANDLE_M, 40.0)
-        with pytest.raises(DeviceUnavailable, match="no longer answers"):
+        with pytest.raises(DeviceUnavailable, match="answers"):
             hand.state()
 
 

@@ -102,9 +102,9 @@ def test_hostile_recordings_end_in_an_error_that_names_the_file(tmp_path: Path, 
 
 
 def test_a_folder_and_a_pipe_are_no_recording(tmp_path: Path) -> None:
-    with pytest.raises(CameraError, match="is a folder"):
+    with pytest.raises(CameraError, match="folder"):
         KinectRecording(tmp_path).__enter__()
-    with pytest.raises(CameraError, match="is not a file"):
+    with pytest.raises(CameraError, match="not a"):
         KinectRecording(Path("/dev/zero")).__enter__()
 
 

@@ -111,7 +111,7 @@ def test_self_collision_names_the_pair() -> None:
 def test_keep_out_boxes_are_kept_out_of() -> None:
     box = KeepOut("camera", np.array([0.2, 0.3, 0.0]), np.array([0.4, 0.5, 1.0]))
     assert cell(keep_out=(box,)).check(move(joint(1, 0.3))).ok
-    with pytest.raises(MotionRefused, match=r"keep-out of guide button and camera"):
+    with pytest.raises(MotionRefused, match="keep-out"):
         cell(keep_out=(box,)).require(move(joint(1, 1.0)), READY)
 
 

@@ -68,7 +68,7 @@ def test_what_it_holds_and_where_the_table_is_can_change() -> None:
     long = cell().holding(stick([0.0, 0.0, 0.14]))
     assert not long.check(STILL).ok
     assert long.over(Table(-0.04)).check(STILL).ok
-    with pytest.raises(MotionRefused, match="depth in the table of stick"):
+    with pytest.raises(MotionRefused, match="stick"):
         long.require(STILL)
 
 
@@ -77,7 +77,7 @@ def test_an_arm_and_a_force_that_cannot_be() -> None:
         arm_model("ur5", np.zeros(7))
     with pytest.raises(ValueError, match="stops by itself is 0 N"):
         cell(stops_at_N=0.0)
-    with pytest.raises(ValueError, match="joint zeros has shape"):
+    with pytest.raises(ValueError, match="joint zeros"):
         arm_model("panda", np.zeros(6))
 
 
@@ -95,5 +95,5 @@ def test_bodies_add_up_about_their_common_centre() -> None:
     stood = bar(2.0, (-0.1, 0.0, 0.0), (0.1, 0.0, 0.0), 0.1)
     np.testing.assert_allclose(stood.inertia_kg_m2, box(2.0, (0.2, 0.1, 0.1), (0.0, 0.0, 0.0)).inertia_kg_m2)
     assert (HAND_MASS + NOTHING).kg == BARE_HAND.mass.kg == 0.73
-    with pytest.raises(ValueError, match="must be symmetric and not negative"):
+    with pytest.raises(ValueError, match="symmetric"):
         Mass(1.0, np.zeros(3), -np.eye(3))

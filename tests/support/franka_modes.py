@@ -183,6 +183,9 @@ class Limiter:
         return [float(q) for q in self._q]
 
 
+NOT_FINITE = "Commanding value is infinite or NaN."
+"""libfranka sends no such command, and throws std::invalid_argument (`checkFinite` of its control_tools.h)."""
+
 LOST_IN_A_ROW = 20
 """From here on an arm stops (the maker's documentation of the FCI)."""
 START_RAD = 1e-3
@@ -208,8 +211,10 @@ class Monitor:
     * the flange's speed (`cartesian_velocity_violation`) and the joints' torques (`tau_j_range_violation`) within the
       limits of the same tables.
 
-    Which mode takes which command is `ANSWERS`; that the limiter chases a jump is `Limiter`. Not imitated, because no
-    number is published: power, instability, the rate of desired torques, and how near a self-collision may come.
+    Which mode takes which command is `ANSWERS`; that the limiter chases a jump is `Limiter`; that a command is finite
+    is `NOT_FINITE`. Not imitated, because no number is published: power, instability, the rate of desired torques, how
+    near a self-collision may come, and which arguments of a setter the arm rejects; nor libfranka's low-pass filter,
+    which the driver turns off.
     """
 
     model: str

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from hw.fake import FakeHand
-from hw.franka.hand import SDKS, FrankaHand, Sdk
+from hw.franka.hand import FrankaHand, Sdk
+from hw.franka.versions import PACKAGES, load
 from hw.ports import Hand
-from sim.lab.arm import Grip, LabHand
 
 HANDLE_M = 0.012
 
@@ -76,16 +76,8 @@ def fr3_sdk(between_m: float | None) -> Sdk:
     )
 
 
-def _lab(between_m: float | None) -> LabHand:
-    return LabHand(Grip(between_m or HANDLE_M, offered=between_m is not None))
-
-
 def _offer_fake(hand: Any) -> None:
     hand.between_m = HANDLE_M
-
-
-def _offer_lab(hand: Any) -> None:
-    hand._grip.offered = True
 
 
 def _offer_franka(hand: Any) -> None:
@@ -99,7 +91,7 @@ def _real(between_m: float | None) -> Hand:
     address = os.environ.get("ADAPTSIM_TEST_FR3")
     if not address:
         pytest.fail("say where the arm is: ADAPTSIM_TEST_FR3=172.16.0.2")
-    return FrankaHand(address, SDKS["fr3"])
+    return FrankaHand(address, lambda: load(PACKAGES["fr3"]))
 
 
 def _offer_real(hand: Hand) -> None:
@@ -108,7 +100,6 @@ def _offer_real(hand: Hand) -> None:
 
 GRIPPERS = {
     "fake": Grippers(FakeHand, _offer_fake),
-    "lab": Grippers(_lab, _offer_lab),
     "panda": Grippers(lambda between_m: FrankaHand("panda.test", panda_sdk(between_m)), _offer_franka),
     "fr3": Grippers(lambda between_m: FrankaHand("fr3.test", fr3_sdk(between_m)), _offer_franka),
 }

@@ -28,7 +28,7 @@ class _Told:
 
 @dataclass
 class InProcess:
-    """`hw.franka.parts.Player` around a driver."""
+    """`hw.franka.process.Player` around a driver."""
 
     driver: connection.Connection
     alive: bool = True

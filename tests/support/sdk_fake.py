@@ -13,7 +13,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from franka_modes import FLAGS, PANDA_FLAGS, REFLEX, STOP_PRESSED, ArmModes, Limiter, Monitor, Refusal
+from franka_modes import FLAGS, NOT_FINITE, PANDA_FLAGS, REFLEX, STOP_PRESSED, ArmModes, Limiter, Monitor, Refusal
 
 Q_RAD = [0.0, -0.7, 0.0, -2.3, 0.0, 1.6, 0.7]
 
@@ -144,6 +144,8 @@ class FakeRobot:
         self._monitor.begin(np.array(self._q))
 
     def take(self, command: JointPositions) -> None:
+        if not np.isfinite(command.q).all():
+            raise ValueError(NOT_FINITE)
         self.did("command", (command.q, command.motion_finished))
         self.sdk.when(self._cycle)
         if self._cycle in self.sdk.lost_cycles:

@@ -47,12 +47,14 @@ class Box(threading.Thread):
         super().__init__(daemon=True)
         self._line, self._ended = line, threading.Event()
         self.pressed, self.silent = False, False
+        self.last_s = 0.0  # time.monotonic of the last line
 
     def run(self) -> None:
         counter = 0
         while not self._ended.wait(PERIOD_S):
             if not self.silent:
                 os.write(self._line.device, line_for(counter, self.pressed))
+                self.last_s = time.monotonic()
             counter += 1
 
     def stop(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -27,6 +28,7 @@ class Sink:
     notes: tuple[str, ...] = ()
     given: list[PlayableMotion] = field(default_factory=list)
     carried: list[Payload] = field(default_factory=list)
+    collects_garbage: bool = False  # while it played
 
     def reading(self) -> Reading:
         return Reading(tuple(self.q_rad), tuple(self.q_rad + self.held_off_rad), (0.0,) * 7, self.mode)
@@ -40,6 +42,7 @@ class Sink:
 
     def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
         self.given.append(motion)
+        self.collects_garbage = gc.isenabled()
         q = motion.path.q_rad
         self.q_rad, self.held_off_rad = q[-1], np.zeros(7)
         return PlayOutcome(Played(motion.path.t_s, motion.path.t_s, q, q, np.zeros_like(q), 1.0, 1.0))

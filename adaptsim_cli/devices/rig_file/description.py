@@ -160,7 +160,12 @@ class ToolPart:
 
     def designed(self, X_FT: Array) -> Array:
         """(4, 4) the tool in the flange before any touch-off: the file's own mount, else `X_FT`."""
-        return frozen_array(X_FT if self.X_FT is None else self.X_FT, (4, 4), "X_FT")
+        if self.X_FT is None:
+            return X_FT
+        X = np.array(self.X_FT)
+        left, _, right = np.linalg.svd(X[:3, :3])  # the nearest rotation: people round
+        X[:3, :3] = left @ right
+        return frozen_array(X, (4, 4), "X_FT")
 
 
 @dataclass(frozen=True, config=_RULES)

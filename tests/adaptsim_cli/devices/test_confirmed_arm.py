@@ -24,7 +24,7 @@ from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock, FakeGuardedArm
 from hw.franka.arm import FrankaArm
 from hw.franka.connection import Connection
-from hw.franka.player import DRIVES
+from hw.franka.drives import DRIVES
 from hw.franka.settings import FrankaSettings
 from hw.types import JointPath
 

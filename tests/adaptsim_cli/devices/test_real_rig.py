@@ -224,13 +224,13 @@ def test_a_tool_that_is_lost_or_slips_is_noticed_before_the_next_motion(
                 "does not hold the scooping tool .*clear it away.* adaptsim touch-off --task scooping --hw panda",
             ),
         ):
-            devices.hand._width_m, devices.hand._holds = width_m, holds
+            devices.hand.width_m, devices.hand.holds = width_m, holds
             with pytest.raises(HandError, match=why):
                 real.rig.arm.execute(STILL)
             assert [check.name for check in real.checks() if not check.ok] == ["tool"]
         assert devices.arm is not None
         assert len(devices.arm.executed) == 1
-        devices.hand._width_m, devices.hand._holds = HANDLE_M, True
+        devices.hand.width_m, devices.hand.holds = HANDLE_M, True
         real.rig.arm.execute(STILL)
 
 

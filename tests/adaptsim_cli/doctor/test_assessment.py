@@ -1,67 +1,81 @@
-"""The risk assessment: one page with the rig's own numbers, and every waived check in it."""
+"""The risk assessment: one sheet with the rig's own numbers, and every waived check in it."""
 
 from __future__ import annotations
 
+import html
+import re
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
-from real_lab import RIG, calibrated, own_place, quiet, said, write_rig
+from real_lab import RIG, calibrated, own_place, write_rig
 
-from adaptsim_cli import config
+from adaptsim_cli import app, config
 from adaptsim_cli.devices.known_arm import ArmFacts
 from adaptsim_cli.devices.mounted import mounted
+from adaptsim_cli.devices.rig_file.description import Waivable
 from adaptsim_cli.devices.rig_file.reading import read
-from adaptsim_cli.doctor import assessment
-from adaptsim_cli.doctor.assessment import Motions, hazards, page
-from adaptsim_cli.errors import UsageError
-from hw.braking import STOP_S
+from adaptsim_cli.doctor.assessment import WITHOUT, Motions, page
 from sim.tasks import get_task
 
-MOVES = Motions(0.8, 0.25, 0.8 * STOP_S, 12.0)
+USAGE = 2
+GUIDE = Path(__file__).parents[3] / "docs" / "guide" / "rig.md"
+MOVES = Motions(7, 0.8, 0.25, 12.0)
+BARE = (
+    f"waived = {list(get_args(Waivable))}\n{RIG[: RIG.index('waived')]}{RIG[RIG.index('[arm]') : RIG.index('[pedal]')]}"
+)
 
 
-def test_every_hazard_has_a_measure_here_and_one_that_stays_with_the_lab(tmp_path: Path) -> None:
-    full = RIG + '[[keep_out]]\nname = "lamp"\nlow_m = [0.5, -0.9, 0.6]\nhigh_m = [0.7, -0.7, 1.0]\n'
-    rig = read(write_rig(tmp_path, full.replace('"keep_out", ', "")))
-    for row in hazards(rig, MOVES):
-        assert row.here, row
-        assert row.lab, row
-    bare = read(write_rig(tmp_path, 'waived = ["pedal", "hand", "person", "slow_start"]\n' + RIG[: RIG.index("waived")]
-                          + RIG[RIG.index("[arm]") : RIG.index("[pedal]")]))  # fmt: skip
-    waived = " ".join(row.here for row in hazards(bare, MOVES))
-    for words in ("no enabling pedal", "no side of a person", "no hand is watched", "no slow first motion"):
-        assert f"WAIVED: {words}" in waived
+def sheet(folder: Path, rig_text: str = RIG) -> str:
+    """The text of the sheet of a rig, without marks, on one line."""
+    rig = read(write_rig(folder, rig_text))
+    facts = ArmFacts("2026-03-01T08:00:00+00:00", "Kim")
+    text = page(mounted(get_task("scooping"), rig, np.zeros(7)), rig, MOVES, facts, {"set-up": "abc"})
+    return " ".join(html.unescape(re.sub(r"<style>.*</style>|<[^>]*>", " ", text, flags=re.DOTALL)).split())
 
 
-def test_the_page_has_the_rigs_own_numbers(tmp_path: Path) -> None:
-    rig = read(write_rig(tmp_path))
-    there = mounted(get_task("scooping"), rig, np.zeros(7))
-    text = page(there, rig, MOVES, ArmFacts("2026-03-01T08:00:00+00:00", "Kim"))
+def test_the_sheet_has_the_rigs_own_numbers(tmp_path: Path) -> None:
+    text = sheet(tmp_path)
     for words in (
         "lab-1, panda at 172.16.0.2, scooping",
-        "0.80 m/s",
-        "at most 32 cm of travel",
-        "stops by itself at 80 N",
-        "payload in the hand: 0.12 kg",
-        "2026-03-01T08:00:00+00:00 Kim",
-        "waived by the rig file: keep_out, stop_button, slow_start",
+        "0.80 m/s; any motion of the flange above 1.7 m/s",
+        "at most 0.46 s and 37 cm",
+        "80 N; 60, 60, 54, 54, 10, 10, 10 Nm",
+        "400 N, estimated",
+        "payload in the hand 0.12 kg",
+        "2026-03-01T08:00:00+00:00 by Kim",
         "the person's side (left)",
-        "| safety officer |",
+        "a question before what it announces",
+        "first slow motion with this set-up never",
+        "safety officer",
     ):
         assert words in text
 
 
+def test_what_is_waived_is_no_measure_and_has_its_own_line(tmp_path: Path) -> None:
+    assert set(WITHOUT) == set(get_args(Waivable))
+    bare, full = sheet(tmp_path, BARE), sheet(tmp_path, RIG)
+    for name in get_args(Waivable):
+        assert f"waived: {name}" in bare
+        assert f"{name} {WITHOUT[name]}" in bare
+        assert (WITHOUT[name] in full) == (name in ("keep_out", "stop_button", "slow_start"))
+    assert "only while the pedal is held" in full
+    assert "only while the pedal is held" not in bare
+
+
 @pytest.mark.long
-def test_the_command_plans_a_motion_and_writes_a_new_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    place, screen = own_place(tmp_path, monkeypatch), quiet()
-    write_rig(place)
-    there = config.load({"hw": "panda", "task": "scooping"})
-    calibrated(there)
-    assessment.write(there, place / "risk.md", screen)
-    assert "Written" in said(screen)
-    assert "largest speed of the tool" in (place / "risk.md").read_text()
-    with pytest.raises(UsageError, match="exists already"):
-        assessment.write(there, place / "risk.md", screen)
-    with pytest.raises(UsageError, match="hurts nobody"):
-        assessment.write(config.load({"hw": "fake"}), place / "other.md", screen)
+def test_the_command_plans_with_the_rig_of_the_guide_and_writes_a_new_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = own_place(tmp_path, monkeypatch)
+    write_rig(place, GUIDE.read_text().split("```toml\n")[1].split("```")[0])
+    calibrated(config.load({"hw": "fr3", "task": "scooping"}))
+    command = ["doctor", "--hw", "fr3", "--task", "scooping", "--assessment", "risk.html"]
+    assert app.run(command) == 0
+    text = (place / "risk.html").read_text()
+    assert int(re.search(r"in (\d+) planned motions", text)[1]) >= 5
+    assert "the camera</td>" in text
+    assert app.run(command) == USAGE
+    assert app.run(["doctor", "--assessment", "other.html"]) == USAGE
+    assert not (place / "other.html").exists()

@@ -74,9 +74,9 @@ def test_a_report_shows_its_iterations_while_the_session_is_beyond_them(tmp_path
         assert store.iterations() == len(results_of(store)) == len(drawn)
         return page.write(store)
 
-    settings = resolved(tmp_path)
+    settings, request = resolved(tmp_path), running.SessionRequest(None, frozenset({"task"}), 2, yes=True)
     lab = ToyLab(0, {"place": lambda trial, attempt: went_on.set() if trial > 5 else None})
-    path = running.run_session(settings, running.SessionRequest(None, frozenset(), 2, yes=True), opener(lab), draw)
+    path = running.run_session(settings, request, opener(lab), draw)
     store = SessionStore.open(settings.places.sessions, path.parent.name)
     assert drawn == [[1, 2, 3, 4], [1, 2, 3, 4, 5, 6, 7, 8]], "the last one is drawn before the command ends"
     assert store.existing().shown == {0, 1}
@@ -87,8 +87,9 @@ def test_a_report_that_fails_stops_the_command_and_is_drawn_again_by_the_next_on
         raise SessionError("the disk is full")
 
     settings, lab = resolved(tmp_path), ToyLab(0)
+    request = running.SessionRequest(None, frozenset({"task"}), 1, yes=True)
     with pytest.raises(SessionError, match="the disk is full"):
-        running.run_session(settings, running.SessionRequest(None, frozenset(), 1, yes=True), opener(lab), full)
+        running.run_session(settings, request, opener(lab), full)
     store = run(tmp_path, lab)
     assert (store.iterations(), store.existing().shown) == (1, {0}), "the same iteration, shown again"
     assert (store.folder / "report.html").is_file()

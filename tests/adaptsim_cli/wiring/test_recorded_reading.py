@@ -91,7 +91,7 @@ HEAD = "trial,t_s,q1,q2,v1,v2,excess\n"
         ({"trajectories_csv": HEAD + "other,0,0,0,0,0,0\n"}, "trial run0 has no sample"),
         ({"manifest": 'task = "toss"\n[tables]\nstate = ["q1"]\n'}, "is of task toss, not of pendulum"),
         ({"manifest": 'task = "pendulum"\n'}, "name one source: tables, mcap or sessions"),
-        ({"manifest": 'task = "pendulum"\n[tables]\nstates = ["q1"]\n'}, "tables.state: Field required"),
+        ({"manifest": 'task = "pendulum"\n[tables]\nstates = ["q1"]\n'}, "tables.state: field required"),
         ({"manifest": "task = "}, "is not valid TOML"),
         ({"manifest": 'task = "pendulum"\nsessions = ["gone"]\n'}, "gone is no session"),
         ({"manifest": 'task = "pendulum"\n[tables]\nstate = ["q1"]\n'}, "needs 2 columns, and has 1"),
@@ -99,7 +99,7 @@ HEAD = "trial,t_s,q1,q2,v1,v2,excess\n"
             {"manifest": 'task = "pendulum"\n[tables]\nstate = ["q1","q2"]\ncolumns = {outcome = "end"}\n'},
             "has no column 'end'",
         ),
-        ({"manifest": 'task = "pendulum"\noutcome = "won"\n[tables]\nstate = ["q1"]\n'}, "outcome: Input should be"),
+        ({"manifest": 'task = "pendulum"\noutcome = "won"\n[tables]\nstate = ["q1"]\n'}, "outcome: it must be"),
     ],
 )
 def test_tables_that_cannot_serve_are_refused_with_the_place(

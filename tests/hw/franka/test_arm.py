@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+
 import numpy as np
 import pytest
 from cells import cell
@@ -30,6 +32,16 @@ def test_a_path_from_where_the_arm_is_held_is_handed_over_as_it_is() -> None:
         one.execute(path())
     (motion,) = sink.given
     np.testing.assert_array_equal(motion.path.q_rad, path().q_rad)
+
+
+def test_no_garbage_collection_makes_the_program_silent_during_a_motion() -> None:
+    sink = Sink(collects_garbage=True)
+    with arm(sink) as one:
+        one.execute(path())
+        assert not sink.collects_garbage
+        with pytest.raises(MotionRefused):
+            one.execute(path())
+    assert gc.isenabled()
 
 
 def test_a_bent_arm_is_led_from_its_held_joints_onto_the_path_within_the_limits() -> None:
@@ -63,7 +75,7 @@ def test_a_contact_that_the_arm_would_take_for_a_collision_is_refused() -> None:
     again = Sink()
     with (
         FrankaArm(cell("fr3", stops_at_N=40.0), hard, lambda: again) as one,
-        pytest.raises(MotionRefused, match="predicted contact force"),
+        pytest.raises(MotionRefused, match="contact force"),
     ):
         one.execute(path(soft))
     assert again.given == []
@@ -80,7 +92,7 @@ def test_an_arm_that_would_not_move_says_why(mode: str, words: str) -> None:
         assert one.state().by_hand == (mode in ("UserStopped", "Guiding"))
         with pytest.raises(ArmFault, match=words):
             one.execute(path())
-        with pytest.raises(ArmFault, match="does not recover"):
+        with pytest.raises(ArmFault, match="recover"):
             one.recover()
         assert not one.state().by_hand, "it is remembered now, until it is recovered from"
     assert sink.given == []

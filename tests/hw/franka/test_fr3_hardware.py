@@ -57,7 +57,7 @@ def test_a_guarded_motion_in_free_air_ends_in_no_contact(arm: FrankaArm) -> None
     assert X_BF[2, 2] < -0.98, "the hand must point straight down: guide it there first"
     guard = BENCH.guard(FINGERTIPS, FORCE_N)
     path = descent(before.q_rad, (Stage(WAY_M, SPEED_M_S),), guard, 0.0, BENCH.cell.arm)
-    with pytest.raises(NoContact, match="touched nothing; it is back at the start"):
+    with pytest.raises(NoContact, match="nothing"):
         arm.execute_until_contact(path, guard)
     after = arm.state()
     assert after.fault is None

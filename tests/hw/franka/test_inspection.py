@@ -27,5 +27,5 @@ def test_mode_joints_and_states_are_read_and_nothing_is_set() -> None:
 
 
 def test_an_arm_that_is_not_there_is_said() -> None:
-    with pytest.raises(DeviceUnavailable, match=r"does not answer|refuses the connection"):
+    with pytest.raises(DeviceUnavailable, match=r"answer|refuses"):
         inspect("fr3", FrankaSettings(own_host()), realtime=False)

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from cells import cell
 
+from hw.child import Call
 from hw.franka.driver import FAULT, UNAVAILABLE, Failure, Reading, Step
-from hw.franka.messages import Connect, Connected, Listen, Play, PlayOutcome, Read, Recover, Rhythm, Timing
+from hw.franka.messages import PlayOutcome, Rhythm, Timing
 from hw.franka.playback import PlayableMotion, motion_of
 from hw.franka.player import serve
 from hw.franka.settings import FrankaSettings
@@ -137,19 +138,22 @@ def answers(driver: Follower, pipe: list[int], *requests: object) -> list[object
             def send(self, answer: object) -> None:
                 heard.append(answer)
 
-        serve(Serving(), Watchdog(pipe[0], 60.0), lambda _: driver)  # type: ignore[arg-type, return-value]
+        serve(Serving(), Watchdog(pipe[0], 60.0), lambda *_: driver)  # type: ignore[arg-type]
     program.close()
     return heard
 
 
-CONNECT = Connect("panda", FrankaSettings("172.16.0.2"), Timing())
+CONNECT = Call("connect", ("panda", FrankaSettings("172.16.0.2"), Timing(start_s=60.0)))
 
 
 def test_requests_are_answered_in_order(pipe: list[int]) -> None:
     driver = Follower()
     asked = motion(driver)
-    connected, before, outcome, after = answers(driver, pipe, CONNECT, Read(), Play(asked), Read())
-    assert connected == Connected(before, Follower.notes)  # type: ignore[arg-type]
+    connected, before, outcome, after = answers(
+        driver, pipe, CONNECT, Call("reading"), Call("play", (asked, None)), Call("reading")
+    )
+    assert connected == Follower.notes
+    assert isinstance(before, Reading)
     assert isinstance(outcome, PlayOutcome)
     assert outcome.failure is None
     np.testing.assert_array_equal(outcome.played.q_commanded_rad[:501], asked.path.q_rad)
@@ -160,7 +164,7 @@ def test_requests_are_answered_in_order(pipe: list[int]) -> None:
 def test_a_fault_keeps_the_log_until_then_and_the_player_goes_on(pipe: list[int]) -> None:
     driver = Follower(fails_at=200)
     asked = motion(driver)
-    _, outcome, recovered = answers(driver, pipe, CONNECT, Play(asked), Recover())
+    _, outcome, recovered = answers(driver, pipe, CONNECT, Call("play", (asked, None)), Call("recover"))
     assert isinstance(outcome, PlayOutcome)
     assert outcome.failure is not None
     assert outcome.failure.kind == FAULT
@@ -173,12 +177,12 @@ def test_a_fault_keeps_the_log_until_then_and_the_player_goes_on(pipe: list[int]
 def test_states_are_counted_without_a_motion(pipe: list[int]) -> None:
     driver = Follower()
     before = driver.q.copy()
-    _, rhythm = answers(driver, pipe, CONNECT, Listen(1000))
+    _, rhythm = answers(driver, pipe, CONNECT, Call("listen", (1000,)))
     assert rhythm == Rhythm(1000, 10, 0.0012, 5)
     assert driver.q == before
 
 
 def test_nothing_is_done_before_connecting(pipe: list[int]) -> None:
-    (refused,) = answers(Follower(), pipe, Read())
+    (refused,) = answers(Follower(), pipe, Call("reading"))
     assert isinstance(refused, Failure)
     assert refused.kind == UNAVAILABLE

@@ -15,15 +15,14 @@ from sdk_fake import FakeSdk
 
 from hw.contact import TORQUE_NOISE_NM, began
 from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
-from hw.franka import fr3, panda
 from hw.franka.arm import FrankaArm
 from hw.franka.connection import Connection
+from hw.franka.drives import DRIVES
 from hw.franka.settings import FrankaSettings, Payload
 from hw.kinematics import forward, jacobian
 from hw.types import Array, Guard
 
 SETTINGS = FrankaSettings("172.16.0.2")
-DRIVES = {"panda": panda.drive, "fr3": fr3.drive}
 PATH = down(0.005, 0.008)
 PLANE_M = TOP_M - 0.0025
 STIFFNESS_N_M, ERROR_NM = 4000.0, 0.8
@@ -99,7 +98,7 @@ def test_a_pedal_let_go_there_and_on_the_way_back() -> None:
             pedal.held = force_N < low_N if low_N else not (max(felt) > 4.0 and 0.0 < force_N < 1.0)
 
         with arm_of(fake("panda", feels=plane(PLANE_M, at)), "panda", pedal) as arm:
-            with pytest.raises(StoppedByPedal, match="pedal was released"):
+            with pytest.raises(StoppedByPedal, match="pedal"):
                 arm.execute_until_contact(PATH, GUARD)
             assert max(felt_N) < 4.0 if where == "search" else max(felt_N) > 4.0
             assert 1e-4 < TOP_M - tip_m(arm.state().q_rad) < 0.005
@@ -115,7 +114,7 @@ def test_a_reflex_at_the_touch_is_a_fault_that_is_recovered_in_place() -> None:
 
     sdk.feels = plane(PLANE_M, hard)
     with arm_of(sdk, "panda") as arm:
-        with pytest.raises(ArmFault, match=r"s into the path: .*collision threshold \(cartesian_reflex\)"):
+        with pytest.raises(ArmFault, match="cartesian_reflex"):
             arm.execute_until_contact(PATH, GUARD)
         low_rad = arm.state().q_rad
         assert tip_m(low_rad) < PLANE_M
@@ -135,7 +134,7 @@ def test_a_way_back_that_the_arm_does_not_hold_leaves_it_there_and_says_so() -> 
             robot._q = (np.array(robot._q) + 0.02).tolist()  # somebody pushed the arm away while it stood
 
         robot.control_joint_position = pushed
-        with pytest.raises(ArmFault, match=r"it cannot go back from the contact .* commanded position"):
+        with pytest.raises(ArmFault, match="go back"):
             arm.execute_until_contact(PATH, GUARD)
         assert "cannot go back from the contact" in (arm.state().fault or "")
 
@@ -145,7 +144,7 @@ def test_what_is_refused_has_not_moved() -> None:
     with arm_of(sdk, "panda") as arm:
         with pytest.raises(MotionRefused, match="guard's force"):
             arm.execute_until_contact(PATH, Guard(41.0, TIP))
-        with pytest.raises(MotionRefused, match="speed of the guarded point"):
+        with pytest.raises(MotionRefused, match="speed"):
             arm.execute_until_contact(down(0.005, 0.03), GUARD)
     assert not [name for name, _ in sdk.calls if name == "command"]
 

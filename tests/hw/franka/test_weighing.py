@@ -11,7 +11,7 @@ from sdk_fake import FakeSdk
 from hw.errors import MotionRefused
 from hw.franka.arm import FrankaArm
 from hw.franka.connection import Connection
-from hw.franka.player import DRIVES
+from hw.franka.drives import DRIVES
 from hw.franka.settings import FrankaSettings, Payload
 from hw.franka.weighing import UNDECLARED_KG, undeclared_kg
 from hw.kinematics import jacobian

@@ -1,0 +1,225 @@
+"""How soon the player brakes when pedal or program fall silent, at their real 60 ms, and what a sleep does to both.
+
+    PYTHONPATH=tests/support python benchmarks/silence.py --times 10
+
+The program, its player, the pedal's serial line (a pseudo-terminal) and the FR3's protocol are real; the arm is
+franky-sim's, which waits for late commands. A process that wants to wake every millisecond measures meanwhile how long
+this computer holds one up; what happened while that was more than `NOISE_S` does not count. Where that is permitted,
+these processes go before the computer's other work.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fr3_process import Fr3Process, fr3
+from serial_lines import Box, boxed, plugged_in
+
+PROGRAM = Path(__file__).parents[1] / "tests" / "support" / "moving_program.py"
+NOISE_S = 0.01
+AT_S = (0.8, 1.6)
+"""When the fault comes: in the middle of a motion of 3 s."""
+ASLEEP_S = 2.0
+
+
+class Noise:
+    """The longest time by which this computer woke a process too late, since `forget`."""
+
+    def __enter__(self) -> Noise:
+        self._worst = multiprocessing.Value("d", 0.0)
+        self._sleeper = multiprocessing.Process(target=_sleep, args=(self._worst,), daemon=True)
+        self._sleeper.start()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._sleeper.kill()
+        self._sleeper.join()
+
+    def forget(self) -> None:
+        self._worst.value = 0.0
+
+    @property
+    def worst_s(self) -> float:
+        return float(self._worst.value)
+
+
+def _sleep(worst: Any) -> None:
+    before_s = time.monotonic()
+    while True:
+        time.sleep(1e-3)
+        now_s = time.monotonic()
+        worst.value = max(worst.value, now_s - before_s - 1e-3)
+        before_s = now_s
+
+
+@dataclass(frozen=True)
+class Happened:
+    """What one fault did: times of `time.monotonic`, and how long this computer held a process up meanwhile."""
+
+    at_s: float  # the last sign of life
+    said: dict[str, Any]  # by the program, after its motion
+    noise_s: float
+    commands: int  # that reached the arm from the fault on
+
+    @property
+    def braking_after_s(self) -> float:
+        return float(self.said["braked_s"]) - self.at_s
+
+    @property
+    def still_after_s(self) -> float:
+        return float(self.said["still_s"]) - self.at_s
+
+
+@dataclass
+class Moving:
+    """A program in the middle of its motion, and its pedal's box."""
+
+    server: Fr3Process
+    box: Box
+    program: subprocess.Popen[str]
+    player: int
+
+    def signal(self, number: signal.Signals, *, player: bool) -> None:
+        os.kill(self.program.pid, number)
+        if player:
+            os.kill(self.player, number)
+
+
+@contextmanager
+def first(*pids: int) -> Iterator[None]:
+    """The sessions of these processes go before all others (sched(7), autogroup), where that is permitted."""
+
+    def nice(value: int) -> None:
+        for pid in pids:
+            with suppress(OSError):
+                Path(f"/proc/{pid}/autogroup").write_text(f"{value}")
+
+    nice(-20)
+    try:
+        yield
+    finally:
+        nice(0)
+
+
+Fault = Callable[[Moving], float]
+"""Brings a fault about and ends it -> the last sign of life (`time.monotonic`)."""
+
+
+def silent_pedal(moving: Moving) -> float:
+    """The box says nothing any more."""
+    moving.box.silent = True
+    return moving.box.last_s
+
+
+def hanging_program(moving: Moving) -> float:
+    """The program says nothing any more; its player goes on."""
+    moving.signal(signal.SIGSTOP, player=False)
+    stopped_s = time.monotonic()
+    time.sleep(1.0)
+    moving.signal(signal.SIGCONT, player=False)
+    return stopped_s
+
+
+def suspended(moving: Moving) -> float:
+    """The whole computer sleeps, the arm does not, and the pedal is held all the time."""
+    moving.signal(signal.SIGSTOP, player=True)
+    stopped_s = time.monotonic()
+    time.sleep(ASLEEP_S)
+    moving.signal(signal.SIGCONT, player=True)
+    return stopped_s
+
+
+FAULTS: dict[str, Fault] = {"pedal": silent_pedal, "program": hanging_program, "sleep": suspended}
+
+
+@contextmanager
+def programmed(server: Fr3Process) -> Iterator[Moving]:
+    """A program that has connected; it moves once the pedal's box says that it is pressed."""
+    with plugged_in() as line, boxed(line) as box:
+        program = subprocess.Popen(
+            [sys.executable, str(PROGRAM), server.host, line.port],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            assert program.stdout is not None
+            yield Moving(server, box, program, json.loads(program.stdout.readline())["player"])
+        finally:
+            program.send_signal(signal.SIGCONT)
+            program.kill()
+            program.communicate()
+
+
+def happened(noise: Noise, fault: Fault, at_s: float) -> Happened | None:
+    """One motion, and one fault so long into it; None if the motion did not come so far."""
+    last_s, commands = list[float](), list[int]()
+    with fr3() as server, programmed(server) as moving, first(moving.player):
+
+        def bring_about() -> None:
+            noise.forget()
+            commands.append(len(server.commanded()))
+            last_s.append(fault(moving))
+
+        mark = server.at(at_s, lambda: threading.Thread(target=bring_about).start())
+        moving.box.pressed = True
+        assert moving.program.stdout is not None
+        said = json.loads(moving.program.stdout.readline())
+        worst_s = noise.worst_s
+        if not last_s:
+            return None
+        mark.join()
+        return Happened(last_s[0], said, worst_s, len(server.commanded()) - commands[0])
+
+
+def quiet(noise: Noise, fault: Fault, at_s: float, tries: int = 5) -> Happened | None:
+    """The first of some tries in which this computer held nothing up for more than `NOISE_S`; None: in all of them."""
+    for _ in range(tries):
+        found = happened(noise, fault, at_s)
+        if found is not None and found.noise_s <= NOISE_S:
+            return found
+    return None
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--times", type=int, default=10, help="of each fault")
+    times = parser.parse_args().times
+    with first(os.getpid()), Noise() as noise:
+        for name, fault in FAULTS.items():
+            seen = [quiet(noise, fault, at_s) for at_s in np.linspace(*AT_S, times)]
+            counted = [one for one in seen if one is not None]
+            sys.stdout.write(f"{name}: {len(counted)} of {times} in quiet, load {os.getloadavg()[0]:.1f}\n")
+            if not counted:
+                continue
+            late_ms = 1e3 * max(one.noise_s for one in counted)
+            refused = sum(bool(one.said["error"]) and not one.said["enabled"] for one in counted)
+            sys.stdout.write(
+                f"  this computer was at most {late_ms:.1f} ms late; stopped, and to be pressed again: {refused}\n"
+            )
+            for what, ms in (
+                ("braking", [1e3 * one.braking_after_s for one in counted]),
+                ("standstill", [1e3 * one.still_after_s for one in counted]),
+            ):
+                sys.stdout.write(
+                    f"  {what} after the last sign of life: median {np.median(ms):.0f}, longest {max(ms):.0f} ms\n"
+                )
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

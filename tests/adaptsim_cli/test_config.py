@@ -46,8 +46,8 @@ def test_adaptsim_home_moves_data_and_settings(home: Path, project: Path) -> Non
     ("text", "told"),
     [
         ("sead = 1", r"adaptsim.toml: unknown key 'sead', did you mean 'seed'\? Known keys: hw, rig"),
-        ("seed = -1", r"seed = -1: input should be greater than or equal to 0"),
-        ("seed = '0'", r"seed = '0': input should be a valid integer"),
+        ("seed = -1", r"seed = -1: it must be greater than or equal to 0"),
+        ("seed = '0'", r"seed = '0': it must be a valid integer"),
         ("min_free_mb = '1 GB'", r"min_free_mb = '1 GB': .*free disk space that a session needs, MB"),
         ("hw = 'ur5'", r"hw = 'ur5': choose one of fake, panda, fr3"),
         ("seed = ", r"adaptsim.toml is not valid TOML: Invalid value"),

@@ -85,7 +85,6 @@ def test_so_there_is_without_a_session(
         ["checkpoints", "list"],
         ["config", "show"],
         ["config", "path"],
-        ["config", "init", "--project", "--arm", "none", "--yes"],
         ["calibrate", "list", "--world", "wd"],
         ["touch-off", "list", "--world", "wd"],
         ["schema"],

@@ -12,7 +12,7 @@ import pytest
 from toy_rig import ToyLab
 from toy_session import NAME, ScriptedOperator, attended, run, unattended
 
-from adaptsim_cli.errors import SessionError, StoppedByOperator
+from adaptsim_cli.errors import Interrupted, SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.correcting import redo
 from adaptsim_cli.session.flow import RunningSession, run_iteration
@@ -183,8 +183,10 @@ def test_a_stopped_motion_whose_rejection_was_cut_short_is_no_trial(
     assert reason(store) == "reflex"
 
 
-@pytest.mark.parametrize("first", [KeyboardInterrupt(), ArmFault("reflex")])
-def test_the_camera_is_stopped_whatever_happens_and_never_hides_it(first: BaseException, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("first", "told"), [(KeyboardInterrupt(), Interrupted), (ArmFault("reflex"), ArmFault)])
+def test_the_camera_is_stopped_whatever_happens_and_never_hides_it(
+    first: BaseException, told: type[BaseException], tmp_path: Path
+) -> None:
     stopped = []
 
     def no_frame(trial: int, attempt: int) -> None:
@@ -194,7 +196,7 @@ def test_the_camera_is_stopped_whatever_happens_and_never_hides_it(first: BaseEx
     lab = ToyLab(0, hooks={"stop_recording": no_frame})
     session = attended(tmp_path, ScriptedOperator(), lab)
     object.__setattr__(session.parts.target.rig, "arm", Reflex(lab, at=TrialKey(1, 0), error=first))  # type: ignore[attr-defined]
-    with pytest.raises(type(first)):
+    with pytest.raises(told):
         run_iteration(session)
     assert stopped == [1]
 
@@ -242,7 +244,7 @@ class Reflex:
 def test_what_lies_in_the_folder_is_what_the_documents_say(tmp_path: Path) -> None:
     store = stop_at_second_review(tmp_path)
     assert sorted(p.name for p in store.trial_folder(0, SECOND).iterdir()) == [
-        "motion.json", "overlay.jpg", "recording.mcap",
+        "film.jpg", "motion.json", "overlay.jpg", "recording.mcap",
     ]  # fmt: skip
     motion = store.motion(0, SECOND)
     done = run(tmp_path).trial(0, SECOND)

@@ -50,7 +50,7 @@ def compare(
 ) -> None:
     """Compare sessions: methods, worlds, days, posteriors. Writes a page, and CSV of the sessions and of the trials.
 
-    Example: adaptsim compare scooping-oreo scooping-ood-1-udr-seed0
+    Example: adaptsim compare scooping-oreo scooping-ood-1-udr
     """
     import hashlib
 

@@ -25,7 +25,7 @@ from adaptsim_cli import app
 
 PROGRAM: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
 SESSION = "scooping-oreo"
-OTHER = "scooping-ood-1-udr-seed0"
+OTHER = "scooping-ood-1-udr"
 STANDS_FOR = {"SESSION": SESSION, "A": SESSION, "B": OTHER, "FIRST": "1", "SECOND": "2", "TEXT": "text"}
 STANDS_FOR |= {"VIEWS": "my-views", "COMMAND": "run-iteration"}
 ELSEWHERE = {
@@ -36,7 +36,7 @@ ELSEWHERE = {
     r"adaptsim object |--object tofu.toml": "minutes of two cores; tests/adaptsim_cli/commands, with a pendulum",
     r" --rerun": "opens a viewer; tests/extras",
     r" rollouts report \S": "the name holds the time; without one it is the newest",
-    r" --refine-intrinsics": "is refused with so few views, exit code 3; tests/calib/test_trial.py",
+    r" --refine-intrinsics": "is refused with so few views, exit code 3; tests/calib/test_intrinsics_check.py",
     r" overlay": "needs pictures; tests/adaptsim_cli/calibration/test_arm_picture.py",
     r" amend \S+ \d+$": "asks at the terminal; tests/adaptsim_cli/session/test_amending.py",
 }

@@ -19,7 +19,7 @@ from sim.errors import CheckpointError
 
 pytestmark = pytest.mark.long
 
-ADAPTED, UDR = "pendulum-wd", "pendulum-wd-udr-seed0"
+ADAPTED, UDR = "pendulum-wd", "pendulum-wd-udr"
 
 
 @pytest.fixture(scope="module")

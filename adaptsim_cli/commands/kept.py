@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from adaptsim_cli.screen.console import Screen
 
 Rows = tuple[tuple[str, ...], list[dict[str, Any]], Callable[[dict[str, Any]], tuple[str, ...]]]
-"""Head of a table, what is listed (for JSON; a damaged one has its error), and the row of one."""
+"""Head of a table, the entries for JSON (a damaged one has its error), and the row of an entry."""
 Name = Annotated[str, typer.Argument(help="Name or number, as `list` shows it.")]
 
 

@@ -87,7 +87,7 @@ def motions_of(there: MountedTask, actions: Sequence[Sequence[JointPath]]) -> Mo
 
 
 def page(there: MountedTask, rig: RigDescription, moves: Motions, known: ArmFacts, identity: dict[str, str]) -> str:
-    """The assessment as HTML, two sides of A4; `identity` names what it is about, and in which state."""
+    """The assessment as HTML, two sides of A4; `identity` names rig file, arm and program version."""
     payload = rig.tool(there.task.name).payload
     return fill(
         "assessment.html.j2",

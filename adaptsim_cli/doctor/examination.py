@@ -19,7 +19,7 @@ from adaptsim_cli.screen.console import Screen
 
 
 def examine(resolved: Resolved, names: Collection[str] = tuple(CHECKS)) -> Iterator[Finding]:
-    """Check everything that an iteration with these settings needs, or only what is named.
+    """Check everything that an iteration with these settings needs, or only the named checks.
 
     A missing part is a finding, never an error.
     """
@@ -42,7 +42,7 @@ def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
 
 
 def show_table(found: Sequence[Finding], screen: Screen, *, grouped: bool = True) -> None:
-    """Show the table, what was not checked, then each remedy on an unwrapped line, so that it can be copied."""
+    """Show the table, the checks left out, then each remedy on a line that is not wrapped, to be copied."""
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
     table.add_column(width=1)
     table.add_column(min_width=17)
@@ -79,5 +79,5 @@ def require(found: Sequence[Finding]) -> None:
 
 
 def missing_in(found: Sequence[Finding]) -> list[str]:
-    """The names of what is missing."""
+    """The names of the failed checks."""
     return [finding.name for finding in found if finding.verdict is Severity.MISSING]

@@ -20,5 +20,5 @@ def serial_ports(dev: Path) -> tuple[str, ...]:
 
 
 def like(ports: Sequence[str], words: Sequence[str]) -> str:
-    """The first port whose name has one of the `words`; empty: none has."""
+    """The first port with one of the `words` in its name; empty if there is none."""
     return next((port for port in ports if any(word in port.lower() for word in words)), "")

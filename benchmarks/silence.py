@@ -165,8 +165,16 @@ def programmed(server: Fr3Process) -> Iterator[Moving]:
             program.communicate()
 
 
-def happened(noise: Noise, fault: Fault, at_s: float) -> Happened | None:
-    """One motion, and one fault so long into it; None if the motion did not come so far."""
+@dataclass(frozen=True)
+class EndedEarly:
+    """A motion that did not come as far as its fault, by what the program said, and how long processes were held up."""
+
+    said: dict[str, Any]
+    noise_s: float
+
+
+def happened(noise: Noise, fault: Fault, at_s: float) -> Happened | EndedEarly:
+    """One motion, and one fault so long into it."""
     last_s, commands = list[float](), list[int]()
     with fr3() as server, programmed(server) as moving, first(moving.player):
 
@@ -176,23 +184,23 @@ def happened(noise: Noise, fault: Fault, at_s: float) -> Happened | None:
             last_s.append(fault(moving))
 
         mark = server.at(at_s, lambda: threading.Thread(target=bring_about).start())
+        noise.forget()
         moving.box.pressed = True
         assert moving.program.stdout is not None
         said = json.loads(moving.program.stdout.readline())
         worst_s = noise.worst_s
         if not last_s:
-            return None
+            return EndedEarly(said, worst_s)
         mark.join()
         return Happened(last_s[0], said, worst_s, len(server.commanded()) - commands[0])
 
 
-def quiet(noise: Noise, fault: Fault, at_s: float, tries: int = 5) -> Happened | None:
-    """The first of some tries in which this computer held nothing up for more than `NOISE_S`; None: in all of them."""
-    for _ in range(tries):
-        found = happened(noise, fault, at_s)
-        if found is not None and found.noise_s <= NOISE_S:
-            return found
-    return None
+def quietest(noise: Noise, fault: Fault, at_s: float, tries: int = 5) -> Happened | EndedEarly:
+    """The first of some tries in which this computer held nothing up for more than `NOISE_S`, else the quietest."""
+    found = list[Happened | EndedEarly]()
+    while len(found) < tries and not (found and found[-1].noise_s <= NOISE_S):
+        found.append(happened(noise, fault, at_s))
+    return min(found, key=lambda one: one.noise_s)
 
 
 def main() -> None:
@@ -201,8 +209,8 @@ def main() -> None:
     times = parser.parse_args().times
     with first(os.getpid()), Noise() as noise:
         for name, fault in FAULTS.items():
-            seen = [quiet(noise, fault, at_s) for at_s in np.linspace(*AT_S, times)]
-            counted = [one for one in seen if one is not None]
+            seen = [quietest(noise, fault, at_s) for at_s in np.linspace(*AT_S, times)]
+            counted = [one for one in seen if isinstance(one, Happened) and one.noise_s <= NOISE_S]
             sys.stdout.write(f"{name}: {len(counted)} of {times} in quiet, load {os.getloadavg()[0]:.1f}\n")
             if not counted:
                 continue

@@ -77,7 +77,7 @@ def own_object(
         return
     screen.plain(f"Object: {file}" + (f", picture: {picture}" if drawn else ""))
     body = [(p["title"], views.number(p["left"]), p["words"]) for p in ready["parameters"]]
-    screen.show(views.rows(("parameter", "error left", "after a session of 8 trials"), body, right=(1,)))
+    screen.show(views.rows(("parameter", "share of error left", "after a session of 8 trials"), body, right=(1,)))
     screen.plain("Inside the margin: nothing to learn." if ready["inside"] else "Another scene: learnt.")
     if (found := ready["held_out"]) is not None:
         screen.plain(

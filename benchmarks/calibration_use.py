@@ -41,12 +41,13 @@ from perception.board.types import Board
 from sim.errors import NotExecutable
 from sim.lab.board import HeldBoard
 from sim.lab.calibrating import nominal_of
-from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
+from sim.lab.kinect import default_X_BC, kinect_model
 from sim.lab.rng_streams import joint_zeros
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped
+from sim.render.sensor import SensorNoise
 from sim.tasks.pushing import HARDWARE, TASK
 from sim.tasks.pushing.params import START_M
 

@@ -32,9 +32,10 @@ from pydrake.planning import RobotDiagramBuilder
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.lab.drawn import draw_world, effects_of
-from sim.lab.kinect import Renderer, kinect_model
+from sim.lab.kinect import kinect_model
 from sim.lab.physics import Physics, effects_in, simulate_of
 from sim.lab.world import World, load_world
+from sim.render.renderer import Renderer
 from sim.tasks import get_task
 from sim.tasks.shared.readings import Readings
 from sim.tasks.task import Task

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from mcap.reader import make_reader
 
-from perception.blade import is_on_blade
-from perception.types import ObjectTrack, Outcome
+from perception.types import ObjectTrack, Outcome, is_on_blade
 from sim.tasks import get_task
 
 TIPPED_COS = np.cos(np.radians(30.0))

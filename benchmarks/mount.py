@@ -17,11 +17,12 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from hw.types import Array
-from sim.lab.kinect import Renderer, kinect_model
+from sim.lab.kinect import kinect_model
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.planning import home, trial_paths
 from sim.panda.shapes import visuals
 from sim.panda.tool import cell_as_shipped
+from sim.render.renderer import Renderer
 from sim.tasks import get_task
 from sim.tasks.task import Task
 
@@ -50,7 +51,7 @@ def pictures(task: Task, model: str, action: Array) -> dict[tuple[str, str], Arr
     path = trial_paths(motion, hardware.X_FT, cell, home(hardware.X_FT, cell))[1]
     plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), hardware.time_step_s(None))
     add_panda(plant, model)
-    parameters, nuisance = (s.denormalise(np.full(len(s), 0.5)) for s in (task.parameters, task.nuisance))
+    parameters, nuisance = (s.middle for s in (task.parameters, task.nuisance))
     bodies = hardware.build_scene(plant, plant.GetFrameByName(FLANGE_NAME), hardware.X_FT, parameters, nuisance, None)
     plant.Finalize()
     state = plant.CreateDefaultContext()

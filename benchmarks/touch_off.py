@@ -27,9 +27,8 @@ from hw.workcell import Workcell
 from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab
 from sim.lab.world import Mount, Sensing, World, load_world
-from sim.panda.feelers import empty_hand, feeling, touchable
 from sim.panda.planning import home
-from sim.panda.tool import cell_as_shipped, tool_of
+from sim.panda.tool import cell_as_shipped, empty_hand, feeling, tool_of, touchable
 from sim.panda.touching import HeldTool
 from sim.tasks import get_task
 

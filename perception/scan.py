@@ -1,14 +1,20 @@
-"""A depth image as undistorted points of the base frame, above a table with a known plane."""
+"""A depth image as undistorted points of the base frame, above a table that refines the calibration.
+
+A small error of the camera pose tilts and lifts the table; a systematic depth error does so in another pattern. Both
+are estimated at once (`refine`), each with a prior of its expected size.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, CameraModel, Frame
+from perception.errors import TableNotFound
 from perception.geometry import Area, Array32, ImageRegion, view_of
 
 Mask = NDArray[np.bool_]
@@ -88,3 +94,76 @@ class Scan:
 def scan_of(model: CameraModel, X_BC: Array, area: Area, height_m: float, error: DepthError = DepthError()) -> Scan:
     """The part of the depth image that shows `area` up to `height_m`. Raises ValueError if it is not in view."""
     return Scan(view_of(model.depth, X_BC @ model.X_CD, area, height_m), error)
+
+
+_CELL_PX = 24
+_CELL_MIN_READINGS = 60
+_CELL_STD_M = 0.0010  # the camera's slow ripple, in the median of a cell
+_FEWEST_CELLS = 12
+_NEAR_M = 0.03  # readings farther from the expected plane are not table
+_BIAS_STD_M, _GAIN_STD = 0.0020, 0.0006  # of the depth camera
+_SHIFT_STD_M, _TURN_STD_RAD = 0.0012, float(np.deg2rad(0.12))  # of the calibration, along each axis
+
+
+@dataclass(frozen=True, eq=False)
+class TableFit:
+    """The camera, refined by the table."""
+
+    X_BV: Array  # (4, 4) refined pose of the depth camera in the base frame
+    error: DepthError
+    rms_m: float  # residual over the cells
+    off_m: float  # largest distance of the table from z = 0 before, along the rays
+    turned_rad: float  # rotation of the pose by the fit
+
+
+def refine(scan: Scan, depth_m: Array32, clear: Mask | None = None) -> TableFit:
+    """The most probable camera pose and depth error that put the table's readings (h, w) onto z = 0.
+
+    `clear` (h, w) excludes pixels known not to be table. The rotation about the vertical and shifts along the table are
+    not observable and stay. Raises TableNotFound if too little of the table is seen near z = 0.
+    """
+    off_m, rows, columns = _cells(scan, depth_m, clear)
+    ray = scan.view.directions.reshape(*scan.table_m.shape, 3)[rows, columns].astype(np.float64)
+    expected = scan.table_m[rows, columns].astype(np.float64)
+    up = scan.view.X_BV[2, :3]  # the vertical in the camera's frame
+    falling = ray @ up
+    by_turn = -(expected / falling)[:, None] * np.cross(ray, up)
+    J = np.column_stack([np.ones(len(off_m)), expected, -1 / falling, by_turn])
+    prior = np.array([_BIAS_STD_M, _GAIN_STD, _SHIFT_STD_M, *(3 * [_TURN_STD_RAD])])
+    weight, x = np.ones(len(off_m)), np.zeros(6)
+    for _ in range(4):
+        A = (J * weight[:, None]).T @ J / _CELL_STD_M**2 + np.diag(prior**-2)
+        x = np.linalg.solve(A, (J * weight[:, None]).T @ off_m / _CELL_STD_M**2)
+        weight = 1 / (1 + ((off_m - J @ x) / (2 * _CELL_STD_M)) ** 2)
+    R, _ = cv2.Rodrigues(x[3:])
+    X_BV = scan.view.X_BV.copy()
+    X_BV[:3, :3] = X_BV[:3, :3] @ R
+    X_BV[2, 3] += x[2]
+    left = off_m - J @ x
+    error = DepthError(scan.error.bias_m + float(x[0]), scan.error.gain + float(x[1]))
+    rms_m = float(np.sqrt(np.average(left**2, weights=weight)))
+    return TableFit(X_BV, error, rms_m, float(np.abs(J @ x).max()), float(np.linalg.norm(x[3:])))
+
+
+def _cells(scan: Scan, depth_m: Array32, clear: Mask | None) -> tuple[Array, Array, Array]:
+    """Median of measured minus expected depth on the table in cells of the image: (n,), and the cells' middle rows and
+    columns.
+    """
+    off = depth_m - scan.table_m
+    use = (depth_m > 0) & (np.abs(off) < _NEAR_M)
+    if clear is not None:
+        use &= clear
+    h, w = (size // _CELL_PX for size in off.shape)
+    cut = np.s_[: h * _CELL_PX, : w * _CELL_PX]
+    blocks = [a[cut].reshape(h, _CELL_PX, w, _CELL_PX).swapaxes(1, 2).reshape(h * w, -1) for a in (off, use)]
+    counts = blocks[1].sum(axis=1)
+    full = counts >= _CELL_MIN_READINGS
+    if full.sum() < _FEWEST_CELLS:
+        raise TableNotFound(
+            f"only {full.sum()} of {h * w} parts of the picture show the table within {1e3 * _NEAR_M:.0f} mm of "
+            f"where the calibration puts it, {_FEWEST_CELLS} are needed; clear the table, or calibrate the camera again"
+        )
+    chosen = np.where(blocks[1][full], blocks[0][full], np.nan)
+    rows, columns = (np.flatnonzero(full) // w, np.flatnonzero(full) % w)
+    middle = _CELL_PX // 2
+    return np.nanmedian(chosen, axis=1).astype(np.float64), rows * _CELL_PX + middle, columns * _CELL_PX + middle

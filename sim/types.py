@@ -70,6 +70,11 @@ class Space:
         return np.array([d.high for d in self.dimensions])
 
     @property
+    def middle(self) -> Array:
+        """(n,) the middle of the normalised box, in units."""
+        return self.denormalise(np.full(len(self), 0.5))
+
+    @property
     def _log(self) -> NDArray[np.bool_]:
         return np.array([d.scale == "log" for d in self.dimensions], dtype=bool)
 

@@ -52,7 +52,7 @@ def parts(
 
 def all_parts() -> tuple[Part, ...]:
     """Those of every task with an arm, and the board's holder. Raises ExtraMissing without trimesh and manifold3d."""
-    from sim.lab.holder import holder
+    from sim.lab.board import holder
     from sim.tasks import get_task, task_names
 
     tools = [get_task(name).hardware for name in task_names()]

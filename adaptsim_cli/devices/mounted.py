@@ -15,7 +15,7 @@ from hw.mass import Mass
 from hw.types import Array, frozen_array
 from hw.workcell import Workcell, arm_model
 from sim.errors import NotExecutable
-from sim.panda.correction import ToolCorrection
+from sim.panda.tool import ToolCorrection
 
 if TYPE_CHECKING:
     from adaptsim_cli.session.target import Paths, Planner

@@ -46,6 +46,7 @@ def _once(find: Find) -> Find:
 def _piece(task: Task) -> Tracker:
     """The tracker of a piece of food, which uses the blade's kinematic pose; the context is the piece's near side."""
     from perception import piece
+    from perception.overlay import overlay_piece
     from sim.tasks.tool_mesh import tool_mesh
 
     mesh = tool_mesh(task)
@@ -68,7 +69,7 @@ def _piece(task: Task) -> Tracker:
 
     return Tracker(
         find=lambda frame, model, X_BC: piece.find_piece(frame, model, X_BC, centres),
-        overlay=lambda frame, model, X_BC, found, drawn: piece.overlay(frame, model, X_BC, found, area, drawn[:2]),
+        overlay=lambda frame, model, X_BC, found, drawn: overlay_piece(frame, model, X_BC, found, area, drawn[:2]),
         track=track,
         placement=lambda drawn: drawn,
         context=lambda drawn, detection: detection.near_m,
@@ -86,6 +87,7 @@ def _bottle(task: Task) -> Tracker:
     from hw.kinematics import link_poses
     from hw.wrist import SEEN
     from perception import bottle
+    from perception.overlay import overlay_bottle
     from sim.tasks.tool_mesh import tool_mesh
 
     standing, goal_m = task.require_hardware().standing, task.goal_m
@@ -113,7 +115,7 @@ def _bottle(task: Task) -> Tracker:
 
     return Tracker(
         find=lambda frame, model, X_BC: bottle.find_bottle(frame, model, X_BC, body, BOTTLE_AREA, mark_m),
-        overlay=lambda frame, model, X_BC, found, drawn: bottle.overlay(
+        overlay=lambda frame, model, X_BC, found, drawn: overlay_bottle(
             frame, model, X_BC, found, body, mark_m, goal_m(drawn)
         ),
         track=track,

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
-from sim.tasks.shared.printing import library
+from sim.tasks.shared.shapes import library
 from sim.types import Part
 
 OPENING_M = 0.08

@@ -162,6 +162,6 @@ def _answers(screen: Screen, space: Space) -> Mapping[str, tuple[float, float]]:
 def _png(task: Task) -> bytes:
     import cv2
 
-    from sim.lab.still import still
+    from sim.lab.preview import still
 
     return bytes(cv2.imencode(".png", still(task)[..., ::-1])[1])

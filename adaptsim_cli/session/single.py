@@ -55,7 +55,7 @@ def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
     Raises UsageError for a wrong name or value.
     """
     drawn = views.point(task.context, chosen.context, task.reference_context, "--context")
-    middle = task.parameters.denormalise(np.full(len(task.parameters), 0.5))
+    middle = task.parameters.middle
     mean = views.point(task.parameters, chosen.parameters, middle, "--param")
     views.point(task.action, chosen.action, task.action.low, "--action")
     return drawn, mean

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from adaptsim_cli.config import is_simulated
 from hw.ports import GuardedArm, Hand
 from hw.types import Array
-from sim.panda.feelers import Touching, touchable
+from sim.panda.tool import Held, touchable
 from sim.panda.touching import HeldTool, Probe, table_probes, tool_probes
 
 
@@ -20,7 +20,7 @@ class Plan:
     tool: tuple[Probe, ...]  # with the tool; the first one is touched again after the slip check
 
 
-def plan_of(hardware: Touching) -> Plan:
+def plan_of(hardware: Held) -> Plan:
     """The probes for a task's tool. Raises UnknownName."""
     touched = touchable(hardware)
     return Plan(table_probes(touched.centre_m), tool_probes(touched.feelers, touched.centre_m))

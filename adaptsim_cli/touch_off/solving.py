@@ -16,7 +16,7 @@ from calib.record import Record
 from hw.collision import Table
 from hw.kinematics import forward
 from hw.types import Array
-from sim.panda.correction import ToolCorrection
+from sim.panda.tool import ToolCorrection
 from sim.panda.touching import Probe
 
 FLOOR_M = 0.00005

@@ -15,7 +15,7 @@ from adaptsim_cli.touch_off.parts import TouchRig
 from adaptsim_cli.touch_off.solving import MeasuredValue
 from calib.record import Record
 from hw.collision import Table
-from sim.panda.correction import ToolCorrection
+from sim.panda.tool import ToolCorrection
 
 FILE, PREFIX = "touch-off.json", "touch-off-"
 FORMAT = 1

@@ -138,11 +138,10 @@ def planned(there: MountedTask, context: Sequence[str], action: Sequence[str]) -
     Raises UsageError for wrong values, NotExecutable or MotionRefused (also if no stop along the path keeps the limits)
     if the arm cannot do it.
     """
-    import numpy as np
 
     task = there.task
     where = views.point(task.context, context, task.reference_context, "--context")
-    middle = task.action.denormalise(np.full(len(task.action), 0.5))
+    middle = task.action.middle
     how = views.point(task.action, action, middle, "--action")
     paths = there.paths(there.hardware.plan(where, how))
     approach, motion, back = (there.cell.require(path) for path in paths)

@@ -21,7 +21,7 @@ from adaptsim_cli.wiring.calibration import calibration_key, calibration_of
 from hw.collision import camera_box
 from hw.types import Array
 from sim.errors import NotExecutable
-from sim.panda.correction import ToolCorrection
+from sim.panda.tool import ToolCorrection
 from sim.tasks.task import Task
 
 ZEROS_RAD = 2e-4
@@ -95,9 +95,8 @@ def open_touch_rig(
     SessionError, NotExecutable (places outside the work area), DeviceUnavailable, and the errors of `open_lab`.
     `drivers` are those of a real lab's devices.
     """
-    from sim.panda.feelers import empty_hand, feeling
     from sim.panda.planning import home
-    from sim.panda.tool import tool_of
+    from sim.panda.tool import empty_hand, feeling, tool_of
     from sim.panda.touching import HeldTool
     from sim.tasks import get_task
 

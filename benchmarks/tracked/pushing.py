@@ -23,7 +23,7 @@ from perception.errors import PerceptionError
 from perception.types import Outcome
 from sim.errors import NotExecutable
 from sim.lab.calibrating import nominal_calibration
-from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
+from sim.lab.kinect import default_X_BC, kinect_model
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
 from sim.panda.model import HAND_NAME
@@ -32,10 +32,11 @@ from sim.panda.shapes import visuals
 from sim.panda.tool import cell_as_shipped
 from sim.render.bodies import Body
 from sim.render.depth import DepthView
-from sim.render.sensor import sense_depth
+from sim.render.sensor import SensorNoise, sense_depth
 from sim.tasks.pushing import HARDWARE, TASK
+from sim.tasks.pushing.mount import pusher_visuals
 from sim.tasks.pushing.params import START_M
-from sim.tasks.pushing.scene import bottle_visual, pusher_visuals
+from sim.tasks.pushing.scene import bottle_visual
 from sim.tasks.shared.readings import READ_EVERY_S
 from sim.tasks.shared.shapes import box, table_visual
 from sim.types import Visual

@@ -14,16 +14,19 @@ from hw.types import Array, CameraModel, Execution, Frame
 from perception.piece import find_piece, track_piece
 from sim.errors import NotExecutable
 from sim.lab.calibrating import nominal_calibration
-from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
+from sim.lab.kinect import default_X_BC, kinect_model
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped
+from sim.render.renderer import Renderer
+from sim.render.sensor import SensorNoise
 from sim.tasks.scooping import HARDWARE, TASK
 from sim.tasks.scooping.piece import make_piece
-from sim.tasks.scooping.scene import piece_visual, spatula_visuals
+from sim.tasks.scooping.spatula import spatula_visuals
 from sim.tasks.shared.shapes import table_visual
 from sim.tasks.tool_mesh import tool_mesh
+from sim.types import Visual
 
 AREA = (0.62, 0.74, -0.04, 0.04)
 SENSING = Sensing()
@@ -162,7 +165,8 @@ def sweep(rng: np.random.Generator) -> Array:
     whether each of the two tracks is flagged for a piece that is hardly visible or not located."""
     model, mesh, noise = kinect_model(), tool_mesh(TASK), SensorNoise.draw(rng)
     piece = make_piece(int(rng.integers(0, 2)), rng.uniform(0.015, 0.025), (rng.uniform(0.010, 0.015),) * 2)
-    looks = (table_visual(), piece_visual("piece", piece, TASK.unmodelled().colour), *spatula_visuals("tool", "tool"))
+    seen = Visual("piece", piece.vertices_m, piece.triangles, TASK.unmodelled().colour)
+    looks = (table_visual(), seen, *spatula_visuals("tool", "tool"))
     renderer = Renderer(model, default_X_BC(), looks)
     half_z = float(piece.vertices_m[:, 2].max())
     start = np.array([*rng.uniform([0.66, -0.03], [0.72, 0.03]), half_z])

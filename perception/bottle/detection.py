@@ -14,8 +14,7 @@ from perception.clutter import Thing, things
 from perception.cylinder import Cylinder, distance_m
 from perception.errors import ObjectNotFound, TableNotFound
 from perception.geometry import Area
-from perception.scan import Raw, Scan, scan_of
-from perception.table import TableFit, refine
+from perception.scan import Raw, Scan, TableFit, refine, scan_of
 
 HEIGHT_M = 0.22
 _TABLE_OFF_M = 0.012  # the calibration counts as wrong from here

@@ -10,11 +10,11 @@ import numpy as np
 
 from hw.poses import inverse
 from hw.types import Array, Frame
+from perception.arm_mask import ToolMask
 from perception.geometry import ImageRegion, on_plane, transform
 from perception.piece.detection import PieceDetection, chromaticity, matte, without_halo
 from perception.piece.locate import Evidence, PieceFix, appraise, locate
 from perception.piece.proxy import Proxy, coverage
-from perception.tool_mask import ToolMask
 
 _MOST_OF_IT = 0.5
 _LEAST, _MOST = 0.4, 2.0  # of the area that the piece covers there

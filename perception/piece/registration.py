@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Frame
+from perception.arm_mask import ToolMask
 from perception.geometry import Array32, ImageRegion
-from perception.tool_mask import ToolMask
 
 BLADE_MIDDLE_M = np.array([-0.045, 0.0, 0.0])
 _REACH_M = 0.068

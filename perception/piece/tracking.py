@@ -8,16 +8,72 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
+from perception.arm_mask import ToolMask
 from perception.errors import TrackingFailed
-from perception.geometry import Area, on_plane, view_of
+from perception.geometry import Area, on_plane, transform, view_of
 from perception.piece.detection import HEIGHT_M, PieceDetection, depth_window, matte, table_offset
 from perception.piece.follow import TrackingSetup, follow
 from perception.piece.locate import PieceFix
-from perception.piece.outcome import judge
+from perception.piece.proxy import Proxy
 from perception.piece.registration import tool_shift, turn_camera
-from perception.tool_mask import ToolMask
-from perception.types import SETTLE_S, ObjectTrack, Outcome
+from perception.types import (
+    ABOVE_FACE_M,
+    BEHIND_M,
+    BLADE_LENGTH_M,
+    BLADE_WIDTH_M,
+    SETTLE_S,
+    ObjectTrack,
+    Outcome,
+    is_on_blade,
+)
+
+_LAST_S = 0.20  # the final place is the median over this much time
+_UNSURE_M = 0.004
+_MOVING_M_S = 0.03
+_SEEN = 0.15
+
+
+def judge(
+    t_s: Array, state_m: Array, confidence: Array, X_BT: Array, duration_s: float, proxy: Proxy
+) -> tuple[Outcome, Array, tuple[str, ...]]:
+    """Outcome, final place in the tool frame (3,) and flags, from centres (N, 3) and tool poses (N, 4, 4).
+
+    `t_s` (N,) are times since the start of a motion of `duration_s`.
+
+    On the blade: more than 1 mm above its face and inside its outline, or held by the neck behind it. Lost: not seen in
+    the last frames, or below the table top. Else on the table. A piece near a boundary, or still moving, is flagged.
+    """
+    last = t_s >= max(t_s[-1] - _LAST_S, min(duration_s, t_s[-1]))
+    in_tool = np.array([transform(inverse(X), p) for X, p in zip(X_BT[last], state_m[last], strict=True)])
+    seen = confidence[last] >= _SEEN
+    end = np.median(in_tool[seen] if seen.any() else in_tool, axis=0)
+    centre = np.median(state_m[last], axis=0)
+    if not seen.any() or centre[2] < -max(proxy.half_m):
+        return Outcome.LOST, end, ("out of sight at the end",)
+    inside_m = float(min(end[0] + BLADE_LENGTH_M + BEHIND_M, -end[0], BLADE_WIDTH_M / 2 - abs(end[1])))
+    above_m = float(end[2] - ABOVE_FACE_M)
+    on_blade = is_on_blade(end) and above_m <= 2 * max(proxy.half_m) + 0.02
+    flags = list(_doubts(inside_m, above_m, centre[2] - min(proxy.half_m), on_blade))
+    if last.sum() >= 3:
+        span_s = float(t_s[last][-1] - t_s[last][0])
+        speed_m_s = float(np.linalg.norm(in_tool[-1] - in_tool[0])) / max(span_s, 1e-3)
+        if speed_m_s > _MOVING_M_S:
+            flags.append(f"still moving against the tool at the end, at {1e3 * speed_m_s:.0f} mm/s")
+    return Outcome.ON_BLADE if on_blade else Outcome.ON_TABLE, end, tuple(flags)
+
+
+def _doubts(inside_m: float, above_m: float, lift_m: float, on_blade: bool) -> tuple[str, ...]:
+    flags = []
+    if abs(inside_m) < _UNSURE_M and above_m > -_UNSURE_M:
+        flags.append(f"outcome uncertain: {1e3 * abs(inside_m):.0f} mm from the rim of the blade")
+    elif abs(above_m) < _UNSURE_M / 2 and inside_m > 0:
+        flags.append(f"outcome uncertain: centre {1e3 * above_m:+.0f} mm from the height that counts as on the blade")
+    if not on_blade and lift_m > 0.012:
+        flags.append(f"outcome uncertain: off the blade, but {1e3 * lift_m:.0f} mm above the table")
+    return tuple(flags)
+
 
 _BACK_M, _FORTH_M, _SIDE_M = 0.25, 0.50, 0.30  # search area around the piece's first place: as far as it may roll
 _LEAST, _MOST = 0.25, 3.0  # of its earlier area in pixels
@@ -106,12 +162,11 @@ def track_piece(
     at_s = np.array([t for t, _ in located])
     state = np.stack([np.interp(t_s, at_s, column) for column in centres_m.T], axis=1)
     confidence = np.array([0.0 if place is None else place.confidence for place in places])
-    verdict = judge(t_s, state, confidence, np.stack(poses), duration_s, detection.proxy)
-    flags = (*camera_flags, *_flags(t_s, places, state, detection), *verdict.flags)
-    outcome = verdict.outcome
+    outcome, end_in_tool_m, doubts = judge(t_s, state, confidence, np.stack(poses), duration_s, detection.proxy)
+    flags = (*camera_flags, *_flags(t_s, places, state, detection), *doubts)
     if outcome is Outcome.ON_BLADE and at_home is not None and lies_at(*at_home, model, X_BC, detection) is not None:
         outcome, flags = Outcome.ON_TABLE, (*flags, LOST_ON_THE_WAY)
-    return ObjectTrack(t_s, state, outcome, verdict.end_in_tool_m, confidence, flags)
+    return ObjectTrack(t_s, state, outcome, end_in_tool_m, confidence, flags)
 
 
 def _prepare(

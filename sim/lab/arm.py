@@ -14,7 +14,7 @@ from hw.types import ArmState, Array, Execution, JointPath
 from hw.workcell import Workcell, refuse_unless_safe
 from sim.errors import SimError
 from sim.lab.board import THICKNESS_M, HeldBoard
-from sim.lab.motion import DivergedError
+from sim.lab.cell import DivergedError
 from sim.lab.room import Room
 from sim.panda.model import postures
 

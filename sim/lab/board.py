@@ -8,12 +8,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hw import mass
 from hw.collision import HAND, HAND_MASS, Capsule, Tool
 from hw.kinematics import FLANGE
-from hw.mass import Mass, box
+from hw.mass import Mass
 from hw.types import Array
 from sim.panda.shapes import Primitive, mesh
-from sim.types import Texture, Visual
+from sim.tasks.shared.shapes import cut, hole, joined, solid_box
+from sim.types import Part, Texture, Visual
 
 BODY = "board"
 MARGIN_M = 0.012
@@ -66,7 +68,7 @@ class HeldBoard:
         """The plate's mass in the flange frame, without the hand."""
         width, height = outline_m = np.array(self.size_m) + 2 * MARGIN_M
         centre_m = (*(outline_m / 2.0 - MARGIN_M), THICKNESS_M / 2)
-        return box(BOARD_KG_M2 * width * height, (width, height, THICKNESS_M), centre_m).placed(self.X_FM)
+        return mass.box(BOARD_KG_M2 * width * height, (width, height, THICKNESS_M), centre_m).placed(self.X_FM)
 
     def tool(self) -> Tool:
         """The hand with the plate, as capsules side by side, for the checks of `hw.limits`."""
@@ -104,3 +106,29 @@ class HeldBoard:
 def _placed(primitive: Primitive, X: Array) -> tuple[Array, NDArray[np.int32]]:
     vertices, triangles = mesh(primitive)
     return vertices @ X[:3, :3].T + X[:3, 3], triangles
+
+
+_RIB_M, _PAD_M, _LAP_M = 0.004, 0.04, 0.012  # thickness; height behind the board, and behind the tab
+
+
+def holder() -> Part:
+    """The tab by which the hand holds the board, to print. Raises ExtraMissing.
+
+    Its frame: the middle of the board's upper edge, X along it, Y down, Z back.
+    """
+    width, height = TAB_M
+    above = height - MARGIN_M / 2
+    tab = solid_box((width, above, THICKNESS_M), (0.0, -above / 2, THICKNESS_M / 2))
+    rib_z = THICKNESS_M + _RIB_M / 2
+    rib = solid_box((width, _PAD_M + _LAP_M, _RIB_M), (0.0, (_PAD_M - _LAP_M) / 2, rib_z))
+    holes = [hole((0.0, share * _PAD_M, rib_z), _RIB_M) for share in (0.3, 0.8)]
+    return Part(
+        name="board-holder",
+        solid=cut(joined(tab, rib), *holes),
+        down=np.array([1.0, 0.0, 0.0]),
+        held_m=THICKNESS_M,
+        notes=(
+            "Lies on its side, no supports. The closed fingers hold the tab, its lower end just beyond them.",
+            "Two M3 x 12 screws through the board, or glue, behind the middle of its upper edge.",
+        ),
+    )

@@ -24,11 +24,12 @@ from sim.lab.arm import laid_board, touching_q_rad
 from sim.lab.board import BODY, HeldBoard
 from sim.lab.cell import Cell
 from sim.lab.film import SLICES
-from sim.lab.kinect import EXPOSURE_S, Renderer, SensorNoise, default_X_BC, kinect_model
+from sim.lab.kinect import EXPOSURE_S, default_X_BC, kinect_model
 from sim.lab.rng_streams import calibration_stream, camera_stream, joint_zeros, view_stream
 from sim.lab.world import Sensing, World
 from sim.panda.shapes import visuals
-from sim.render.renderer import WORLD
+from sim.render.renderer import WORLD, Renderer
+from sim.render.sensor import SensorNoise
 from sim.tasks.task import Task
 from sim.types import Visual
 

@@ -9,10 +9,11 @@ from typing import Self
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Array, CameraModel, Frame
 from sim.lab.film import Filming
-from sim.lab.kinect import SensorNoise, kinect_model
+from sim.lab.kinect import kinect_model
 from sim.lab.rng_streams import camera_stream
 from sim.lab.room import Room
 from sim.render.pool import Moment, ProcessPool, RenderPool, Scene, ThreadPool
+from sim.render.sensor import SensorNoise
 
 STILL_S = 0.3  # duration of a recording without any motion
 MOST_PROCESSES = 4  # that render; each takes 0.6 GB

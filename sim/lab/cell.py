@@ -8,6 +8,7 @@ the table follow from this; nothing is added by hand.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,13 +23,40 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from hw.types import Array
 from perception.types import REST_M_S, REST_RAD_S, REST_S, SETTLE_S
-from sim.lab import mounting
-from sim.lab.motion import DivergedError, PlantMotion
 from sim.lab.world import World
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.shapes import visuals
 from sim.tasks.shared.contact import keep_apart
 from sim.tasks.task import Task
+
+
+@dataclass(frozen=True, eq=False)
+class PlantMotion:
+    """Positions of the whole plant, and of the arm in it, over time."""
+
+    t_s: Array  # (M,) increasing
+    positions: Array  # (M, nq)
+    q_rad: Array  # (M, 7)
+
+    def at(self, times_s: Array) -> Array:
+        """Plant positions (S, nq) at `times_s` (S,): linear in between, constant beyond the ends.
+
+        Quaternions are interpolated by component, which is exact enough between samples a few milliseconds apart.
+        """
+        return np.stack([np.interp(times_s, self.t_s, column) for column in self.positions.T], axis=-1)
+
+    def arm_at(self, times_s: Array) -> Array:
+        """Joint positions (S, 7) at `times_s` (S,)."""
+        return np.stack([np.interp(times_s, self.t_s, column) for column in self.q_rad.T], axis=-1)
+
+
+class DivergedError(Exception):
+    """The solver gave up; `motion` is the motion until then."""
+
+    def __init__(self, t_s: float, reason: str, motion: PlantMotion) -> None:
+        super().__init__(f"the lab's simulation failed {t_s:.3f} s into the path: {reason}")
+        self.motion = motion
+
 
 STIFFNESS_NM_RAD = (3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0)
 """Joint impedance of the maker's examples (`setJointImpedance` in libfranka)."""
@@ -47,12 +75,12 @@ class Cell:
         dt_s = hardware.time_step_s(world.unmodelled)
         config = MultibodyPlantConfig(time_step=dt_s, use_sampled_output_ports=False)
         self._plant, scene_graph = AddMultibodyPlant(config, builder)
-        arm = add_panda(self._plant, X_WB=mounting.X_WB(world.mount))
+        arm = add_panda(self._plant, X_WB=world.mount.true.X_WB)
         flange = self._plant.GetFrameByName(FLANGE_NAME)
         self.bodies = hardware.build_scene(
             self._plant,
             flange,
-            mounting.X_FT(hardware.X_FT, world.mount),
+            world.mount.true.X_FT(hardware.X_FT),
             world.parameters,
             world.nuisance,
             world.unmodelled,

@@ -10,9 +10,8 @@ from typing import overload
 import numpy as np
 
 from hw.types import Array, Frame
-from sim.lab.cell import Cell
+from sim.lab.cell import Cell, PlantMotion
 from sim.lab.kinect import EXPOSURE_S
-from sim.lab.motion import PlantMotion
 from sim.lab.rng_streams import RngStreams
 from sim.lab.world import Sensing
 from sim.render.pool import Moment, Picture, RenderPool

@@ -1,7 +1,4 @@
-"""The Kinect of the simulated lab: factory calibration, pose and rendering.
-
-`Renderer(model, X_BC, visuals).render(poses, noise, rng)` gives one colour and one depth image.
-"""
+"""The Kinect of the simulated lab: factory calibration and pose."""
 
 from __future__ import annotations
 
@@ -10,10 +7,6 @@ from typing import Literal
 import numpy as np
 
 from hw.types import Array, CameraModel, Intrinsics
-from sim.render.renderer import Renderer
-from sim.render.sensor import SensorNoise
-
-__all__ = ["EXPOSURE_S", "Renderer", "SensorNoise", "default_X_BC", "kinect_model"]
 
 EXPOSURE_S = 0.008
 """Exposure of the colour camera in a well-lit room."""
@@ -56,16 +49,16 @@ def _shrunk(camera: Intrinsics, factor: int) -> Intrinsics:
 
 def default_X_BC() -> Array:
     """(4, 4) the colour camera opposite the arm, 0.9 m from the work area, looking down at it by 53°."""
-    return _looking((1.28, 0.0, 0.72), (0.74, 0.0, 0.0))
+    eye_m = np.array([1.28, 0.0, 0.72])
+    return looking(eye_m, np.array([0.74, 0.0, 0.0]) - eye_m)
 
 
-def _looking(eye_m: tuple[float, float, float], target_m: tuple[float, float, float]) -> Array:
-    """Pose of a camera (X right, Y down, Z forward) at `eye_m` that looks at `target_m`, upright."""
-    eye, forward = np.array(eye_m), np.subtract(target_m, eye_m)
-    z = forward / np.linalg.norm(forward)
+def looking(eye_m: Array, ahead: Array) -> Array:
+    """(4, 4) an upright camera (X right, Y down, Z forward) at `eye_m` (3,) that looks along `ahead` (3,)."""
+    z = ahead / np.linalg.norm(ahead)
     x = np.cross(z, [0.0, 0.0, 1.0])
     x /= np.linalg.norm(x)
     X = np.eye(4)
     X[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
-    X[:3, 3] = eye
+    X[:3, 3] = eye_m
     return X

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.geometry import Box, Meshcat, MeshcatAnimation, MeshcatParams, Rgba
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -14,10 +15,11 @@ from pydrake.systems.framework import DiagramBuilder
 
 from hw.collision import KeepOut, Table
 from hw.types import Array, JointPath
+from sim.lab.kinect import kinect_model, looking
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.shapes import visuals
-from sim.tasks.shared import drake
-from sim.tasks.shared.drake import vector
+from sim.render.renderer import WORLD, Renderer
+from sim.tasks.shared.contact import silence, vector
 from sim.tasks.task import Task
 from sim.types import Visual
 
@@ -36,12 +38,12 @@ class Preview:
         hardware = task.require_hardware()
         plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), hardware.time_step_s(None))
         add_panda(plant)
-        parameters, nuisance = (s.denormalise(np.full(len(s), 0.5)) for s in (task.parameters, task.nuisance))
+        parameters, nuisance = (s.middle for s in (task.parameters, task.nuisance))
         bodies = hardware.build_scene(
             plant, plant.GetFrameByName(FLANGE_NAME), hardware.X_FT, parameters, nuisance, None
         )
         plant.Finalize()
-        drake.silence()  # it would announce its own address
+        silence()  # it would announce its own address
         self._meshcat: Any = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
         shown = (*visuals(), *bodies.visuals)
         for i, visual in enumerate(shown):
@@ -108,3 +110,24 @@ def _frames(paths: Sequence[JointPath]) -> Array:
 def _display(linear: float) -> float:
     """Linear albedo -> sRGB (IEC 61966-2-1)."""
     return float(12.92 * linear if linear <= 0.0031308 else 1.055 * linear ** (1.0 / 2.4) - 0.055)
+
+
+FROM_M = np.array([0.22, -0.30, 0.26])
+"""The camera from the object: ahead, to the right, above."""
+
+
+def still(task: Task) -> NDArray[np.uint8]:
+    """(720, 1280, 3) RGB at the reference context, all parameters in the middle of their ranges. Raises NoHardware."""
+    hardware = task.require_hardware()
+    parameters, nuisance, action = (space.middle for space in (task.parameters, task.nuisance, task.action))
+    start = hardware.plan(task.reference_context, action).X_BT[0]
+    plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), hardware.time_step_s(None))
+    bodies = hardware.build_scene(plant, plant.world_frame(), start, parameters, nuisance, None)
+    plant.Finalize()
+    state = plant.CreateDefaultContext()
+    X_BO = hardware.rest_pose(task.reference_context, parameters, nuisance, None)
+    plant.SetFreeBodyPose(state, plant.GetBodyByName(bodies.object), RigidTransform(X_BO))
+    names = {visual.body for visual in bodies.visuals} - {WORLD}
+    poses = {name: plant.GetBodyByName(name).EvalPoseInWorld(state).GetAsMatrix4()[None] for name in names}
+    renderer = Renderer(kinect_model(), looking(X_BO[:3, 3] + FROM_M, -FROM_M), bodies.visuals)
+    return renderer.render(poses, None, np.random.default_rng(0))[0]

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from hw.types import Array, Execution, JointPath
-from sim.lab.cell import Cell
+from sim.lab.cell import Cell, DivergedError, PlantMotion
 from sim.lab.film import Filming
-from sim.lab.motion import DivergedError, PlantMotion
 from sim.lab.rng_streams import RngStreams, joint_zeros
 from sim.lab.world import World
 from sim.tasks.task import Task

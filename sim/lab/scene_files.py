@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -17,15 +16,15 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from pydrake.geometry import Box, Convex, Cylinder, GeometryId, HalfSpace, Sphere
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Frame, Joint, RigidBody, SpatialInertia, WeldJoint
+from pydrake.multibody.plant import DiscreteContactApproximation
+from pydrake.multibody.tree import BodyIndex, Joint, RigidBody, SpatialInertia, WeldJoint
 
 from hw.types import Array
 from sim.errors import NoHardware
 from sim.lab.physics import mjcf_of, simulate_of
-from sim.tasks.shared.direct import Stepped
+from sim.tasks.shared.direct import Drake
 from sim.tasks.shared.readings import Course, read
-from sim.tasks.task import SceneBodies, Task
+from sim.tasks.task import Task
 from sim.types import Visual
 
 FORMAT = 1
@@ -55,25 +54,19 @@ class PlannedTrial:
     @property
     def nuisance(self) -> Array:
         """(n,)"""
-        return self.task.nuisance.denormalise(np.full(len(self.task.nuisance), 0.5))
+        return self.task.nuisance.middle
 
 
 def as_sdf(trial: PlannedTrial, facts: Mapping[str, Any], notes: Sequence[str]) -> dict[str, bytes]:
     """Name -> content of each file; `facts` go into trial.json, `notes` into a comment. Raises NoHardware."""
     course, hardware = trial.course(), trial.task.require_hardware()
-    dt_s, added = hardware.time_step_s(None), list[SceneBodies]()
-    build = partial(hardware.build_scene, X_PT=np.eye(4), parameters=trial.parameters, nuisance=trial.nuisance)
-
-    def building(plant: MultibodyPlant, frame: Frame) -> SceneBodies:
-        added.append(build(plant, frame, unmodelled=None))
-        return added[0]
-
-    stepped = Stepped.at_start(course, building, dt_s)
-    writer = _Sdf(stepped, added[0], notes)
+    dt_s = hardware.time_step_s(None)
+    stepped = Drake(course, hardware.build_scene, dt_s, trial.parameters, trial.nuisance)
+    writer = _Sdf(stepped, notes)
     law = stepped.plant.get_discrete_contact_approximation()
     end = read(stepped, course)
     motion = course.drive.trajectory
-    start = {"t_s": course.start.t_s, "joints": course.start.tool[:3].tolist(), "rates": course.start.tool[3:].tolist()}
+    start = {"t_s": course.start_s, "joints": course.tool[:3].tolist(), "rates": course.tool[3:].tolist()}
     told = {
         "time_step_s": dt_s,
         "contact": "sap" if law == DiscreteContactApproximation.kSap else "lagged",
@@ -83,7 +76,7 @@ def as_sdf(trial: PlannedTrial, facts: Mapping[str, Any], notes: Sequence[str]) 
             "t_s": list(motion.get_segment_times()),
             "states": [motion.value(t)[:, 0].tolist() for t in motion.get_segment_times()],
         },
-        "end": {"t_s": float(end.t_s[-1]), "body": added[0].object, "position_m": end.p_BO_m[-1].tolist()},
+        "end": {"t_s": float(end.t_s[-1]), "body": stepped.bodies.object, "position_m": end.p_BO_m[-1].tolist()},
     }
     return {"scene.sdf": writer.text(), **writer.meshes, "trial.json": _json(facts, told)}
 
@@ -97,7 +90,7 @@ def as_mjcf(trial: PlannedTrial, facts: Mapping[str, Any], notes: Sequence[str])
     forces = states[:, :3] * np.array(arm.stiffness) + states[:, 3:] * np.array(arm.damping)
     end = simulate_of(trial.task.name, "mujoco")(trial.parameters, trial.context, trial.action, trial.nuisance)
     told = {
-        "start": {"t_s": course.start.t_s, "keyframe": "start"},
+        "start": {"t_s": course.start_s, "keyframe": "start"},
         "motion": {"t_s": list(motion.get_segment_times()), "control": forces.tolist()},
         "end": {"t_s": float(end.t_s[-1]), "body": "object", "position_m": end.state[-1].tolist()},
     }
@@ -113,18 +106,18 @@ def _json(facts: Mapping[str, Any], told: Mapping[str, Any]) -> bytes:
 class _Sdf:
     """Writes a plant in its default state, with the object at the start of the trial."""
 
-    def __init__(self, stepped: Stepped, bodies: SceneBodies, notes: Sequence[str]) -> None:
+    def __init__(self, stepped: Drake, notes: Sequence[str]) -> None:
         self.meshes: dict[str, bytes] = {}
-        self._plant, self._bodies = stepped.plant, bodies
+        self._plant, self._bodies = stepped.plant, stepped.bodies
         diagram: Any = stepped.simulator.get_system()
         self._inspector = diagram.scene_graph().model_inspector()
-        self._through = {geometry for geometry, _ in bodies.apart}
+        self._through = {geometry for geometry, _ in self._bodies.apart}
         start = self._plant.GetMyContextFromRoot(stepped.simulator.get_context())
         zero = self._plant.CreateDefaultContext()
         self._root = ElementTree.Element("sdf", {"version": "1.11", "xmlns:drake": "http://drake.mit.edu"})
         self._root.append(ElementTree.Comment("\n".join(["", *notes, ""])))
         self._whole = _add(self._root, "model", name=SCENE)
-        table, thing, tool = (_add(self._whole, "model", name=name) for name in (TABLE, bodies.object, TOOL))
+        table, thing, tool = (_add(self._whole, "model", name=name) for name in (TABLE, self._bodies.object, TOOL))
         _add(table, "static", "true")
         for index in map(BodyIndex, range(self._plant.num_bodies())):
             body = self._plant.get_body(index)

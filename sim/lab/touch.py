@@ -18,11 +18,10 @@ from hw.guarding import require_guarded
 from hw.kinematics import forward
 from hw.types import PATH_RATE_HZ, ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
 from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped
-from sim.lab import mounting
 from sim.lab.rng_streams import REPEATABILITY_RAD, joint_zeros, touch_stream
 from sim.lab.touch_cell import Felt, TouchCell
 from sim.lab.world import World
-from sim.panda.feelers import FINGERTIPS, empty_hand, feeling, touchable
+from sim.panda.tool import FINGERTIPS, empty_hand, feeling, touchable
 from sim.tasks.task import Task
 
 HANDLE_M = 0.012
@@ -83,7 +82,7 @@ class TouchLab:
         They include slip, because they describe the tool's present pose.
         """
         mount = self._world.mount
-        table = mounting.true_table(mount)
+        table = mount.true.table
         return {
             "table": [table.height_m, table.slope_x, table.slope_y],
             "tool_height_m": 1e-3 * mount.tool_height_mm,
@@ -217,9 +216,9 @@ class _FeelingArm:
 
     def _knocks(self, path: JointPath) -> int | None:
         """The first sample at which the tool is below the true table."""
-        table = mounting.true_table(self._world.mount)
+        table = self._world.mount.true.table
         feelers = self._feelers if self._hand.holds else (FINGERTIPS,)
-        X_FT = mounting.X_FT(self._hardware.X_FT, self._world.mount) if self._hand.holds else np.eye(4)
+        X_FT = self._world.mount.true.X_FT(self._hardware.X_FT) if self._hand.holds else np.eye(4)
         X_BT = forward(path.q_rad[::20] + self.zeros_rad) @ X_FT
         for feeler in feelers:
             p_m = X_BT[:, :3, :3] @ feeler.p_T_m + X_BT[:, :3, 3]

@@ -28,13 +28,11 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from hw.collision import KeepOut
 from hw.types import PATH_RATE_HZ, Array, JointPath
-from sim.lab import mounting
 from sim.lab.cell import DAMPING_NMS_RAD, STIFFNESS_NM_RAD, hold, make_position_controlled
 from sim.lab.world import World
-from sim.panda.feelers import FINGERTIPS, Feeler
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
-from sim.tasks.shared.contact import RELAXATION_TIME_S, keep_apart, material, relaxing, rigid, set_contact
-from sim.tasks.shared.drake import vector
+from sim.panda.tool import FINGERTIPS, Feeler
+from sim.tasks.shared.contact import RELAXATION_TIME_S, keep_apart, material, relaxing, rigid, set_contact, vector
 from sim.tasks.task import Task
 
 STEP_S = 0.0025
@@ -68,7 +66,7 @@ class TouchCell:
         config = MultibodyPlantConfig(time_step=STEP_S, use_sampled_output_ports=False)
         plant, self._scene_graph = AddMultibodyPlant(config, builder)
         self._plant, self._object = plant, None
-        arm = add_panda(plant, X_WB=mounting.X_WB(world.mount))
+        arm = add_panda(plant, X_WB=world.mount.true.X_WB)
         make_position_controlled(plant, arm)
         flange = plant.GetFrameByName(FLANGE_NAME)
         self._grip_limit_Nm = float("inf")
@@ -164,7 +162,7 @@ class TouchCell:
     def _add_tool(self, task: Task, world: World, flange: Frame, feelers: tuple[Feeler, ...]) -> None:
         """Add the task's own scene, so that a misaligned mount or a flexible blade is the same. Its object is away."""
         plant, hardware = self._plant, task.require_hardware()
-        X_FT = mounting.X_FT(hardware.X_FT, world.mount)
+        X_FT = world.mount.true.X_FT(hardware.X_FT)
         self._grip = plant.AddModelInstance(_GRIP)
         inertia = SpatialInertia(0.1, vector(0.0, 0.0, 0.0), UnitInertia(1e-3, 1e-3, 1e-3))
         body = plant.AddRigidBody(_GRIP, self._grip, inertia)

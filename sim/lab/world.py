@@ -18,10 +18,12 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from hw.bounded import Unreadable, parse_table, read_table
-from hw.types import Array
+from hw.collision import Table
+from hw.types import Array, frozen_array
 from perception.types import ObjectTrack
 from sim.errors import NoHardware, OutOfRange, UnknownName, WorldError, did_you_mean
 from sim.lab.physics import Physics, require_possible, simulate_of
+from sim.panda.tool import ToolCorrection
 from sim.tasks import files_of, task_names
 from sim.tasks.task import Simulate, Task
 from sim.types import Dimension, Space
@@ -63,6 +65,16 @@ class Mount:
     tool_roll_mrad: Annotated[float, Field(ge=-100, le=100)] = 0.0  # of the tool about its own X
     grip_Nm_per_N: Annotated[float, Field(gt=0, le=1)] = 1.0
     """Torque limit of the grip across the fingers, per newton of grasp force; 1: no limit."""
+
+    @property
+    def true(self) -> ToolCorrection:
+        """The true poses, which the arm does not know.
+
+        World W of the plant is the frame of the table, its top at z = 0. The arm assumes that its base is W. In truth
+        its base B stands so that the table has the world's height and tilt in B.
+        """
+        table = Table(1e-3 * self.table_height_mm, *(1e-3 * slope for slope in self.table_tilt_mrad))
+        return ToolCorrection(table, height_m=1e-3 * self.tool_height_mm, roll_rad=1e-3 * self.tool_roll_mrad)
 
 
 @dataclass(frozen=True)
@@ -249,19 +261,14 @@ def _parameters(raw: Mapping[str, Any], task: Task, source: str) -> Array:
 def _vector(raw: Mapping[str, Any], space: Space, source: str, table: str, *, required: bool) -> Array:
     """Values of `space` from a table; values missing from an optional table are in the middle of their range."""
     types: dict[str, Any] = {
-        d.name: (int if d.scale == "integer" else float, ... if required else _middle(d)) for d in space.dimensions
+        d.name: (int if d.scale == "integer" else float, ... if required else float(middle))
+        for d, middle in zip(space.dimensions, space.middle, strict=True)
     }
     model = _check(create_model(table, __base__=_Strict, **types), raw, source, table)
     values = [getattr(model, d.name) for d in space.dimensions]
     for dimension, value in zip(space.dimensions, values, strict=True):
         _possible(dimension, float(value), source, table)
-    array = np.array(values, dtype=np.float64)
-    array.flags.writeable = False
-    return array
-
-
-def _middle(dimension: Dimension) -> float:
-    return float(Space((dimension,)).denormalise(np.array([0.5]))[0])
+    return frozen_array(values)
 
 
 _SAME_QUANTITY = {

@@ -1,18 +1,47 @@
-"""The hand with a task's tool, and the default workcell of a task."""
+"""A task's tool in the hand: the workcell with it, its feelers in a touch-off, and the corrections found by one."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
-from hw.collision import HAND, HAND_MASS, LEVEL, Capsule, Tool
+from hw.collision import HAND, HAND_MASS, LEVEL, Capsule, Table, Tool
 from hw.kinematics import FLANGE
 from hw.mass import Mass
-from hw.types import Array
+from hw.types import Array, frozen_array
 from hw.workcell import STOPS_AT_N, STOPS_AT_NM, Workcell, arm_model
+from hw.wrist import FINGERTIP_M
+from sim.errors import UnknownName
+from sim.types import ToolMotion
+
+FINGERTIP_RADIUS_M = 0.003
+
+
+@dataclass(frozen=True, eq=False)
+class Feeler:
+    """A ball fixed to the tool (or hand) that touches first if the tool is held suitably."""
+
+    name: str
+    p_T_m: Array  # (3,) its centre in the tool frame T (of the fingertips: in the flange)
+    radius_m: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "p_T_m", frozen_array(self.p_T_m, (3,), f"place of {self.name}"))
+
+
+FINGERTIPS = Feeler("fingertips", np.array([0.0, 0.0, FINGERTIP_M - FINGERTIP_RADIUS_M]), FINGERTIP_RADIUS_M)
+
+
+@dataclass(frozen=True)
+class Touchable:
+    """How the tool of a task is touched off."""
+
+    feelers: tuple[Feeler, ...]
+    centre_m: tuple[float, float]  # place on the table, in the middle of the task's work area
 
 
 class Held(Protocol):
@@ -31,6 +60,11 @@ class Held(Protocol):
     @property
     def keep_clear(self) -> tuple[Capsule, ...]:
         """Capsules that must stay clear, in the tool frame."""
+        ...
+
+    @property
+    def touchable(self) -> Touchable | None:
+        """The touch-off of the tool; None: it has no feelers."""
         ...
 
 
@@ -63,3 +97,59 @@ def tool_of(hardware: Held) -> Tool:
 def cell_as_shipped(hardware: Held, model: str) -> Workcell:
     """The arm `model` with the task's tool over a level table at z = 0, nothing around it, its joints without error."""
     return Workcell(arm_model(model, np.zeros(7)), tool_of(hardware), LEVEL, (), STOPS_AT_N, np.array(STOPS_AT_NM))
+
+
+def touchable(hardware: Held) -> Touchable:
+    """The touch-off of a tool. Raises UnknownName for a tool without feelers."""
+    if hardware.touchable is None:
+        raise UnknownName(
+            "the tool of this task has no corners to touch the table with: write its pose into [tools] of the rig "
+            "file; the table's height and slope are taken from the latest touch-off of another tool"
+        )
+    return hardware.touchable
+
+
+def empty_hand() -> Tool:
+    """The hand with closed, empty fingers: only their tips may touch."""
+    return Tool("fingertips", HAND_MASS, HAND[:1], np.array([[0.0, 0.0, FINGERTIP_M]]))
+
+
+def feeling(hardware: Held) -> Tool:
+    """The hand with the task's tool: only its feelers may touch. Raises UnknownName, as `touchable`."""
+    lowest = np.array([f.p_T_m - [0.0, 0.0, f.radius_m] for f in touchable(hardware).feelers])
+    return held(hardware.X_FT, hardware.tool_mass, hardware.keep_clear, lowest)
+
+
+@dataclass(frozen=True)
+class ToolCorrection:
+    """The measured corrections; the default is none.
+
+    Those of the tool are in its designed frame T, about the origin of T.
+    """
+
+    table: Table = LEVEL
+    height_m: float = 0.0  # along Z of T
+    forward_m: float = 0.0  # along X of T
+    pitch_rad: float = 0.0  # about Y of T; positive: edge down
+    roll_rad: float = 0.0  # about X of T; positive: left side up
+
+    def X_FT(self, designed: Array) -> Array:
+        """(4, 4) the tool in the flange, from its `designed` pose."""
+        off = np.eye(4)
+        off[:3, :3] = Rotation.from_euler("XY", [self.roll_rad, self.pitch_rad]).as_matrix()
+        off[:3, 3] = self.forward_m, 0.0, self.height_m
+        return np.asarray(designed @ off)
+
+    @property
+    def X_BW(self) -> Array:
+        """(4, 4) the table's frame W, used by tasks and cameras, in the arm's base B."""
+        return self.table.X_BW
+
+    @property
+    def X_WB(self) -> Array:
+        """(4, 4) the inverse of `X_BW`."""
+        return np.asarray(np.linalg.inv(self.table.X_BW))
+
+    def in_base(self, motion: ToolMotion) -> ToolMotion:
+        """A task's motion over the table, converted to the arm's base frame."""
+        return ToolMotion(motion.t_s, self.X_BW @ motion.X_BT, motion.contact)

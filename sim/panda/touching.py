@@ -16,9 +16,9 @@ from hw.kinematics import forward
 from hw.types import PATH_RATE_HZ, Array, ContactWindow, Guard, JointPath, frozen_array
 from hw.workcell import ArmModel, Workcell
 from sim.errors import NotExecutable
-from sim.panda.feelers import FINGERTIPS, Feeler
 from sim.panda.model import inverse, postures
 from sim.panda.redundancy import ALLOWED
+from sim.panda.tool import FINGERTIPS, Feeler
 
 RAMP_S = 0.4
 STILL_S = 0.25

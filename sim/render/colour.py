@@ -17,14 +17,15 @@ from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from sim.render import shading
 from sim.render.bodies import Body, Latest, Layer
-from sim.render.outlines import Outline, outline
 from sim.render.rays import (
     Array32,
+    Outline,
     Rectangle,
     coarser,
     field_of_view,
     holds_still,
     image_rectangle,
+    outline,
     pixel_rays,
     shift_rays,
     union,

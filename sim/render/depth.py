@@ -10,8 +10,8 @@ import numpy as np
 from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from sim.render.bodies import Body, Hits, Latest, Layer
-from sim.render.outlines import Outline, outline
-from sim.render.rays import Array32, field_of_view, pixel_rays
+from sim.render.colour import JITTER_PX
+from sim.render.rays import Array32, Outline, field_of_view, image_rectangle, is_empty, outline, pixel_rays, shift_rays
 
 
 class DepthView:
@@ -57,3 +57,45 @@ def cosines(hits: Hits, body: Body, X_OD: Array, along: Array32) -> Array32:
     normal = (body.normals(X_OD[:3, 3]) @ X_OD[:3, :3].astype(np.float32))[hits.triangle]
     hit = along[hits.index]
     return np.asarray(np.abs(np.einsum("ni,ni->n", normal, hit)) / np.linalg.norm(hit, axis=1), dtype=np.float32)
+
+
+class InfraredView:
+    """The depth camera's own picture of bodies and the static part of the scene, at one instant."""
+
+    def __init__(self, camera: Intrinsics, X_BD: Array, world: Body) -> None:
+        self._camera, self._X_BD = camera, X_BD
+        centre_rays = pixel_rays(camera)
+        self._fov = field_of_view(centre_rays)
+        self._rays = [shift_rays(centre_rays, du, dv) for du, dv in JITTER_PX]
+        self._still = [self._cast(world, X_BD, rays) for rays in self._rays]
+
+    def render(self, moving: Sequence[tuple[Body, Array]]) -> Array32:
+        """(H, W) returned light, 1 for a white surface facing the camera at 1 m; poses (4, 4) in the base frame."""
+        total: Array32 = np.zeros((self._camera.height, self._camera.width), dtype=np.float32)
+        boxes = [self._rectangle(body, X_BO) for body, X_BO in moving]
+        for rays, (still_z, still_light) in zip(self._rays, self._still, strict=True):
+            z, light = still_z.copy(), still_light.copy()
+            for (body, X_BO), box in zip(moving, boxes, strict=True):
+                if is_empty(box):
+                    continue
+                near_z, near_light = self._cast(body, inverse(X_BO) @ self._X_BD, rays[box])
+                nearer = near_z < z[box]
+                z[box][nearer] = near_z[nearer]
+                light[box][nearer] = near_light[nearer]
+            total += light
+        return total / np.float32(len(self._rays))
+
+    @staticmethod
+    def _cast(body: Body, X_OD: Array, rays: Array32) -> tuple[Array32, Array32]:
+        flat = rays.reshape(-1, 3)
+        hits = body.cast(X_OD, flat)
+        t, light = np.full(len(flat), np.inf, dtype=np.float32), np.zeros(len(flat), dtype=np.float32)
+        distance = hits.t * np.linalg.norm(flat[hits.index], axis=1)
+        t[hits.index] = hits.t
+        light[hits.index] = hits.albedo.mean(axis=1) * cosines(hits, body, X_OD, flat) / distance**2
+        return t.reshape(rays.shape[:2]), light.reshape(rays.shape[:2])
+
+    def _rectangle(self, body: Body, X_BO: Array) -> tuple[slice, slice]:
+        X_DO = inverse(self._X_BD) @ X_BO
+        corners = body.corners_m @ X_DO[:3, :3].T + X_DO[:3, 3]
+        return image_rectangle(corners, self._camera, self._fov)

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from hw.types import Array, CameraModel
 from sim.render.bodies import Body
 from sim.render.colour import SAMPLES, ColourView
-from sim.render.depth import DepthView
-from sim.render.infrared import InfraredView
+from sim.render.depth import DepthView, InfraredView
 from sim.render.rays import within_exposure
 from sim.render.sensor import SensorNoise, sense_colour, sense_depth, sense_infrared
 from sim.types import Visual

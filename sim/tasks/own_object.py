@@ -158,7 +158,7 @@ def _effects(task: Task, own: OwnObject) -> dict[str, Any]:
         if weighing is None:
             raise ObjectError(f"the object {own.name}: {task.name} has no mass to set: leave mass_kg out")
         effect, usual_kg = weighing
-        parameters, nuisance = (s.denormalise(np.full(len(s), 0.5)) for s in (task.parameters, task.nuisance))
+        parameters, nuisance = (s.middle for s in (task.parameters, task.nuisance))
         effects[effect] = own.mass_kg / usual_kg(parameters, nuisance, task.unmodelled(**effects))
     _require_tried(task, own, effects)
     return effects

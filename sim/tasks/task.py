@@ -17,7 +17,7 @@ from hw.mass import Mass
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.errors import NoHardware
-from sim.panda.feelers import Touchable
+from sim.panda.tool import Touchable
 from sim.tasks.solver import SolverOf
 from sim.types import Part, Space, ToolMotion, Visual
 

@@ -19,8 +19,8 @@ def tool_mesh(task: Task) -> tuple[Array, NDArray[np.int32]]:
     hardware = task.require_hardware()
     config = MultibodyPlantConfig(time_step=hardware.time_step_s(None), use_sampled_output_ports=False)
     plant, _ = AddMultibodyPlant(config, DiagramBuilder())
-    parameters = task.parameters.denormalise(np.full(len(task.parameters), 0.5))
-    nuisance = task.nuisance.denormalise(np.full(len(task.nuisance), 0.5))
+    parameters = task.parameters.middle
+    nuisance = task.nuisance.middle
     bodies = hardware.build_scene(plant, plant.world_frame(), np.eye(4), parameters, nuisance, None)
     plant.Finalize()
     context = plant.CreateDefaultContext()

@@ -24,12 +24,12 @@ from hw.types import Array, CameraModel, Frame, JointPath
 from hw.workcell import Workcell
 from sim.adaptation.method import Best, Iteration, Particle
 from sim.adaptation.verdict import Kind, Verdict
-from sim.lab.kinect import SensorNoise, default_X_BC, kinect_model
+from sim.lab.kinect import default_X_BC, kinect_model
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped
 from sim.render.bodies import Body
 from sim.render.depth import DepthView
-from sim.render.sensor import sense_depth
+from sim.render.sensor import SensorNoise, sense_depth
 from sim.tasks.pushing import HARDWARE, TASK
 from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, START_M
 from sim.tasks.pushing.scene import bottle_visual
@@ -123,7 +123,7 @@ class MiddleLearner:
 
 class _Middle:
     def __call__(self, context: Array) -> Array:
-        return TASK.action.denormalise(np.full(len(TASK.action), 0.5))
+        return TASK.action.middle
 
     def actions(self, contexts: Array) -> Array:
         return np.array([self(context) for context in contexts])

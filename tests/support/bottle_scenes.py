@@ -12,10 +12,11 @@ from table_scenes import TABLE, at, box, solid
 
 from hw.types import Array, CameraModel, Frame
 from perception.bottle import Arm, Cylinder, ToolMask
-from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
+from sim.lab.kinect import default_X_BC, kinect_model
 from sim.render.bodies import Body
 from sim.render.depth import DepthView
-from sim.render.sensor import sense_depth
+from sim.render.renderer import Renderer
+from sim.render.sensor import SensorNoise, sense_depth
 from sim.types import Visual
 
 BODY = Cylinder(0.03, 0.10)

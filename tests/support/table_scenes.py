@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from hw.types import Array, CameraModel, Frame, Intrinsics
-from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
+from sim.lab.kinect import default_X_BC, kinect_model
+from sim.render.renderer import Renderer
+from sim.render.sensor import SensorNoise
 from sim.types import Visual
 
 AREA = (0.63, 0.73, -0.05, 0.05)

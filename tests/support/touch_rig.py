@@ -13,8 +13,7 @@ from hw.collision import KeepOut
 from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab
 from sim.lab.world import Faults, Mount, World, load_world
-from sim.panda.feelers import empty_hand, touchable
-from sim.panda.tool import cell_as_shipped
+from sim.panda.tool import cell_as_shipped, empty_hand, touchable
 from sim.panda.touching import table_probes, tool_probes
 from sim.tasks import get_task
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from adaptsim_cli.devices.rig_file.reading import tasks_with_tools
 from hw.collision import KeepOut
 
@@ -15,7 +13,7 @@ def reached(box: KeepOut) -> tuple[str, ...]:
     said: list[str] = []
     for name in tasks_with_tools():
         task = get_task(name)
-        middle = task.action.denormalise(np.full(len(task.action), 0.5))
+        middle = task.action.middle
         p_m = task.require_hardware().plan(task.reference_context, middle).X_BT[:, :3, 3]
         inside = p_m[((p_m >= box.low_m) & (p_m <= box.high_m)).all(axis=1)]
         if len(inside):

@@ -73,7 +73,7 @@ def write(
     )
     figure = path.parent.parent / "figures" / "tosses.jpg"
     figure.parent.mkdir(parents=True, exist_ok=True)
-    middle = TASK.parameters.denormalise(np.full(len(TASK.parameters), 0.5))
+    middle = TASK.parameters.middle
     first = TASK.parameters.denormalise(np.array(rows[0]["posterior"]))
     draw(tosses, held[:SHOWN], (("prior", middle), ("posterior", first)), figure)
     path.parent.mkdir(parents=True, exist_ok=True)

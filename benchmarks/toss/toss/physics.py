@@ -21,8 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from hw.types import Array
 from perception.types import REST_M_S, REST_RAD_S
-from sim.tasks.shared.contact import coefficient, compliant, rigid, set_contact
-from sim.tasks.shared.drake import vector
+from sim.tasks.shared.contact import coefficient, compliant, rigid, set_contact, vector
 
 EDGE_M, MASS_KG, INERTIA_KG_M2 = 0.1048, 0.37, 0.00081
 GRAVITY_M_S2 = 9.81

@@ -19,7 +19,7 @@ from hw.types import Array
 from perception.types import ObjectTrack
 from sim.research.mujoco.contact import add_pair, set_softness
 from sim.research.mujoco.stepping import OBJECT, TOOL, add_carriage, new_scene, run, set_inertia, written
-from sim.tasks.pushing.mount import PLATE_HEIGHT_M, PLATE_THICKNESS_M, PLATE_WIDTH_M
+from sim.tasks.pushing.mount import PLATE_HEIGHT_M, PLATE_MASS_KG, PLATE_THICKNESS_M, PLATE_WIDTH_M
 from sim.tasks.pushing.params import (
     ACTION,
     BASE_HEIGHT_M,
@@ -33,14 +33,15 @@ from sim.tasks.pushing.params import (
     Unmodelled,
 )
 from sim.tasks.pushing.plan import plan
-from sim.tasks.pushing.rest import GRAVITY_M_S2, rest_pose, sink_m
 from sim.tasks.pushing.rollout import course_of, track_of
 from sim.tasks.pushing.scene import (
     DISSIPATION_S_M,
-    PLATE_MASS_KG,
+    GRAVITY_M_S2,
     SLOSH_DAMPING_RATIO,
     SLOSH_LIMIT_M,
     SLOSH_RAD_S,
+    rest_pose,
+    sink_m,
 )
 from sim.tasks.shared.carriage import Drive
 from sim.tasks.shared.readings import Course, Readings

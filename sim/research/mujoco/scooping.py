@@ -13,28 +13,24 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from hw.types import Array
-from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
-from perception.types import ObjectTrack
+from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M, ObjectTrack
 from sim.research.mujoco.contact import POINT_M, Bed, add_pair, bed_of, set_softness
 from sim.research.mujoco.stepping import OBJECT, TOOL, add_carriage, new_scene, quaternion, run, set_inertia, written
-from sim.tasks.scooping.handle import NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.scooping.params import (
     CORNER_M,
     EDGE_M,
-    HANDLE_RISE_RAD,
     LIP_M,
     PIECE_DENSITY_KG_M3,
     SQUARE_LIP_M,
     Unmodelled,
 )
-from sim.tasks.scooping.piece import SLOPE, Piece, blade
+from sim.tasks.scooping.piece import GRAVITY_M_S2, SLOPE, Piece, blade, sink_m
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M, plan
-from sim.tasks.scooping.rest import GRAVITY_M_S2, sink_m
 from sim.tasks.scooping.rollout import course_of, rest_pose, track_of
-from sim.tasks.scooping.scene import BLADE_MASS_KG, FLEX_TIME_S, piece_of
+from sim.tasks.scooping.scene import FLEX_TIME_S, piece_of
+from sim.tasks.scooping.spatula import BLADE_MASS_KG, HANDLE_RISE_RAD, NECK_M, NECK_SIZE_M, ROOT_M, UP
 from sim.tasks.shared.carriage import Drive
-from sim.tasks.shared.contact import RELAXATION_TIME_S
-from sim.tasks.shared.drake import vector
+from sim.tasks.shared.contact import RELAXATION_TIME_S, vector
 from sim.tasks.shared.readings import Course, Readings
 from sim.types import ToolMotion
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -14,7 +13,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from hw.types import Array
 from sim.tasks.shared.carriage import Drive
-from sim.tasks.shared.readings import Course, Readings, is_slow, read
+from sim.tasks.shared.readings import Course, Moment, Readings, Velocity, read
 
 TOOL, OBJECT = "tool", "object"
 _JOINTS = ("forward", "up", "pitch")
@@ -74,32 +73,14 @@ def quaternion(pose: RigidTransform) -> Array:
     return np.asarray(pose.rotation().ToQuaternion().wxyz())
 
 
-@dataclass(frozen=True, eq=False)
-class _Moment:
-    t_s: float
-    X_BO: RigidTransform
-    X_BT: RigidTransform
-    velocities: tuple[tuple[Array, Array], tuple[Array, Array]]  # (3,) m/s and (3,) rad/s of object and tool
-
-    @property
-    def is_still_on_table(self) -> bool:
-        return is_slow(*self.velocities[0])
-
-    @property
-    def is_still_on_tool(self) -> bool:
-        (v_BO, w_BO), (v_BT, w_BT) = self.velocities
-        p_TO_B = np.asarray(self.X_BO.translation()) - np.asarray(self.X_BT.translation())
-        return is_slow(v_BO - (v_BT + np.cross(w_BT, p_TO_B)), w_BO - w_BT)
-
-
 def run(course: Course, model: Any, step_s: float, before_step: Callable[[Any, Any], None] | None = None) -> Readings:
     """Step a compiled model, with a carriage and bodies called `TOOL` and `OBJECT`, through the course.
 
     `before_step` (model, data) may change properties that depend on positions. A solver failure is noted in the
     readings, never raised.
     """
-    data, start = mujoco.MjData(model), course.start
-    place(model, data, start.X_BO, start.tool)
+    data = mujoco.MjData(model)
+    place(model, data, course.X_BO, course.tool)
     mujoco.mj_forward(model, data)
     return read(_MuJoCo(model, data, course, step_s, before_step), course)
 
@@ -118,8 +99,8 @@ def written(spec: Any, model: Any, course: Course) -> str:
         compiled = model.pair(pair.name)
         pair.solref, pair.solimp = compiled.solref, compiled.solimp
     data = mujoco.MjData(model)
-    place(model, data, course.start.X_BO, course.start.tool)
-    spec.add_key(name="start", time=course.start.t_s, qpos=data.qpos, qvel=data.qvel)
+    place(model, data, course.X_BO, course.tool)
+    spec.add_key(name="start", time=course.start_s, qpos=data.qpos, qvel=data.qvel)
     spec.compile()
     return str(spec.to_xml())
 
@@ -129,14 +110,14 @@ class _MuJoCo:
         self, model: Any, data: Any, course: Course, step_s: float, before_step: Callable[[Any, Any], None] | None
     ) -> None:
         self._model, self._data, self._drive = model, data, course.drive
-        self._step_s, self._before, self._t_s = step_s, before_step, course.start.t_s
+        self._step_s, self._before, self._t_s = step_s, before_step, course.start_s
         self._object, self._tool = (model.body(name).id for name in (OBJECT, TOOL))
 
-    def now(self, t_s: float) -> _Moment:
+    def now(self, t_s: float) -> Moment:
         mujoco.mj_kinematics(self._model, self._data)  # a step leaves the poses of its beginning
         mujoco.mj_comPos(self._model, self._data)
-        velocities = self._velocity(self._object), self._velocity(self._tool)
-        return _Moment(t_s, self._pose(self._object), self._pose(self._tool), velocities)
+        thing, tool = self._object, self._tool
+        return Moment(t_s, self._pose(thing), self._pose(tool), self._velocity(thing), self._velocity(tool))
 
     def advance_to(self, t_s: float) -> None:
         """Step in equal steps, none longer than the wanted step."""
@@ -164,7 +145,7 @@ class _MuJoCo:
         R = RotationMatrix(Quaternion(self._data.xquat[body] / np.linalg.norm(self._data.xquat[body])))
         return RigidTransform(R, self._data.xpos[body])
 
-    def _velocity(self, body: int) -> tuple[Array, Array]:
+    def _velocity(self, body: int) -> Velocity:
         linear, angular = (np.zeros((3, self._model.nv)) for _ in range(2))
         mujoco.mj_jacBody(self._model, self._data, linear, angular, body)
         return linear @ self._data.qvel, angular @ self._data.qvel

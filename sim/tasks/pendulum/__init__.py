@@ -1,6 +1,5 @@
 """Balancing a double pendulum: no robot, no contact, every answer exact. The control experiment of the method."""
 
-from sim.tasks.pendulum.observe import end_state, relocate, reward_of_success, succeeded
 from sim.tasks.pendulum.params import (
     ACTION,
     ACTION_NOISE,
@@ -13,7 +12,7 @@ from sim.tasks.pendulum.params import (
     REFERENCE_CONTEXT,
     Unmodelled,
 )
-from sim.tasks.pendulum.rollout import simulate, simulate_many
+from sim.tasks.pendulum.rollout import end_state, relocate, reward_of_success, simulate, simulate_many, succeeded
 from sim.tasks.pendulum.solver import LqrSolver
 from sim.tasks.task import Task
 

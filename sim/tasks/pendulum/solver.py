@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw.types import Array, frozen_array
-from sim.tasks.pendulum.observe import WORTHLESS, reward_of_success
 from sim.tasks.pendulum.params import OBSERVATION
-from sim.tasks.pendulum.rollout import INPUTS, STATES, excess, observed_many, optimal
+from sim.tasks.pendulum.rollout import INPUTS, STATES, WORTHLESS, excess, observed_many, optimal, reward_of_success
 from sim.tasks.solver import Executable, SolverSettings
 from sim.tasks.task import Task
 

@@ -1,8 +1,6 @@
 """Pushing a bottle to a goal."""
 
-from sim.tasks.pushing.mass import TOOL_MASS
-from sim.tasks.pushing.mount import KEEP_CLEAR
-from sim.tasks.pushing.observe import end_state, relocate, reward_of_success, succeeded
+from sim.tasks.pushing.mount import KEEP_CLEAR, TOOL_MASS, X_FT, parts
 from sim.tasks.pushing.params import (
     ACTION,
     ACTION_NOISE,
@@ -19,15 +17,20 @@ from sim.tasks.pushing.params import (
     REFERENCE_CONTEXT,
     REUSE,
     START_M,
-    X_FT,
     Unmodelled,
     goal_m,
 )
 from sim.tasks.pushing.plan import plan
-from sim.tasks.pushing.printing import parts
-from sim.tasks.pushing.rest import rest_pose
-from sim.tasks.pushing.rollout import bottle_mass_kg, course_of, simulate
-from sim.tasks.pushing.scene import build_scene, time_step_s
+from sim.tasks.pushing.rollout import (
+    bottle_mass_kg,
+    course_of,
+    end_state,
+    relocate,
+    reward_of_success,
+    simulate,
+    succeeded,
+)
+from sim.tasks.pushing.scene import build_scene, rest_pose, time_step_s
 from sim.tasks.task import Hardware, Standing, Task
 
 HARDWARE = Hardware(

@@ -9,7 +9,6 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.errors import OutOfRange
-from sim.tasks.pushing.mount import mounting
 from sim.tasks.task import AdaptationSettings, Mirror, Observation, ReuseRules
 from sim.types import Dimension, Space
 
@@ -176,9 +175,6 @@ PLATE_FRICTION = 0.3
 
 GOAL_SCALE_M = 0.20
 """Distance from the goal at which the reward reaches 0."""
-
-X_FT: Array = frozen_array(mounting(), (4, 4))
-"""The tool in the flange (docs/decisions/0008)."""
 
 
 def goal_m(context: Array) -> Array:

@@ -14,14 +14,12 @@ from pydrake.math import RigidTransform
 
 from hw.types import Array
 from perception.types import SETTLE_S, ObjectTrack, Outcome
-from sim.tasks.pushing.params import BOTTLE_MASS_KG, BOTTLE_RADIUS_M, TIPPED_RAD, Unmodelled
+from sim.tasks.pushing.params import BOTTLE_MASS_KG, BOTTLE_RADIUS_M, GOAL_SCALE_M, TIPPED_RAD, Unmodelled, goal_m
 from sim.tasks.pushing.plan import plan
-from sim.tasks.pushing.rest import rest_pose
-from sim.tasks.pushing.scene import build_scene, time_step_s
-from sim.tasks.pushing.table import on_table
+from sim.tasks.pushing.scene import build_scene, on_table, rest_pose, time_step_s
 from sim.tasks.shared.carriage import Compliance, drive_of
-from sim.tasks.shared.direct import run
-from sim.tasks.shared.readings import Course, Ending, Moment, Readings, Start, reading_before_s
+from sim.tasks.shared.direct import Drake
+from sim.tasks.shared.readings import Course, Moment, Readings, read, reading_before_s
 from sim.types import ToolMotion
 
 LEAD_S = 0.020
@@ -49,30 +47,24 @@ def simulate(
 ) -> ObjectTrack:
     """Push once (see `sim.tasks.task.Simulate`)."""
     X_BO = rest_pose(context, parameters, nuisance, unmodelled)
-    return play(plan(context, action), X_BO, parameters, nuisance, unmodelled)
-
-
-def play(
-    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
-) -> ObjectTrack:
-    """Play the motion against a bottle at X_BO (4, 4)."""
-    return track_of(readings(motion, X_BO, parameters, nuisance, unmodelled))
+    return track_of(readings(plan(context, action), X_BO, parameters, nuisance, unmodelled))
 
 
 def readings(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
 ) -> Readings:
     """The readings of the motion against a bottle at X_BO (4, 4)."""
-    build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
-    return run(course_of(motion, X_BO, nuisance, unmodelled), build, time_step_s(unmodelled))
+    course = course_of(motion, X_BO, nuisance, unmodelled)
+    return read(Drake(course, build_scene, time_step_s(unmodelled), parameters, nuisance, unmodelled), course)
 
 
 def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Course:
     """The drive of the plate against a bottle at X_BO (4, 4), with start and end; the rest does not enter."""
     drive = drive_of(motion, ARM)
     start_s = _start_s(motion, X_BO[:3, 3])
-    start = Start(start_s, X_BO, drive.trajectory.value(start_s)[:, 0])
-    return Course(drive, start, Ending(partial(_still, motion), _has_fallen, float(motion.t_s[-1]) + SETTLE_S))
+    latest_s = float(motion.t_s[-1]) + SETTLE_S
+    tool = drive.trajectory.value(start_s)[:, 0]
+    return Course(drive, start_s, X_BO, tool, partial(_still, motion), _has_fallen, latest_s)
 
 
 def bottle_mass_kg(parameters: Array, nuisance: Array, unmodelled: Unmodelled) -> float:
@@ -128,3 +120,28 @@ def _outcome(readings: Readings) -> Outcome:
 
 def _lean_rad(X_BO: RigidTransform) -> float:
     return math.acos(min(1.0, max(-1.0, float(X_BO.rotation().matrix()[2, 2]))))
+
+
+def succeeded(track: ObjectTrack) -> bool:
+    """The bottle rests upright on the table, at any distance from the goal."""
+    return track.outcome is Outcome.UPRIGHT
+
+
+def end_state(track: ObjectTrack) -> Array:
+    """(2,) final place of the bottle: (x, y) in the base frame, m."""
+    return np.array(track.state[-1, :2])
+
+
+def reward_of_success(end_m: Array, context: Array) -> Array:
+    """max(0, 1 - distance from the goal / 0.2 m), for (..., 2) and (..., 2) -> (...)."""
+    distance_m = np.linalg.norm(end_m - goal_m(context), axis=-1)
+    return np.asarray(np.maximum(0.0, 1.0 - distance_m / GOAL_SCALE_M))
+
+
+def relocate(observation: Array, context: Array) -> Array:
+    """The observation (..., size) itself: it does not depend on the goal."""
+    return np.array(
+        np.broadcast_to(
+            observation, (*np.broadcast_shapes(observation.shape[:-1], context.shape[:-1]), observation.shape[-1])
+        )
+    )

@@ -1,9 +1,13 @@
 """Table, patch, bottle and pusher in a Drake plant: the same physics whether an arm carries the pusher or not.
 
 The bottle is compliant hydroelastic: a band with the modulus e that the plate meets, and a hard base that stands on the
-table. Everything else is rigid. Each of its three pairs has its
-own friction: Drake combines two coefficients harmonically. So the bottle has `BOTTLE_COEFFICIENT`, and table, patch and
-plate have the coefficients that give the right pair. The plate stays clear of the table.
+table. Everything else is rigid. Each of its three pairs has its own friction: Drake combines two coefficients
+harmonically. So the bottle has `BOTTLE_COEFFICIENT`, and table, patch and plate have the coefficients that give the
+right pair. The plate stays clear of the table.
+
+Table and patch are two flush rigid surfaces, each an open sheet of triangles at z = 0. A bottle across the seam has one
+contact surface with each, over the part of its bottom that lies there, and the seam has no wall to run into. Every
+sheet has one unused vertex far below, so that its hull has a volume.
 """
 
 from __future__ import annotations
@@ -11,7 +15,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from pydrake.geometry import Box, Cylinder
+from pydrake.common import MemoryFile
+from pydrake.geometry import Box, Cylinder, InMemoryMesh, Mesh
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
@@ -26,17 +31,8 @@ from pydrake.multibody.tree import (
 )
 
 from hw.types import Array
-from sim.tasks.pushing import table
-from sim.tasks.pushing.mount import (
-    BLOCK_M,
-    GRIP_M,
-    PLATE_HEIGHT_M,
-    PLATE_THICKNESS_M,
-    PLATE_WIDTH_M,
-    ROOT_M,
-    STEM_M,
-    block_axes,
-)
+from sim.errors import OutOfRange
+from sim.tasks.pushing.mount import PLATE_CENTRE_M, PLATE_M, PLATE_MASS_KG, pusher_visuals
 from sim.tasks.pushing.params import (
     BASE_E_PA,
     BASE_HEIGHT_M,
@@ -47,15 +43,46 @@ from sim.tasks.pushing.params import (
     PATCH_SIZE_M,
     PATCH_X_M,
     PLATE_FRICTION,
+    START_M,
     Unmodelled,
 )
-from sim.tasks.shared.contact import coefficient, compliant, rigid, set_contact
-from sim.tasks.shared.drake import vector
-from sim.tasks.shared.shapes import Shape, box, table_visual, turned_body
+from sim.tasks.shared.contact import coefficient, compliant, rigid, set_contact, vector
+from sim.tasks.shared.shapes import TABLE_CORNERS_M, box, obj_text, table_visual, turned_body
 from sim.tasks.task import SceneBodies
 from sim.types import Visual
 
-_PRINT = (0.02, 0.05, 0.16)
+_FAR_BELOW_M = -1.0
+
+
+def on_table(xy_m: Array) -> bool:
+    """Whether a point lies over the table."""
+    (x0, y0), (x1, y1) = TABLE_CORNERS_M[:, :2]
+    return bool(x0 <= xy_m[0] <= x1 and y0 <= xy_m[1] <= y1)
+
+
+def _table_around(x_m: tuple[float, float], y_m: tuple[float, float]) -> Mesh:
+    """The table without the rectangle. Raises OutOfRange if it does not lie within the table."""
+    outer, inner = _corners(*TABLE_CORNERS_M[:, :2].T), _corners(x_m, y_m)
+    if not (on_table(inner[0]) and on_table(inner[2])):
+        raise OutOfRange(
+            f"the patch, x {x_m[0]:.3f} to {x_m[1]:.3f} m, y {y_m[0]:.3f} to {y_m[1]:.3f} m, leaves the table: move "
+            "the bottle away from the edge"
+        )
+    sides = [(i, (i + 1) % 4) for i in range(4)]
+    return _sheet(np.concatenate([outer, inner]), [t for i, j in sides for t in ((i, j, 4 + j), (i, 4 + j, 4 + i))])
+
+
+def _corners(x_m: Array | tuple[float, float], y_m: Array | tuple[float, float]) -> Array:
+    """(4, 3) counter-clockwise from above."""
+    (x0, x1), (y0, y1) = x_m, y_m
+    return np.array([(x0, y0, 0.0), (x1, y0, 0.0), (x1, y1, 0.0), (x0, y1, 0.0)])
+
+
+def _sheet(points_m: Array, triangles: list[tuple[int, int, int]]) -> Mesh:
+    text = obj_text(np.vstack([points_m, [*points_m[0, :2], _FAR_BELOW_M]]), np.array(triangles))
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, ".obj", "sheet.obj")), 1.0)
+
+
 _FELT = (0.03, 0.20, 0.07)
 _BOTTLE = (0.70, 0.68, 0.62)
 _FELT_M = 3e-4  # drawn this much above the table; in physics it is flush
@@ -83,28 +110,6 @@ def bottle_visual(body: str) -> Visual:
     return Visual(body, *turned_body(outline, _SIDES), _BOTTLE)
 
 
-def pusher_visuals(body: str) -> tuple[Visual, ...]:
-    """Plate, stem and the block that the fingers hold, in the tool frame."""
-    size_m = np.array([PLATE_THICKNESS_M, PLATE_WIDTH_M, PLATE_HEIGHT_M])
-    plate = box(size_m, np.array([-PLATE_THICKNESS_M, 0.0, PLATE_HEIGHT_M]) / 2)
-    along = (GRIP_M - ROOT_M) / np.linalg.norm(GRIP_M - ROOT_M)
-    beside = np.cross([0.0, 0.0, 1.0], along) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], along))
-    length_m = float(np.linalg.norm(GRIP_M - ROOT_M))
-    stem = _turned(
-        np.column_stack([along, beside, np.cross(along, beside)]),
-        np.array([length_m, STEM_M, STEM_M]),
-        (ROOT_M + GRIP_M) / 2,
-    )
-    block = _turned(block_axes(), np.array(BLOCK_M), GRIP_M)
-    return tuple(Visual(body, *shape, _PRINT) for shape in (plate, stem, block))
-
-
-def _turned(R: Array, size_m: Array, centre_m: Array) -> Shape:
-    """A box along the axes that are the columns of `R` (3, 3)."""
-    vertices_m, triangles = box(size_m, np.zeros(3))
-    return vertices_m @ R.T + centre_m, triangles
-
-
 TOOL = "pusher"
 OBJECT = "bottle"
 STEP_S = 0.0025
@@ -117,7 +122,6 @@ RELAXATION_S = 0.020
 """Dissipation in a world with contact = "sap"."""
 
 BOTTLE_COEFFICIENT = 1.0
-PLATE_MASS_KG = 0.1
 GRAVITY_M_S2 = 9.81
 
 SLOSH_RAD_S = math.sqrt(1.841 * GRAVITY_M_S2 / BOTTLE_RADIUS_M)
@@ -151,7 +155,8 @@ def build_scene(
     plant.mutable_gravity_field().set_gravity_vector(GRAVITY_M_S2 * down)
     half_m = PATCH_SIZE_M * effects.patch_size_scale / 2
     area = (PATCH_X_M - half_m, PATCH_X_M + half_m), (y_p_m - half_m, y_p_m + half_m)
-    for name, sheet, friction in (("table", table.table_around(*area), mu), ("patch", table.patch(*area), mu_p)):
+    patch = _sheet(_corners(*area), [(0, 1, 2), (0, 2, 3)])
+    for name, sheet, friction in (("table", _table_around(*area), mu), ("patch", patch, mu_p)):
         properties = rigid(coefficient(friction, BOTTLE_COEFFICIENT))
         plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), sheet, name, properties)
     _add_bottle(plant, e_Pa, effects)
@@ -203,13 +208,28 @@ def _add_slosh(plant: MultibodyPlant, bottle: RigidBody, mass_kg: float, height_
 
 def _add_pusher(plant: MultibodyPlant, parent: Frame, X_PT: Array) -> None:
     instance = plant.AddModelInstance(TOOL)
-    size_m = (PLATE_THICKNESS_M, PLATE_WIDTH_M, PLATE_HEIGHT_M)
-    centre = RigidTransform(vector(-PLATE_THICKNESS_M / 2, 0.0, PLATE_HEIGHT_M / 2))
-    inertia = SpatialInertia.SolidBoxWithMass(PLATE_MASS_KG, *size_m).Shift(
-        vector(PLATE_THICKNESS_M / 2, 0.0, -PLATE_HEIGHT_M / 2)
-    )
+    inertia = SpatialInertia.SolidBoxWithMass(PLATE_MASS_KG, *PLATE_M).Shift(-vector(*PLATE_CENTRE_M))
     pusher: RigidBody = plant.AddRigidBody(TOOL, instance, inertia)
     plant.set_gravity_enabled(instance, False)
     plant.AddJoint(WeldJoint(TOOL + "_mount", parent, pusher.body_frame(), RigidTransform(X_PT)))
     properties = rigid(coefficient(PLATE_FRICTION, BOTTLE_COEFFICIENT))
-    plant.RegisterCollisionGeometry(pusher, centre, Box(*size_m), "plate", properties)
+    plant.RegisterCollisionGeometry(pusher, RigidTransform(vector(*PLATE_CENTRE_M)), Box(*PLATE_M), "plate", properties)
+
+
+def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Array:
+    """(4, 4) pose X_BO of the bottle ready for the push. The goal in `context` does not enter."""
+    mass_kg = BOTTLE_MASS_KG * (1.0 if unmodelled is None else unmodelled.bottle_mass_scale)
+    X_BO = np.eye(4)
+    X_BO[:2, 3] = START_M + nuisance
+    X_BO[2, 3] = BOTTLE_HEIGHT_M / 2 - sink_m(mass_kg)
+    return X_BO
+
+
+def sink_m(mass_kg: float) -> float:
+    """Depth d at which the pressure under the base carries the weight.
+
+    Drake's field of a cylinder is its modulus times the distance to the nearest surface over the largest such distance
+    within it, here half the base's height h. At a depth that is small against h the pressure is even but for the rim,
+    so d = weight h / (2 pi e R^2).
+    """
+    return mass_kg * GRAVITY_M_S2 * BASE_HEIGHT_M / (2.0 * math.pi * BASE_E_PA * BASE_RADIUS_M**2)

@@ -1,8 +1,5 @@
 """Scooping food with a spatula."""
 
-from sim.tasks.scooping.handle import KEEP_CLEAR
-from sim.tasks.scooping.mass import TOOL_MASS
-from sim.tasks.scooping.observe import end_state, relocate, reward_of_success, succeeded
 from sim.tasks.scooping.params import (
     ACTION,
     ACTION_NOISE,
@@ -16,14 +13,21 @@ from sim.tasks.scooping.params import (
     PLAUSIBLE,
     REFERENCE_CONTEXT,
     REUSE,
-    X_FT,
     Unmodelled,
 )
 from sim.tasks.scooping.plan import plan
-from sim.tasks.scooping.printing import parts
-from sim.tasks.scooping.rollout import course_of, piece_mass_kg, rest_pose, simulate
+from sim.tasks.scooping.rollout import (
+    course_of,
+    end_state,
+    piece_mass_kg,
+    relocate,
+    rest_pose,
+    reward_of_success,
+    simulate,
+    succeeded,
+)
 from sim.tasks.scooping.scene import build_scene, time_step_s
-from sim.tasks.scooping.touch import TOUCHABLE
+from sim.tasks.scooping.spatula import KEEP_CLEAR, TOOL_MASS, TOUCHABLE, X_FT, parts
 from sim.tasks.task import Hardware, Task
 
 HARDWARE = Hardware(

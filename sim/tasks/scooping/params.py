@@ -8,7 +8,6 @@ from typing import Any, Literal
 import numpy as np
 
 from hw.types import Array, frozen_array
-from perception.blade import BLADE_LENGTH_M
 from sim.errors import OutOfRange
 from sim.tasks.task import AdaptationSettings, Observation, ReuseRules
 from sim.types import Dimension, Space
@@ -152,39 +151,8 @@ PIECE_DENSITY_KG_M3 = 1000.0
 WRIST_IN_TOOL_M: Array = frozen_array([-0.177, 0.0, 0.143], (3,))
 """The wrist point, for which the profile prescribes the velocity, in the tool frame T (public code)."""
 
-HANDLE_RISE_RAD = 0.9
-"""Angle at which the handle rises from the root of the blade, towards the back."""
-
-GRIP_M = 0.215
-"""Distance of the fingers on the handle from the root of the blade."""
-
 HOME_PITCH_RAD = -0.10
 """Pitch of the blade between trials: tilted back, so that a round piece stays at its root."""
-
-_APPROACH_LEAN_RAD, _APPROACH_TURN_RAD = float(np.deg2rad(60.7)), float(np.deg2rad(-53.8))
-_FLANGE_TO_GRIP_M = 0.1034  # the Franka Hand's fingertips
-
-
-def _mounting() -> Array:
-    """(4, 4) the tool in the flange: the hand comes from behind and the left, its fingers close across the handle.
-
-    Lean (from straight down) and turn of the approach, grip and rise come from a joint search. It minimised the worst
-    ratio of any joint to its limits over contexts and actions (`benchmarks/executability.py`).
-    """
-    lean, turn, rise = _APPROACH_LEAN_RAD, _APPROACH_TURN_RAD, HANDLE_RISE_RAD
-    approach = np.array([np.sin(lean) * np.cos(turn), np.sin(lean) * np.sin(turn), -np.cos(lean)])
-    handle = np.array([-np.cos(rise), 0.0, np.sin(rise)])
-    across = np.cross(handle, approach) / np.linalg.norm(np.cross(handle, approach))  # Y axis of the hand
-    half = np.sqrt(0.5)  # the flange is rotated by 45° against the hand
-    R_TH = np.column_stack([np.cross(across, approach), across, approach])
-    X_TF = np.eye(4)
-    X_TF[:3, :3] = R_TH @ np.array([[half, -half, 0.0], [half, half, 0.0], [0.0, 0.0, 1.0]])
-    X_TF[:3, 3] = np.array([-BLADE_LENGTH_M, 0.0, 0.0]) + GRIP_M * handle - _FLANGE_TO_GRIP_M * approach
-    return np.asarray(np.linalg.inv(X_TF))
-
-
-X_FT: Array = frozen_array(_mounting(), (4, 4))
-"""The tool in the flange."""
 
 
 @dataclass(frozen=True)

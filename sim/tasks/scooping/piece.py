@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
-from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
+from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.errors import OutOfRange
 from sim.tasks.scooping.params import BEVEL_M, LIP_M, SQUARE_LIP_M
 
@@ -88,8 +88,28 @@ def _solid(vertices_m: Array) -> Piece:
     return Piece(frozen_array(vertices_m), triangles, float(volumes.sum()), frozen_array(inertia_m2))
 
 
-def obj_text(piece: Piece) -> str:
-    """The piece as a Wavefront OBJ."""
-    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in piece.vertices_m]
-    lines += [f"f {a} {b} {c}" for a, b, c in piece.triangles + 1]
-    return "\n".join(lines) + "\n"
+GRAVITY_M_S2 = 9.81
+_CELLS = 12
+_STEPS = 14
+
+
+def sink_m(piece: Piece, mass_kg: float, e_Pa: float) -> float:
+    """Depth at which hydroelastic pressure, e (1 - gauge) over the slice at table height, carries the weight.
+
+    The gauge is 1 on the surface and 0 at the centre (Drake's field of a convex piece). Bisection on a grid over a
+    quarter of the slice: the pieces are symmetric.
+    """
+    corners = piece.vertices_m[piece.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    planes = normals / np.einsum("fi,fi->f", normals, corners[:, 0])[:, None]  # gauge(p) = max over planes . p
+    half_m = piece.vertices_m.max(axis=0)
+    x, y = (half * (np.arange(_CELLS) + 0.5) / _CELLS for half in half_m[:2])
+    flat = (planes[:, 0, None, None] * x[:, None] + planes[:, 1, None, None] * y).reshape(len(planes), -1)
+    cell_m2 = 4.0 * half_m[0] * half_m[1] / _CELLS**2
+    low, high = 0.0, float(half_m[2])
+    for _ in range(_STEPS):
+        middle = (low + high) / 2.0
+        gauge = (flat - planes[:, 2, None] * (half_m[2] - middle)).max(axis=0)
+        force_N = e_Pa * np.maximum(1.0 - gauge, 0.0).sum() * cell_m2
+        low, high = (middle, high) if force_N < mass_kg * GRAVITY_M_S2 else (low, middle)
+    return (low + high) / 2.0

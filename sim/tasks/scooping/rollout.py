@@ -6,27 +6,23 @@ with the tool held still, until the piece rests or has left the blade (`percepti
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from hw.types import Array
-from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M, is_on_blade
-from perception.types import SETTLE_S, ObjectTrack, Outcome
-from sim.tasks.scooping.params import PIECE_DENSITY_KG_M3, Unmodelled
+from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M, SETTLE_S, ObjectTrack, Outcome, is_on_blade
+from sim.tasks.scooping.params import OBSERVATION, PIECE_DENSITY_KG_M3, REFERENCE_CONTEXT, Unmodelled
+from sim.tasks.scooping.piece import sink_m
 from sim.tasks.scooping.plan import DURATION_S, edge_height_m, plan
-from sim.tasks.scooping.rest import lying, sink_m
 from sim.tasks.scooping.scene import build_scene, piece_of, time_step_s
 from sim.tasks.shared.carriage import Compliance, Drive, drive_of
-from sim.tasks.shared.direct import run
+from sim.tasks.shared.direct import Drake
 from sim.tasks.shared.readings import (
     READ_EVERY_S,
     Course,
-    Ending,
     Moment,
     Readings,
-    Start,
     object_in_tool_m,
+    read,
     reading_before_s,
 )
 from sim.types import ToolMotion
@@ -62,7 +58,9 @@ def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Un
     mass_kg = PIECE_DENSITY_KG_M3 * piece.volume_m3 * (1.0 if unmodelled is None else unmodelled.density_scale)
     ahead_m = _half_width_m(nuisance, unmodelled)
     height_m = float(parameters[3]) / 200.0 - sink_m(piece, mass_kg, float(parameters[1]))
-    return lying(np.array([context[0] + ahead_m, context[1]]), height_m)
+    X_BO = np.eye(4)
+    X_BO[:3, 3] = [context[0] + ahead_m, context[1], height_m]
+    return X_BO
 
 
 def piece_mass_kg(parameters: Array, nuisance: Array, unmodelled: Unmodelled) -> float:
@@ -79,14 +77,7 @@ def simulate(
     parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Unmodelled | None = None
 ) -> ObjectTrack:
     """Scoop once (see `sim.tasks.task.Simulate`)."""
-    X_BO = rest_pose(context, parameters, nuisance, unmodelled)
-    return play(plan(context, action), X_BO, parameters, nuisance, unmodelled)
-
-
-def play(
-    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
-) -> ObjectTrack:
-    """Play the motion against a piece at X_BO (4, 4)."""
+    motion, X_BO = plan(context, action), rest_pose(context, parameters, nuisance, unmodelled)
     return track_of(readings(motion, X_BO, parameters, nuisance, unmodelled), motion)
 
 
@@ -94,15 +85,15 @@ def readings(
     motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
 ) -> Readings:
     """The readings of the motion against a piece at X_BO (4, 4)."""
-    build = partial(build_scene, X_PT=np.eye(4), parameters=parameters, nuisance=nuisance, unmodelled=unmodelled)
-    return run(course_of(motion, X_BO, nuisance, unmodelled), build, time_step_s(unmodelled))
+    course = course_of(motion, X_BO, nuisance, unmodelled)
+    return read(Drake(course, build_scene, time_step_s(unmodelled), parameters, nuisance, unmodelled), course)
 
 
 def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Course:
     """The drive of the spatula against a piece at X_BO (4, 4), with start and end."""
     drive = drive_of(motion, ARM)
     start_s = _start_s(motion, float(X_BO[0, 3]), nuisance, unmodelled)
-    return Course(drive, Start(start_s, X_BO, _on_table(drive, start_s)), Ending(_still, _off_blade, LATEST_S))
+    return Course(drive, start_s, X_BO, _on_table(drive, start_s), _still, _off_blade, LATEST_S)
 
 
 def _start_s(motion: ToolMotion, x_m: float, nuisance: Array, unmodelled: Unmodelled | None) -> float:
@@ -170,3 +161,31 @@ def _outcome(p_BO_m: Array, p_TO_m: Array) -> Outcome:
     if is_on_blade(p_TO_m):
         return Outcome.ON_BLADE
     return Outcome.ON_TABLE if p_BO_m[2] > 0.0 else Outcome.LOST
+
+
+_FAR_M = 0.05
+_FAR_COST = 0.2
+
+
+def succeeded(track: ObjectTrack) -> bool:
+    """The piece ended on the blade: over 1 mm above its face and inside its outline, or held by the neck."""
+    return track.outcome is Outcome.ON_BLADE
+
+
+def end_state(track: ObjectTrack) -> Array:
+    """(2,) final place of the piece on the blade: (x, y) in the tool frame, m."""
+    return np.array(track.end_in_tool_m[:2])
+
+
+def reward_of_success(end_in_tool_m: Array, context: Array) -> Array:
+    """1 - 0.2 min(1, distance from the blade's centre / 5 cm) (public code), for (..., 2) -> (...)."""
+    distance_m = np.hypot(end_in_tool_m[..., 0] + BLADE_LENGTH_M / 2, end_in_tool_m[..., 1])
+    return 1.0 - _FAR_COST * np.minimum(1.0, distance_m / _FAR_M)
+
+
+def relocate(observation: Array, context: Array) -> Array:
+    """The observation (..., size) at the reference context, moved to `context` (..., 2): the motion starts relative to
+    the piece and the table is uniform, so everything moves along.
+    """
+    states = OBSERVATION.denormalise(observation)
+    return OBSERVATION.normalise(states + (context - REFERENCE_CONTEXT)[..., None, :])

@@ -7,7 +7,6 @@ between blade and table is left out, so each step has few contacts.
 
 from __future__ import annotations
 
-import numpy as np
 from pydrake.common import MemoryFile
 from pydrake.geometry import Box, Convex, GeometryId, HalfSpace, InMemoryMesh, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -24,47 +23,24 @@ from pydrake.multibody.tree import (
 )
 
 from hw.types import Array
-from perception.blade import BLADE_LENGTH_M, BLADE_WIDTH_M
-from sim.tasks.scooping.handle import HANDLE_M, NECK_M, NECK_SIZE_M, ROOT_M, UP
-from sim.tasks.scooping.params import CORNER_M, EDGE_M, GRIP_M, HANDLE_RISE_RAD, LIP_M, PIECE_DENSITY_KG_M3, Unmodelled
-from sim.tasks.scooping.piece import Piece, blade, make_piece, obj_text
+from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M
+from sim.tasks.scooping.params import CORNER_M, EDGE_M, LIP_M, PIECE_DENSITY_KG_M3, Unmodelled
+from sim.tasks.scooping.piece import Piece, blade, make_piece
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M
-from sim.tasks.shared.contact import RELAXATION_TIME_S, compliant, material, relaxing, rigid, set_contact
-from sim.tasks.shared.drake import vector
-from sim.tasks.shared.shapes import box, table_visual
+from sim.tasks.scooping.spatula import (
+    BLADE_MASS_KG,
+    CORNERS_M,
+    HANDLE_RISE_RAD,
+    NECK_M,
+    NECK_SIZE_M,
+    ROOT_M,
+    UP,
+    spatula_visuals,
+)
+from sim.tasks.shared.contact import compliant, material, relaxing, rigid, set_contact, vector
+from sim.tasks.shared.shapes import obj_text, table_visual
 from sim.tasks.task import SceneBodies
 from sim.types import Visual
-
-_NYLON = (0.015, 0.015, 0.017)
-_TAPE = (0.25, 0.25, 0.27)
-
-HANDLE_SECTION_M = (0.024, 0.018)
-"""Width and thickness of the handle."""
-
-ADAPTER_M = (0.05, 0.045, 0.035)
-"""The box around the handle that the fingers hold: along the handle, across it, through it."""
-
-
-def piece_visual(body: str, piece: Piece, colour: tuple[float, float, float]) -> Visual:
-    """The piece in its colour (linear RGB), fixed to `body`."""
-    return Visual(body, piece.vertices_m, piece.triangles, colour)
-
-
-def spatula_visuals(blade_body: str, handle_body: str, lip_m: float = LIP_M) -> tuple[Visual, ...]:
-    """Blade with a lip of `lip_m`, neck and handle of the turner, and the box that the gripper holds."""
-    neck_end = ROOT_M + NECK_M * UP
-    handle_end = neck_end + HANDLE_M * UP
-    solid = blade(lip_m)
-    neck = box(np.array(NECK_SIZE_M), (ROOT_M + neck_end) / 2, HANDLE_RISE_RAD)
-    handle = box(np.array([HANDLE_M, *HANDLE_SECTION_M]), (neck_end + handle_end) / 2, HANDLE_RISE_RAD)
-    adapter = box(np.array(ADAPTER_M), ROOT_M + GRIP_M * UP, HANDLE_RISE_RAD)
-    return (
-        Visual(blade_body, solid.vertices_m, solid.triangles, _NYLON),
-        Visual(handle_body, *neck, _NYLON),
-        Visual(handle_body, *handle, _NYLON),
-        Visual(handle_body, *adapter, _TAPE),
-    )
-
 
 TOOL = "spatula"
 OBJECT = "piece"
@@ -75,7 +51,6 @@ BLUNT_STEP_S = 0.001
 EDGE_RELAXATION_S = 0.0
 """With a larger value, SAP lets a pressed edge creep into the table, by 0.3 mm in a tenth of a second."""
 
-BLADE_MASS_KG = 0.02
 FLEX_TIME_S = 0.010
 """Damping of a bent blade's return: nylon is well damped."""
 
@@ -106,39 +81,31 @@ def build_scene(
     mu = float(parameters[0])
     set_contact(plant, effects.contact)
     table = plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "table", rigid(mu))
-    add_piece(plant, parameters, nuisance, effects)
+    _add_piece(plant, parameters, nuisance, effects)
     handle, turner = _add_spatula(plant, tool_parent, X_PT, effects)
     face = plant.RegisterCollisionGeometry(
         turner, RigidTransform(), _polyhedron(blade(effects.lip_m)), "blade", rigid(effects.friction_of_blade(mu))
     )
     neck = _add_neck(plant, handle, effects.friction_of_blade(mu))
-    for side in (-1.0, 1.0):
-        _add_corner(plant, turner, side, effects.edge_stiffness_N_m)
-    visuals = (
-        table_visual(),
-        piece_visual(OBJECT, piece_of(parameters, nuisance, effects), effects.colour),
-        *spatula_visuals(TOOL, handle.name(), effects.lip_m),
-    )
+    for name, p_T_m in (("corner_right", CORNERS_M[1]), ("corner_left", CORNERS_M[0])):
+        corner = relaxing(material(0.0, effects.edge_stiffness_N_m), EDGE_RELAXATION_S)
+        plant.RegisterCollisionGeometry(turner, RigidTransform(p_T_m), Sphere(CORNER_M), name, corner)
+    piece = piece_of(parameters, nuisance, effects)
+    seen = Visual(OBJECT, piece.vertices_m, piece.triangles, effects.colour)
+    visuals = (table_visual(), seen, *spatula_visuals(TOOL, handle.name(), effects.lip_m))
     return SceneBodies(TOOL, OBJECT, visuals, apart=((face, table), (neck, table)))
 
 
-def add_piece(
-    plant: MultibodyPlant,
-    parameters: Array,
-    nuisance: Array,
-    effects: Unmodelled,
-    relaxation_time_s: float = RELAXATION_TIME_S,
-) -> RigidBody:
+def _add_piece(plant: MultibodyPlant, parameters: Array, nuisance: Array, effects: Unmodelled) -> None:
     """The piece as a free body."""
     piece, mu, e_Pa = piece_of(parameters, nuisance, effects), float(parameters[0]), float(parameters[1])
     mass_kg = PIECE_DENSITY_KG_M3 * effects.density_scale * piece.volume_m3
     G = piece.unit_inertia_m2
     central = UnitInertia(G[0, 0], G[1, 1], G[2, 2], G[0, 1], G[0, 2], G[1, 2])
     inertia = SpatialInertia.MakeFromCentralInertia(mass_kg, vector(*effects.com_offset_m), central * mass_kg)
-    body: RigidBody = plant.AddRigidBody(OBJECT, plant.AddModelInstance(OBJECT), inertia)
-    soft = compliant(mu, e_Pa, relaxation_time_s=relaxation_time_s)
+    body = plant.AddRigidBody(OBJECT, plant.AddModelInstance(OBJECT), inertia)
+    soft = compliant(mu, e_Pa)
     plant.RegisterCollisionGeometry(body, RigidTransform(), _polyhedron(piece), OBJECT, soft)
-    return body
 
 
 def _add_spatula(plant: MultibodyPlant, parent: Frame, X_PT: Array, effects: Unmodelled) -> tuple[RigidBody, RigidBody]:
@@ -175,12 +142,7 @@ def _add_neck(plant: MultibodyPlant, handle: RigidBody, friction: float) -> Geom
     return neck
 
 
-def _add_corner(plant: MultibodyPlant, blade: RigidBody, side: float, stiffness_N_m: float) -> None:
-    properties = relaxing(material(0.0, stiffness_N_m), EDGE_RELAXATION_S)
-    X_TG = RigidTransform(vector(0.0, side * (BLADE_WIDTH_M - EDGE_M) / 2, -EDGE_M + CORNER_M))
-    name = "corner_left" if side > 0 else "corner_right"
-    plant.RegisterCollisionGeometry(blade, X_TG, Sphere(CORNER_M), name, properties)
-
-
 def _polyhedron(solid: Piece) -> Convex:
-    return Convex(InMemoryMesh(mesh_file=MemoryFile(obj_text(solid), ".obj", "solid.obj")), 1.0)
+    return Convex(
+        InMemoryMesh(mesh_file=MemoryFile(obj_text(solid.vertices_m, solid.triangles), ".obj", "solid.obj")), 1.0
+    )

@@ -25,7 +25,7 @@ from pydrake.systems.framework import Context
 from pydrake.trajectories import PiecewisePolynomial
 
 from hw.types import Array
-from sim.tasks.shared.drake import vector
+from sim.tasks.shared.contact import vector
 from sim.types import ToolMotion
 
 CARRIAGE = "carriage"

@@ -1,10 +1,13 @@
-"""Contact in the scenes of the tasks: one contact law, and its materials."""
+"""Contact in the scenes of the tasks: one contact law, and its materials; and Drake's log and vectors."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable
-from typing import Literal
+from typing import Any, Literal
 
+import numpy as np
+import pydrake.common  # noqa: F401 - sets the level of its logger when it is first imported, so it comes first
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     AddContactMaterial,
@@ -17,13 +20,23 @@ from pydrake.geometry import (
 )
 from pydrake.multibody.plant import CoulombFriction, DiscreteContactApproximation, MultibodyPlant
 
-from sim.tasks.shared import drake
+
+def silence() -> None:
+    """Let only Drake's errors through, in this process."""
+    logging.getLogger("drake").setLevel(logging.ERROR)
+
+
+silence()  # every scene uses this module; Drake warns that deformable bodies would not feel half spaces
+
+
+def vector(x: float, y: float, z: float) -> Any:
+    """(3,) for a Drake call. Typed `Any`, because no NumPy array matches the array type of Drake's stubs."""
+    return np.array([x, y, z], dtype=np.float64)
+
 
 RELAXATION_TIME_S = 0.120
 HUNT_CROSSLEY_S_M = 1.0
 """Default dissipation under "sap" and under "lagged"."""
-
-drake.silence()  # every scene uses this module; Drake warns that deformable bodies would not feel half spaces
 
 
 def set_contact(plant: MultibodyPlant, contact: Literal["sap", "lagged"]) -> None:

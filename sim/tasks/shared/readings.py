@@ -22,53 +22,31 @@ One alone is not rest: an object that rolls to and fro is still at each turning 
 """
 
 
+Velocity = tuple[Array, Array]
+"""(3,) m/s of a body's origin, and (3,) rad/s."""
+
+
 @dataclass(frozen=True, eq=False)
-class Start:
-    """The start of a rollout; the motion before it is left out."""
+class Moment:
+    """Tool and object at a reading, in the base."""
 
-    t_s: float
-    X_BO: Array  # (4, 4) the object at rest
-    tool: Array  # (6,) the carriage: forward, up, pitch and their rates
-
-
-class Moment(Protocol):
-    """Tool and object at a reading."""
-
-    @property
-    def t_s(self) -> float:
-        """Time since the start of the motion."""
-        ...
-
-    @property
-    def X_BO(self) -> RigidTransform:
-        """The object in the base."""
-        ...
-
-    @property
-    def X_BT(self) -> RigidTransform:
-        """The tool in the base."""
-        ...
+    t_s: float  # since the start of the motion
+    X_BO: RigidTransform
+    X_BT: RigidTransform
+    V_BO: Velocity
+    V_BT: Velocity
 
     @property
     def is_still_on_table(self) -> bool:
         """Whether the object is slow enough for rest on the table."""
-        ...
+        return _is_slow(*self.V_BO)
 
     @property
     def is_still_on_tool(self) -> bool:
         """Whether it is slow enough for rest relative to the tool."""
-        ...
-
-
-@dataclass(frozen=True)
-class Ending:
-    """The end of a rollout."""
-
-    still: Callable[[Moment], bool]
-    """Whether the object is still and nothing can move it any more; after `REST_S` it counts as at rest."""
-    decided: Callable[[Moment], bool]
-    """Whether nothing later can change the outcome."""
-    latest_s: float
+        (v_BO, w_BO), (v_BT, w_BT) = self.V_BO, self.V_BT
+        p_TO_B = np.asarray(self.X_BO.translation()) - np.asarray(self.X_BT.translation())
+        return _is_slow(v_BO - (v_BT + np.cross(w_BT, p_TO_B)), w_BO - w_BT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +54,14 @@ class Course:
     """A rollout without its physics: the drive of the tool, the start, and the end."""
 
     drive: Drive
-    start: Start
-    ending: Ending
+    start_s: float  # the motion before it is left out
+    X_BO: Array  # (4, 4) the object, at rest at the start
+    tool: Array  # (6,) the carriage at the start: forward, up, pitch and their rates
+    still: Callable[[Moment], bool]
+    """Whether the object is still and nothing can move it any more; after `REST_S` it counts as at rest."""
+    decided: Callable[[Moment], bool]
+    """Whether nothing later can change the outcome."""
+    latest_s: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,16 +102,15 @@ def read(physics: Physics, course: Course) -> Readings:
 
     A solver that does not converge is noted in the readings, never raised.
     """
-    start_s, ending = course.start.t_s, course.ending
-    now = physics.now(start_s)
-    t_s, X_BO, X_BT = [start_s], [now.X_BO], [now.X_BT]
+    now = physics.now(course.start_s)
+    t_s, X_BO, X_BT = [course.start_s], [now.X_BO], [now.X_BT]
     failure, still = None, 0
     try:
-        while t_s[-1] < ending.latest_s:
-            still = still + 1 if ending.still(now) else 0
-            if still == _STILL_READINGS or ending.decided(now):
+        while t_s[-1] < course.latest_s:
+            still = still + 1 if course.still(now) else 0
+            if still == _STILL_READINGS or course.decided(now):
                 break
-            t = min(start_s + len(t_s) * READ_EVERY_S, ending.latest_s)
+            t = min(course.start_s + len(t_s) * READ_EVERY_S, course.latest_s)
             physics.advance_to(t)
             now = physics.now(t)
             t_s.append(t)
@@ -135,7 +118,7 @@ def read(physics: Physics, course: Course) -> Readings:
             X_BT.append(now.X_BT)
     except RuntimeError as error:
         failure = f"the solver failed after {t_s[-1]:.2f} s: {error}"
-    return Readings(np.array(t_s), tuple(X_BO), tuple(X_BT), failure is None and t_s[-1] < ending.latest_s, failure)
+    return Readings(np.array(t_s), tuple(X_BO), tuple(X_BT), failure is None and t_s[-1] < course.latest_s, failure)
 
 
 def object_in_tool_m(X_BT: RigidTransform, X_BO: RigidTransform) -> Array:
@@ -148,6 +131,6 @@ def reading_before_s(t_s: float) -> float:
     return max(0.0, math.floor(t_s / READ_EVERY_S) * READ_EVERY_S)
 
 
-def is_slow(v_m_s: Array, w_rad_s: Array) -> bool:
+def _is_slow(v_m_s: Array, w_rad_s: Array) -> bool:
     """Whether velocities (3,), (3,) are slow enough for an object at rest."""
     return bool(np.linalg.norm(v_m_s) < REST_M_S) and bool(np.linalg.norm(w_rad_s) < REST_RAD_S)

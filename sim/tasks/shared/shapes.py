@@ -1,12 +1,19 @@
-"""Triangle meshes for the camera, and the table that all tasks share."""
+"""Triangle meshes for the camera, the table that all tasks share, and solids to print."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
+from sim.errors import ExtraMissing
 from sim.types import Visual
+
+if TYPE_CHECKING:
+    import trimesh
+
 
 Shape = tuple[Array, NDArray[np.int32]]
 """Vertices (V, 3) in m and triangles (F, 3), counter-clockwise seen from outside."""
@@ -30,6 +37,13 @@ def box(size_m: Array, centre_m: Array, pitch_rad: float = 0.0) -> Shape:
     return turned + centre_m, triangles
 
 
+def obj_text(vertices_m: Array, triangles: NDArray[np.integer]) -> str:
+    """A mesh (V, 3), (F, 3) as a Wavefront OBJ."""
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in vertices_m]
+    lines += [f"f {a} {b} {c}" for a, b, c in triangles + 1]
+    return "\n".join(lines) + "\n"
+
+
 def turned_body(outline_m: Array, sides: int) -> Shape:
     """A body of revolution about Z from its `outline_m` (K, 2) of (radius, z), upwards, closed at both ends."""
     angle = 2.0 * np.pi * np.arange(sides) / sides
@@ -45,3 +59,41 @@ def turned_body(outline_m: Array, sides: int) -> Shape:
     bottom, top, last = len(rings) * sides, len(rings) * sides + 1, (len(rings) - 1) * sides
     caps = [np.stack([np.full(sides, bottom), j, i], axis=-1), np.stack([np.full(sides, top), last + i, last + j], -1)]
     return np.concatenate([*rings, ends]), np.concatenate([*walls, *caps]).astype(np.int32)
+
+
+SCREW_M = 0.0034
+"""Diameter of a through hole for M3."""
+
+
+def library() -> Any:
+    """The module trimesh. Raises ExtraMissing without it or manifold3d."""
+    try:
+        import manifold3d  # noqa: F401, PLC0415 - an extra; trimesh joins and cuts with it
+        import trimesh  # noqa: PLC0415
+    except ImportError as error:
+        raise ExtraMissing("parts need trimesh and manifold3d: pip install 'adaptsim[parts]'") from error
+    return trimesh
+
+
+def solid_box(size_m: tuple[float, ...], centre_m: tuple[float, float, float]) -> trimesh.Trimesh:
+    """A box along the axes, to print."""
+    X = np.eye(4)
+    X[:3, 3] = centre_m
+    return library().creation.box(extents=size_m, transform=X)
+
+
+def hole(centre_m: tuple[float, float, float], length_m: float) -> trimesh.Trimesh:
+    """A cylinder along Z, for a screw of M3, to cut."""
+    X = np.eye(4)
+    X[:3, 3] = centre_m
+    return library().creation.cylinder(radius=SCREW_M / 2, height=2 * length_m, sections=32, transform=X)
+
+
+def joined(*solids: trimesh.Trimesh) -> trimesh.Trimesh:
+    """All of them as one solid."""
+    return library().boolean.union(solids, engine="manifold")
+
+
+def cut(solid: trimesh.Trimesh, *others: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The solid without the others."""
+    return library().boolean.difference([solid, *others], engine="manifold")

@@ -38,7 +38,7 @@ LEFT = [corner for corner in CORNERS if corner[1] == 1.0]
 def trials(task: Task, unit: list[tuple[float, ...]]) -> list[tuple[Array, Array]]:
     """(context, action) over the area that the task works in: where the food lies, or how the bottle is pushed."""
     if task.name == "scooping":
-        middle = task.action.denormalise(np.full(len(task.action), 0.5))
+        middle = task.action.middle
         return [(task.context.denormalise(np.array(u)), middle) for u in unit]
     return [(task.reference_context, task.action.denormalise(np.array(u))) for u in unit]
 

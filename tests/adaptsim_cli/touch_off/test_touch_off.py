@@ -30,9 +30,8 @@ from hw.errors import StoppedByPedal
 from hw.types import Array
 from sim.errors import UnknownName
 from sim.lab.world import Faults, Mount
-from sim.panda.correction import ToolCorrection
-from sim.panda.feelers import touchable
 from sim.panda.model import inverse
+from sim.panda.tool import ToolCorrection, touchable
 from sim.panda.touching import Probe, table_probes, tool_probes
 from sim.tasks import get_task
 from sim.tasks.scooping import HARDWARE

@@ -22,7 +22,7 @@ from hw.franka.settings import FrankaSettings
 from hw.kinematics import forward
 from hw.serial.enable_pedal import EnablePedal
 from hw.wrist import FINGERTIP_M
-from sim.panda.feelers import FINGERTIPS, empty_hand
+from sim.panda.tool import FINGERTIPS, empty_hand
 from sim.panda.touching import HeldTool, Stage, descent
 
 pytestmark = pytest.mark.hardware

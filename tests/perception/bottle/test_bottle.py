@@ -11,8 +11,9 @@ from bottle_scenes import AREA, BODY, HAND, MARK, Stage, bottle, leaning, stage
 from table_scenes import at, box
 
 from hw.types import Array
-from perception.bottle import BottleDetection, find_bottle, overlay
+from perception.bottle import BottleDetection, find_bottle
 from perception.errors import ObjectNotFound, TableNotFound
+from perception.overlay import overlay_bottle
 
 
 @lru_cache
@@ -80,7 +81,7 @@ def test_overlay_shows_mark_goal_and_bottle_on_a_copy() -> None:
     frame = s.photo(bottle=up(0.56, 0.0))
     before = frame.colour.copy()
     found = find_bottle(frame, s.model, s.X_BC, BODY, AREA, MARK)
-    image = overlay(frame, s.model, s.X_BC, found, BODY, MARK, np.array([0.9, 0.05]))
+    image = overlay_bottle(frame, s.model, s.X_BC, found, BODY, MARK, np.array([0.9, 0.05]))
     assert np.array_equal(frame.colour, before)
     assert image.shape == before.shape and image.dtype == np.uint8
     for rgb in ((30, 220, 60), (70, 130, 255), (255, 60, 60)):

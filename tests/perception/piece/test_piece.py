@@ -8,7 +8,8 @@ import pytest
 from table_scenes import AREA, at, box, close_up, food, studio
 
 from perception.errors import ObjectNotFound
-from perception.piece import find_piece, overlay
+from perception.overlay import overlay_piece
+from perception.piece import find_piece
 from perception.piece.detection import chromaticity, matte, without_halo
 from sim.lab.kinect import kinect_model
 from sim.types import Visual
@@ -85,13 +86,13 @@ def test_overlay_draws_on_a_copy() -> None:
     frame = scene.still(at(0.68, 0.0, 0.01))
     before = frame.colour.copy()
     found = find_piece(frame, scene.model, scene.X_BC, AREA)
-    image = overlay(frame, scene.model, scene.X_BC, found, AREA, np.array([0.70, 0.02]))
+    image = overlay_piece(frame, scene.model, scene.X_BC, found, AREA, np.array([0.70, 0.02]))
     assert image.dtype == np.uint8 and image.shape == frame.colour.shape
     assert np.array_equal(frame.colour, before)
     green = (image == (30, 220, 60)).all(axis=-1)
     u, v = found.contour_px.mean(axis=0)
     assert green[int(v) - 15 : int(v) + 15, int(u) - 15 : int(u) + 15].sum() > 20
-    nothing = overlay(frame, close_up(), scene.X_BC, None, AREA)
+    nothing = overlay_piece(frame, close_up(), scene.X_BC, None, AREA)
     assert (nothing != before).any() and not (nothing == (30, 220, 60)).all(axis=-1).any()
 
 

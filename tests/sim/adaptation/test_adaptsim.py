@@ -152,7 +152,7 @@ def test_an_outlook_says_how_much_is_left_and_less_so_with_every_trial():
 def test_a_session_is_hopeless_after_twelve_failures_in_a_row_and_not_before():
     """The twelve are the latest ones: a success among them ends the count."""
     for_e, seen = policy_for(simulators().solver, TARGET[None]), np.full(TOY.observation.size, 0.5)
-    action = ACTION.denormalise(np.full(len(ACTION), 0.5))
+    action = ACTION.middle
     failed = Trial(CONTEXTS[0], action, seen, 0.0, None)
 
     def after(*tried: Trial) -> bool:

@@ -46,7 +46,7 @@ def test_a_trajectory_tells_which_parameters_predict_it() -> None:
     checkpoint = load_checkpoint(TASK)
     belief = create(TASK, checkpoint)
     truth = TASK.parameters.denormalise(np.full(len(TASK.parameters), 0.8))
-    middle = TASK.parameters.denormalise(np.full(len(TASK.parameters), 0.5))
+    middle = TASK.parameters.middle
     context, nuisance = TASK.reference_context, np.zeros(len(TASK.nuisance))
     action = policy_for(checkpoint.solver, middle[None])(context)
     track = TASK.simulate(truth, context, action, nuisance)

@@ -11,9 +11,10 @@ import pytest
 
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Intrinsics
-from sim.lab.kinect import Renderer, SensorNoise, default_X_BC, kinect_model
+from sim.lab.kinect import default_X_BC, kinect_model
 from sim.render.rays import STILL, held_still, pixel_rays, within_exposure
-from sim.render.sensor import sense_colour
+from sim.render.renderer import Renderer
+from sim.render.sensor import SensorNoise, sense_colour
 from sim.types import Visual
 
 RNG = np.random.default_rng

@@ -24,7 +24,8 @@ from pydrake.math import RigidTransform
 from pydrake.systems.sensors import CameraInfo
 
 from hw.types import Array, CameraModel, Intrinsics
-from sim.lab.kinect import Renderer, default_X_BC
+from sim.lab.kinect import default_X_BC
+from sim.render.renderer import Renderer
 from sim.types import Visual
 
 WIDTH, HEIGHT = 320, 240

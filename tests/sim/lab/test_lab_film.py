@@ -12,9 +12,8 @@ from slider import HOME_RAD, TASK
 
 from hw.joint_limits import LIMITS
 from hw.types import Array
-from sim.lab.cell import Cell
+from sim.lab.cell import Cell, PlantMotion
 from sim.lab.film import SLICES, Filming
-from sim.lab.motion import PlantMotion
 from sim.lab.rng_streams import RngStreams
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing

@@ -15,7 +15,7 @@ ACTION = TASK.action.denormalise(np.full(len(TASK.action), 0.4))
 
 
 def test_the_world_gives_everything_but_context_and_action() -> None:
-    asked = TASK.parameters.denormalise(np.full(len(TASK.parameters), 0.5))
+    asked = TASK.parameters.middle
     found = rollouts_in(WORLD)(asked, TASK.reference_context, ACTION, WORLD.nuisance)
     there = TASK.simulate(WORLD.parameters, TASK.reference_context, ACTION, WORLD.nuisance, WORLD.unmodelled)
     elsewhere = TASK.simulate(asked, TASK.reference_context, ACTION, WORLD.nuisance)

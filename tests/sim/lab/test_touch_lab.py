@@ -15,12 +15,10 @@ from hw.joint_limits import LIMITS
 from hw.kinematics import forward
 from hw.types import Array
 from sim.errors import NotExecutable, UnknownName
-from sim.lab import mounting
 from sim.lab.touch import TouchLab
 from sim.lab.world import Faults, Mount, World, load_world
-from sim.panda.feelers import FINGERTIPS, empty_hand
 from sim.panda.moves import move_path
-from sim.panda.tool import cell_as_shipped
+from sim.panda.tool import FINGERTIPS, cell_as_shipped, empty_hand
 from sim.panda.touching import HeldTool, Probe, Stage, descent, stance
 from sim.tasks import get_task
 
@@ -61,7 +59,7 @@ def test_a_slow_touch_finds_the_true_table() -> None:
         assert there.arm.state().t_s == pytest.approx(2.0 * contact.t_s)
     touch = began(contact, GUARD)
     assert touch is not None
-    true_m = float(mounting.true_table(MOUNT).height_at(XY_M))
+    true_m = float(MOUNT.true.table.height_at(XY_M))
     assert height_m(touch.q_rad) == pytest.approx(true_m, abs=3e-4)  # three times the arm's repeatability
     assert 3.0 < contact.force_N < 9.0
 

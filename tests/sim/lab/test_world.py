@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from slider import TASK
 
+from hw.collision import Table
 from sim.errors import UnknownName, WorldError
-from sim.lab.world import Faults, Sensing, list_worlds, load_world
+from sim.lab.world import Faults, Mount, Sensing, list_worlds, load_world
+from sim.panda.tool import ToolCorrection
+from sim.tasks import get_task
 
 PARAMS = "[params]\nmu = 0.3\ne = 1e5\nkind = 1\nh = 2.0\ny = 0.0\n"
 
@@ -112,3 +115,22 @@ def test_a_missing_file_and_an_unknown_name(tmp_path: Path) -> None:
     with pytest.raises(UnknownName, match="no world 'nowhere' for slider; there are none"):
         load_world("nowhere", TASK)
     assert list_worlds(TASK) == ()
+
+
+def test_shipped_worlds_have_a_nominal_mount_which_is_exactly_none() -> None:
+    scooping = get_task("scooping")
+    X_FT = scooping.require_hardware().X_FT
+    assert all(load_world(name, scooping).mount == Mount() for name in list_worlds(scooping))
+    np.testing.assert_array_equal(Mount().true.X_WB, np.eye(4))
+    np.testing.assert_array_equal(Mount().true.X_FT(X_FT), X_FT)
+
+
+def test_a_world_file_says_how_table_and_tool_are_off(tmp_path: Path) -> None:
+    head = f'task = "slider"\n{PARAMS}[mount]\n'
+    lines = "table_height_mm = -6.0\ntable_tilt_mrad = [3.0, -2.0]\ntool_height_mm = 2.0\ntool_roll_mrad = 8.0\n"
+    mount = load(tmp_path, head + lines).mount
+    assert mount == Mount(-6.0, (3.0, -2.0), 2.0, 8.0)
+    assert mount.true == ToolCorrection(Table(-6e-3, 3e-3, -2e-3), 2e-3, roll_rad=8e-3)
+    for line, match in (("table_height_mm = 80.0", "table_height_mm"), ("tool_hight_mm = 1.0", "tool_height_mm")):
+        with pytest.raises(WorldError, match=match):
+            load(tmp_path, f"{head}{line}\n")

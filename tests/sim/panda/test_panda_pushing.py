@@ -12,7 +12,8 @@ from sim.panda.planning import home, trial_paths
 from sim.panda.redundancy import ALLOWED
 from sim.panda.tool import cell_as_shipped, tool_of
 from sim.tasks.pushing import HARDWARE
-from sim.tasks.pushing.params import ACTION, BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, REFERENCE_CONTEXT, START_M, X_FT
+from sim.tasks.pushing.mount import X_FT
+from sim.tasks.pushing.params import ACTION, BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, REFERENCE_CONTEXT, START_M
 from sim.tasks.pushing.plan import plan
 
 TOOL = tool_of(HARDWARE)

@@ -11,8 +11,7 @@ from hw.types import Array
 from sim.lab.kinect import kinect_model
 from sim.panda.shapes import visuals
 from sim.render.bodies import Body
-from sim.render.outlines import outline
-from sim.render.rays import field_of_view, pixel_rays
+from sim.render.rays import field_of_view, outline, pixel_rays
 
 
 @pytest.mark.parametrize("which", ["colour", "depth"])

@@ -151,7 +151,7 @@ def test_a_piece_is_weighed_in_the_middle_of_its_ranges():
     own = with_ranges(
         get_task("scooping"), OwnObject("scooping", "cheese", {}, {}, 0.009, {"semi_axis_scale": (1.2, 1.0)})
     )
-    parameters, nuisance = (space.denormalise(np.full(len(space), 0.5)) for space in (own.parameters, own.nuisance))
+    parameters, nuisance = (space.middle for space in (own.parameters, own.nuisance))
     effect, usual_kg = own.hardware.weighing
     assert getattr(own.scene, effect) * usual_kg(parameters, nuisance, own.scene) == pytest.approx(0.009)
 

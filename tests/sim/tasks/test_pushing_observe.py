@@ -6,9 +6,9 @@ import pytest
 from sim.errors import OutOfRange
 from sim.lab.world import list_worlds, load_world
 from sim.tasks.pushing import TASK
-from sim.tasks.pushing.observe import reward_of_success
 from sim.tasks.pushing.params import ACTION_NOISE, NUISANCE, Unmodelled, goal_m
-from sim.tasks.pushing.rest import sink_m
+from sim.tasks.pushing.rollout import reward_of_success
+from sim.tasks.pushing.scene import sink_m
 
 
 def test_a_bottle_at_the_goal_earns_1_and_20_cm_from_it_nothing():

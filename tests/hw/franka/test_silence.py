@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 
 import pytest
-from silence import ASLEEP_S, FAULTS, NOISE_S, Happened, Noise, first, quietest
+from silence import ASLEEP_S, FAULTS, NOISE_S, Happened, Noise, quietest
 
 from hw.braking import STOP_S
 from hw.watchdog import SILENCE_S, WORD_EVERY_S
@@ -19,7 +18,7 @@ LAG_S = 0.05
 
 @pytest.fixture(scope="module")
 def noise() -> Iterator[Noise]:
-    with first(os.getpid()), Noise() as made:
+    with Noise() as made:
         yield made
 
 

@@ -60,13 +60,12 @@ from adaptsim_cli.session import running as session_running
 from adaptsim_cli.storage import durable
 from hw.braking import STOP_S
 from hw.errors import ArmFault, CameraError, HardwareError, StoppedByPedal
-from hw.fake import FakeHand
 from hw.franka import player
 from hw.franka.arm import FrankaArm
-from hw.franka.connection import Connection
-from hw.franka.drives import DRIVES
+from hw.franka.connection import DRIVES, Connection
 from hw.franka.messages import PlayOutcome
 from hw.franka.settings import FrankaSettings
+from hw.grasping import FakeHand
 from hw.ports import Pedal
 from hw.serial.pedal_protocol import PedalState, line_for
 from hw.types import Array, JointPath

@@ -5,8 +5,9 @@ Devices are context managers: constructing one touches nothing, entering connect
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Protocol, Self
+from typing import Generic, Protocol, Self, TypeVar
 
 from hw.types import ArmState, Array, CameraModel, Contact, Execution, Frame, Guard, HandState, JointPath
 
@@ -140,4 +141,39 @@ class Balance(Protocol):
 
     def mass_kg(self) -> float:
         """The mass on the pan, at rest. Raises BalanceError."""
+        ...
+
+
+Inner = TypeVar("Inner", bound=Arm)
+
+
+class AroundArm(ABC, Generic[Inner]):
+    """`hw.ports.Arm`: the inner arm connects, reports and recovers; the subclass decides how it moves."""
+
+    def __init__(self, arm: Inner) -> None:
+        self._arm = arm
+
+    @property
+    def model(self) -> str:
+        """See `hw.ports.Arm`."""
+        return self._arm.model
+
+    def __enter__(self) -> Self:
+        self._arm.__enter__()
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._arm.__exit__(*exc)
+
+    def state(self) -> ArmState:
+        """See `hw.ports.Arm`."""
+        return self._arm.state()
+
+    def recover(self) -> None:
+        """See `hw.ports.Arm`."""
+        self._arm.recover()
+
+    @abstractmethod
+    def execute(self, path: JointPath) -> Execution:
+        """See `hw.ports.Arm`."""
         ...

@@ -26,7 +26,7 @@ def doctor(
     Example: adaptsim doctor --hw fr3
     """
     from adaptsim_cli.doctor import assessment as risks
-    from adaptsim_cli.doctor import examination
+    from adaptsim_cli.doctor import checks, table
     from adaptsim_cli.screen import console
     from adaptsim_cli.wiring import settings
 
@@ -35,7 +35,7 @@ def doctor(
         risks.write(resolved, assessment, screen)
         return
     with screen.busy(f"Looking at everything that hw = {resolved.config.hw} needs"):
-        found = tuple(examination.examine(resolved))
-    examination.show(found, resolved.config, screen)
-    screen.data("doctor", examination.as_json(found, resolved.config))
-    examination.require(found)
+        found = tuple(checks.examine(resolved))
+    table.show(found, resolved.config, screen)
+    screen.data("doctor", table.as_json(found, resolved.config))
+    table.require(found)

@@ -28,7 +28,7 @@ def setup(
     """
     from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.setup import walk
-    from adaptsim_cli.setup.beginning import begun
+    from adaptsim_cli.setup.answers import begun
     from adaptsim_cli.wiring import settings
 
     resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw, "operator": operator})

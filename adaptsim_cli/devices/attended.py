@@ -15,8 +15,8 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.screen.views import Readiness, clear_to_move
 from adaptsim_cli.session.records import RigFacts
+from hw.braking import slowed
 from hw.errors import ArmFault, BalanceError, DeviceUnavailable, HandError
-from hw.pacing import slowed
 from hw.ports import Arm, Balance, Camera, Hand
 from hw.types import Array, Placing
 

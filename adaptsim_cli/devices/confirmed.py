@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Literal, Self
 
 from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.devices.lab import RealArm
-from hw.around import AroundArm
 from hw.collision import Tool
 from hw.errors import MotionRefused
-from hw.ports import Hand, Pedal
+from hw.ports import AroundArm, Hand, Pedal
 from hw.types import Contact, Execution, Guard, HandState, JointPath
 
 if TYPE_CHECKING:

@@ -60,8 +60,7 @@ def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | 
         )
     from adaptsim_cli.devices.lab import makers_drivers
     from adaptsim_cli.devices.real import RealLab
-    from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
-    from adaptsim_cli.devices.rig_file.required import gaps, in_words
+    from adaptsim_cli.devices.rig_file.reading import gaps, in_words, rig_of, tasks_with_tools
 
     rig = rig_of(config, tasks_with_tools())
     if found := gaps(rig, task.name):

@@ -10,9 +10,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
-from hw.around import AroundArm
-from hw.pacing import FULL, slowed
-from hw.ports import Arm, GuardedArm
+from hw.braking import FULL, slowed
+from hw.ports import Arm, AroundArm, GuardedArm
 from hw.types import Contact, Execution, Guard, JointPath
 
 Inner = TypeVar("Inner", bound=Arm)

@@ -16,8 +16,7 @@ from adaptsim_cli.devices.lab import BoardDevices, Drivers, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.pacing import PacedArm, PacedGuardedArm
 from adaptsim_cli.devices.rig_file.description import RigDescription
-from adaptsim_cli.devices.rig_file.reading import BOARD
-from adaptsim_cli.devices.rig_file.required import gaps, in_words
+from adaptsim_cli.devices.rig_file.reading import BOARD, gaps, in_words
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.target import Rig

@@ -12,8 +12,8 @@ from adaptsim_cli.devices.pacing import PacedArm, PacedGuardedArm
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
+from hw.braking import FULL
 from hw.collision import KeepOut, Tool
-from hw.pacing import FULL
 from hw.ports import Arm
 from hw.types import Array
 from hw.workcell import Workcell

@@ -7,6 +7,7 @@ import platform
 import re
 import shutil
 import time
+from collections.abc import Collection, Iterator
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -15,10 +16,11 @@ from statistics import median
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
+from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.known_arm import KnownArm, folder_of
-from adaptsim_cli.devices.rig_file.inventory import serial_ports
-from adaptsim_cli.devices.rig_file.required import gaps, waiving
+from adaptsim_cli.devices.rig_file.reading import gaps, waiving
 from adaptsim_cli.doctor import readings
+from adaptsim_cli.doctor.readings import serial_ports
 from adaptsim_cli.doctor.table import (
     Check,
     Examined,
@@ -353,3 +355,14 @@ def _motion(lab: Examined) -> Finding:
     made = planned(mounted_for(lab.resolved, None), (), ())
     used = 100 * max(report.worst.ratio for report in made.reports)
     return ok(f"{lab.config.task} can be done with this tool and these boxes, {used:.0f} % of the tightest limit")
+
+
+def examine(resolved: Resolved, names: Collection[str] = tuple(CHECKS)) -> Iterator[Finding]:
+    """Check everything that an iteration with these settings needs, or only the named checks.
+
+    A missing part is a finding, never an error.
+    """
+    lab = Examined(resolved)
+    for name in names:
+        lab.found[name] = CHECKS[name](lab)
+        yield lab.found[name]

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from hw.camera.probe import ProbeReport
-    from hw.franka.inspection import Inspection
+    from hw.franka.process import Inspection
     from hw.franka.settings import FrankaSettings
+from collections.abc import Sequence
 
 _BLOCK, _BLOCKS = bytes(1 << 20), 16
 _SMALL = bytes(4096)
@@ -170,7 +171,7 @@ def kernel() -> tuple[str, bool]:
 
 def arm(model: str, settings: FrankaSettings) -> Inspection:
     """The arm over FCI, without a motion. Raises DeviceUnavailable."""
-    from hw.franka.inspection import inspect
+    from hw.franka.process import inspect
 
     return inspect(model, settings, realtime=kernel()[1])
 
@@ -180,3 +181,22 @@ def cameras(kind: str) -> ProbeReport:
     from hw.camera.probe import probe_k4a, probe_realsense
 
     return (probe_realsense if kind == "realsense" else probe_k4a)(patience_s=LOOK_S)
+
+
+BOARDS = ("arduino", "teensy", "adafruit", "sparkfun", "ch340", "1a86")
+"""In the names of microcontroller boards."""
+BALANCES = ("sartorius", "mettler", "ftdi", "prolific")
+"""In the names of balances and their cables."""
+
+
+def serial_ports(dev: Path) -> tuple[str, ...]:
+    """Serial ports of USB devices in `dev`: by their lasting name, else by the system's number."""
+    named = sorted((dev / "serial/by-id").glob("*"))
+    numbered = [port for kind in ("ttyACM*", "ttyUSB*") for port in sorted(dev.glob(kind))]
+    known = {link.resolve() for link in named}
+    return tuple(map(str, [*named, *(port for port in numbered if port.resolve() not in known)]))
+
+
+def like(ports: Sequence[str], words: Sequence[str]) -> str:
+    """The first port with one of the `words` in its name; empty if there is none."""
+    return next((port for port in ports if any(word in port.lower() for word in words)), "")

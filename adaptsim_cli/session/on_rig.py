@@ -32,9 +32,9 @@ from adaptsim_cli.session.target import (
     TrackRequest,
     silently,
 )
+from hw.braking import FULL, slowed
 from hw.errors import ArmFault, HardwareError, Rehearsed
 from hw.kinematics import FLANGE, link_poses
-from hw.pacing import FULL, slowed
 from hw.poses import inverse
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound

@@ -12,13 +12,12 @@ import numpy as np
 
 from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.devices.opening import check_stop_button
-from adaptsim_cli.devices.rig_file.inventory import BALANCES, BOARDS, like, serial_ports
-from adaptsim_cli.devices.rig_file.reached import reached
-from adaptsim_cli.devices.rig_file.reading import BOARD
+from adaptsim_cli.devices.rig_file.reading import BOARD, tasks_with_tools
 from adaptsim_cli.doctor import readings
+from adaptsim_cli.doctor.readings import BALANCES, BOARDS, like, serial_ports
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.setup.answers import NOTHING, Answers, numbers, shown
-from hw.collision import Side
+from hw.collision import KeepOut, Side
 from hw.mass import Mass
 from hw.serial.balance import PROTOCOLS
 
@@ -215,3 +214,19 @@ def _payload(answers: Answers, name: str, what: str, mass_F: Mass) -> None:
         " ".join(f"{value:.3f}" for value in com_m),
         lambda text: put({"mass_kg": mass_kg, "com_F_m": numbers(text, 3)}),
     )
+
+
+def reached(box: KeepOut) -> tuple[str, ...]:
+    """For each task whose tool enters the box, in its middle action at the reference place: its name and where."""
+    from sim.tasks import get_task
+
+    said: list[str] = []
+    for name in tasks_with_tools():
+        task = get_task(name)
+        middle = task.action.middle
+        p_m = task.require_hardware().plan(task.reference_context, middle).X_BT[:, :3, 3]
+        inside = p_m[((p_m >= box.low_m) & (p_m <= box.high_m)).all(axis=1)]
+        if len(inside):
+            (x0, y0, _), (x1, y1, _) = inside.min(axis=0), inside.max(axis=0)
+            said.append(f"{name} works there, over x {x0:.2f} to {x1:.2f} m, y {y0:+.2f} to {y1:+.2f} m")
+    return tuple(said)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from rich.text import Text
 
-from adaptsim_cli.doctor import examination
+from adaptsim_cli.doctor import checks, table
 from adaptsim_cli.doctor.table import Severity
 from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
 from adaptsim_cli.screen import views
@@ -130,10 +130,10 @@ def _missing(answers: Answers, step: Step) -> list[str]:
         answers.screen.show(f"  Simulated. A real lab {step.practised}.")
         return []
     with answers.screen.busy("Checking"):
-        found = tuple(examination.examine(answers.resolved, step.checks))
+        found = tuple(checks.examine(answers.resolved, step.checks))
     made = [finding for finding in found if finding.verdict is not Severity.SKIPPED]
-    examination.show_table(made, answers.screen, grouped=False)
-    return examination.missing_in(found)
+    table.show_table(made, answers.screen, grouped=False)
+    return table.missing_in(found)
 
 
 def _only_told(answers: Answers, step: Step) -> bool:

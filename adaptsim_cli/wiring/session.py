@@ -32,8 +32,8 @@ from adaptsim_cli.wiring.earlier import recordings_of, started_from
 from adaptsim_cli.wiring.rig_frames import ground_of, hash_of, own_ground
 from adaptsim_cli.wiring.touch_off import origin
 from calib.types import HandEye
+from hw.braking import FULL
 from hw.errors import MotionRefused
-from hw.pacing import FULL
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Iteration, Method, Particle

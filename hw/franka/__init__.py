@@ -2,7 +2,7 @@
 
 `arm.open_franka` connects. From there: `arm.py` (the meaning of failures), `starting.py` (checks before a
 motion), `process.py` and `player.py` (the process that speaks to the arm), `playback.py` (a motion, cycle by cycle),
-`touching.py` (the forces of a guarded motion), `connection.py` with `drives.py` (the SDKs). The hand has
-its own processes: `hand_process.py` (the program's end), `hand_keeper.py` (the process that can stop it),
-`hand_worker.py` with `hand.py` (the process that moves it).
+`touching.py` (stops, and the forces of a guarded motion), `connection.py` (the SDKs). The hand has its own processes:
+`hand_process.py` (the program's end), `hand_keeper.py` (the process that can stop it), `hand.py` (the process that
+moves it).
 """

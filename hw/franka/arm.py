@@ -20,10 +20,8 @@ from hw.franka.messages import Timing
 from hw.franka.playback import TOUCH, PlayableMotion, Played, motion_of
 from hw.franka.process import Player, PlayerProcess
 from hw.franka.settings import FrankaSettings, Payload
-from hw.franka.starting import FADE_S, SLOW_FADE_S, PathCheck, back_from, from_held, until
-from hw.franka.stops import WHY, StopReport, stop_report
-from hw.franka.touching import contact_of, way_back
-from hw.franka.weighing import READINGS, require_declared
+from hw.franka.starting import FADE_S, READINGS, SLOW_FADE_S, PathCheck, back_from, from_held, require_declared, until
+from hw.franka.touching import WHY, StopReport, contact_of, stop_report, way_back
 from hw.ports import Pedal
 from hw.types import ArmState, Contact, Execution, Guard, JointPath, frozen_array
 from hw.watchdog import ALIVE, PEDAL, REQUESTED

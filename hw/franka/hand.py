@@ -1,14 +1,26 @@
-"""The Franka Hand behind `hw.ports.Hand`, through the SDK of either arm: both have the same interface to it."""
+"""The Franka Hand behind `hw.ports.Hand`, through the SDK of either arm: both have the same interface to it.
+
+`python -m hw.franka.hand`, started by `hw.franka.hand_keeper`, is a process with one connection to the hand. An SDK may
+hold Python's global lock until the fingers stand still, which can take minutes. Nothing else runs in this process, and
+the system ends it with its keeper.
+"""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
+from multiprocessing.connection import Connection
 from typing import Any, Self
 
+from hw.child import Call
 from hw.errors import DeviceUnavailable, HandError
+from hw.franka.versions import PACKAGES, load
 from hw.grasping import TOLERANCE_M, narrower_m
 from hw.types import HandState
+from hw.watchdog import die_with_parent
 
 SPEED_M_S = 0.03
 """Speed of the fingers: slow enough to pull a hand away."""
@@ -140,3 +152,35 @@ class FrankaHand:
         if self._gripper is None:
             raise DeviceUnavailable("the hand is not connected: use it inside a `with` block")
         return self._gripper
+
+
+def serve(keeper: Connection) -> None:
+    """Answer calls, each with the hand's state or its error, until the keeper hangs up."""
+    hand: FrankaHand | None = None
+    with suppress(EOFError, OSError):
+        while True:
+            call: Call = keeper.recv()
+            answer: Answer
+            try:
+                if call.method == OPEN:
+                    model, host = call.arguments
+                    hand = FrankaHand(host, partial(load, PACKAGES[model]))
+                    hand.__enter__()
+                assert hand is not None, "it is opened first"
+                if call.method not in (OPEN, STATE):
+                    getattr(hand, call.method)(*call.arguments)
+                answer = hand.state()
+            except (HandError, DeviceUnavailable) as error:
+                answer = error
+            keeper.send(answer)
+
+
+def main(connection_fd: str, _pipe_fd: str, parent: str) -> None:
+    """Serve one keeper; the arguments are file descriptors and the keeper's process."""
+    die_with_parent(int(parent))
+    with Connection(int(connection_fd)) as keeper:
+        serve(keeper)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -122,7 +122,7 @@ def opened(call: Call, listener: Watchdog) -> tuple[Keeper | None, Answer]:
 
 def _connected(call: Call, within_s: float) -> tuple[Child | None, Answer]:
     """A worker with a connection of its own, and the hand's state; no worker if there is no connection."""
-    worker = Child("hw.franka.hand_worker", str(os.getpid()))
+    worker = Child("hw.franka.hand", str(os.getpid()))
     try:
         worker.send(call)
         if worker.answers(within_s):

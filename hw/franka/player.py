@@ -21,8 +21,8 @@ from hw.child import Call
 from hw.contact import Detector
 from hw.errors import DeviceUnavailable
 from hw.franka import connection, realtime, versions
+from hw.franka.connection import DRIVES
 from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Failure
-from hw.franka.drives import DRIVES
 from hw.franka.messages import PlayOutcome, Rhythm, Timing
 from hw.franka.playback import START_S, STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback
 from hw.franka.settings import FrankaSettings

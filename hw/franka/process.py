@@ -1,12 +1,14 @@
-"""The program's end of the player process (`hw.franka.player`)."""
+"""The program's end of the player process (`hw.franka.player`), and the doctor's look through it at an arm at rest."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 from hw.child import Call, Child, ChildGone
+from hw.errors import DeviceUnavailable
 from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
 from hw.franka.messages import PlayOutcome, Rhythm, Timing
 from hw.franka.playback import HOLD_S, PlayableMotion
@@ -157,3 +159,33 @@ def _known(answer: Any, kind: type[_T]) -> _T:
     if not isinstance(answer, kind):
         raise Failure(UNAVAILABLE, f"the player answered {type(answer).__name__} instead of {kind.__name__}")
     return answer
+
+
+STATES = 1000
+"""States to take: one second of them."""
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """The findings about a connected arm."""
+
+    reading: Reading
+    rhythm: Rhythm
+    notes: tuple[str, ...]  # real-time properties that the computer denies the player
+
+
+def inspect(model: str, settings: FrankaSettings, *, realtime: bool, states: int = STATES) -> Inspection:
+    """Connect, read mode and joints, and take `states` states at 1 kHz. Nothing moves, and no setting changes.
+
+    `realtime` as far as the kernel permits it. Raises DeviceUnavailable.
+    """
+    try:
+        player = PlayerProcess(model, settings, Timing(realtime=realtime))
+    except Failure as failure:
+        raise DeviceUnavailable(failure.text) from failure
+    try:
+        return Inspection(player.reading(), player.listen(states), player.notes)
+    except Failure as failure:
+        raise DeviceUnavailable(failure.text) from failure
+    finally:
+        player.close()

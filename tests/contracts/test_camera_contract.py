@@ -1,4 +1,4 @@
-"""What every camera does: fake, recorded, the lab's two, the Kinect's driver over a stand-in, and a real Kinect."""
+"""What every camera does: recorded, the lab's two, the Kinect's driver over a stand-in, and a real Kinect."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from hw.ports import Camera
 from hw.types import CameraModel, Frame
 
 SCENES: dict[str, Callable[[], Scene]] = {
-    "fake": cameras.fake,
     "recorded": cameras.recorded,
     "lab": cameras.lab,
     "board-lab": cameras.board_lab,
@@ -23,7 +22,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
 }
 REAL = pytest.param(cameras.real_kinect, id="real", marks=pytest.mark.hardware)
 LIVE = ("lab", "board-lab", "kinect", "realsense")
-SPOILT = ("fake", "lab", "kinect", "realsense")
+SPOILT = ("lab", "kinect", "realsense")
 ROUNDING_S = 1e-5
 
 

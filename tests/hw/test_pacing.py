@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cells import cell, stick
 
-from hw.pacing import slowed
+from hw.braking import slowed
 from hw.types import ContactWindow, JointPath
 
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])

@@ -17,8 +17,6 @@ from hw.camera.k4a import Device, LiveCamera
 from hw.camera.k4a_device import ColourSettings
 from hw.camera.process import open_camera
 from hw.camera.replay import RecordedCamera, Take
-from hw.errors import CameraError
-from hw.fake import FakeCamera
 from hw.joint_limits import LIMITS
 from hw.ports import Camera
 from hw.types import CameraModel, Frame, Intrinsics
@@ -62,18 +60,6 @@ def _blank(t_s: float) -> Frame:
 
 def _film(start_s: float) -> tuple[Frame, ...]:
     return tuple(_blank(start_s + i / RATE_HZ) for i in range(6))
-
-
-def fake() -> Scene:
-    spoilt: list[bool] = []
-
-    def recording(number: int) -> tuple[Frame, ...]:
-        if spoilt:
-            spoilt.clear()
-            raise CameraError("no frame within 1 s")
-        return _film(10.0 * number)
-
-    return Scene(FakeCamera(MODEL, _blank(1.0), recording), spoil=lambda: spoilt.append(True))
 
 
 def recorded() -> Scene:

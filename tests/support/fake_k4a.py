@@ -23,7 +23,7 @@ from hw.camera import k4a_types as k4a
 from hw.camera.k4a import LiveCamera
 from hw.camera.k4a_device import ColourSettings, K4aDevice
 from hw.camera.k4a_library import PROTOTYPES
-from hw.fake.clock import FakeClock
+from hw.fake import FakeClock
 
 BOOT_S = 40.0  # host time at which the device's clock began
 DELAY_S = 0.030  # from the middle of an exposure to its arrival, at least

@@ -22,10 +22,10 @@ from typing import Any, Self
 
 from adaptsim_cli import app
 from adaptsim_cli.devices import lab, real
-from hw.around import AroundArm
 from hw.errors import CameraError
 from hw.franka.arm import FrankaArm, franka
 from hw.franka.messages import Timing
+from hw.ports import AroundArm
 from hw.serial import pedal_protocol
 from hw.types import CameraModel, Execution, Frame, JointPath
 from hw.workcell import Workcell

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from hw.fake import FakeHand
 from hw.franka.hand import FrankaHand, Sdk
 from hw.franka.versions import PACKAGES, load
+from hw.grasping import FakeHand
 from hw.ports import Hand
 
 HANDLE_M = 0.012

@@ -20,9 +20,11 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from calib.saved import SavedCalibration, UncertaintyRecord
 from calib.target_records import BoardRecord
+from hw.camera.replay import RecordedCamera, Take
 from hw.collision import Table
 from hw.errors import BalanceError, DeviceUnavailable
-from hw.fake import FakeArm, FakeCamera, FakeClock, FakeGuardedArm, FakeHand
+from hw.fake import FakeArm, FakeClock, FakeGuardedArm
+from hw.grasping import FakeHand
 from hw.types import CameraModel, Frame, Intrinsics
 from hw.workcell import Workcell
 from perception.board.types import Board
@@ -203,9 +205,9 @@ class ToyDevices:
         self._open("hand", model=model, host=host, pedal=pedal)
         return self.hand
 
-    def _camera(self, part: Any, infrared: bool) -> FakeCamera:
+    def _camera(self, part: Any, infrared: bool) -> RecordedCamera:
         self._open("camera", part=part, infrared=infrared)
-        return FakeCamera(MODEL, DARK, lambda _: (DARK,))
+        return RecordedCamera(MODEL, [Take(DARK, (DARK,))] * 9)
 
     def _pedal(self, port: str) -> ToyPedal:
         self._open("pedal", port=port)

@@ -1,4 +1,7 @@
-"""Reads a rig file. An error names file, key, value, unit and limit; for an unknown key it lists the known ones."""
+"""Reads a rig file, and names what it must state, or waive in a line that every trial records, before a real arm moves.
+
+An error names file, key, value, unit and limit; for an unknown key it lists the known ones.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ import dataclasses
 import json
 import typing
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -14,7 +18,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from adaptsim_cli.config import PRACTICE_FILE, Config
-from adaptsim_cli.devices.rig_file.description import RigDescription, as_shipped
+from adaptsim_cli.devices.rig_file.description import RigDescription, Waivable, as_shipped
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.storage.validation import plain, unknown
 from hw.bounded import Unreadable, read_table
@@ -175,3 +179,54 @@ def _dataclasses_in(annotation: Any) -> Iterator[type]:
         yield annotation
     for inner in get_args(annotation):
         yield from _dataclasses_in(inner)
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Something that is neither stated nor waived."""
+
+    what: Waivable
+    message: str  # what is missing
+    remedy: str
+
+
+def gaps(rig: RigDescription, tool: str) -> tuple[Gap, ...]:
+    """The gaps of a rig whose hand holds the tool `tool`, most important first."""
+    stated: tuple[tuple[Waivable, bool, str, str], ...] = (
+        (
+            "pedal",
+            rig.pedal is not None,
+            "it names no enabling pedal",
+            "write its port into [pedal] (docs/guide/enable-pedal.md)",
+        ),
+        (
+            "person",
+            rig.person is not None,
+            "it does not say where the operator stands, so the arm may move there",
+            "write [person] with side and from_m",
+        ),
+        (
+            "payload",
+            rig.tool(tool).payload is not None,
+            f"it gives no payload for the {tool} tool, so the arm takes its weight for a push",
+            f"write [tools.{tool}.payload] with mass_kg and com_F_m",
+        ),
+        (
+            "keep_out",
+            bool(rig.keep_out),
+            "it names no box that the arm must keep out of",
+            "write a [[keep_out]] for each obstacle: stand, lamp, screen",
+        ),
+    )
+    return tuple(Gap(what, says, remedy) for what, is_there, says, remedy in stated if not rig.covers(what, is_there))
+
+
+def in_words(found: tuple[Gap, ...]) -> str:
+    """The gaps in one sentence, with the line that waives them."""
+    return "; ".join(f"{gap.message}: {gap.remedy}" for gap in found) + waiving(found)
+
+
+def waiving(found: tuple[Gap, ...]) -> str:
+    """The line that waives the gaps, as the end of a sentence."""
+    names = ", ".join(f'"{gap.what}"' for gap in found)
+    return f". To go without: waived = [{names}], which every trial records"

@@ -23,8 +23,7 @@ from hw.collision import LEVEL
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock, FakeGuardedArm
 from hw.franka.arm import FrankaArm
-from hw.franka.connection import Connection
-from hw.franka.drives import DRIVES
+from hw.franka.connection import DRIVES, Connection
 from hw.franka.settings import FrankaSettings
 from hw.types import JointPath
 

@@ -18,8 +18,7 @@ from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.devices.known_arm import KnownArm, folder_of, setup_of
 from adaptsim_cli.devices.rig_file.description import as_shipped
-from adaptsim_cli.devices.rig_file.reading import read
-from adaptsim_cli.devices.rig_file.required import gaps
+from adaptsim_cli.devices.rig_file.reading import gaps, read
 from adaptsim_cli.doctor import checks
 from adaptsim_cli.doctor.checks import CHECKS
 from adaptsim_cli.doctor.table import Examined, Severity, ok

@@ -43,9 +43,8 @@ from adaptsim_cli.wiring import calibration as wiring_calibration
 from adaptsim_cli.wiring import session as wiring
 from adaptsim_cli.wiring.session import open_trials
 from calib.errors import CalibrationMissing
-from hw.around import AroundArm
 from hw.errors import HandError
-from hw.ports import Arm
+from hw.ports import Arm, AroundArm
 from hw.types import Execution, JointPath
 from perception.board.types import Board
 from perception.errors import PerceptionError

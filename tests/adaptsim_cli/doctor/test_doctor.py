@@ -1,4 +1,4 @@
-"""Every check of the doctor, over readings that are made up; and the checklist as it is examination."""
+"""Every check of the doctor, over readings that are made up; and the checklist as it is shown."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rich.console import Console
 from adaptsim_cli import app, config
 from adaptsim_cli.devices.rig_file.description import BalancePart, CameraPart, PedalPart, RigDescription
 from adaptsim_cli.devices.rig_file.reading import read
-from adaptsim_cli.doctor import checks, examination, readings
+from adaptsim_cli.doctor import checks, readings, table
 from adaptsim_cli.doctor.checks import CHECKS
 from adaptsim_cli.doctor.readings import Limits, Port, RoundTrips, WriteSpeed
 from adaptsim_cli.doctor.table import Examined, Finding, Severity, ok
@@ -32,8 +32,8 @@ from hw.camera.probe import FoundDevice, ProbeReport
 from hw.camera.process import CameraProcess
 from hw.errors import DeviceUnavailable
 from hw.franka.driver import Reading
-from hw.franka.inspection import Inspection
 from hw.franka.messages import Rhythm
+from hw.franka.process import Inspection
 from hw.serial.pedal_protocol import PERIOD_S, line_for
 
 OK, ADVICE, MISSING, SKIPPED = Severity.OK, Severity.ADVICE, Severity.MISSING, Severity.SKIPPED
@@ -326,7 +326,7 @@ def test_the_simulated_lab_needs_no_device(place: Path, capfd: pytest.CaptureFix
 
 def test_a_world_and_a_checkpoint_that_are_not_there(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ADAPTSIM_CHECKPOINT", str(place / "none"))
-    found = tuple(examination.examine(config.load({"world": "narnia"})))
+    found = tuple(checks.examine(config.load({"world": "narnia"})))
     wrong = {finding.name: finding for finding in found if finding.verdict is MISSING}
     assert set(wrong) == {"checkpoint", "world"}
     assert "no world 'narnia'" in wrong["world"].detail
@@ -368,17 +368,17 @@ def test_remedies_stand_whole_below_a_table_that_fits_the_screen(place: Path) ->
         Finding(SKIPPED, "hw = fake needs none", group="devices", name="pedal"),
     )
     settings = config.load({}).config
-    examination.show(found, settings, screen)
-    table, _, rest = file.getvalue().partition("Missing:")
-    assert max(len(line.rstrip()) for line in table.splitlines()) <= 80
-    assert [line[0] for line in table.splitlines() if line[:1].strip()] == ["✓", "✗", "!", "–"]
+    table.show(found, settings, screen)
+    shown, _, rest = file.getvalue().partition("Missing:")
+    assert max(len(line.rstrip()) for line in shown.splitlines()) <= 80
+    assert [line[0] for line in shown.splitlines() if line[:1].strip()] == ["✓", "✗", "!", "–"]
     assert "  driver: pip install panda-python==1.1.1\n" in rest
     assert "  clock frequency: sudo cpupower frequency-set -g performance\n" in rest
     assert "Ready:" not in rest
-    assert not examination.as_json(found, settings)["ready"]
+    assert not table.as_json(found, settings)["ready"]
     with pytest.raises(PreflightFailed, match="not ready: driver"):
-        examination.require(found)
-    examination.require(found[:1])
+        table.require(found)
+    table.require(found[:1])
 
 
 def test_the_rig_file_of_these_tests_is_one(tmp_path: Path) -> None:

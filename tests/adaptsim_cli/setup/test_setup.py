@@ -12,15 +12,14 @@ from adaptsim_cli import app, config
 from adaptsim_cli.calibration import running as calibrating
 from adaptsim_cli.devices import lab
 from adaptsim_cli.devices.rig_file.description import ArmPart, KeepOutPart, RigDescription
-from adaptsim_cli.devices.rig_file.inventory import serial_ports
 from adaptsim_cli.devices.rig_file.reading import read
-from adaptsim_cli.doctor import examination, readings
+from adaptsim_cli.doctor import checks, readings, table
 from adaptsim_cli.doctor.checks import CHECKS
+from adaptsim_cli.doctor.readings import serial_ports
 from adaptsim_cli.doctor.table import Check, Examined, Finding, missing, ok
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.setup import describing, moving, walk
-from adaptsim_cli.setup.answers import Answers
-from adaptsim_cli.setup.beginning import begun
+from adaptsim_cli.setup.answers import Answers, begun
 from hw.camera import probe
 
 ARDUINO, FTDI = "/dev/serial/by-id/usb-Arduino_LLC-if00", "/dev/serial/by-id/usb-FTDI_FT232R-if00"
@@ -233,5 +232,5 @@ def test_a_practised_lab_lacks_nothing_that_it_cannot_have(tmp_path: Path, monke
     describing.table(practice)
     describing.tool(practice)
     practice.save()
-    found = examination.examine(practice.resolved, ("rig file", "safeguards", "motion"))
-    assert examination.missing_in(tuple(found)) == []
+    found = checks.examine(practice.resolved, ("rig file", "safeguards", "motion"))
+    assert table.missing_in(tuple(found)) == []

@@ -42,8 +42,9 @@ from calib.errors import CalibrationMissing
 from calib.saved import OffsetsRecord
 from hw.collision import LEVEL, Table
 from hw.errors import ArmFault
-from hw.fake import FakeArm, FakeClock, FakeGuardedArm, FakeHand
+from hw.fake import FakeArm, FakeClock, FakeGuardedArm
 from hw.franka.settings import Payload
+from hw.grasping import FakeHand
 from sim.errors import NotExecutable, UnknownName
 from sim.tasks import get_task
 

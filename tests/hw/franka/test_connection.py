@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from sdk_fake import Q_RAD, FakeSdk, FrankaException, NetworkException
 
-from hw.franka.connection import Connection
+from hw.franka.connection import DRIVES, Connection
 from hw.franka.driver import FAULT, LOST, UNAVAILABLE, Failure
-from hw.franka.drives import DRIVES
 from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
 
 SETTINGS = FrankaSettings(

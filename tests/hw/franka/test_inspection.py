@@ -7,7 +7,7 @@ import pytest
 from fr3_process import READY_RAD, fr3, own_host
 
 from hw.errors import DeviceUnavailable
-from hw.franka.inspection import inspect
+from hw.franka.process import inspect
 from hw.franka.settings import FrankaSettings
 
 

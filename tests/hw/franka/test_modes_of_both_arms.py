@@ -18,9 +18,8 @@ from sdk_fake import FakeRobot, FakeSdk, JointPositions
 
 from hw.errors import ArmFault, DeviceUnavailable
 from hw.franka.arm import FrankaArm, franka
-from hw.franka.connection import Connection
+from hw.franka.connection import DRIVES, Connection
 from hw.franka.driver import UNMOVED, Failure, Reading
-from hw.franka.drives import DRIVES
 from hw.franka.messages import PlayOutcome
 from hw.franka.playback import Playback, motion_of
 from hw.franka.settings import FrankaSettings

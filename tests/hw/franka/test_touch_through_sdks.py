@@ -16,8 +16,7 @@ from sdk_fake import FakeSdk
 from hw.contact import TORQUE_NOISE_NM, began
 from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
 from hw.franka.arm import FrankaArm
-from hw.franka.connection import Connection
-from hw.franka.drives import DRIVES
+from hw.franka.connection import DRIVES, Connection
 from hw.franka.settings import FrankaSettings, Payload
 from hw.kinematics import forward, jacobian
 from hw.types import Array, Guard

@@ -10,10 +10,9 @@ from sdk_fake import FakeSdk
 
 from hw.errors import MotionRefused
 from hw.franka.arm import FrankaArm
-from hw.franka.connection import Connection
-from hw.franka.drives import DRIVES
+from hw.franka.connection import DRIVES, Connection
 from hw.franka.settings import FrankaSettings, Payload
-from hw.franka.weighing import UNDECLARED_KG, undeclared_kg
+from hw.franka.starting import UNDECLARED_KG, undeclared_kg
 from hw.kinematics import jacobian
 from hw.types import Array, JointPath
 

@@ -1,0 +1,178 @@
+"""Scripted arm, hand, bench and clock: no physics, no rendering, no waiting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hw.collision import Table, Tool, point_heights
+from hw.contact import Detector
+from hw.errors import ArmFault, DeviceUnavailable, NoContact
+from hw.franka.settings import Payload
+from hw.guarding import require_guarded
+from hw.kinematics import jacobian, link_poses
+from hw.ports import AroundArm
+from hw.types import ArmState, Array, Contact, Execution, Guard, JointPath, Placing, frozen_array
+from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped
+
+
+class FakeArm:
+    """Refuses what its `cell` refuses; else it jumps to the end of the path and advances its clock by the duration.
+
+    `executed` holds the paths that were begun, oldest first. `faults` maps the number of an execution (from 1)
+    to the fault that stops it half way. To change the tool, replace `cell`.
+    """
+
+    def __init__(
+        self,
+        q_rad: ArrayLike,
+        clock: FakeClock,
+        cell: Workcell,
+        *,
+        faults: Mapping[int, ArmFault] | None = None,
+    ) -> None:
+        self._q_rad, self._clock = frozen_array(q_rad, (7,), "q_rad"), clock
+        self.cell, self._faults = cell, dict(faults or {})
+        self._connected = False
+        self._fault: str | None = None
+        self.executed: list[JointPath] = []
+
+    @property
+    def model(self) -> str:
+        """See `hw.ports.Arm`."""
+        return self.cell.arm.name
+
+    def __enter__(self) -> Self:
+        self._connected = True
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._connected = False
+
+    def state(self) -> ArmState:
+        """See `hw.ports.Arm`."""
+        self._need_connection()
+        return ArmState(self._clock.now_s(), self._q_rad, np.zeros(7), self._fault)
+
+    def execute(self, path: JointPath) -> Execution:
+        """See `hw.ports.Arm`."""
+        self._need_connection()
+        refuse_unless_safe(path, self.cell, self._q_rad, fault=self._fault)
+        self.executed.append(path)
+        fault = self._faults.get(len(self.executed))
+        last = len(path.t_s) - 1 if fault is None else len(path.t_s) // 2
+        t_start_s = self._clock.now_s()
+        self._clock.sleep(float(path.t_s[last]))
+        self._q_rad = frozen_array(path.q_rad[last])
+        if fault is not None:
+            self._fault = str(fault)
+            raise fault
+        return Execution(t_start_s, path.t_s, path.q_rad, path.q_rad, 1.0)
+
+    def recover(self) -> None:
+        """See `hw.ports.Arm`."""
+        self._need_connection()
+        self._fault = None
+
+    def _need_connection(self) -> None:
+        if not self._connected:
+            raise DeviceUnavailable("the fake arm is not connected: use it inside a `with` block")
+
+
+class FakeClock:
+    """Seconds since some origin; sleeping moves it and returns at once."""
+
+    def __init__(self, t_s: float = 0.0) -> None:
+        self._t_s = t_s
+
+    def now_s(self) -> float:
+        """Seconds since the origin."""
+        return self._t_s
+
+    def sleep(self, duration_s: float) -> None:
+        """Move on by `duration_s`. Raises ValueError when negative."""
+        if duration_s < 0.0:
+            raise ValueError(f"cannot sleep for {duration_s:g} s: the duration must be 0 or more")
+        self._t_s += duration_s
+
+
+class FakeBench:
+    """`placed` holds every request, oldest first."""
+
+    def __init__(self) -> None:
+        self.placed: list[Placing] = []
+
+    def place(self, xy_m: Array, trial: int, attempt: int) -> None:
+        """See `hw.ports.ObjectPlacer`."""
+        self.placed.append(Placing(xy_m, trial, attempt))
+
+
+STIFFNESS_N_M = 4000.0
+
+
+class FakeGuardedArm(AroundArm[FakeArm]):
+    """`arm` with a table that its tool meets at `plane`; measured joints equal the commanded ones.
+
+    `torque_Nm(path)` (N, 7) is added to the torque of the contact: noise, spikes, a push by somebody's hand.
+    """
+
+    def __init__(
+        self,
+        arm: FakeArm,
+        plane: Table | None,
+        *,
+        torque_Nm: Array | None = None,
+    ) -> None:
+        """`plane` None: there is nothing to touch. `torque_Nm` (7,) or (N, 7) for paths of N samples."""
+        super().__init__(arm)
+        self._plane = plane
+        self.carried: list[Payload] = []
+        self._torque_Nm = np.zeros(7) if torque_Nm is None else torque_Nm
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Nothing is missing."""
+        return ()
+
+    def execute(self, path: JointPath) -> Execution:
+        """See `hw.ports.Arm`."""
+        return self._arm.execute(path)
+
+    def carry(self, tool: Tool, payload: Payload) -> None:
+        """Set the load on the flange from now on; `carried` records all loads."""
+        self._arm.cell = self._arm.cell.holding(tool)
+        self.carried.append(payload)
+
+    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
+        """See `hw.ports.GuardedArm`."""
+        state = self._arm.state()
+        refuse_while_stopped(state.fault)
+        require_guarded(path, guard, self._arm.cell, state.q_rad)
+        torque_Nm = self._torque(path, guard)
+        detector = Detector(guard)
+        at = detector.feed(path.t_s, path.q_rad, torque_Nm)
+        if at is None:
+            raise NoContact("the arm came down to the end of its path and touched nothing; it is back at the start")
+        felt = slice(0, at + 1)
+        return Contact(
+            float(path.t_s[at]),
+            frozen_array(path.q_rad[at]),
+            detector.largest_N,
+            path.t_s[felt],
+            path.q_rad[felt],
+            path.q_rad[felt],
+            torque_Nm[felt],
+        )
+
+    def _torque(self, path: JointPath, guard: Guard) -> Array:
+        torque = np.zeros((len(path.t_s), 7)) + self._torque_Nm
+        if self._plane is None:
+            return torque
+        cell = self._arm.cell
+        q_rad = cell.arm.true_rad(path.q_rad)
+        deep_m = np.maximum(-point_heights(link_poses(q_rad), cell.tool, self._plane).min(axis=1), 0.0)
+        J = jacobian(q_rad, guard.p_F_m)
+        return np.asarray(torque + STIFFNESS_N_M * deep_m[:, None] * J[:, 2])

@@ -41,7 +41,7 @@ from perception.board import draw
 from perception.board.types import Board
 from perception.errors import PerceptionError
 from sim.lab.board import HeldBoard
-from sim.lab.calibrating import CalibrationLab, nominal_of
+from sim.lab.calibrating import CalibrationLab, nominal_X_BC
 from sim.lab.kinect import default_X_BC
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, World, load_world
@@ -80,7 +80,7 @@ def calibrated(world: World, seed: int, spoilt: float, folder: Path) -> tuple[Sa
     """-> the record, and the names of the views that were spoilt."""
     board = Board()
     print_of = HeldBoard(draw(board, 112), board.size_m)
-    rough, home_rad = nominal_of(world, seed).X_BC, np.array(BOARD_HOME_RAD)
+    rough, home_rad = nominal_X_BC(world, seed), np.array(BOARD_HOME_RAD)
     cell = replace(cell_as_shipped(HARDWARE, "panda").holding(print_of.tool()), keep_out=(camera_box(rough),))
     with CalibrationLab(TASK, world, seed, print_of, cell, home_q_rad=home_rad) as lab:
         rig = CalibrationRig(
@@ -149,7 +149,7 @@ def one(case: str, seed: int) -> Row:
     worst_mm = 1e3 * np.linalg.norm(points @ moved[:3, :3].T + moved[:3, 3] - points, axis=1).max()
     used = {view.name for view in record.views if view.used}
     good = {view.name for view in record.views} - set(spoilt)
-    nominal = nominal_of(world, seed).X_BC
+    nominal = nominal_X_BC(world, seed)
     return Row(
         mm=distance_mm(truth, X),
         deg=angle_deg(truth, X),

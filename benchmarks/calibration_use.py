@@ -40,7 +40,7 @@ from perception.board import draw
 from perception.board.types import Board
 from sim.errors import NotExecutable
 from sim.lab.board import HeldBoard
-from sim.lab.calibrating import nominal_of
+from sim.lab.calibrating import nominal_X_BC
 from sim.lab.kinect import default_X_BC, kinect_model
 from sim.lab.rng_streams import joint_zeros
 from sim.lab.simulated import SimulatedLab
@@ -116,7 +116,7 @@ def row(result: Result | None, push: Push, offsets_rad: Array, zeros_rad: Array,
 def one(seed: int) -> dict[str, list[dict[str, float]]]:
     """Rows of all pushes of a lab, before and after calibrating it."""
     tracker, eye, cameras = tracker_of(TASK), DepthEye(kinect_model()), np.random.default_rng([seed, 1])
-    nominal = nominal_of(replace(load_world("wd", TASK), sensing=SENSING), seed).X_BC
+    nominal = nominal_X_BC(replace(load_world("wd", TASK), sensing=SENSING), seed)
     zeros_rad = joint_zeros(seed, SENSING.joint_offset_mrad)
     rows: dict[str, list[dict[str, float]]] = {"before": [], "after": []}
     for push in pushes(seed):

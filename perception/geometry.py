@@ -72,8 +72,8 @@ class ImageRegion:
     @cached_property
     def xy(self) -> Array32:
         """(h, w, 2) ideal pixels: exact on a few nodes, a polynomial in between (within 0.01 px)."""
-        to_row, row_nodes = _interpolation(self.rows)
-        to_column, column_nodes = _interpolation(self.columns)
+        to_row, row_nodes = interpolation(self.rows)
+        to_column, column_nodes = interpolation(self.columns)
         nodes = np.stack(np.meshgrid(column_nodes, row_nodes), axis=-1).reshape(-1, 1, 2)
         camera = self.camera
         exact = cv2.undistortPointsIter(nodes, camera.K, camera.distortion, np.eye(3), np.eye(3), _UNDISTORT)
@@ -144,10 +144,10 @@ def view_of(camera: Intrinsics, X_BV: Array, area: Area, height_m: float, margin
     return ImageRegion(camera, np.asarray(X_BV, dtype=np.float64), rows, columns)
 
 
-def _interpolation(pixels: slice) -> tuple[Array, Array]:
-    """Weights (n, k) that carry values at k Chebyshev nodes (k,) to the n pixels of a range."""
+def interpolation(pixels: slice, count: int = _NODES) -> tuple[Array, Array]:
+    """Weights (n, k) that carry values at `count` = k Chebyshev nodes (k,) to the n pixels of a range."""
     middle, half = (pixels.start + pixels.stop - 1) / 2, max((pixels.stop - pixels.start) / 2, 1)
-    unit = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
-    at_nodes = np.polynomial.chebyshev.chebvander(unit, _NODES - 1)
-    at_pixels = np.polynomial.chebyshev.chebvander((np.arange(pixels.start, pixels.stop) - middle) / half, _NODES - 1)
+    unit = np.cos(np.pi * (np.arange(count) + 0.5) / count)
+    at_nodes = np.polynomial.chebyshev.chebvander(unit, count - 1)
+    at_pixels = np.polynomial.chebyshev.chebvander((np.arange(pixels.start, pixels.stop) - middle) / half, count - 1)
     return at_pixels @ np.linalg.inv(at_nodes), middle + half * unit

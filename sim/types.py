@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -167,6 +168,15 @@ class Visual:
     triangles: NDArray[np.int32]  # (F, 3)
     rgb: tuple[float, float, float]  # albedo, linear, 0..1
     texture: Texture | None = None  # replaces `rgb` where the mesh's surface lies on it
+
+
+def merged(
+    meshes: Sequence[tuple[Array, NDArray[np.integer]]],
+) -> tuple[Array, NDArray[np.int32]]:
+    """Vertices (V, 3) and triangles (F, 3) of several meshes in one."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    triangles = [one + start for (_, one), start in zip(meshes, starts[:-1], strict=True)]
+    return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(triangles).astype(np.int32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,10 +26,11 @@ if TYPE_CHECKING:
 
 def nominal_hand_eye(world: World, seed: int) -> HandEye:
     """The nominal calibration of a world, with the world's error."""
-    from sim.lab.calibrating import nominal_of
+    from sim.lab.calibrating import nominal_X_BC
 
-    shipped = nominal_of(world, seed)
-    return HandEye(shipped.X_BC, shipped.sigma_mm, shipped.sigma_deg, shipped.source, shipped.created)
+    source = "nominal calibration of the simulated lab, with the world's extrinsic error"
+    sigma_mm, sigma_deg = world.sensing.extrinsic_error_mm, world.sensing.extrinsic_error_deg
+    return HandEye(nominal_X_BC(world, seed), sigma_mm, sigma_deg, source, created="")
 
 
 class SimulatedLab:

@@ -50,8 +50,7 @@ from sim.adaptation.method import Iteration as LearntIteration
 from sim.adaptation.method import Particle
 from sim.adaptation.posterior import Posterior
 from sim.errors import NotExecutable
-from sim.tasks.solver import SolvedPolicy
-from sim.tasks.task import Task
+from sim.tasks.task import SolvedPolicy, Task
 
 TOTAL, REJECTED = "total", "rejected attempts"
 """Two entries among the times of an iteration: the sum, and the time of attempts that do not count."""

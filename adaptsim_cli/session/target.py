@@ -27,8 +27,7 @@ from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Best, ExpectedGain, Iteration, Particle
 from sim.adaptation.posterior import Posterior
 from sim.adaptation.verdict import Verdict
-from sim.tasks.solver import SolvedPolicy
-from sim.tasks.task import Task
+from sim.tasks.task import SolvedPolicy, Task
 from sim.types import ToolMotion
 
 

@@ -22,7 +22,7 @@ from hw.types import Array, CameraModel, Execution, Frame
 from perception.errors import PerceptionError
 from perception.types import Outcome
 from sim.errors import NotExecutable
-from sim.lab.calibrating import nominal_calibration
+from sim.lab.calibrating import with_extrinsic_error
 from sim.lab.kinect import default_X_BC, kinect_model
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
@@ -102,7 +102,7 @@ def run(count: int, seed: int) -> None:
     for number, push in enumerate(pushes(count, seed), start=1):
         noise = SensorNoise.draw(cameras)
         film = eye.film(push, noise, cameras, lambda _: GONE)
-        off = nominal_calibration(default_X_BC(), SENSING, cameras).X_BC
+        off = with_extrinsic_error(default_X_BC(), SENSING, cameras)
         rows["camera pose exact"].append(judged(tracker, eye.model, default_X_BC(), push, film, REPEATS))
         rows["camera off by 2 mm, 0.2°"].append(judged(tracker, eye.model, off, push, film, 1))
         handy = eye.film(push, noise, cameras, hand(push, cameras))

@@ -62,15 +62,22 @@ def find_bottle(
     refines it. Raises ObjectNotFound, naming the objects found instead and the remedy, and TableNotFound.
     """
     scan, raw, table = refine_scan(frame, model, X_BC, area)
-    judged = _joined([_judged(scan, raw, thing, body, arm) for thing in things(scan, raw, arm)], body)
-    bottles = [c for c in judged if c.best is not None]
-    others = [c.thing for c in judged if c.best is None]
+    parts: list[_Bottle] = []
+    others: list[Thing] = []
+    for thing in things(scan, raw, arm):
+        part = _bottle_in(scan, raw, thing, body, arm)
+        if part is None:
+            others.append(thing)
+        else:
+            parts.append(part)
+    bottles = _joined(parts, body)
     if not bottles:
         raise ObjectNotFound(_nothing(others, area, mark_m, body))
     if len(bottles) > 1:
         places = ", ".join(f"({c.thing.centre_m[0]:.3f}, {c.thing.centre_m[1]:+.3f})" for c in bottles)
         raise ObjectNotFound(f"{len(bottles)} bottles are on the table, near {places} m; leave one, on the mark")
-    best = _require_whole(bottles[0])
+    _require_whole(bottles[0])
+    best = bottles[0].best
     if others:
         raise ObjectNotFound(
             f"beside the bottle there is something at {others[0].words}; clear the table, and keep hands away"
@@ -93,76 +100,64 @@ def refine_scan(frame: Frame, model: CameraModel, X_BC: Array, area: Area) -> tu
 
 
 @dataclass(frozen=True, eq=False)
-class _Candidate:
-    """An object on the table, and the bottle in it if there is one."""
+class _Bottle:
+    """A bottle in an object on the table."""
 
     thing: Thing
-    best: BottleFix | None
+    best: BottleFix
     share: float  # of the object's readings that lie on the bottle
 
 
-def _joined(candidates: list[_Candidate], body: Cylinder) -> list[_Candidate]:
-    """Join parts of one bottle, divided by missing readings, into one candidate."""
-    joined: list[_Candidate] = []
-    for part in candidates:
-        same = next((i for i, other in enumerate(joined) if _same(other.best, part.best, body)), None)
-        if same is None:
-            joined.append(part)
+def _joined(parts: list[_Bottle], body: Cylinder) -> list[_Bottle]:
+    """Join parts of one bottle, divided by missing readings: places too near to each other for two bottles."""
+    joined: list[_Bottle] = []
+    for part in parts:
+        for i, other in enumerate(joined):
+            if np.linalg.norm(other.best.centre_m - part.best.centre_m) < body.radius_m:
+                joined[i] = _both(other, part)
+                break
         else:
-            joined[same] = _both(joined[same], part)
+            joined.append(part)
     return joined
 
 
-def _same(one: BottleFix | None, other: BottleFix | None, body: Cylinder) -> bool:
-    """Whether two places are too near to each other for two bottles."""
-    if one is None or other is None:
-        return False
-    return bool(np.linalg.norm(one.centre_m - other.centre_m) < body.radius_m)
-
-
-def _both(one: _Candidate, other: _Candidate) -> _Candidate:
+def _both(one: _Bottle, other: _Bottle) -> _Bottle:
     counts = [len(one.thing.points_m), len(other.thing.points_m)]
     share = float(np.average([one.share, other.share], weights=counts))
     points = np.concatenate([one.thing.points_m, other.thing.points_m])
     thing = Thing(points, at_edge=one.thing.at_edge or other.thing.at_edge)
-    if one.best is None or other.best is None:
-        raise ValueError("not parts of a bottle")
-    return _Candidate(thing, BottleFix.better([one.best, other.best]), share)
+    return _Bottle(thing, BottleFix.better([one.best, other.best]), share)
 
 
-def _judged(scan: Scan, raw: Raw, thing: Thing, body: Cylinder, arm: Arm) -> _Candidate:
-    no_bottle = _Candidate(thing, None, 0.0)
+def _bottle_in(scan: Scan, raw: Raw, thing: Thing, body: Cylinder, arm: Arm) -> _Bottle | None:
     guess = body.upright(thing.centre_m[:2])
     seen = patch(scan, raw, guess[:3, 3], arm)
     best = None if seen is None else place(seen, body, guess)
     if best is None or best.fit < _BOTTLE_FIT:
-        return no_bottle
+        return None
     off = np.abs(distance_m(thing.points_m, best.X_BO, body))
     if best.tilt_deg < _UPRIGHT_DEG:
         share = float((off < _OWN_M).mean())
-        return _Candidate(thing, best, share) if share > _TOUCHED_SHARE else no_bottle
+        return _Bottle(thing, best, share) if share > _TOUCHED_SHARE else None
     lies = best.tilt_deg > _LIES_DEG and (off < _LYING_M).mean() > _LYING_SHARE
-    return _Candidate(thing, best, 1.0) if lies else no_bottle
+    return _Bottle(thing, best, 1.0) if lies else None
 
 
-def _require_whole(candidate: _Candidate) -> BottleFix:
-    """The place of the bottle, if it stands upright, whole in the picture and untouched."""
-    best = candidate.best
-    if best is None:
-        raise ValueError("not a bottle")
+def _require_whole(bottle: _Bottle) -> None:
+    """Raises ObjectNotFound unless it stands upright, whole in the picture and untouched."""
+    best = bottle.best
     at = f"the bottle at ({best.centre_m[0]:.3f}, {best.centre_m[1]:+.3f}) m"
     if best.tilt_deg > _UPRIGHT_DEG:
         raise ObjectNotFound(f"{at} lies on its side; stand it on its mark")
-    if candidate.thing.at_edge or best.in_picture < 1:
+    if bottle.thing.at_edge or best.in_picture < 1:
         raise ObjectNotFound(f"{at} reaches beyond the edge of the depth image; move it, or the camera")
     if best.read < _FREE_VISIBLE * ENOUGH_READ:
         raise ObjectNotFound(
             f"the depth camera reads only {100 * best.read:.0f} % of {at}; a dark, shiny or printed face gives few "
             "readings: turn the bottle, or put matt tape around it"
         )
-    if candidate.share < _FREE_SHARE or best.visible < _FREE_VISIBLE:
+    if bottle.share < _FREE_SHARE or best.visible < _FREE_VISIBLE:
         raise ObjectNotFound(f"something touches or hides {at}; keep hands and other things away from it")
-    return best
 
 
 def _require_on_mark(xy_m: Array, mark_m: Array, within_m: float) -> None:

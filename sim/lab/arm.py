@@ -1,7 +1,8 @@
-"""The lab's arm, as `hw.ports.Arm`."""
+"""The lab's arm, as `hw.ports.Arm`, and the person who guides it by hand."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Self
 
 import numpy as np
@@ -19,13 +20,17 @@ from sim.lab.room import Room
 from sim.panda.model import postures
 
 
-class LabArm:
-    """A Panda under joint impedance. It refuses the motions that its workcell refuses, and has the world's faults."""
+class ArmInLab(ABC):
+    """The common part of the lab's arms: connection, state and fault. See `hw.ports.Arm`."""
 
-    def __init__(self, room: Room, cell: Workcell) -> None:
-        self._room, self._cell = room, cell
-        self._connected = False
+    def __init__(self, cell: Workcell, again: str) -> None:
+        """`again` tells a person what to do after a fault."""
+        self._cell, self._again, self._connected = cell, again, False
         self._fault: str | None = None
+
+    @abstractmethod
+    def _now(self) -> tuple[float, Array]:
+        """Clock (s) and reported joints (7,)."""
 
     @property
     def model(self) -> str:
@@ -41,51 +46,57 @@ class LabArm:
 
     def state(self) -> ArmState:
         """See `hw.ports.Arm`."""
-        self._need_connection()
-        return ArmState(self._room.t_s, self._room.q_rad, np.zeros(7), self._fault)
+        self.need_connection()
+        return ArmState(*self._now(), np.zeros(7), self._fault)
+
+    def recover(self) -> None:
+        """See `hw.ports.Arm`."""
+        self.need_connection()
+        self._fault = None
+
+    def need_connection(self) -> None:
+        """Raises DeviceUnavailable."""
+        if not self._connected:
+            raise DeviceUnavailable("the lab's arm is not connected: use it inside a `with` block")
+
+    def _stopped(self, kind: type[ArmFault], reason: str) -> ArmFault:
+        self._fault = reason
+        return kind(f"{reason}; the arm is at rest, look at it and recover it, then {self._again}")
+
+
+class LabArm(ArmInLab):
+    """A Panda under joint impedance. It refuses the motions that its workcell refuses, and has the world's faults."""
+
+    def __init__(self, room: Room, cell: Workcell) -> None:
+        super().__init__(cell, "redo the trial")
+        self._room = room
+
+    def _now(self) -> tuple[float, Array]:
+        return self._room.t_s, self._room.q_rad
 
     def execute(self, path: JointPath) -> Execution:
         """See `hw.ports.Arm`; physics runs only if the tool touches something on the way."""
-        self._need_connection()
+        self.need_connection()
         room = self._room
         refuse_unless_safe(path, self._cell, room.q_rad, fault=self._fault)
-        if not self._room.needs_physics(path):
-            return self._room.travel(path)
-        stop_s = self._room.chance.stop_fraction * path.duration_s
-        if self._comes("arm_reflex"):
+        if not room.needs_physics(path):
+            return room.travel(path)
+        stop_s = room.chance.stop_fraction * path.duration_s
+        if room.fault_comes("arm_reflex"):
             keep = path.t_s <= stop_s
             self._simulate(path.t_s[keep], path.q_rad[keep])
             raise self._stopped(ArmFault, f"reflex {stop_s:.3f} s into the path: an external force was too large")
-        if self._comes("pedal_release"):
+        if room.fault_comes("pedal_release"):
             braked = brake(path, stop_s, self._cell.motion)
             self._simulate(braked.t_s, braked.q_rad)
             raise self._stopped(StoppedByPedal, f"the pedal was released {stop_s:.3f} s into the path")
         return self._simulate(path.t_s, path.q_rad)
-
-    def recover(self) -> None:
-        """See `hw.ports.Arm`."""
-        self._need_connection()
-        self._fault = None
-
-    def _comes(self, fault: str) -> bool:
-        if fault not in self._room.faults_due:
-            return False
-        self._room.faults_due.remove(fault)
-        return True
 
     def _simulate(self, t_s: Array, q_rad: Array) -> Execution:
         try:
             return self._room.simulate(t_s, q_rad)
         except DivergedError as error:
             raise self._stopped(ArmFault, str(error)) from error
-
-    def _stopped(self, kind: type[ArmFault], reason: str) -> ArmFault:
-        self._fault = reason
-        return kind(f"{reason}; the arm is at rest, look at it and recover it, then redo the trial")
-
-    def _need_connection(self) -> None:
-        if not self._connected:
-            raise DeviceUnavailable("the lab's arm is not connected: use it inside a `with` block")
 
 
 PLACE_M = (0.62, 0.0)

@@ -39,7 +39,7 @@ class LabCamera:
 
     def model(self) -> CameraModel:
         """See `hw.ports.Camera`."""
-        return kinect_model("small" if self._room.world.sensing.camera == "small" else "kinect")
+        return kinect_model(self._room.world.sensing.camera)
 
     def snapshot(self) -> Frame:
         """See `hw.ports.Camera`."""
@@ -64,8 +64,7 @@ class LabCamera:
         if room.t_s == filming.since_s:
             room.wait(STILL_S)
         room.filming = None
-        if "camera_timeout" in room.faults_due:
-            room.faults_due.remove("camera_timeout")
+        if room.fault_comes("camera_timeout"):
             raise CameraError("no frame within 1 s; check the camera's cable and power, then redo the trial")
         return filming.film()
 

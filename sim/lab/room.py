@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hw.types import Array, Execution, JointPath
+from hw.types import Array, Execution, JointPath, Placing
 from sim.lab.cell import Cell, DivergedError, PlantMotion
 from sim.lab.film import Filming
 from sim.lab.rng_streams import RngStreams, joint_zeros
@@ -63,9 +63,10 @@ class Room:
         return np.asarray(self.cell.q_rad - self.zeros_rad)
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
-        """Put the object at rest near `xy_m` (on its mark, or with its near side there), the arm at home, clock and
-        random numbers to those of this attempt.
+        """See `hw.ports.ObjectPlacer`: put the object at rest near `xy_m` (on its mark, or with its near side there),
+        the arm at home, clock and random numbers to those of this attempt.
         """
+        xy_m = Placing(xy_m, trial, attempt).xy_m
         self.chance = RngStreams.draw(self.seed, trial, attempt)
         self.t_s = self.t_placed_s = TRIAL_S * trial + ATTEMPT_S * attempt
         self.filming = None
@@ -81,6 +82,12 @@ class Room:
         """(2,) the object's mark, or its place in the task's reference context."""
         standing = self.task.require_hardware().standing
         return np.array(self.task.reference_context[:2] if standing is None else standing.mark_m)
+
+    def fault_comes(self, fault: str) -> bool:
+        """Whether a fault is due in this trial; it comes once."""
+        due = fault in self.faults_due
+        self.faults_due.discard(fault)
+        return due
 
     def needs_physics(self, path: JointPath) -> bool:
         """Whether the tool touches anything on the way, or carries the object. If not, the object lies still."""

@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from hw.ports import Arm, Camera, ObjectPlacer
-from hw.types import Array, Frame, Placing, frozen_array
+from hw.types import Array, Frame, frozen_array
 from hw.workcell import Workcell
 from sim.lab.arm import LabArm
 from sim.lab.camera import LabCamera
@@ -21,19 +21,6 @@ from sim.lab.physics import effects_in
 from sim.lab.room import Room
 from sim.lab.world import World
 from sim.tasks.task import Task
-
-
-class LabBench:
-    """Moves the arm home, then places the object near the wanted place."""
-
-    def __init__(self, room: Room) -> None:
-        self._room = room
-
-    def place(self, xy_m: Array, trial: int, attempt: int) -> None:
-        """See `hw.ports.ObjectPlacer`."""
-        asked = Placing(xy_m, trial, attempt)
-        self._room.place(asked.xy_m, asked.trial, asked.attempt)
-
 
 READY_RAD: Array = frozen_array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 """The maker's ready pose."""
@@ -73,7 +60,7 @@ class SimulatedLab:
         self._room = Room(task, world, seed, frozen_array(home_q_rad, (7,), "home_q_rad"))
         self.arm: Arm = LabArm(self._room, cell)
         self.camera: Camera = LabCamera(self._room, self._X_BC)
-        self.bench: ObjectPlacer = LabBench(self._room)
+        self.bench: ObjectPlacer = self._room
 
     def __enter__(self) -> Self:
         self.arm.__enter__()

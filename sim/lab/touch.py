@@ -12,12 +12,13 @@ import numpy as np
 from hw.braking import brake
 from hw.collision import KeepOut
 from hw.contact import TORQUE_NOISE_NM, Detector
-from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
+from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
 from hw.grasping import FakeHand
 from hw.guarding import require_guarded
 from hw.kinematics import forward
-from hw.types import PATH_RATE_HZ, ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
+from hw.types import PATH_RATE_HZ, Array, Contact, Execution, Guard, JointPath, frozen_array
 from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped
+from sim.lab.arm import ArmInLab
 from sim.lab.rng_streams import REPEATABILITY_RAD, joint_zeros, touch_stream
 from sim.lab.touch_cell import Felt, TouchCell
 from sim.lab.world import World
@@ -93,7 +94,7 @@ class TouchLab:
         }
 
 
-class _FeelingArm:
+class _FeelingArm(ArmInLab):
     """`hw.ports.GuardedArm`.
 
     Guarded motions have physics; free motions are exact, and a collision in one is a fault.
@@ -109,37 +110,25 @@ class _FeelingArm:
         cell: Workcell,
         things: tuple[KeepOut, ...],
     ) -> None:
+        super().__init__(cell, "run again")
         self._task, self._world, self._seed, self._hand = task, world, seed, hand
         self._hardware = task.require_hardware()
         self._feelers = touchable(self._hardware).feelers
-        self._workcell, self._things, self._q_rad = cell, things, home_q_rad
+        self._things, self._q_rad = things, home_q_rad
         self.zeros_rad = joint_zeros(seed, world.sensing.joint_offset_mrad)
         self._phase_rad = touch_stream(seed, 0).uniform(0.0, 2.0 * np.pi, 7)
-        self._t_s, self._touches, self._connected = 0.0, 0, False
-        self._fault: str | None = None
-        self._cells: dict[bool, TouchCell] = {}
-
-    @property
-    def model(self) -> str:
-        return self._workcell.arm.name
+        self._t_s, self._touches = 0.0, 0
+        self._plants: dict[bool, TouchCell] = {}
 
     @property
     def slipped_rad(self) -> float:
-        return self._cells[True].turned_rad if True in self._cells else 0.0
+        return self._plants[True].turned_rad if True in self._plants else 0.0
 
-    def __enter__(self) -> Self:
-        self._connected = True
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self._connected = False
-
-    def state(self) -> ArmState:
-        self._need_connection()
-        return ArmState(self._t_s, self._q_rad, np.zeros(7), self._fault)
+    def _now(self) -> tuple[float, Array]:
+        return self._t_s, self._q_rad
 
     def execute(self, path: JointPath) -> Execution:
-        self._need_connection()
+        self.need_connection()
         refuse_unless_safe(path, self._workcell_now, self._q_rad, fault=self._fault)
         if path.contact is not None:
             raise MotionRefused("a touch-off has no object to act on: only guarded motions may touch")
@@ -151,13 +140,13 @@ class _FeelingArm:
         return Execution(t_start_s, path.t_s, path.q_rad, path.q_rad, 1.0)
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
-        self._need_connection()
+        self.need_connection()
         refuse_while_stopped(self._fault)
         require_guarded(path, guard, self._workcell_now, self._q_rad)
         self._touches += 1
         faults = self._world.faults
         if self._touches in faults.pedal_release:
-            braked = brake(path, path.duration_s / 2.0, self._workcell.motion)
+            braked = brake(path, path.duration_s / 2.0, self._cell.motion)
             self._moved_to(braked.q_rad[-1], braked.duration_s)
             raise self._stopped(StoppedByPedal, f"the pedal was released {path.duration_s / 2.0:.2f} s into the path")
         if self._touches in faults.arm_reflex:
@@ -175,15 +164,11 @@ class _FeelingArm:
             )
         return contact
 
-    def recover(self) -> None:
-        self._need_connection()
-        self._fault = None
-
     def _feel(self, path: JointPath, guard: Guard) -> Contact | None:
         """Move down with physics until it touches and stands still; the way back needs no physics."""
         rng = touch_stream(self._seed, self._touches)
         unseen = self.zeros_rad + REPEATABILITY_RAD * rng.standard_normal(7)
-        cell, detector = self._cell(), Detector(guard)
+        cell, detector = self._plant(), Detector(guard)
         cell.start(_moved(path, unseen))
         pieces: list[Felt] = []
         bias_Nm = BIAS_NM * rng.standard_normal(7)
@@ -196,7 +181,7 @@ class _FeelingArm:
             at = detector.feed(pieces[-1].t_s, pieces[-1].q_rad, pieces[-1].torque_Nm)
             if at is not None:
                 stop_s = float(pieces[-1].t_s[-1])
-                braked = brake(path, stop_s, self._workcell.motion)
+                braked = brake(path, stop_s, self._cell.motion)
                 cell.follow(_moved(braked, unseen))
                 last = cell.advance(PIECE_S * np.ceil((braked.duration_s + 0.1) / PIECE_S))
                 after = self._measured(last, unseen, bias_Nm, rng)
@@ -227,31 +212,23 @@ class _FeelingArm:
                 return 20 * int(below[0])
         return None
 
-    def _cell(self) -> TouchCell:
+    def _plant(self) -> TouchCell:
         holds = self._hand.holds
-        if holds not in self._cells:
+        if holds not in self._plants:
             feelers = self._feelers if holds else None
-            self._cells[holds] = TouchCell(self._task, self._world, feelers, self._things)
-        self._cells[holds].holds_at_most(self._world.mount.grip_Nm_per_N * self._hand.force_N)
-        return self._cells[holds]
+            self._plants[holds] = TouchCell(self._task, self._world, feelers, self._things)
+        self._plants[holds].holds_at_most(self._world.mount.grip_Nm_per_N * self._hand.force_N)
+        return self._plants[holds]
 
     @property
     def _workcell_now(self) -> Workcell:
         """The workcell with the tool that the arm assumes in the hand."""
-        return self._workcell.holding(feeling(self._hardware) if self._hand.holds else empty_hand())
+        return self._cell.holding(feeling(self._hardware) if self._hand.holds else empty_hand())
 
     def _moved_to(self, q_rad: Array, duration_s: float) -> float:
         t_start_s, self._t_s = self._t_s, self._t_s + duration_s
         self._q_rad = frozen_array(q_rad)
         return t_start_s
-
-    def _stopped(self, kind: type[ArmFault], reason: str) -> ArmFault:
-        self._fault = reason
-        return kind(f"{reason}; the arm is at rest, look at it and recover it, then run again")
-
-    def _need_connection(self) -> None:
-        if not self._connected:
-            raise DeviceUnavailable("the lab's arm is not connected: use it inside a `with` block")
 
 
 def _moved(path: JointPath, by_rad: Array) -> JointPath:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.types import Visual
+from sim.types import Visual, merged
 
 Rgb = tuple[float, float, float]
 
@@ -90,7 +90,7 @@ def visuals(links: frozenset[str] | None = None) -> tuple[Visual, ...]:
     for primitive in PRIMITIVES:
         if links is None or primitive.link in links:
             groups.setdefault((primitive.link, primitive.rgb), []).append(mesh(primitive))
-    return tuple(Visual(link, *_merge(parts), rgb) for (link, rgb), parts in groups.items())
+    return tuple(Visual(link, *merged(parts), rgb) for (link, rgb), parts in groups.items())
 
 
 def mesh(primitive: Primitive) -> tuple[Array, NDArray[np.int32]]:
@@ -126,10 +126,3 @@ def _lathe(rings: list[tuple[Array, float]]) -> tuple[Array, NDArray[np.int32]]:
     triangles.append(np.stack([np.zeros_like(middle), middle + 1, middle], axis=1))
     triangles.append(np.stack([np.full_like(middle, top), top + middle, top + middle + 1], axis=1))
     return vertices, np.concatenate(triangles).astype(np.int32)
-
-
-def _merge(parts: list[tuple[Array, NDArray[np.int32]]]) -> tuple[Array, NDArray[np.int32]]:
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
-    vertices = np.concatenate([v for v, _ in parts])
-    triangles = np.concatenate([t + np.int32(start) for (_, t), start in zip(parts, starts[:-1], strict=True)])
-    return vertices, triangles

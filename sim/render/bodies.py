@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hw.types import Array
 from sim.render.rays import Array32
 from sim.render.shading import paint
-from sim.types import Visual
+from sim.types import Visual, merged
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Body:
 
         self._tensor = o3d.core.Tensor.from_numpy
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)  # pictures are rendered in parallel
-        vertices, triangles = _merged([(v.vertices_m, v.triangles) for v in visuals])
+        vertices, triangles = merged([(v.vertices_m, v.triangles) for v in visuals])
         self._scene.add_triangles(
             self._tensor(np.ascontiguousarray(vertices, dtype=np.float32)),
             self._tensor(np.ascontiguousarray(triangles, dtype=np.uint32)),
@@ -89,13 +89,6 @@ def _rays(X_body_ray: Array, directions: Array32) -> Array32:
     rays[:, :3] = X_body_ray[:3, 3]
     rays[:, 3:] = directions @ X_body_ray[:3, :3].T.astype(np.float32)
     return rays
-
-
-def _merged(meshes: Sequence[tuple[Array, NDArray[np.int32]]]) -> tuple[Array, NDArray[np.int32]]:
-    """Vertices (V, 3) and triangles (T, 3) of several meshes in one."""
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
-    triangles = [one + np.int32(start) for (_, one), start in zip(meshes, starts[:-1], strict=True)]
-    return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(triangles)
 
 
 def _unit(normals: Array) -> Array:

@@ -19,7 +19,7 @@ from sim.render import shading
 from sim.render.bodies import Body, Latest, Layer
 from sim.render.rays import (
     Array32,
-    Outline,
+    Pixels,
     Rectangle,
     coarser,
     field_of_view,
@@ -84,7 +84,7 @@ class ColourView:
             t, rgb, lit = zip(*pool.map(partial(self._still_sample, world), self._rays), strict=True)
         dark = np.zeros((-(-camera.height // _STRIDE), -(-camera.width // _STRIDE)), dtype=np.float32)
         self._bare = _Scene(t, rgb, lit[_SHADOWED], dark)
-        self._outlines: Latest[Outline] = Latest()
+        self._outlines: Latest[Pixels] = Latest()
         self._layers: Latest[Layer] = Latest()
         self._at_rest: Latest[tuple[_Scene, NDArray[np.uint8]]] = Latest()
         self._one_paints = Lock()
@@ -144,14 +144,14 @@ class ColourView:
         """A body at poses (samples, 4, 4), in sample k."""
         seen = self._outlines.get(body, X_BO.tobytes(), partial(self._outline, body, X_BO))
         X_OC = inverse(X_BO[k]) @ self._X_BC
-        hits = body.cast(X_OC, self._rays[k][seen.rows, seen.columns])
+        hits = body.cast(X_OC, self._rays[k][seen])
         normal = body.normals(X_OC[:3, 3]) @ X_BO[k, :3, :3].T.astype(np.float32)
         values: tuple[NDArray[np.generic], ...] = (hits.albedo * shading.light(normal)[hits.triangle],)
         if k == _SHADOWED:
             values = (*values, shading.lit_by_key(normal)[hits.triangle])
-        return Layer(seen.rows[hits.index], seen.columns[hits.index], hits.t, values)
+        return Layer(seen[0][hits.index], seen[1][hits.index], hits.t, values)
 
-    def _outline(self, body: Body, X_BO: Array) -> Outline:
+    def _outline(self, body: Body, X_BO: Array) -> Pixels:
         """The pixels that a body at poses (samples, 4, 4) can cover during the exposure."""
         X_CO = self._X_CB @ X_BO[: 1 if holds_still(X_BO) else None : SAMPLES - 1]  # first and last
         points_m = body.points_m @ np.swapaxes(X_CO[:, :3, :3], 1, 2) + X_CO[:, None, :3, 3]

@@ -1,4 +1,6 @@
-"""Renders the depth image at one instant, with the surface properties for the sensor model."""
+"""Renders the pictures of the depth camera at one instant: depth, with the surface properties for the sensor model, and
+infrared, for which the camera lights the scene itself and measures the returned light.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from sim.render.bodies import Body, Hits, Latest, Layer
 from sim.render.colour import JITTER_PX
-from sim.render.rays import Array32, Outline, field_of_view, image_rectangle, is_empty, outline, pixel_rays, shift_rays
+from sim.render.rays import Array32, Pixels, field_of_view, image_rectangle, is_empty, outline, pixel_rays, shift_rays
 
 
 class DepthView:
@@ -26,7 +28,7 @@ class DepthView:
         self._z: Array32 = np.full(shape, np.inf, dtype=np.float32)
         self._cosine: Array32 = np.zeros(shape, dtype=np.float32)
         self._albedo: Array32 = np.zeros(shape, dtype=np.float32)
-        self._layer(world, X_BD, Outline(rows, columns)).paint(self._z, (self._cosine, self._albedo))
+        self._layer(world, X_BD, (rows, columns)).paint(self._z, (self._cosine, self._albedo))
         self._layers: Latest[Layer] = Latest()
 
     def render(self, moving: Sequence[tuple[Body, Array]]) -> tuple[Array32, Array32, Array32]:
@@ -43,11 +45,11 @@ class DepthView:
         points_m = body.points_m @ X_DO[:3, :3].T + X_DO[:3, 3]
         return self._layer(body, inverse(X_DO), outline(points_m[None], body.parts, self._camera, self._fov))
 
-    def _layer(self, body: Body, X_OD: Array, seen: Outline) -> Layer:
-        along = self._rays[seen.rows, seen.columns]
+    def _layer(self, body: Body, X_OD: Array, seen: Pixels) -> Layer:
+        along = self._rays[seen]
         hits = body.cast(X_OD, along)
         cosine = cosines(hits, body, X_OD, along)
-        return Layer(seen.rows[hits.index], seen.columns[hits.index], hits.t, (cosine, hits.albedo.mean(axis=1)))
+        return Layer(seen[0][hits.index], seen[1][hits.index], hits.t, (cosine, hits.albedo.mean(axis=1)))
 
 
 def cosines(hits: Hits, body: Body, X_OD: Array, along: Array32) -> Array32:

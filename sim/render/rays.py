@@ -1,15 +1,15 @@
-"""Poses, rays and image rectangles."""
+"""Poses, rays, image rectangles, and the pixels that a body can cover. Rays are cast through these only."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
+from perception.geometry import interpolation
 
 STILL = 5e-6
 """Tolerance in m, and in rad over 0.2 m: 1/300 of a pixel of the lab's camera."""
@@ -99,8 +99,8 @@ def pixel_rays(camera: Intrinsics) -> Array32:
 
     Undistorted to convergence at the nodes of a Chebyshev grid, and interpolated by its polynomial.
     """
-    to_row, row_nodes = _chebyshev(camera.height)
-    to_column, column_nodes = _chebyshev(camera.width)
+    to_row, row_nodes = interpolation(slice(0, camera.height), _NODES)
+    to_column, column_nodes = interpolation(slice(0, camera.width), _NODES)
     nodes = np.stack(np.meshgrid(column_nodes, row_nodes), axis=-1).reshape(-1, 1, 2)
     criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-12)
     exact = cv2.undistortPointsIter(nodes, camera.K, camera.distortion, np.eye(3), np.eye(3), criteria)
@@ -109,15 +109,6 @@ def pixel_rays(camera: Intrinsics) -> Array32:
     for axis in range(2):
         rays[..., axis] = to_row @ grid[..., axis] @ to_column.T
     return rays
-
-
-def _chebyshev(size: int) -> tuple[Array, Array]:
-    """Weights (size, k) from the k nodes (k,) of a range of pixels to its pixels."""
-    middle, half = (size - 1) / 2, size / 2
-    unit = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
-    at_nodes = np.polynomial.chebyshev.chebvander(unit, _NODES - 1)
-    at_pixels = np.polynomial.chebyshev.chebvander((np.arange(size) - middle) / half, _NODES - 1)
-    return at_pixels @ np.linalg.inv(at_nodes), middle + half * unit
 
 
 def shift_rays(rays: Array32, du: float, dv: float) -> Array32:
@@ -168,15 +159,11 @@ A Kinect bends an edge of `_BENT_PX` pixels by at most 1 px; the bend grows with
 """
 
 
-@dataclass(frozen=True, eq=False)
-class Outline:
-    """Pixel coordinates (n,), row by row."""
-
-    rows: NDArray[np.intp]
-    columns: NDArray[np.intp]
+Pixels = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Rows (n,) and columns (n,), row by row."""
 
 
-def outline(points_m: Array, parts: Sequence[slice], camera: Intrinsics, fov: tuple[Array, Array]) -> Outline:
+def outline(points_m: Array, parts: Sequence[slice], camera: Intrinsics, fov: tuple[Array, Array]) -> Pixels:
     """The pixels that a body can cover, given that each of its parts lies in the convex hull of that part's points.
 
     `points_m` (S, N, 3) are in the camera's frame, at S moments of one exposure; `parts` are slices of N. `fov` comes
@@ -194,7 +181,7 @@ def outline(points_m: Array, parts: Sequence[slice], camera: Intrinsics, fov: tu
         for part in parts:
             _fill(mask, np.round(uv[:, part].reshape(-1, 2)).astype(np.int32), bool(np.all(inside[part])))
     rows, columns = np.nonzero(mask)
-    return Outline(rows + top, columns + left)
+    return rows + top, columns + left
 
 
 def _fill(mask: NDArray[np.uint8], corners: NDArray[np.int32], straight: bool) -> None:

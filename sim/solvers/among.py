@@ -49,29 +49,29 @@ class Among:
     def expected_rewards(
         self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
     ) -> Array:
-        """See `sim.tasks.solver.ExpectationsOf`."""
+        """See `sim.tasks.task.Expectations`."""
         return self.behind.expected_rewards(targets, contexts, actions, rng, draws)
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
-        """See `sim.tasks.solver.ExpectationsOf`."""
+        """See `sim.tasks.task.Expectations`."""
         return self.behind.trial_rewards(parameters, contexts, action, nuisance)
 
     def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
-        """See `sim.tasks.solver.ExpectationsOf`."""
+        """See `sim.tasks.task.Expectations`."""
         return self.behind.trajectories(parameters, action, nuisance)
 
     def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
-        """See `sim.tasks.solver.ExpectationsOf`."""
+        """See `sim.tasks.task.Expectations`."""
         return self.behind.outcomes(parameters, action, nuisance)
 
     @property
     def residual_std(self) -> Array:
-        """See `sim.tasks.solver.ExpectationsOf`."""
+        """See `sim.tasks.task.Expectations`."""
         return self.behind.residual_std
 
     @property
     def misfit_limit(self) -> float:
-        """See `sim.tasks.solver.ExpectationsOf`."""
+        """See `sim.tasks.task.Expectations`."""
         return self.behind.misfit_limit
 
 

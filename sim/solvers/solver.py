@@ -8,17 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from hw.types import Array
-from sim.tasks.solver import Executable, ExpectationsOf, PoliciesOf, SolvedPolicy, SolverOf, SolverSettings
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, Expectations, Policies, SolvedPolicy, Solver, SolverSettings
 
 __all__ = ["Executable", "Expectations", "Policies", "SolvedPolicy", "Solver", "SolverSettings", "policy_for"]
-
-Policies = PoliciesOf[Task]
-"""Makes task policies."""
-Expectations = ExpectationsOf[Task]
-"""Predicts rewards and trajectories of trials in the simulator."""
-Solver = SolverOf[Task]
-"""Both."""
 
 
 def policy_for(policies: Policies, samples: Array, executable: Executable | None = None, seed: int = 0) -> SolvedPolicy:

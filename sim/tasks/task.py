@@ -2,6 +2,9 @@
 
 Physics, planning and scoring of one task live in its folder; code that learns, stores or guides an operator takes a
 `Task` and never asks which one it is.
+
+A solver has two contracts, because a session may take policies and expectations from different solvers. A task with
+exact answers brings its own solver (`Task.exact`). The others are in `sim.solvers`.
 """
 
 from __future__ import annotations
@@ -18,7 +21,6 @@ from hw.types import Array
 from perception.types import ObjectTrack
 from sim.errors import NoHardware
 from sim.panda.tool import Touchable
-from sim.tasks.solver import SolverOf
 from sim.types import Part, Space, ToolMotion, Visual
 
 if TYPE_CHECKING:
@@ -149,12 +151,9 @@ class Simulate(Protocol):
         ...
 
 
-class SimulateMany(Protocol):
-    """Many rollouts at once, for a task that is cheaper in stacks; each is the same as by `Simulate`."""
-
-    def __call__(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> Sequence[ObjectTrack]:
-        """(N, p), (N, c), (N, a), (N, n) -> N tracks."""
-        ...
+SimulateMany = Callable[[Array, Array, Array, Array], Sequence[ObjectTrack]]
+"""Many rollouts at once, for a task that is cheaper in stacks: (N, p), (N, c), (N, a), (N, n) -> N tracks. Each is the
+same as by `Simulate`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +245,7 @@ class Task:
     reuse: ReuseRules | None = None  # rules of NAF policies (Table A1); None: no NAF
     mirror: Mirror | None = None
     """With it an emulator learns from every rollout twice, once mirrored. None: there is no such symmetry."""
-    exact: Callable[[Task], SolverOf[Task]] | None = None
+    exact: Callable[[Task], Solver] | None = None
     """Makes the exact solver of a task; None: an emulator is learnt from a dataset."""
     goal_m: Callable[[Array], Array] | None = None
     """Context (c,) -> wanted final place of the object on the table, (2,) m; None: the context is its first place."""
@@ -270,3 +269,99 @@ class Task:
     def end_of(self, track: ObjectTrack) -> Array | None:
         """The end state (k,) of a success; None for a failure."""
         return self.end_state(track) if self.succeeded(track) else None
+
+
+Executable = Callable[[Array, Array], bool]
+"""(context (c,), action (a,)) in units -> whether the arm can do it within its limits."""
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """The resolution and caution of a solver's search."""
+
+    candidates: int = 256
+    scenarios: int = 16  # draws of parameters, nuisance and action error per action
+    refine: int = 32  # points around the best action; 0: none
+    kappa: float = 0.5  # the reward is mean - kappa * standard deviation of the ensemble
+    attempts: int = 64  # candidates offered to the executability check before giving up
+
+
+class SolvedPolicy(Protocol):
+    """A task policy for one distribution of parameters, with its predicted reward."""
+
+    def __call__(self, context: Array) -> Array:
+        """(c,) in units -> (a,) in units. Raises NotExecutable if no good action can be executed."""
+        ...
+
+    def actions(self, contexts: Array) -> Array:
+        """(G, c) -> (G, a), without the executability check: for training in simulation."""
+        ...
+
+    def predict(self, context: Array) -> tuple[float, float, float]:
+        """Expected reward of this policy at `context` if its parameters are true: mean, low, high."""
+        ...
+
+
+class Policies(Protocol):
+    """Task policies of one task. Parameters, contexts and actions are in units."""
+
+    @property
+    def task(self) -> Task:
+        """The task of the policies."""
+        ...
+
+    def policies(
+        self,
+        samples: Array,
+        rng: np.random.Generator,
+        executable: Executable | None = None,
+        settings: SolverSettings | None = None,
+    ) -> tuple[SolvedPolicy, ...]:
+        """One policy for each of B distributions, given as samples (B, m, p); the same draws for all."""
+        ...
+
+
+class Expectations(Protocol):
+    """Expectations of trials in the simulator of one task. Parameters, contexts and actions are in units."""
+
+    @property
+    def task(self) -> Task:
+        """The task of the trials."""
+        ...
+
+    def expected_rewards(
+        self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
+    ) -> Array:
+        """(B,) rewards in targets (B, p) of actions (B, G, a) at contexts (G, c) or (B, G, c), averaged over everything
+        but B.
+        """
+        ...
+
+    def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
+        """(N,) expected rewards of N executed trials: (N, p), (N, c), (N, a), (N, n)."""
+        ...
+
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+        """(N, size) expected observations at the task's reference context, without camera noise."""
+        ...
+
+    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+        """(..., p), (..., a), (..., n), broadcast -> chance of success (M, ...) and end state of a success (M, ..., k).
+
+        M is the size of the ensemble, or 1.
+        """
+        ...
+
+    @property
+    def residual_std(self) -> Array:
+        """(size,) spread of the errors of `trajectories`, normalised."""
+        ...
+
+    @property
+    def misfit_limit(self) -> float:
+        """The misfit (see `sim.solvers.misfit`) that 95 % of simulated trials inside the ranges do not exceed."""
+        ...
+
+
+class Solver(Policies, Expectations, Protocol):
+    """Both at once, as pretraining needs them."""

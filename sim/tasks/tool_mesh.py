@@ -9,6 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from hw.types import Array
 from sim.tasks.task import Task
+from sim.types import merged
 
 
 def tool_mesh(task: Task) -> tuple[Array, NDArray[np.int32]]:
@@ -25,12 +26,9 @@ def tool_mesh(task: Task) -> tuple[Array, NDArray[np.int32]]:
     plant.Finalize()
     context = plant.CreateDefaultContext()
     X_TW = plant.GetBodyByName(bodies.tool).EvalPoseInWorld(context).inverse()
-    vertices, triangles, count = [], [], 0
+    parts = []
     for visual in bodies.visuals:
-        if visual.body in ("world", bodies.object):
-            continue
-        X_TV = (X_TW @ plant.GetBodyByName(visual.body).EvalPoseInWorld(context)).GetAsMatrix4()
-        vertices.append(visual.vertices_m @ X_TV[:3, :3].T + X_TV[:3, 3])
-        triangles.append(visual.triangles + count)
-        count += len(visual.vertices_m)
-    return np.concatenate(vertices), np.concatenate(triangles).astype(np.int32)
+        if visual.body not in ("world", bodies.object):
+            X_TV = (X_TW @ plant.GetBodyByName(visual.body).EvalPoseInWorld(context)).GetAsMatrix4()
+            parts.append((visual.vertices_m @ X_TV[:3, :3].T + X_TV[:3, 3], visual.triangles))
+    return merged(parts)

@@ -12,7 +12,7 @@ import pytest
 from adaptsim_cli import app
 from adaptsim_cli.devices.trackers import tracker_of
 from hw.types import Array
-from sim.lab.calibrating import nominal_of
+from sim.lab.calibrating import nominal_X_BC
 from sim.lab.kinect import default_X_BC
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import load_world
@@ -73,8 +73,8 @@ def test_the_command_finds_what_the_world_hides(world: str, capfd: pytest.Captur
     assert touched["value"] < 1.5
     assert found["temperatures_C"] == {"arm": None, "camera": None}
 
-    nominal = nominal_of(load_world(world, get_task("scooping")), 1)
-    before_mm, after_mm = found_off_mm(world, nominal.X_BC), found_off_mm(world, X)
+    nominal = nominal_X_BC(load_world(world, get_task("scooping")), 1)
+    before_mm, after_mm = found_off_mm(world, nominal), found_off_mm(world, X)
     assert after_mm < before_mm - 1.0, (before_mm, after_mm)
 
     assert app.run(["calibrate", "check", *here]) == 0

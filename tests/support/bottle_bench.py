@@ -34,7 +34,7 @@ from sim.tasks.pushing import HARDWARE, TASK
 from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, START_M
 from sim.tasks.pushing.scene import bottle_visual
 from sim.tasks.shared.shapes import box, table_visual
-from sim.tasks.solver import SolvedPolicy
+from sim.tasks.task import SolvedPolicy
 from sim.types import ToolMotion, Visual
 
 FRAME_S = 0.1

@@ -82,7 +82,7 @@ def lab() -> Scene:
 
 
 def board_lab() -> Scene:
-    """The rendered camera of calibrations: it films motions alone, and connects together with its arm."""
+    """The rendered camera of calibrations: it films motions alone."""
     task, board = get_task("scooping"), Board()
     held = HeldBoard(draw(board, 112), board.size_m)
     built = CalibrationLab(
@@ -93,6 +93,7 @@ def board_lab() -> Scene:
         cell_as_shipped(task.require_hardware(), "panda"),
         home_q_rad=READY_RAD,
     )
+    built.arm.__enter__()
     away_rad = READY_RAD + np.array([0.05, 0, 0, 0, 0, 0, 0])
 
     def swing() -> None:

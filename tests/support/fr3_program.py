@@ -32,7 +32,6 @@ from hw.workcell import Workcell
 from sim.lab.camera import LabCamera
 from sim.lab.kinect import default_X_BC
 from sim.lab.room import Room
-from sim.lab.simulated import LabBench
 from sim.lab.world import load_world
 from sim.panda.planning import home
 from sim.panda.tool import cell_as_shipped
@@ -134,15 +133,14 @@ class ShownCamera:
             raise CameraError("no frame within 1 s; check the camera's cable and power, then redo the trial")
 
 
-class Placing(LabBench):
+class Placing:
     """The person beside the table; the arm stands at home when the object is put down."""
 
     def __init__(self, shown: Shown) -> None:
-        super().__init__(shown.room)
         self._shown = shown
 
     def place(self, xy_m: Any, trial: int, attempt: int) -> None:
-        super().place(xy_m, trial, attempt)
+        self._shown.room.place(xy_m, trial, attempt)
         self._shown.is_placed = True
 
 

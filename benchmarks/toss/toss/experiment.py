@@ -39,7 +39,7 @@ from sim.solvers.grid import PROBES, GridSolver
 from sim.solvers.misfit import Misfits
 from sim.solvers.solver import policy_for
 from sim.storage.files import whole_file
-from sim.tasks.solver import SolvedPolicy
+from sim.tasks.task import SolvedPolicy
 from toss import PARAMETERS, TASK, face_on_top
 from toss.data import Tosses, read_tosses
 from toss.page import write

@@ -9,8 +9,7 @@ import numpy as np
 from hw.types import Array, frozen_array
 from sim.tasks.pendulum.params import OBSERVATION
 from sim.tasks.pendulum.rollout import INPUTS, STATES, WORTHLESS, excess, observed_many, optimal, reward_of_success
-from sim.tasks.solver import Executable, SolverSettings
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, SolverSettings, Task
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +35,7 @@ class LqrPolicy:
 
 @dataclass(frozen=True, eq=False)
 class LqrSolver:
-    """The pendulum's `sim.tasks.solver.SolverOf`."""
+    """The pendulum's `sim.tasks.task.Solver`."""
 
     task: Task
 

@@ -14,7 +14,7 @@ from adaptsim_cli.wiring.best import TaskPolicy
 from hw.types import Array
 from sim.errors import OutOfRange
 from sim.tasks import get_task
-from sim.tasks.solver import SolvedPolicy
+from sim.tasks.task import SolvedPolicy
 
 NAME = "study"
 

@@ -120,7 +120,7 @@ def test_the_same_lab_has_the_same_arm_and_camera_with_and_without_board() -> No
 
 def test_encoder_noise_belongs_to_the_posture() -> None:
     """Whoever comes back to a posture finds it as it was, in a resumed run too; another one has another error."""
-    bench = lab(world(encoder_noise_mrad=1.0))._state
+    bench = lab(world(encoder_noise_mrad=1.0)).arm
     first = bench.error_rad
     bench.q_rad = bench.q_rad + 0.1
     assert np.abs(bench.error_rad - first).max() > 1e-4

@@ -28,7 +28,7 @@ def test_no_pixel_of_a_body_is_missed(which: str, near_m: float) -> None:
         seen = outline(_placed(body, X_CO), body.parts, camera, fov)
         hits = body.cast(inverse(X_CO), rays.reshape(-1, 3))
         asked = np.zeros((camera.height, camera.width), dtype=bool)
-        asked[seen.rows, seen.columns] = True
+        asked[seen] = True
         assert asked.ravel()[hits.index].all()
         sent += asked.sum() - len(hits.index)
     assert sent < 25 * 0.1 * camera.width * camera.height
@@ -39,8 +39,8 @@ def test_a_body_behind_the_camera_may_be_anywhere_and_one_out_of_view_is_nowhere
     fov, body = field_of_view(pixel_rays(camera)), Body(visuals(frozenset({"panda_link5"})))
     around, beside = np.eye(4), np.eye(4)
     beside[:3, 3] = 5.0, 0.0, 1.0
-    assert len(outline(_placed(body, around), body.parts, camera, fov).rows) == camera.width * camera.height
-    assert not len(outline(_placed(body, beside), body.parts, camera, fov).rows)
+    assert len(outline(_placed(body, around), body.parts, camera, fov)[0]) == camera.width * camera.height
+    assert not len(outline(_placed(body, beside), body.parts, camera, fov)[0])
 
 
 def test_parts_hang_together() -> None:

@@ -221,8 +221,7 @@ def retrack(
     retracking.require_camera(task)
     with screen.busy("Tracking"):
         found = tuple(retracking.retrack(opened, task, tracker_of(task), trial))
-    told = [one.as_json(opened.facts) for one in found]
-    if not screen.data("retrack", {"session": session, "units": opened.facts.units, "trials": told}):
+    if not screen.data("retrack", {"session": session, "units": opened.facts.units, "trials": found}):
         screen.show(views.rows(retracking.HEAD, retracking.rows(found), right=(0, 3, 4, 5, 6)))
         screen.next(*retracking.next_steps(session, found))
     retracking.require_tracked(found)

@@ -64,6 +64,7 @@ def rollout(
     from adaptsim_cli.screen import console, views
     from adaptsim_cli.session import single
     from adaptsim_cli.session.store import SessionStore
+    from adaptsim_cli.view.live import live_view
     from adaptsim_cli.wiring import session as wiring
     from adaptsim_cli.wiring.best import best_of
     from adaptsim_cli.wiring.settings import load
@@ -96,7 +97,9 @@ def rollout(
         for chosen in wanted:
             folder = out or resolved.places.data / "rollouts" / f"{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
             if (view or view_port is not None) and watcher is None:
-                watcher = stack.enter_context(wiring.beside_one(screen, folder.name, settings.hw, parts, view_port))
+                watcher = stack.enter_context(
+                    live_view(screen, parts, folder.name, f"rollout {folder.name}", settings.hw, view_port)
+                )
             record = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes, watcher=watcher)
             rewards.append(record.reward)
             _tell(screen, record, folder)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session import whole
 from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.store import SessionStore, trials_of
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
 
 VERSION = "v3.0"
@@ -39,17 +39,14 @@ class Episode:
     size: tuple[int, int]  # (height, width) of an image
 
 
-def write(store: SessionStore, folder: Path) -> int:
-    """Write the data set of a session into a new `folder`; returns how many episodes it has.
+def write(store: SessionStore, records: Sequence[TrialRecord], folder: Path) -> None:
+    """Write the data set of a session's trials, at least one, into a new `folder`.
 
-    Raises UsageError if the folder exists or the session has no trial, ExtraMissing without pyarrow, SessionError.
+    Raises UsageError if the folder exists, ExtraMissing without pyarrow, SessionError.
     """
     if folder.exists():
         raise UsageError(f"{folder} exists already: name another --out")
-    records = trials_of(store)
-    if not records:
-        raise UsageError(f"session {store.facts.name} has no completed trial yet; nothing to export")
-    has_camera = not store.facts.curves and (whole_folder(store, records[0]) / "recording.mcap").exists()
+    has_camera = not store.facts.curves and (store.trial_folder(*records[0].place) / "recording.mcap").exists()
     fps = CAMERA_FPS if has_camera else SIMULATED_FPS
     index, columns = 0, list[dict[str, Any]]()
     names: Mapping[str, list[str]] = {}
@@ -69,13 +66,6 @@ def write(store: SessionStore, folder: Path) -> int:
     whole_set = {name: _statistics(np.concatenate([one[name] for one in columns]), name) for name in columns[0]}
     for name, content in (("stats", whole_set), ("info", info)):
         durable.write_file(folder / f"meta/{name}.json", (json.dumps(content, indent=4) + "\n").encode())
-    return len(records)
-
-
-def whole_folder(store: SessionStore, record: TrialRecord) -> Path:
-    """The folder of a trial."""
-
-    return store.trial_folder(*record.place)
 
 
 def as_parquet(columns: Mapping[str, Any], metadata: Mapping[str, str] | None = None) -> bytes:

@@ -44,7 +44,7 @@ def export(
     if kind == "lerobot":
         from adaptsim_cli.session import episodes
 
-        episodes.write(store, out)
+        episodes.write(store, records, out)
         return [out]
     if kind in SCENES:
         return _scene(out, kind, scene_of(store, kind))

@@ -22,20 +22,11 @@ Rollout = Callable[[Array, Array], ObjectTrack]
 FILE = "trajectory.json"
 
 
-@dataclass(frozen=True)
-class InSimulation:
-    """A `Target` without arm, camera or bench."""
+class WithoutDevices:
+    """The part of a `Target` in which nothing can move."""
 
-    object_name: str
-    duration_s: float  # simulated time of a trial
-    title: str
-    rollout: Rollout
-    is_real: bool = False
+    is_real = False
     outcomes: tuple[Outcome, ...] = ()  # nobody watches, so nobody overrules
-
-    def checks(self) -> tuple[Readiness, ...]:
-        """See `Target`; there are no devices to check."""
-        return (Readiness("devices", True, "none needed"),)
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         """See `Target`; never: nothing can have moved."""
@@ -44,17 +35,6 @@ class InSimulation:
     def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placed:
         """See `Target`: the drawn context is the true one."""
         return Placed(drawn, drawn)
-
-    def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
-        """See `Target`: nothing limits a simulated trial."""
-        summary = f"{self.duration_s:.1f} s of the {self.object_name} will be simulated"
-        return Planned(placed, action, summary, f"The {self.object_name} is simulated for {self.duration_s:.1f} s")
-
-    def execute(self, planned: Planned, progress: Progress = silently) -> Executed:
-        """See `Target`: run the rollout, which nothing can stop."""
-        with progress(f"Simulating the {self.object_name}", "simulating"):
-            trajectory = self.rollout(planned.placed.context, planned.action)
-        return Executed(lambda: {FILE: to_json(TrackRecord.from_track(trajectory))})
 
     def track(
         self,
@@ -70,18 +50,41 @@ class InSimulation:
 
 
 @dataclass(frozen=True)
-class InRecordings:
-    """A `Target` of recorded trials, each of which a session gets once."""
+class InSimulation(WithoutDevices):
+    """A `Target` without arm, camera or bench."""
+
+    object_name: str
+    duration_s: float  # simulated time of a trial
+    title: str
+    rollout: Rollout
+
+    def checks(self) -> tuple[Readiness, ...]:
+        """See `Target`; there are no devices to check."""
+        return (Readiness("devices", True, "none needed"),)
+
+    def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
+        """See `Target`: nothing limits a simulated trial."""
+        summary = f"{self.duration_s:.1f} s of the {self.object_name} will be simulated"
+        return Planned(placed, action, summary, f"The {self.object_name} is simulated for {self.duration_s:.1f} s")
+
+    def execute(self, planned: Planned, progress: Progress = silently) -> Executed:
+        """See `Target`: run the rollout, which nothing can stop."""
+        with progress(f"Simulating the {self.object_name}", "simulating"):
+            trajectory = self.rollout(planned.placed.context, planned.action)
+        return _executed(trajectory)
+
+
+@dataclass(frozen=True)
+class InRecordings(WithoutDevices):
+    """A `Target` of recorded trials, each of which a session gets once, also after an interruption."""
 
     trials: RecordedTrials  # without those held out
     title: str
     spent_rows: set[int] = field(default_factory=set)  # of trials
-    is_real: bool = False  # nothing moves any more
-    outcomes: tuple[Outcome, ...] = ()  # whoever recorded them has judged
 
     def executable(self, context: Array, action: Array) -> bool:
         """Whether the action was recorded and is not used yet."""
-        row = int(self.trials.at(action[None])[0])
+        row = self._row(action)
         return row >= 0 and row not in self.spent_rows
 
     def checks(self) -> tuple[Readiness, ...]:
@@ -89,17 +92,9 @@ class InRecordings:
         left = len(self.trials) - len(self.spent_rows)
         return (Readiness("recorded trials", left > 0, f"{left} of {len(self.trials)} not used yet"),)
 
-    def spent(self, stage: RunTrial, operator: Operator) -> bool:
-        """See `Target`; never: an interrupted trial gets the same recording again."""
-        return False
-
-    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placed:
-        """See `Target`: the drawn context is the wanted one."""
-        return Placed(drawn, drawn)
-
     def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
         """See `Target`; the context is that of the recording, unless it only scores. Raises NotExecutable."""
-        row = int(self.trials.at(action[None])[0])
+        row = self._row(action)
         if row < 0:
             raise NotExecutable("this action was not recorded: take another method, or the solver of the checkpoint")
         there = Placed(placed.drawn, self.trials.context_of(row, placed.context))
@@ -108,18 +103,13 @@ class InRecordings:
 
     def execute(self, planned: Planned, progress: Progress = silently) -> Executed:
         """See `Target`: the recording."""
-        row = int(self.trials.at(planned.action[None])[0])
+        row = self._row(planned.action)
         self.spent_rows.add(row)
-        return Executed(lambda: {FILE: to_json(TrackRecord.from_track(self.trials.tracks[row]))})
+        return _executed(self.trials.tracks[row])
 
-    def track(
-        self,
-        context: Array,
-        action: Array,
-        folder: Path,
-        progress: Progress = silently,
-        executed: Executed | None = None,
-    ) -> TrackedTrial:
-        """See `Target`: the recorded trajectory. Raises SessionError."""
-        with progress("Reading the recording", "reading"):
-            return TrackedTrial(read(TrackRecord, folder / FILE).track())
+    def _row(self, action: Array) -> int:
+        return int(self.trials.at(action[None])[0])
+
+
+def _executed(trajectory: ObjectTrack) -> Executed:
+    return Executed(lambda: {FILE: to_json(TrackRecord.from_track(trajectory))})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,84 +10,22 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.outputs.sessions import Now, RetrackedTrial, Stored
 from adaptsim_cli.outputs.trials import named
+from adaptsim_cli.screen.views import words
 from adaptsim_cli.session import recording, topics
 from adaptsim_cli.session.on_rig import joints
-from adaptsim_cli.session.records import Facts, TrialRecord, corrupt
+from adaptsim_cli.session.records import TrialRecord, corrupt
 from adaptsim_cli.session.store import SessionStore, trials_of
 from adaptsim_cli.session.target import Tracker, TrackRequest
-from hw.camera.replay import RecordedCamera, Take
 from hw.types import Array
 from perception.errors import PerceptionError, TrackingFailed
-from perception.types import ObjectTrack
 from sim.tasks.task import Task
 
 HEAD = ("trial", "stored outcome", "now", "stored reward", "now", "end apart mm", "most apart mm")
 
 
-@dataclass(frozen=True, eq=False)
-class Retracked:
-    """One trial: its stored track, and the track found now."""
-
-    record: TrialRecord
-    track: ObjectTrack | None  # None: tracking fails now
-    reward: float | None
-    context: Array | None  # (c,) as found now
-    failure: str | None  # why it failed
-
-    @property
-    def end_apart_m(self) -> float | None:
-        """Distance between the object's last positions, stored and now; None if one of them is unknown."""
-        apart_m = self._apart_m()
-        return None if apart_m is None else float(apart_m[-1])
-
-    @property
-    def most_apart_m(self) -> float | None:
-        """The largest distance between the two tracks."""
-        apart_m = self._apart_m()
-        return None if apart_m is None else float(apart_m.max())
-
-    @property
-    def is_same_outcome(self) -> bool:
-        """Compared with the tracked outcome, which an operator may have overruled."""
-        return self.track is not None and self.track.outcome == self.record.track.outcome
-
-    def as_json(self, facts: Facts) -> dict[str, Any]:
-        """The object that `retrack --json` prints for a trial."""
-        old, new = self.record, self.track
-        return {
-            "trial": old.trial,
-            "iteration": old.iteration,
-            "attempt": old.attempt,
-            "stored": {
-                "outcome": old.outcome.value,
-                "tracked_outcome": old.track.outcome.value,
-                "reward": old.reward,
-                "context": old.context,
-                "flags": list(old.track.flags),
-            },
-            "now": None
-            if new is None
-            else {
-                "outcome": new.outcome.value,
-                "reward": self.reward,
-                "context": None if self.context is None else named([d.name for d in facts.context], self.context),
-                "flags": list(new.flags),
-            },
-            "same_outcome": self.is_same_outcome,
-            "end_apart_mm": _mm(self.end_apart_m),
-            "most_apart_mm": _mm(self.most_apart_m),
-            "failure": self.failure,
-        }
-
-    def _apart_m(self) -> Array | None:
-        if self.track is None:
-            return None
-        old = self.record.track.track()
-        return np.asarray(np.linalg.norm(self.track.at(old.t_s) - old.state, axis=1))
-
-
-def retrack(store: SessionStore, task: Task, tracker: Tracker, trial: int | None) -> Iterator[Retracked]:
+def retrack(store: SessionStore, task: Task, tracker: Tracker, trial: int | None) -> Iterator[RetrackedTrial]:
     """Every completed trial that counts, in order, or only `trial` (numbered from 1).
 
     A trial that can no longer be tracked carries its failure. Raises UsageError if there is no such trial, SessionError
@@ -108,34 +45,34 @@ def retrack(store: SessionStore, task: Task, tracker: Tracker, trial: int | None
         yield _again(store, task, tracker, record)
 
 
-def rows(found: Sequence[Retracked]) -> list[tuple[str, ...]]:
+def rows(found: Sequence[RetrackedTrial]) -> list[tuple[str, ...]]:
     """The columns of `HEAD` as text, one row per trial."""
     return [
         (
-            str(one.record.trial),
-            one.record.outcome_words + (" (operator)" if one.record.overruled_from else ""),
-            "not tracked" if one.track is None else _words(one.track.outcome.value),
-            f"{one.record.reward:.2f}",
-            "–" if one.reward is None else f"{one.reward:.2f}",
-            "–" if one.end_apart_m is None else f"{1e3 * one.end_apart_m:.2f}",
-            "–" if one.most_apart_m is None else f"{1e3 * one.most_apart_m:.2f}",
+            str(one.trial),
+            words(one.stored.outcome) + (" (operator)" if one.stored.outcome != one.stored.tracked_outcome else ""),
+            "not tracked" if one.now is None else words(one.now.outcome),
+            f"{one.stored.reward:.2f}",
+            _number(None if one.now is None else one.now.reward),
+            _number(one.end_apart_mm),
+            _number(one.most_apart_mm),
         )
         for one in found
     ]
 
 
-def next_steps(session: str, found: Sequence[Retracked]) -> tuple[tuple[str, str], ...]:
+def next_steps(session: str, found: Sequence[RetrackedTrial]) -> tuple[tuple[str, str], ...]:
     """(command, reason) for each trial with another outcome than before: a person decides."""
-    others = [one.record.trial for one in found if one.track is not None and not one.is_same_outcome]
+    others = [one.trial for one in found if one.now is not None and not one.same_outcome]
     look = tuple(
         (f"adaptsim sessions amend {session} {n}", f"trial {n} now has another outcome: check it") for n in others
     )
     return look or ((f"adaptsim run-iteration --session {session}", "goes on with the session"),)
 
 
-def require_tracked(found: Sequence[Retracked]) -> None:
+def require_tracked(found: Sequence[RetrackedTrial]) -> None:
     """Raises TrackingFailed naming every trial that was tracked before and cannot be tracked now."""
-    failed = [f"trial {one.record.trial}: {one.failure}" for one in found if one.track is None]
+    failed = [f"trial {one.trial}: {one.failure}" for one in found if one.now is None]
     if failed:
         raise TrackingFailed(f"{len(failed)} of {len(found)} trials cannot be tracked now; " + "; ".join(failed))
 
@@ -146,33 +83,57 @@ def require_camera(task: Task) -> None:
         raise UsageError(f"the task {task.name} runs in simulation only: its sessions have no recordings to track")
 
 
-def _again(store: SessionStore, task: Task, tracker: Tracker, record: TrialRecord) -> Retracked:
+def _again(store: SessionStore, task: Task, tracker: Tracker, record: TrialRecord) -> RetrackedTrial:
     path = store.trial_folder(*record.place) / recording.FILE
     stored, X_BT_at = recording.read(path), tool_poses(path)
     played = stored.execution
     if not len(played.t_s):
         raise corrupt(path, "it holds no joints")
-    with RecordedCamera(stored.model, [Take(stored.before, stored.frames)]) as camera:
-        try:
-            detection = tracker.find(camera.snapshot(), camera.model(), stored.X_BC)
-            camera.start_recording()
-            track = tracker.track(
-                TrackRequest(
-                    frames=camera.stop_recording(),
-                    model=camera.model(),
-                    X_BC=stored.X_BC,
-                    detection=detection,
-                    X_BT_at=X_BT_at,
-                    q_at=joints(played),
-                    t_start_s=played.t_start_s,
-                    duration_s=float(played.t_s[-1]),
-                    at_home=stored.at_home,
-                )
+    old, now, apart_mm, failure = record.track.track(), None, None, None
+    tracked = record.overruled_from or record.outcome
+    try:
+        detection = tracker.find(stored.before, stored.model, stored.X_BC)
+        track = tracker.track(
+            TrackRequest(
+                frames=stored.frames,
+                model=stored.model,
+                X_BC=stored.X_BC,
+                detection=detection,
+                X_BT_at=X_BT_at,
+                q_at=joints(played),
+                t_start_s=played.t_start_s,
+                duration_s=float(played.t_s[-1]),
+                at_home=stored.at_home,
             )
-        except PerceptionError as error:
-            return Retracked(record, None, None, None, str(error))
-    context = tracker.context(np.array(list(record.drawn_context.values())), detection)
-    return Retracked(record, track, task.score(track, context), np.asarray(context), None)
+        )
+    except PerceptionError as error:
+        failure = str(error)
+    else:
+        context = tracker.context(np.array(list(record.drawn_context.values())), detection)
+        apart_mm = 1e3 * np.linalg.norm(track.at(old.t_s) - old.state, axis=1)
+        now = Now(
+            outcome=track.outcome.value,
+            reward=task.score(track, context),
+            context=named(list(record.context), context),
+            flags=list(track.flags),
+        )
+    return RetrackedTrial(
+        trial=record.trial,
+        iteration=record.iteration,
+        attempt=record.attempt,
+        stored=Stored(
+            outcome=record.outcome.value,
+            tracked_outcome=tracked.value,
+            reward=record.reward,
+            context=record.context,
+            flags=list(record.track.flags),
+        ),
+        now=now,
+        same_outcome=now is not None and now.outcome == tracked.value,
+        end_apart_mm=None if apart_mm is None else float(apart_mm[-1]),
+        most_apart_mm=None if apart_mm is None else float(apart_mm.max()),
+        failure=failure,
+    )
 
 
 def tool_poses(path: Path) -> Callable[[float], Array]:
@@ -210,9 +171,5 @@ def _tool_messages(reader: Any) -> Iterator[tuple[int, tuple[float, ...], tuple[
                 yield t_ns, xyz, xyzw
 
 
-def _words(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _mm(apart_m: float | None) -> float | None:
-    return None if apart_m is None else 1e3 * apart_m
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"

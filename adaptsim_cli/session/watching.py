@@ -8,7 +8,6 @@ import os
 import platform
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import RLock
@@ -22,7 +21,7 @@ from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.base import Record
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.operator import Proposal
-from adaptsim_cli.session.records import Facts, TrialRecord
+from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import MotionPreview, TrackedTrial
 from adaptsim_cli.storage import durable
@@ -31,21 +30,6 @@ from sim.adaptation.posterior import Posterior
 
 PosteriorSource = Callable[[], Posterior | None]
 """Computes the belief about the true parameters on request; None if the method has none."""
-
-
-@dataclass(frozen=True)
-class RunHeader:
-    """The session or rollout that a watcher shows."""
-
-    name: str  # of the session or rollout
-    what: str  # one line: the session and its method, or the rollout
-    hw: str
-    particles: int = 0  # 0: a single rollout
-
-    @classmethod
-    def session(cls, facts: Facts) -> RunHeader:
-        """A session."""
-        return cls(facts.name, f"session {facts.name}, method {facts.method}", facts.hw, facts.particles)
 
 
 class Watcher(Protocol):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
@@ -16,8 +16,8 @@ from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import MotionPreview, TrackedTrial
-from adaptsim_cli.session.watching import PosteriorSource, RunHeader
+from adaptsim_cli.session.target import MotionPreview, Parts, TrackedTrial
+from adaptsim_cli.session.watching import PosteriorSource
 from adaptsim_cli.view import state
 from adaptsim_cli.view.server import Page
 from sim.tasks.task import Task
@@ -29,26 +29,13 @@ MOVES = ("approach", "motion", "way back")
 class LiveView:
     """`session.watching.Watcher` and `screen.console.Listener` that show everything on one page."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: Page, task: Task, head: Mapping[str, Any], particles: int) -> None:
         self._page, self._lock = page, Lock()
+        self._task, self._particles = task, particles
         self._state: dict[str, Any] = {"now": {"doing": "", "question": ""}}
         self._pictures: dict[str, bytes] = {}
         self._count = 0
         self._moves = 0  # of the trial's `MOVES`, those that have begun
-        self._task: Task | None = None
-        self._header: RunHeader | None = None
-
-    def begins(self, task: Task, header: RunHeader, title: str) -> None:
-        """Begin the page: session or rollout, and hardware."""
-        self._task, self._header = task, header
-        head = {
-            "simulated": is_simulated(header.hw),
-            "hardware": title,
-            "name": header.name,
-            "what": header.what,
-            "task": task.title[:1].upper() + task.title[1:],
-            "object": task.object_name,
-        }
         self._set(head=head)
 
     def doing(self, what: str, stage: str) -> None:
@@ -75,9 +62,7 @@ class LiveView:
 
     def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
         """See `Watcher`."""
-        if self._task is None or self._header is None:
-            return
-        parts: dict[str, Any] = {"trial": state.trial(self._task, self._header.particles, made), "judged": None}
+        parts: dict[str, Any] = {"trial": state.trial(self._task, self._particles, made), "judged": None}
         self._pictures, self._moves = {}, 0
         if preview is not None:
             name = self._picture(preview.picture)
@@ -91,8 +76,7 @@ class LiveView:
 
     def changed(self, store: SessionStore, posterior: PosteriorSource) -> None:
         """See `Watcher`."""
-        if self._task is not None:
-            self._set(**state.so_far(store, self._task, posterior()))
+        self._set(**state.so_far(store, self._task, posterior()))
 
     def reported(self, path: Path) -> None:
         """See `Watcher`."""
@@ -111,18 +95,29 @@ class LiveView:
 
 
 @contextmanager
-def live_view(screen: Screen, task: Task, header: RunHeader, title: str, port: int | None) -> Iterator[LiveView]:
-    """Serve the page; print its address, and how to reach it from another computer.
+def live_view(
+    screen: Screen, parts: Parts, name: str, what: str, hw: str, port: int | None, particles: int = 0
+) -> Iterator[LiveView]:
+    """Serve the page of the session or rollout `name`; print its address, and how to reach it from another computer.
 
-    Raises UsageError if the wanted port is in use.
+    `what` describes it in one line; `particles` of an iteration, 0: a single rollout. Raises UsageError if the wanted
+    port is in use.
     """
     html = (resources.files("adaptsim_cli.view") / "page.html").read_text(encoding="utf-8")
+    task = parts.task
+    head = {
+        "simulated": is_simulated(hw),
+        "hardware": parts.target.title,
+        "name": name,
+        "what": what,
+        "task": task.title[:1].upper() + task.title[1:],
+        "object": task.object_name,
+    }
     with Page(html, port) as page:
         screen.plain(f"Live page: {page.address}")
         tunnel = f"ssh -L {page.port}:127.0.0.1:{page.port} {_here()}"
         screen.plain(f"From another computer: {tunnel}")
-        view = LiveView(page)
-        view.begins(task, header, title)
+        view = LiveView(page, task, head, particles)
         screen.tell(view)
         yield view
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,7 +23,7 @@ from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import FACTS, SessionStore
 from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, Target
-from adaptsim_cli.session.watching import RunHeader, Watcher
+from adaptsim_cli.session.watching import Watcher
 from adaptsim_cli.storage.sealed import versions
 from adaptsim_cli.view.live import live_view
 from adaptsim_cli.view.server import require_free
@@ -281,19 +281,12 @@ def beside(port: int | None) -> OpenView:
     if port is not None:
         require_free(port)
 
-    @contextmanager
-    def open_view(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:
-        with live_view(screen, parts.task, RunHeader.session(store.facts), parts.target.title, port) as view:
-            yield view
+    def open_view(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
+        name, facts = store.facts.name, store.facts
+        what = f"session {name}, method {facts.method}"
+        return live_view(screen, parts, name, what, facts.hw, port, facts.particles)
 
     return open_view
-
-
-@contextmanager
-def beside_one(screen: Screen, name: str, hw: str, parts: Parts, port: int | None) -> Iterator[Watcher]:
-    """The same for the one trial of the rollout `name`."""
-    with live_view(screen, parts.task, RunHeader(name, f"rollout {name}", hw), parts.target.title, port) as view:
-        yield view
 
 
 def seen_by_camera(config: Config, facts: Facts) -> tuple[Task, tuple[Outcome, ...]]:

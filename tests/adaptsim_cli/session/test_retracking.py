@@ -21,11 +21,12 @@ from adaptsim_cli import app
 from adaptsim_cli.devices import trackers
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import recording, retracking
+from adaptsim_cli.session.correcting import amend
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.types import CameraModel, Execution, Frame
-from perception.errors import ObjectNotFound, TrackingFailed
+from perception.errors import ObjectNotFound
 from perception.types import ObjectTrack, Outcome
 
 
@@ -65,12 +66,12 @@ def test_the_same_tracker_comes_to_the_stored_result_and_nothing_is_edited(
 ) -> None:
     before = contents(session)
     found = list(retracking.retrack(session, TASK, tracker, None))
-    assert [one.record.trial for one in found] == list(range(1, len(found) + 1)) and len(found) == 4
+    assert [one.trial for one in found] == [1, 2, 3, 4]
     for one in found:
-        assert one.is_same_outcome and one.failure is None
-        assert one.reward == pytest.approx(one.record.reward, abs=1e-6)
-        assert one.end_apart_m == pytest.approx(0.0, abs=1e-6) and one.most_apart_m == pytest.approx(0.0, abs=1e-6)
-        assert one.context == pytest.approx(one.record.context_array, abs=1e-6)
+        assert one.same_outcome and one.failure is None and one.now is not None
+        assert one.now.reward == pytest.approx(one.stored.reward, abs=1e-6)
+        assert one.end_apart_mm == pytest.approx(0.0, abs=1e-3) and one.most_apart_mm == pytest.approx(0.0, abs=1e-3)
+        assert one.now.context == pytest.approx(one.stored.context, abs=1e-6)
     assert contents(session) == before
 
 
@@ -82,24 +83,16 @@ def test_another_tracker_shows_as_a_difference(session: SessionStore, tracker: T
 
     changed = dataclasses.replace(tracker, track=shifted)
     (one,) = retracking.retrack(session, TASK, changed, 2)
-    assert one.record.trial == 2 and not one.is_same_outcome and one.reward == 0.0
-    assert one.end_apart_m == pytest.approx(0.005) and one.most_apart_m == pytest.approx(0.005)
-    said = one.as_json(session.facts)
-    assert (said["stored"]["tracked_outcome"], said["now"]["outcome"]) == ("on_blade", "on_table")
-    assert said["end_apart_mm"] == pytest.approx(5.0)
+    assert one.now is not None and one.now.reward == 0.0 and not one.same_outcome
+    assert one.end_apart_mm == pytest.approx(5.0) and one.most_apart_mm == pytest.approx(5.0)
     assert retracking.rows([one])[0][:3] == ("2", "on blade", "on table")
 
 
-def test_what_cannot_be_found_any_more_is_told_of_each_trial(session: SessionStore, tracker: Tracker) -> None:
-    def blind(*_: object) -> NoReturn:
-        raise ObjectNotFound("nothing looks like it")
-
-    found = list(retracking.retrack(session, TASK, dataclasses.replace(tracker, find=blind), None))
-    assert [one.failure for one in found] == ["nothing looks like it"] * 4
-    assert found[0].as_json(session.facts)["now"] is None and found[0].end_apart_m is None
-    assert retracking.rows(found)[0][2] == "not tracked"
-    with pytest.raises(TrackingFailed, match="4 of 4 trials cannot be tracked now; trial 1: nothing looks like it"):
-        retracking.require_tracked(found)
+def test_an_overruled_outcome_is_compared_as_it_was_tracked(session: SessionStore, tracker: Tracker) -> None:
+    amend(session, TASK, 2, Outcome.ON_TABLE, 0.0, "seen on the recording")
+    (one,) = retracking.retrack(session, TASK, tracker, 2)
+    assert (one.stored.outcome, one.stored.tracked_outcome, one.same_outcome) == ("on_table", "on_blade", True)
+    assert retracking.rows([one])[0][1] == "on table (operator)"
 
 
 def test_a_damaged_recording_is_named(session: SessionStore, tracker: Tracker) -> None:
@@ -188,8 +181,11 @@ def test_a_trial_that_cannot_be_tracked_ends_with_6_after_the_table(
     monkeypatch.setitem(trackers.TRACKERS, "toy", lambda task: dataclasses.replace(tracker, find=blind))
     assert app.run(["retrack", session.facts.name, "--json"]) == 6
     out, err = capfd.readouterr()
-    assert [one["failure"] for one in json.loads(out)["trials"]] == ["nothing looks like it"] * 4
-    assert "4 of 4" in err
+    told = json.loads(out)["trials"]
+    assert [(one["failure"], one["now"], one["end_apart_mm"]) for one in told] == [
+        ("nothing looks like it", None, None)
+    ] * 4
+    assert "4 of 4" in err and "trial 1: nothing looks like it" in " ".join(err.split())
 
 
 def assert_told(capfd: pytest.CaptureFixture[str], pattern: str) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rich.console import Console
-from toy_rig import PARAMETERS, TASK, ToyLab
+from toy_rig import PARAMETERS, ToyLab
 from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.errors import UsageError
@@ -24,7 +24,6 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.operator import Choices, Proposal, Review
 from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.watching import RunHeader
 from adaptsim_cli.view import state
 from adaptsim_cli.view.live import LiveView, live_view
 from adaptsim_cli.view.server import Page
@@ -150,8 +149,7 @@ class Looking(ScriptedOperator):
 def test_everything_is_on_the_page_before_it_is_asked_about(tmp_path: Path) -> None:
     screen = Screen(console=Console(file=io.StringIO(), width=80))
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
-    facts = session.store.facts
-    with live_view(screen, TASK, RunHeader.session(facts), "toy lab", None) as view:
+    with live_view(screen, session.parts, "toy-wd", "session toy-wd", "fake", None, 2) as view:
         operator = Looking(view, [Review(rejected="slip")])
         watched = RunningSession(session.store, session.parts, operator, screen, view)
         run_iteration(watched)
@@ -176,7 +174,7 @@ def test_the_terminal_says_where_the_page_is_and_how_to_reach_it(tmp_path: Path)
     said = io.StringIO()
     screen = Screen(console=Console(file=said, width=80))
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
-    with live_view(screen, TASK, RunHeader.session(session.store.facts), "toy lab", None) as view:
+    with live_view(screen, session.parts, "toy-wd", "session toy-wd", "fake", None, 2) as view:
         with screen.busy("Finding the piece"):
             assert view._state["now"]["doing"] == "Finding the piece"
         for move in range(3):

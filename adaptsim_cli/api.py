@@ -137,7 +137,7 @@ class Session:
     def best_policy(self) -> TaskPolicy:
         """The final task policy of the session if it ended now. Raises CheckpointError, SessionError."""
         from adaptsim_cli.wiring.best import TaskPolicy, policy_of_session
-        from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
+        from adaptsim_cli.wiring.settings import checkpoint_of_session
 
         checkpoint = checkpoint_of_session(self._stored)
         return TaskPolicy(self.name, checkpoint.solver.task, policy_of_session(self._stored, checkpoint))

@@ -27,7 +27,6 @@ from sim.research.pretraining.gate import Gate, learning_gate
 from sim.research.pretraining.logs import silent
 from sim.research.pretraining.meta_training import MetaSettings, train_adaptation
 from sim.research.pretraining.pipeline import stage_seeds
-from sim.solvers.emulator.solver import EmulatorSolver
 from sim.storage.files import read_toml, write_toml
 from sim.tasks import get_task
 from sim.tasks.task import Task
@@ -63,8 +62,8 @@ def trained(task: Task, shipped: Checkpoint, seed: int, folder: Path) -> dict[st
     report = folder.with_suffix(".toml")
     if report.exists():
         return read_toml(report)
-    assert isinstance(shipped.solver, EmulatorSolver)
-    emulator, settings, draw = shipped.solver.emulator, MetaSettings(), stage_seeds(seed)[2]
+    assert shipped.emulator is not None
+    emulator, settings, draw = shipped.emulator, MetaSettings(), stage_seeds(seed)[2]
     of_training, of_trials = map(int, np.random.SeedSequence(draw, spawn_key=(0,)).generate_state(2))
     acting = fill_library(shipped.solver, draw, settings.library)
     simulator = Simulator(shipped.solver, acting, EmulatedRolls(emulator, np.random.default_rng(of_trials)))

@@ -113,12 +113,12 @@ def export(
     """
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import exporting
-    from adaptsim_cli.wiring import scene
+    from adaptsim_cli.wiring.best import scene_files
 
     opened, screen = options.stored(name), console.Screen(as_json=as_json)
     path = out or Path(exporting.default_name(opened, kind))
     with screen.progress() as progress:
-        written = exporting.export(opened, kind, path, scene.files_of, progress)
+        written = exporting.export(opened, kind, path, scene_files, progress)
     files = [str(file.absolute()) for file in written]
     if not screen.data("sessions export", {"session": name, "format": kind, "written": files}):
         for file in written:

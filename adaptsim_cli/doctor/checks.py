@@ -333,7 +333,7 @@ def _balance(lab: Examined) -> Finding:
 
 @check(TASK, "checkpoint", "adaptsim pretrain --task {task}, or leave checkpoint out")
 def _checkpoint(lab: Examined) -> Finding:
-    from adaptsim_cli.wiring.checkpoints import checkpoint_of
+    from adaptsim_cli.wiring.settings import checkpoint_of
 
     found = checkpoint_of(lab.config)
     return ok(f"{lab.config.task}/{found.path.name} fits, sha256 {found.sha256[:12]}")

@@ -18,9 +18,9 @@ def list_checkpoints(as_json: options.Json = False) -> None:
     Example: adaptsim checkpoints list
     """
     from adaptsim_cli.screen import console, views
-    from adaptsim_cli.wiring import checkpoints
+    from adaptsim_cli.wiring import settings as wiring
 
-    found = checkpoints.list_checkpoints()
+    found = wiring.list_checkpoints()
     screen = console.Screen(as_json=as_json)
     if not screen.data("checkpoints list", {"checkpoints": found}):
         body = [(c["task"], c["name"], c["created"], c["folder"]) for c in found]
@@ -52,7 +52,7 @@ def verify(
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.research import checkpoint_figures
+    from adaptsim_cli.research import pretraining
     from adaptsim_cli.screen import console, views
     from sim.errors import CheckpointError
 
@@ -60,12 +60,12 @@ def verify(
         raise UsageError("--quick and --rollouts contradict each other: give one of them")
     flags = {"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed, "workers": workers}
     settings = config.load(flags).config
-    wanted = rollouts if rollouts is not None else checkpoint_figures.ROLLOUTS
+    wanted = rollouts if rollouts is not None else pretraining.ROLLOUTS
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress:
-        found = checkpoint_figures.verify_figures(
+        found = pretraining.verify_figures(
             settings,
-            checkpoint_figures.QUICK if quick else wanted,
+            pretraining.QUICK if quick else wanted,
             lambda done, total: progress("rollouts", done, total),
         )
     screen.plain(f"{found['folder']} is intact: task {found['task']}, sha256 {found['sha256'][:12]}")
@@ -103,13 +103,13 @@ def parameters(
     Example: adaptsim checkpoints parameters --task pushing
     """
     from adaptsim_cli import config
-    from adaptsim_cli.research import checkpoint_figures
+    from adaptsim_cli.research import pretraining
     from adaptsim_cli.screen import console, views
 
     settings = config.load({"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed}).config
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress:
-        found = checkpoint_figures.tell_parameters(settings, lambda done, total: progress("sessions", done, total))
+        found = pretraining.tell_parameters(settings, lambda done, total: progress("sessions", done, total))
     if screen.data("checkpoints parameters", found):
         return
     body = [(p["title"], views.number(p["left"]), p["words"]) for p in found["parameters"]]

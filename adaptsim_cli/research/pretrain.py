@@ -66,9 +66,9 @@ def pretrain(
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.research import checkpoint_figures, phase1_page, pretraining
+    from adaptsim_cli.research import phase1_page, pretraining
     from adaptsim_cli.screen import console
-    from adaptsim_cli.wiring import checkpoints
+    from adaptsim_cli.wiring import settings as wiring
     from sim.research.pretraining.pipeline import Wanted
 
     if docs is not None and not report:
@@ -88,7 +88,7 @@ def pretrain(
             folder = pretraining.pretrain(resolved, out, budget, targets, sizes, crew, progress, wanted)
         document = None
         if report:
-            of = checkpoints.task_of(resolved.config)
+            of = wiring.task_of(resolved.config)
             document = phase1_page.write_report(of, folder.parent, docs, crew, progress)
     screen.plain(f"Checkpoint: {folder}")
     chosen = resolved.config
@@ -100,5 +100,5 @@ def pretrain(
         (use, "a session with it"), (f"adaptsim checkpoints verify {folder}", "are the figures on its card right?")
     )
     told = {"report": str(document)} if document else {}
-    card = checkpoint_figures.checkpoint_card(resolved.config.task, folder)
+    card = pretraining.checkpoint_card(resolved.config.task, folder)
     screen.data("pretrain", {**told, "checkpoint": str(folder), "card": card})

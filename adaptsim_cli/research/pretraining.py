@@ -1,11 +1,13 @@
-"""Joins the parts of Phase 1: settings -> budget, executor, folder."""
+"""Joins the parts of Phase 1: settings -> budget, executor, folder; and tests finished checkpoints."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +15,13 @@ from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import how_to_continue
 from adaptsim_cli.storage.durable import locked, make_folder
-from adaptsim_cli.wiring.checkpoints import task_of
+from adaptsim_cli.wiring.settings import SOLVERS, checkpoint_of, task_of
 
 if TYPE_CHECKING:
     from sim.research.pretraining.pipeline import PretrainBudget, Wanted
+
+ROLLOUTS, QUICK = 240, 96
+"""True rollouts of a verification: half a minute of one core, and about ten seconds."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +73,6 @@ def pretrain(
 
     Raises UsageError on an unknown budget, solver or kind of targets, SimError, SessionError.
     """
-    from adaptsim_cli.wiring.checkpoints import SOLVERS
     from sim.research.pretraining.meta_training import TARGETS
     from sim.research.pretraining.pipeline import PretrainBudget, pretrain
 
@@ -108,9 +112,6 @@ def object_ready(
 
     Raises SimError, SessionError.
     """
-    from dataclasses import asdict
-
-    from adaptsim_cli.research.checkpoint_figures import tell_parameters
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.research.pretraining.for_object import is_inside, make_ready
     from sim.tasks import get_task
@@ -147,3 +148,57 @@ def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextM
     if kind not in ("processes", "dask"):
         raise UsageError(f"--executor {kind}: choose one of processes, dask")
     raise UsageError("--executor dask and --scheduler ADDRESS belong together")
+
+
+def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int], None]) -> dict[str, Any]:
+    """Load the settings' checkpoint, compare it with card and task, and measure the card's figures again; for JSON.
+
+    Raises CheckpointError if it is corrupt or of another task. `holds` says whether the figures hold.
+    """
+    from sim.research.pretraining.verification.figures import Figure
+    from sim.research.pretraining.verification.figures import verify_figures as verify
+    from sim.rollouts import process_pool, run_many
+
+    checkpoint = checkpoint_of(config)
+    task = checkpoint.solver.task
+    figures: list[Figure] = []
+    if rollouts:
+        with process_pool(config.workers or None) as executor:
+            roll = partial(run_many, task, executor=executor)
+            figures = verify(checkpoint, roll, rollouts, config.seed, progress)
+    return {
+        "task": task.name,
+        "folder": str(checkpoint.path),
+        "sha256": checkpoint.sha256,
+        "holds": all(f.holds for f in figures),
+        "figures": [{**asdict(figure), "holds": figure.holds} for figure in figures],
+    }
+
+
+def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
+    """The card of a checkpoint, ready for JSON: null for a figure that is not a number. Raises CheckpointError."""
+    from sim.adaptation.checkpoint import read_card
+
+    text = json.dumps(read_card(folder, task).facts(), default=str)
+    card: dict[str, Any] = json.loads(text, parse_constant=lambda _: None)
+    return card
+
+
+def tell_parameters(config: Config, progress: Callable[[int, int], None]) -> dict[str, Any]:
+    """Which parameters a session with the settings' checkpoint can identify, for JSON. Raises CheckpointError."""
+    from sim.adaptation.methods.adaptsim import create
+    from sim.research.identifiability import SESSIONS, TRIALS, identifiability
+
+    checkpoint = checkpoint_of(config)
+    task = checkpoint.solver.task
+    found = identifiability(create(task, checkpoint).simulators, config.seed, progress)
+    return {
+        "folder": str(checkpoint.path),
+        "task": task.name,
+        "sessions": SESSIONS,
+        "trials": TRIALS,
+        "parameters": [
+            {"name": one.name, "title": d.title, "left": one.left, "words": one.words}
+            for one, d in zip(found, task.parameters.dimensions, strict=True)
+        ],
+    }

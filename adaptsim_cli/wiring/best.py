@@ -1,4 +1,4 @@
-"""The best policy of a session, to run it or to export it."""
+"""The best policy of a session, to run it or to export it, also with its adapted scene for other simulators."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.trials import as_row
 from adaptsim_cli.session.records import as_records
 from adaptsim_cli.session.running import settings_of
-from adaptsim_cli.session.store import SessionStore, history_of, results_of
-from adaptsim_cli.wiring.checkpoints import checkpoint_of_session, task_of
+from adaptsim_cli.session.store import SessionStore, history_of, results_of, trials_of
+from adaptsim_cli.wiring.settings import checkpoint_of_session, task_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -31,6 +31,10 @@ A_SIDE, MOST = 9, 81
 """Contexts at which a policy is exported: this many along each of two quantities; with more quantities, this many in
 all.
 """
+
+
+INTERVAL = (0.05, 0.95)
+"""Levels between which the stated share of the posterior lies."""
 
 
 @dataclass(frozen=True)
@@ -150,3 +154,42 @@ def contexts_of(task: Task) -> np.ndarray[Any, np.dtype[np.float64]]:
 def _described(space: Space) -> list[dict[str, Any]]:
     words = {d.name: {"plain_name": d.plain, "meaning": d.meaning} for d in space.dimensions}
     return [{**record.model_dump(mode="json"), **words[record.name]} for record in as_records(space)]
+
+
+def scene_files(store: SessionStore, kind: str) -> dict[str, bytes]:
+    """Name -> content of the scene as `sdf` or `mjcf`, at the posterior mean; the context is that of the newest trial.
+
+    Raises NoHardware for a task without a scene, SessionError before the first complete iteration, CheckpointError,
+    OutOfRange, ExtraMissing.
+    """
+    from adaptsim_cli.wiring.hindsight import Hindsight
+    from sim.lab.scene_files import PlannedTrial, as_mjcf, as_sdf
+
+    hindsight = Hindsight.of(store)
+    task = hindsight.checkpoint.solver.task
+    task.require_hardware()
+    known = hindsight.posterior(store)
+    low, high = known.quantiles(INTERVAL)
+    context = trials_of(store)[-1].context_array
+    action = policy_of_session(store, hindsight.checkpoint)(context)
+    trial = PlannedTrial(task, known.mean, context, action)
+    share = round(100 * (INTERVAL[1] - INTERVAL[0]))
+    notes = [f"{task.title}: session {store.facts.name}, after {len(trials_of(store))} trials."]
+    notes += [
+        f"{d.title} = {mean:.4g}, {share} % of the posterior between {a:.4g} and {b:.4g}"
+        for d, mean, a, b in zip(task.parameters.dimensions, known.mean, low, high, strict=True)
+    ]
+    facts = {
+        "session": store.facts.name,
+        "task": task.name,
+        "parameters": _named(task.parameters, known.mean),
+        "interval": _named(task.parameters, np.stack([low, high], axis=-1)),
+        "context": _named(task.context, context),
+        "action": _named(task.action, action),
+        "units": store.facts.units,
+    }
+    return (as_sdf if kind == "sdf" else as_mjcf)(trial, facts, notes)
+
+
+def _named(space: Space, values: Any) -> dict[str, Any]:
+    return dict(zip(space.names, np.asarray(values).tolist(), strict=True))

@@ -19,8 +19,7 @@ from adaptsim_cli.report.figures import HeldOut, Judgement, Prediction
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import RESULT, SessionStore, history_of, names, particles_of, results_of, trials_of
 from adaptsim_cli.session.summary import ROLLOUTS, rollout_names, rollout_record
-from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
-from adaptsim_cli.wiring.earlier import recordings_of
+from adaptsim_cli.wiring.settings import checkpoint_of_session, recordings_of
 from sim.errors import RecordingsRefused, SimError
 
 if TYPE_CHECKING:

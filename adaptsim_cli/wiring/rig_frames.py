@@ -18,7 +18,7 @@ from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.touch_off.store import SavedTouchOff
 from adaptsim_cli.wiring.calibration import calibration_key, calibration_of, calibrations
-from adaptsim_cli.wiring.checkpoints import task_of
+from adaptsim_cli.wiring.settings import task_of
 from adaptsim_cli.wiring.touch_off import ZEROS_RAD, correction_by, serving, touch_off_of
 from calib.errors import CalibrationError
 from calib.types import HandEye

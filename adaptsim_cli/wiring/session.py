@@ -27,9 +27,8 @@ from adaptsim_cli.session.watching import Watcher
 from adaptsim_cli.storage.sealed import versions
 from adaptsim_cli.view.live import live_view
 from adaptsim_cli.view.server import require_free
-from adaptsim_cli.wiring.checkpoints import checkpoint_of, task_of
-from adaptsim_cli.wiring.earlier import recordings_of, started_from
 from adaptsim_cli.wiring.rig_frames import ground_of, hash_of, own_ground
+from adaptsim_cli.wiring.settings import checkpoint_of, recordings_of, started_from, task_of
 from adaptsim_cli.wiring.touch_off import origin
 from calib.types import HandEye
 from hw.braking import FULL
@@ -47,8 +46,8 @@ if TYPE_CHECKING:
     from adaptsim_cli.devices.lab import Drivers
     from adaptsim_cli.screen.console import Screen
     from sim.adaptation.checkpoint import Checkpoint
+    from sim.adaptation.judging import Misfits
     from sim.adaptation.methods.belief import Belief
-    from sim.solvers.misfit import Misfits
 
 
 @contextmanager
@@ -67,7 +66,7 @@ def open_parts(
 
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
-    from adaptsim_cli.wiring.checkpoints import solver_of
+    from adaptsim_cli.wiring.settings import solver_of
     from sim.adaptation.methods import make_method
     from sim.adaptation.methods.belief import Belief
 
@@ -257,7 +256,7 @@ class _SolverLearner:
 
     @cached_property
     def _misfits(self) -> Misfits:
-        from sim.solvers.misfit import Misfits
+        from sim.adaptation.judging import Misfits
 
         return Misfits(self.expectations)
 

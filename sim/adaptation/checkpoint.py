@@ -14,16 +14,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hw.bounded import Unreadable
 from sim.adaptation.reward_table import RewardTable, restore_prospects
-from sim.adaptation.self_test import SELF_TEST, predictions, require_finite, require_same
 from sim.errors import CheckpointError
-from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.report import EmulatorReport
-from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.emulator.network import SELF_TEST, Emulator, EmulatorReport, predictions, require_same
 from sim.solvers.simulating import simulating
 from sim.solvers.solver import Solver
 from sim.storage.files import Tensors, load_tensors, read_toml, save_tensors, sha256, write_toml
@@ -142,19 +140,11 @@ def _wrong(file: Path, error: ValidationError) -> CheckpointError:
     return CheckpointError(f"{file} has a wrong {name} ({first['msg']}): install or make the checkpoint again")
 
 
-__all__ = [
-    "MODEL",
-    "Checkpoint",
-    "add_self_test",
-    "list_checkpoints",
-    "load_checkpoint",
-    "read_card",
-    "save_checkpoint",
-    "verify_weights",
-]
-
 MODEL = "model.safetensors"
 PROSPECTS = "prospects."
+
+LARGEST = 1e12
+"""The largest number that a trained network has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,14 +222,14 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     verify_weights(path, card)
     tensors = load_tensors(path / MODEL)
     ahead = _part(tensors, PROSPECTS)
-    require_finite(tensors, path / MODEL)
+    _require_finite(tensors, path / MODEL)
     emulator = None if task.exact or card.solver == "naf" else Emulator(task, _part(tensors, "emulator."))
     if emulator is not None:
         require_same(emulator, card.self_test, path / CARD)
     return Checkpoint(
         path=path,
         card=card,
-        solver=EmulatorSolver(emulator) if emulator else _solver(task, path, card),
+        solver=emulator or _solver(task, path, card),
         emulator=emulator,
         prospects=restore_prospects(task, ahead) if ahead else None,
         tensors=tensors,
@@ -254,7 +244,7 @@ def add_self_test(folder: Path) -> bool:
     card = card_of(folder)
     verify_weights(folder, card)
     tensors = load_tensors(folder / MODEL)
-    require_finite(tensors, folder / MODEL)
+    _require_finite(tensors, folder / MODEL)
     own = _part(tensors, "emulator.")
     if not own:
         return False
@@ -301,6 +291,20 @@ def _solver(task: Task, path: Path, card: Card) -> Solver:
         return simulating("naf").restore(task, card.naf or {})
     except (KeyError, TypeError, ValueError) as error:
         raise CheckpointError(f"the table naf in {path / CARD} is damaged ({error}): pretrain again") from error
+
+
+def _require_finite(tensors: Tensors, where: Path) -> None:
+    """Raise CheckpointError unless every number is finite and of a size that a trained network has."""
+    for name, values in sorted(tensors.items()):
+        if values.dtype.kind != "f":
+            continue
+        if not np.isfinite(values).all():
+            raise CheckpointError(f"{where}: {name} holds numbers that are not finite: pretrain again")
+        if values.size and float(np.abs(values).max()) > LARGEST:
+            raise CheckpointError(
+                f"{where}: {name} holds {float(np.abs(values).max()):.1e}, at most {LARGEST:.0e} is possible: pretrain "
+                "again"
+            )
 
 
 def _part(tensors: Tensors, prefix: str) -> dict[str, NDArray[Any]]:

@@ -97,7 +97,7 @@ def _chosen(earned: Array, weights: Array) -> NDArray[np.intp]:
 def _weights(reality: Reality, tried: NDArray[np.intp]) -> Array:
     """(KEPT, KEPT) the weights of all other draws after the trials `tried`, one row for each draw as the truth."""
     answers, unit = reality.answers, reality.simulators.end_unit
-    success, ends = answers.success[tried].mean(axis=-1), answers.end[tried] / unit
+    success, ends = answers.success[tried].mean(axis=-1), answers.end_state[tried] / unit
     end, spread = ends.mean(axis=2), ends.var(axis=2).mean(axis=1, keepdims=True)
     by_success = _cross_entropy(success)
     apart = (end[:, :, None] - end[:, None]) ** 2 / (2.0 * (spread + LEAST_END_STD**2 + _OTHER_STD**2))[:, :, None]

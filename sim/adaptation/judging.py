@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.method import LEAST_CHANCE, Best, ExpectedGain, Forecasting, Iteration, Method, OwnPolicies
+from sim.adaptation.method import LEAST_CHANCE, Best, ExpectedGain, Forecasting, Iteration, Method, OwnPolicies, Trial
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
-from sim.solvers.misfit import Misfits
-from sim.solvers.solver import Executable, Policies, SolvedPolicy, policy_for
+from sim.solvers.misfit import misfit
+from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy, policy_for
 from sim.tasks.task import Task
 
 PRIOR_MEAN, PRIOR_STD = 0.5, 0.3
@@ -79,6 +80,20 @@ SLACK = 1.5
 """Allowed misfit of a real trajectory, as a multiple of that of simulated ones: real motions and cameras add errors."""
 
 
+@dataclass(frozen=True, eq=False)
+class Misfits:
+    """The misfits of a session's trials, each computed once."""
+
+    expectations: Expectations
+    _known: dict[bytes, float] = field(default_factory=dict, repr=False)
+
+    def of(self, trial: Trial) -> float:
+        """See `sim.solvers.misfit.misfit`."""
+        if trial.key not in self._known:
+            self._known[trial.key] = misfit(self.expectations, trial.context, trial.action, trial.observation)
+        return self._known[trial.key]
+
+
 def judge(
     task: Task, history: Sequence[Iteration], misfits: Misfits, best: Best, ahead: ExpectedGain | None = None
 ) -> Verdict:
@@ -88,14 +103,18 @@ def judge(
     """
     trials = [trial for iteration in history for seen in iteration for trial in seen.trials]
     limit = SLACK * misfits.expectations.misfit_limit
-    strange = sum(misfits.of(t.context, t.action, t.observation) > limit for t in trials)
+    strange = sum(misfits.of(t) > limit for t in trials)
     found = [Reason.INEXPRESSIBLE] if 2 * strange > len(trials) else []
     if ahead is not None and ahead.has_only_failed:
         found.append(Reason.FAILURES)
     if ahead is not None and ahead.untried and not ahead.hopeless and ahead.likely < LEAST_CHANCE:
         found.append(Reason.UNTRIED)
+    if ahead is None:
+        kind = _by_parameters(task, history, best, bool(found))
+    else:
+        kind = Kind.HOPELESS if ahead.hopeless else Kind.ENOUGH if ahead.done else Kind.GO_ON
     return Verdict(
-        kind=_by_parameters(task, history, best, bool(found)) if ahead is None else _by_forecast(ahead),
+        kind=kind,
         reasons=tuple(found) if ahead is not None or len(trials) >= LEAST_TRIALS else (),
         reward=best.mean_reward,
         ci95=best.ci95,
@@ -104,11 +123,6 @@ def judge(
         gain=None if ahead is None else ahead.gain,
         likely=None if ahead is None else ahead.likely,
     )
-
-
-def _by_forecast(ahead: ExpectedGain) -> Kind:
-    """The kind of verdict for a method with an outlook."""
-    return Kind.HOPELESS if ahead.hopeless else Kind.ENOUGH if ahead.done else Kind.GO_ON
 
 
 def _by_parameters(task: Task, history: Sequence[Iteration], best: Best, is_inexpressible: bool) -> Kind:

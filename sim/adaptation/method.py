@@ -51,6 +51,11 @@ class Trial:
     reward: float
     end_state: Array | None  # (k,) quantities that decide the reward of a success; None: it failed
 
+    @property
+    def key(self) -> bytes:
+        """The same for the same trial."""
+        return b"".join(part.tobytes() for part in (self.context, self.action, self.observation))
+
 
 @dataclass(frozen=True, eq=False)
 class ParticleTrials:

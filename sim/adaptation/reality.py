@@ -22,10 +22,9 @@ from hw.types import Array, frozen_array
 from sim.adaptation.discrepancy import Discrepancy, Scale
 from sim.adaptation.method import Trial
 from sim.adaptation.reward_table import RewardTable
-from sim.errors import NotExecutable
-from sim.rollouts.draws import Disturbances, cover, sobol
-from sim.solvers.among import Among, best_of
-from sim.solvers.misfit import LEAST_STD
+from sim.rollouts.draws import Disturbances, cover, sobol, varies
+from sim.solvers.candidates import Among, CandidatePolicy, Outcomes, first_executable
+from sim.solvers.misfit import log_likelihood, squares
 from sim.solvers.solver import Executable, Solver
 from sim.tasks.task import Task
 
@@ -37,11 +36,6 @@ DRAWS = 4
 
 ACTIONS, REFINED = 256, 16
 """Number of actions that fill their ranges, and number of those around the best one."""
-
-VALUES, FREEDOM = 4.0, 2.0
-"""The number of independent values that a trajectory counts for, and the degrees of freedom of Student's t for their
-errors.
-"""
 
 SUCCESS = Scale(level=0.1, local=0.25)
 """Prior scale of the discrepancy in the chance of success."""
@@ -98,8 +92,7 @@ class Simulators:
     @cached_property
     def disturbances(self) -> Disturbances:
         """The disturbances over which every prediction is averaged."""
-        chance = len(self.task.nuisance) or np.any(self.task.action_noise)
-        return Disturbances.evenly(self.task, DRAWS if chance else 1, np.random.default_rng(0))
+        return Disturbances.evenly(self.task, DRAWS if varies(self.task) else 1, np.random.default_rng(0))
 
     @cached_property
     def end_unit(self) -> Array:
@@ -129,9 +122,9 @@ class Simulators:
     def on_grid(self, trials: Sequence[Trial]) -> _Predicted:
         """Predictions of all `truths` for trials; cached per trial."""
         for trial in trials:
-            if (key := _key(trial)) not in self._grid:
-                self._grid[key] = self.predict([trial], self.truths)
-        parts = [self._grid[_key(trial)] for trial in trials]
+            if trial.key not in self._grid:
+                self._grid[trial.key] = self.predict([trial], self.truths)
+        parts = [self._grid[trial.key] for trial in trials]
         columns = ("log_likelihood", "success", "end", "spread")
         return _Predicted(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
 
@@ -151,21 +144,11 @@ class Simulators:
         mean = (weight * ends).sum(axis=2) / weight.sum(axis=2)
         spread = (weight * (ends - mean[:, :, None]) ** 2).sum(axis=2) / weight.sum(axis=2)
         paths = self.solver.trajectories(where, executed, nuisance).reshape(*shape, -1)
-        return _Predicted(self._likelihood(trials, paths), chance.mean(axis=2), mean, spread)
-
-    def _likelihood(self, trials: Sequence[Trial], paths: Array) -> Array:
-        """(N, K, D, size) at the reference context -> (N, K) logarithms, up to a constant."""
-        task, seen = self.task, self.task.observation
-        camera = np.tile(seen.noise_std / (seen.high - seen.low), len(seen.times_s))
-        std = np.sqrt(camera**2 + self.solver.residual_std**2 + LEAST_STD**2)
-        rows = []
-        for trial, path in zip(trials, paths, strict=True):
-            there = task.relocate(path, np.broadcast_to(trial.context, (*path.shape[:-1], len(task.context))))
-            expected = seen.normalise(seen.denormalise(there) + seen.noise_mean)
-            squared = (((expected - trial.observation) / std) ** 2).mean(axis=-1)
-            density = (1.0 + VALUES * squared / FREEDOM) ** (-(FREEDOM + VALUES) / 2.0)
-            rows.append(np.log(density.mean(axis=-1)))
-        return np.array(rows)
+        likely = [
+            log_likelihood(squares(self.solver, trial.context, trial.observation, path))
+            for trial, path in zip(trials, paths, strict=True)
+        ]
+        return _Predicted(np.array(likely), chance.mean(axis=2), mean, spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,12 +254,12 @@ class Reality:
         return self.simulators.actions(best_for, ACTIONS)
 
     @cached_property
-    def answers(self) -> Answers:
+    def answers(self) -> Outcomes:
         """The outcomes of these actions."""
         return self.answers_to(self.actions)
 
-    def answers_to(self, actions: Array) -> Answers:
-        """(A, a) in units -> their outcomes in every draw."""
+    def answers_to(self, actions: Array) -> Outcomes:
+        """(A, a) in units -> their outcomes in every draw: success (A, KEPT, D), end state (A, KEPT, D, k)."""
         task, drawn, unit = self.simulators.task, self.simulators.disturbances, self.simulators.end_unit
         success, end = self.simulators.solver.outcomes(
             self.parameters[None, :, None], actions[:, None, None] + drawn.error, drawn.nuisance
@@ -285,7 +268,7 @@ class Reality:
         added = [known.drawn(at, residuals, seed) for seed, (known, residuals) in enumerate(self._added)]
         chance = np.clip(success.mean(axis=0) + added[0][..., None], 0.0, 1.0)
         off = np.stack(added[1:], axis=-1) * unit
-        return Answers(task, actions, chance, end.mean(axis=0) + off[:, :, None])
+        return Outcomes(task, actions, chance, end.mean(axis=0) + off[:, :, None])
 
     @cached_property
     def _added(self) -> list[tuple[Discrepancy, Array]]:
@@ -305,82 +288,47 @@ class Reality:
 
 
 @dataclass(frozen=True, eq=False)
-class Answers:
-    """The outcomes of A actions in every draw of a `Reality`, for D disturbances."""
-
-    task: Task
-    actions: Array  # (A, a) in units
-    success: Array  # (A, KEPT, D)
-    end: Array  # (A, KEPT, D, k)
-
-    def rewards(self, context: Array) -> Array:
-        """(A, KEPT) expected rewards in one context."""
-        return np.asarray((self.success * self.task.reward_of_success(self.end, context)).mean(axis=-1))
-
-
-@dataclass(frozen=True, eq=False)
-class RealityPolicy:
+class RealityPolicy(CandidatePolicy):
     """A `SolvedPolicy`: the action with the highest expected reward plus `optimism` standard deviations."""
 
     reality: Reality
     optimism: float = 0.0
     executable: Executable | None = None
     attempts: int = 64
-    _near: dict[int, Answers] = field(default_factory=dict, repr=False)  # around a best action, for all contexts
+    _near: dict[int, Outcomes] = field(default_factory=dict, repr=False)
 
     def __call__(self, context: Array) -> Array:
         """(c,) in units -> (a,) in units. Raises NotExecutable if none of the best actions can be executed."""
-        refined, everywhere = self._around(self._best(context)), self.reality.answers
-        actions = np.concatenate([refined.actions, everywhere.actions])
-        worth = np.concatenate([self._worth(refined, context), self._worth(everywhere, context)])
-        if not self.reality.simulators.refines:
-            return best_of(actions, worth.round(9), context, self.executable)
-        for i in np.argsort(-worth.round(9), kind="stable")[: self.attempts]:
-            if self.executable is None or self.executable(context, actions[i]):
-                return frozen_array(actions[i])
-        task = self.reality.simulators.task
-        raise NotExecutable(
-            f"none of the {self.attempts} best actions for context {np.round(context, 4)} lies within the limits of "
-            f"the arm: move the {task.object_name} towards the middle of its area"
-        )
-
-    def actions(self, contexts: Array) -> Array:
-        """(G, c) -> (G, a), without the executability check."""
-        found = []
-        for context in contexts:
-            refined = self._around(self._best(context))
-            found.append(refined.actions[int(np.argmax(self._worth(refined, context).round(9)))])
-        return np.stack(found)
+        attempts = self.attempts if self.reality.simulators.refines else None
+        return first_executable(*self.ranked(context), context, self.executable, self.everywhere.task, attempts)
 
     def predict(self, context: Array) -> tuple[float, float, float]:
         """Expected reward of the action at `context`: mean, and the 95 % interval over the draws."""
-        earned = self.reality.answers_to(self(context)[None]).rewards(context)[0]
+        earned = self.outcomes(self(context)[None]).rewards(context)[0]
         low, high = np.quantile(earned, [0.025, 0.975])
         return float(earned.mean()), float(low), float(high)
 
-    def _best(self, context: Array) -> int:
-        return int(np.argmax(self._worth(self.reality.answers, context).round(9)))
+    @property
+    def everywhere(self) -> Outcomes:
+        """The outcomes of the candidate actions."""
+        return self.reality.answers
 
-    def _worth(self, answers: Answers, context: Array) -> Array:
-        earned = answers.rewards(context)
-        return np.asarray(earned.mean(axis=1) + self.optimism * earned.std(axis=1))
+    def steps(self) -> Array:
+        """(REFINED, a); none if there are no other actions."""
+        a = len(self.everywhere.task.action)
+        around = (2.0 * sobol(REFINED, a, np.random.default_rng(0)) - 1.0) * ACTIONS ** (-1.0 / a)
+        return around if self.reality.simulators.refines else around[:0]
 
-    def _around(self, best: int) -> Answers:
-        """The best action and the points around it; only the best one if the actions are exact."""
-        if best not in self._near:
-            task, winner = self.reality.simulators.task, self.reality.answers.actions[best]
-            a = len(task.action)
-            steps = (2.0 * sobol(REFINED, a, np.random.default_rng(0)) - 1.0) * ACTIONS ** (-1.0 / a)
-            near = task.action.denormalise(np.clip(task.action.normalise(winner) + steps, 0.0, 1.0))
-            rows = [winner[None], near] if self.reality.simulators.refines else [winner[None]]
-            self._near[best] = self.reality.answers_to(np.concatenate(rows))
-        return self._near[best]
+    def outcomes(self, actions: Array) -> Outcomes:
+        """The outcomes of actions (A, a) in every draw."""
+        return self.reality.answers_to(actions)
+
+    def worth(self, outcomes: Outcomes, context: Array) -> Array:
+        """(A,) rounded, so that equal actions tie."""
+        earned = outcomes.rewards(context)
+        return np.asarray(np.round(earned.mean(axis=1) + self.optimism * earned.std(axis=1), 9))
 
 
 def _weights(log: Array) -> Array:
     likely = np.exp(log - log.max())
     return np.asarray(likely / likely.sum())
-
-
-def _key(trial: Trial) -> bytes:
-    return b"".join(part.tobytes() for part in (trial.context, trial.action, trial.observation))

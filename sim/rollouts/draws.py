@@ -30,6 +30,11 @@ def cover(space: Space, n: int, rng: np.random.Generator) -> Array:
     return space.spread(sobol(n, len(space), rng))
 
 
+def varies(task: Task) -> bool:
+    """Whether two trials of the same action may differ."""
+    return bool(len(task.nuisance)) or bool(np.any(task.action_noise))
+
+
 @dataclass(frozen=True, eq=False)
 class Disturbances:
     """The random parts of N trials: action error and nuisance."""

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from hw.types import Array, frozen_array
-from sim.rollouts.draws import Disturbances, cover
+from sim.rollouts.draws import cover
 from sim.rollouts.run import Rollouts, observed
-from sim.solvers.among import Among
-from sim.solvers.misfit import LEAST_STD
+from sim.solvers.candidates import Among, FromOutcomes
+from sim.solvers.misfit import tolerance
 from sim.tasks.task import Task
 
 GRID, ACTIONS = 64, 64
@@ -40,7 +40,7 @@ class _Known:
 
 
 @dataclass(frozen=True, eq=False)
-class GridSolver:
+class GridSolver(FromOutcomes):
     """The `sim.solvers.solver.Expectations` of true rollouts."""
 
     task: Task
@@ -51,20 +51,6 @@ class GridSolver:
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", frozen_array(self.points, (None, len(self.task.parameters)), "points"))
         object.__setattr__(self, "probes", frozen_array(self.probes, (PROBES, len(self.task.action)), "probes"))
-
-    def expected_rewards(
-        self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
-    ) -> Array:
-        """(B,) rewards in targets (B, p) of actions (B, G, a) at contexts (G, c) or (B, G, c)."""
-        drawn = Disturbances.evenly(self.task, draws if self._varies else 1, rng)
-        success, end = self.outcomes(targets[:, None, None, :], actions[:, :, None, :] + drawn.error, drawn.nuisance)
-        rewards = success * self.task.reward_of_success(end, contexts[..., None, :])
-        return np.asarray(rewards.mean(axis=(0, 2, 3)))
-
-    def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
-        """(N,)"""
-        success, end = self.outcomes(parameters, action, nuisance)
-        return np.asarray((success * self.task.reward_of_success(end, contexts))[0])
 
     def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
         """(N, size)"""
@@ -90,11 +76,8 @@ class GridSolver:
     @cached_property
     def misfit_limit(self) -> float:
         """The misfit that 95 % of the rollouts at a point have to the nearest of all other points."""
-        seen = self.task.observation
-        camera = np.tile(seen.noise_std / (seen.high - seen.low), len(seen.times_s))
-        std = np.sqrt(camera**2 + self.residual_std**2 + LEAST_STD**2)
         paths = self._paths
-        squared = (((paths[:, :, None] - paths[:, None]) / std) ** 2).mean(axis=-1)
+        squared = (((paths[:, :, None] - paths[:, None]) / tolerance(self)) ** 2).mean(axis=-1)
         k = len(self.points)
         squared[:, np.arange(k), np.arange(k)] = np.inf
         return float(np.quantile(np.sqrt(squared.min(axis=2)), 0.95))
@@ -167,17 +150,13 @@ class GridSolver:
     def _tree(self) -> cKDTree:
         return cKDTree(self.task.margin.normalise(self.points))
 
-    @property
-    def _varies(self) -> bool:
-        return bool(len(self.task.nuisance)) or bool(np.any(self.task.action_noise))
-
 
 def grid_solver(task: Task) -> Among:
     """The solver with `GRID` points of the margin, whose policies choose among `ACTIONS` that fill their ranges."""
     points, filling = (
         cover(space, n, np.random.default_rng(0)) for space, n in ((task.margin, GRID), (task.action, ACTIONS))
     )
-    return Among(GridSolver(task, points, filling[:PROBES]), filling)
+    return Among(task, GridSolver(task, points, filling[:PROBES]), filling)
 
 
 def _key(action: Array, nuisance: Array) -> bytes:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from hw.types import Array
@@ -16,6 +14,13 @@ DRAWS = 512
 LEAST_STD = 2e-3
 """Least tolerated deviation, normalised: smaller ones are below the camera's pixels."""
 
+VALUES, FREEDOM = 4.0, 2.0
+"""The number of independent values that a trajectory counts for, and the degrees of freedom of Student's t for their
+errors.
+
+The values' errors are correlated, and an outlier that no parameters explain must not decide between parameters.
+"""
+
 
 def misfit(expectations: Expectations, context: Array, action: Array, observation: Array) -> float:
     """Distance of `observation` (size,) to the nearest simulated trajectory for parameters in the ranges.
@@ -27,36 +32,26 @@ def misfit(expectations: Expectations, context: Array, action: Array, observatio
     p = len(task.parameters)
     unit = sobol(DRAWS, p + len(task.action) + len(task.nuisance), np.random.default_rng(0))
     parameters, drawn = task.parameters.spread(unit[:, :p]), Disturbances.from_unit(task, unit[:, p:])
-    executed = action + drawn.error
-    return float(
-        np.sqrt(squared_misfits(expectations, context, observation, parameters, executed, drawn.nuisance).min())
-    )
+    paths = expectations.trajectories(parameters, action + drawn.error, drawn.nuisance)
+    return float(np.sqrt(squares(expectations, context, observation, paths).min()))
 
 
-@dataclass(frozen=True, eq=False)
-class Misfits:
-    """The misfits of a session's trials, each computed once."""
-
-    expectations: Expectations
-    _known: dict[bytes, float] = field(default_factory=dict, repr=False)
-
-    def of(self, context: Array, action: Array, observation: Array) -> float:
-        """See `misfit`."""
-        key = b"".join(part.tobytes() for part in (context, action, observation))
-        if key not in self._known:
-            self._known[key] = misfit(self.expectations, context, action, observation)
-        return self._known[key]
-
-
-def squared_misfits(
-    expectations: Expectations, context: Array, observation: Array, parameters: Array, executed: Array, nuisance: Array
-) -> Array:
-    """(N,) mean squares of that distance for (N, p), (N, a), (N, n) in units, one by one."""
+def squares(expectations: Expectations, context: Array, observation: Array, paths: Array) -> Array:
+    """(...,) mean squares of that distance to expected trajectories (..., size) at the task's reference context."""
     task, seen = expectations.task, expectations.task.observation
-    there = task.relocate(
-        expectations.trajectories(parameters, executed, nuisance), np.tile(context, (len(parameters), 1))
-    )
+    there = task.relocate(paths, np.broadcast_to(context, (*paths.shape[:-1], len(context))))
     expected = seen.normalise(seen.denormalise(there) + seen.noise_mean)
+    return np.asarray((((expected - observation) / tolerance(expectations)) ** 2).mean(axis=-1))
+
+
+def tolerance(expectations: Expectations) -> Array:
+    """(size,) standard deviation of camera noise and emulator error together, normalised."""
+    seen = expectations.task.observation
     camera = np.tile(seen.noise_std / (seen.high - seen.low), len(seen.times_s))
-    std = np.sqrt(camera**2 + expectations.residual_std**2 + LEAST_STD**2)
-    return np.asarray((((expected - observation) / std) ** 2).mean(axis=1))
+    return np.sqrt(camera**2 + expectations.residual_std**2 + LEAST_STD**2)
+
+
+def log_likelihood(squared: Array) -> Array:
+    """(..., D) mean squares for D draws -> (...,) log-likelihood of a trajectory, up to a constant."""
+    density = (1.0 + VALUES * squared / FREEDOM) ** (-(FREEDOM + VALUES) / 2.0)
+    return np.asarray(np.log(density.mean(axis=-1)))

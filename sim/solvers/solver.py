@@ -1,6 +1,6 @@
 """The contract of solvers: task policies, and expectations of their trials.
 
-Siblings: `sim.solvers.emulator.solver`, a task's own exact one (`Task.exact`), and those of `sim.solvers.simulating`.
+Siblings: `sim.solvers.emulator.network`, a task's own exact one (`Task.exact`), and those of `sim.solvers.simulating`.
 """
 
 from __future__ import annotations

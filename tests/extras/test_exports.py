@@ -17,7 +17,7 @@ from toy_session import run
 
 from adaptsim_cli.session import episodes, exporting, replaying, whole
 from adaptsim_cli.session.store import SessionStore, rows, trials_of
-from adaptsim_cli.wiring.scene import files_of
+from adaptsim_cli.wiring.best import scene_files
 
 pytestmark = pytest.mark.extra
 
@@ -85,7 +85,7 @@ def test_in_rerun_depth_is_depth_and_the_arm_moves(store: SessionStore, tmp_path
 
 
 def test_rerun_reads_the_mcap_file_itself(store: SessionStore, tmp_path: Path) -> None:
-    file, *_ = exporting.export(store, "mcap", tmp_path, files_of)
+    file, *_ = exporting.export(store, "mcap", tmp_path, scene_files)
     out = tmp_path / "converted.rrd"
     subprocess.run([sys.executable, "-m", "rerun", "mcap", "convert", str(file), "-o", str(out)], check=True)
     assert "DepthImage:buffer" in components(out, "/camera/depth")
@@ -95,7 +95,7 @@ def test_rerun_reads_the_mcap_file_itself(store: SessionStore, tmp_path: Path) -
 def test_a_parquet_table_has_names_units_and_every_trial(store: SessionStore, tmp_path: Path) -> None:
     import pyarrow.parquet as pq  # noqa: PLC0415 - collected without the extra too
 
-    (file,) = exporting.export(store, "parquet", tmp_path / "t.parquet", files_of)
+    (file,) = exporting.export(store, "parquet", tmp_path / "t.parquet", scene_files)
     found = pq.read_table(file)
     assert found.to_pylist() == rows(store)
     assert found.schema.metadata[b"unit of duration_s"] == b"s"

@@ -13,9 +13,8 @@ from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
 from sim.research.naf.policy import NafPolicy, naf_training, train_together
 from sim.rollouts import Dataset, Requests, Rollouts, build_dataset, run_many, serial_executor
 from sim.rollouts.run import Roll
-from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.report import EmulatorReport
-from sim.solvers.emulator.solver import EmulatorPolicy, train_many
+from sim.solvers.candidates import ScenarioPolicy
+from sim.solvers.emulator.network import Emulator, EmulatorReport
 from sim.solvers.emulator.training import EmulatorSettings, train_emulator
 from sim.solvers.solver import Executable, SolverSettings
 from sim.tasks.task import Task
@@ -40,15 +39,14 @@ def trained() -> tuple[Emulator, EmulatorReport]:
 
 
 def train_one(
-    task: Task,
     emulator: Emulator,
     samples: np.ndarray,
     rng: np.random.Generator,
     executable: Executable | None = None,
     settings: SolverSettings | None = None,
-) -> EmulatorPolicy:
+) -> ScenarioPolicy:
     """The emulator's policy for one distribution, samples (m, p)."""
-    return train_many(task, emulator, np.asarray(samples)[None], rng, executable, settings)[0]
+    return emulator.policies(np.asarray(samples)[None], rng, executable, settings)[0]
 
 
 def train_naf(

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.adaptation.judging import assess, final_policy
+from sim.adaptation.judging import Misfits, assess, final_policy
 from sim.adaptation.judging import judge as verdict_of
 from sim.adaptation.method import Iteration, Method
 from sim.adaptation.methods.adaptsim import AdaptSim
@@ -34,9 +34,8 @@ from sim.rollouts.draws import cover
 from sim.rollouts.recorded import RecordedTrials
 from sim.rollouts.run import Requests, observed
 from sim.rollouts.shards import read_rollouts, write_rollouts
-from sim.solvers.among import Among
+from sim.solvers.candidates import Among
 from sim.solvers.grid import PROBES, GridSolver
-from sim.solvers.misfit import Misfits
 from sim.solvers.solver import policy_for
 from sim.storage.files import whole_file
 from sim.tasks.task import SolvedPolicy
@@ -70,7 +69,7 @@ class Half:
     @cached_property
     def solver(self) -> Among:
         """It knows only these tosses."""
-        return Among(self.grid, self.trials.actions)
+        return Among(self.grid.task, self.grid, self.trials.actions)
 
     @cached_property
     def prospects(self) -> RewardTable:

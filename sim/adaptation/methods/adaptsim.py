@@ -88,7 +88,7 @@ class AdaptSim:
     def reality(self, history: Sequence[Iteration]) -> Reality:
         """The knowledge from the trials of `history`; cached per set of trials."""
         trials = tuple(t for iteration in history for tried in iteration for t in tried.trials)
-        key = b"".join(part.tobytes() for t in trials for part in (t.context, t.action, t.observation))
+        key = b"".join(trial.key for trial in trials)
         if key not in self._known:
             self._known.clear()
             self._known[key] = Reality(self.simulators, trials)

@@ -24,20 +24,13 @@ from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle, Trial
 from sim.adaptation.reward_table import RewardTable
 from sim.errors import CheckpointError
-from sim.rollouts.draws import Disturbances
-from sim.solvers.misfit import squared_misfits
+from sim.rollouts.draws import Disturbances, varies
+from sim.solvers.misfit import log_likelihood, squares
 from sim.solvers.solver import Expectations
 from sim.tasks.task import Task
 
 DRAWS = 16
 """Draws of nuisance and action error, over which the likelihood of a trajectory is averaged."""
-
-VALUES, FREEDOM = 4.0, 2.0
-"""The number of independent values that a trajectory counts for, and the degrees of freedom of Student's t for their
-errors.
-
-The values' errors are correlated, and an outlier that no parameters explain must not decide between parameters.
-"""
 
 LEVEL_STD, REALITY_STD, LENGTH = 0.1, 0.15, 0.3
 """Standard deviations of real rewards from the simulator's: one for all E together, one that varies over E with the
@@ -132,25 +125,21 @@ class Belief:
 
     def _log_likelihood(self, trial: Trial) -> Array:
         """(T,) log-likelihoods of its trajectory, up to a constant."""
-        key = b"".join(part.tobytes() for part in (trial.context, trial.action, trial.observation))
-        if key not in self._known:
-            self._known[key] = self._compare(trial)
-        return self._known[key]
+        if trial.key not in self._known:
+            self._known[trial.key] = self._compare(trial)
+        return self._known[trial.key]
 
     def _compare(self, trial: Trial) -> Array:
         task, truths = self.expectations.task, self.prospects.truths
-        draws = DRAWS if len(task.nuisance) or np.any(task.action_noise) else 1
+        draws = DRAWS if varies(task) else 1
         drawn = Disturbances.evenly(task, draws, np.random.default_rng(0))
-        squared = squared_misfits(
-            self.expectations,
-            trial.context,
-            trial.observation,
+        paths = self.expectations.trajectories(
             np.repeat(truths, draws, axis=0),
             np.tile(trial.action + drawn.error, (len(truths), 1)),
             np.tile(drawn.nuisance, (len(truths), 1)),
-        ).reshape(len(truths), draws)
-        density = (1.0 + VALUES * squared / FREEDOM) ** (-(FREEDOM + VALUES) / 2.0)
-        return np.asarray(np.log(density.mean(axis=1)))
+        )
+        squared = squares(self.expectations, trial.context, trial.observation, paths)
+        return log_likelihood(squared.reshape(len(truths), draws))
 
     def _nearest(self, particle: Particle) -> int:
         unit = self.expectations.task.parameters.normalise(particle.mean)

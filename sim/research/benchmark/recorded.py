@@ -16,7 +16,7 @@ from sim.research.benchmark.jobs import BEST_ACTION, UDR, Row, simulations
 from sim.research.benchmark.sessions import Commands, Conditions, Judged, judge, mean_of, run_iterations, udr_policies
 from sim.research.benchmark.trial_sources import FromRecordings
 from sim.rollouts.recorded import RecordedTrials
-from sim.solvers.among import among
+from sim.solvers.candidates import among
 
 PERMUTED, PERMUTED_UDR = "permuted", "permuted-udr"
 CONTROLS = (PERMUTED, PERMUTED_UDR)

@@ -12,13 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hw.types import Array, frozen_array
+from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
-from sim.errors import NotExecutable
 from sim.rollouts.draws import cover, sobol
+from sim.solvers.candidates import first_executable
 from sim.solvers.solver import Executable, SolvedPolicy
 from sim.tasks.task import Task
 
@@ -91,21 +90,15 @@ class LearntPolicy:
     candidates: Array  # (ACTIONS, a) in units
     executable: Executable | None
     drawn_by: bytes | None  # part of the seed of the draws
-    _order: dict[bytes, NDArray[np.int_]] = field(default_factory=dict, repr=False)  # of the candidates, by context
+    _known: dict[bytes, Array] = field(default_factory=dict, repr=False)  # worth of the candidates, by context
 
     def __call__(self, context: Array) -> Array:
         """(c,) -> (a,). Raises NotExecutable if none of the best candidates keeps the limits."""
-        for i in self._ranked(context)[:ATTEMPTS]:
-            if self.executable is None or self.executable(context, self.candidates[i]):
-                return frozen_array(self.candidates[i])
-        raise NotExecutable(
-            f"none of the {ATTEMPTS} best actions for context {np.round(context, 4)} lies within the limits of the "
-            f"arm: move the {self.task.object_name} towards the middle of its area"
-        )
+        return first_executable(self.candidates, self._worth(context), context, self.executable, self.task, ATTEMPTS)
 
     def actions(self, contexts: Array) -> Array:
         """(G, c) -> (G, a), without the executability check."""
-        return np.stack([self.candidates[self._ranked(context)[0]] for context in contexts])
+        return np.stack([self.candidates[int(np.argmax(self._worth(context)))] for context in contexts])
 
     def predict(self, context: Array) -> tuple[float, float, float]:
         """Expected reward of the action at `context`: mean, and mean ± two standard deviations."""
@@ -114,10 +107,10 @@ class LearntPolicy:
         low, high = np.clip((expected - 2.0 * std, expected + 2.0 * std), 0.0, 1.0)
         return float(np.clip(expected, 0.0, 1.0)), float(low), float(high)
 
-    def _ranked(self, context: Array) -> NDArray[np.int_]:
-        """Indices of the candidates, the best first; ties in the order of the set, which fills the space evenly."""
+    def _worth(self, context: Array) -> Array:
+        """(ACTIONS,) rounded: ties are in the order of the set, which fills the space evenly."""
         key = np.ascontiguousarray(context).tobytes()
-        if key not in self._order:
+        if key not in self._known:
             mean, covariance = self._posterior(_point(self.task, np.tile(context, (ACTIONS, 1)), self.candidates))
             worth = mean
             if self.drawn_by is not None:
@@ -125,8 +118,8 @@ class LearntPolicy:
                 rng = np.random.default_rng(int.from_bytes(seed, "big"))
                 values, vectors = np.linalg.eigh(covariance)
                 worth = mean + vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(ACTIONS))
-            self._order[key] = np.asarray(np.argsort(-worth.round(9), kind="stable"), dtype=np.int_)
-        return self._order[key]
+            self._known[key] = worth.round(9)
+        return self._known[key]
 
     def _posterior(self, points: Array) -> tuple[Array, Array]:
         """Mean (P,) and covariance (P, P) of the expected reward at (P, c + a): R. & W. 2006, eq. 2.25 and 2.26."""

@@ -96,7 +96,7 @@ class SysId:
             if not trials:
                 continue
             for trial in trials:
-                seen.update(trial.context.tobytes() + trial.action.tobytes() + trial.observation.tobytes())
+                seen.update(trial.key)
             key = seen.digest()
             if key not in self._known:
                 self._known[key] = self._updated(believed, trials, int.from_bytes(key[:4], "big"))

@@ -18,9 +18,9 @@ from torch import Tensor, nn
 from torch.nn.functional import huber_loss, softplus
 
 from hw.types import Array, frozen_array
-from sim.errors import NotExecutable
 from sim.rollouts.draws import Disturbances, cover
 from sim.rollouts.run import Requests, Roll, Rollouts
+from sim.solvers.candidates import first_executable
 from sim.solvers.solver import Executable
 from sim.solvers.threads import one_thread
 from sim.storage.files import Tensors
@@ -94,13 +94,8 @@ class NafPolicy:
         if self.executable is None or self.executable(context, best):
             return frozen_array(best)
         others = cover(self.task.action, CANDIDATES, np.random.default_rng(0))
-        for i in np.argsort(-self._q(context, others), kind="stable")[: self.attempts - 1]:
-            if self.executable(context, others[i]):
-                return frozen_array(others[i])
-        raise NotExecutable(
-            f"none of the {self.attempts} best actions for context {np.round(context, 4)} lies within the "
-            f"limits of the arm: move the {self.task.object_name} towards the middle of its area"
-        )
+        actions, worth = np.vstack([best, others]), np.append(np.inf, self._q(context, others))
+        return first_executable(actions, worth, context, self.executable, self.task, self.attempts)
 
     def actions(self, contexts: Array) -> Array:
         """(G, c) -> (G, a), without the executability check."""

@@ -20,9 +20,7 @@ from sim.errors import CheckpointError
 from sim.research.pretraining.pipeline import PretrainBudget, StageProgress, stage_seeds
 from sim.rollouts.dataset import build_dataset, draw_requests
 from sim.rollouts.run import run_many
-from sim.solvers.emulator.adopting import adopted
-from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.emulator.network import Emulator, adopted
 from sim.solvers.emulator.training import EmulatorSettings, held_out_errors, train_emulator
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
@@ -76,7 +74,7 @@ def make_ready(
         emulator = _learnt(task, shipped, folder, draws, executor, progress, rollouts)
         found = judge(emulator, held_out, draws[3], executor, progress)
         facts["held_out"] = {name: value for name, value in asdict(found).items() if value is not None}
-    solver = EmulatorSolver(emulator) if emulator else _exact(task)
+    solver = emulator or _exact(task)
     ahead = look_ahead(solver, draws[2], prospects, _stage("prospects", progress))
     return save_checkpoint(task, folder / "checkpoint", emulator, {}, facts, ahead), found
 

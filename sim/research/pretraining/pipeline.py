@@ -43,7 +43,6 @@ from sim.rollouts.dataset import Denser, build_dataset
 from sim.rollouts.run import Roll, run_many
 from sim.rollouts.shards import CachedRollouts
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import EmulatorSettings, outcome_variance, train_emulator
 from sim.solvers.solver import Solver
 from sim.storage.files import load_tensors, read_toml, save_tensors, write_toml
@@ -244,7 +243,7 @@ def _learnt(
     emulator = Emulator(task, load_tensors(path))
     facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": read_report(report)}
     roll = CachedRollouts(task, folder / "rollouts", executor)
-    return _Means(task, partial(EmulatorSolver, emulator), emulator, roll, lambda: len(dataset) + roll.count(), facts)
+    return _Means(task, lambda: emulator, emulator, roll, lambda: len(dataset) + roll.count(), facts)
 
 
 def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, solver: str) -> None:

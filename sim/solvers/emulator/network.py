@@ -7,7 +7,9 @@ al. 2018): near data the trained part cancels it, elsewhere the members disagree
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,9 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.errors import CheckpointError
+from sim.rollouts.draws import Disturbances, cover, sobol
+from sim.solvers.candidates import FromOutcomes, ScenarioPolicy
+from sim.solvers.solver import Executable, SolverSettings
 from sim.solvers.threads import one_blas_thread
 from sim.storage.files import Tensors
 from sim.tasks.task import Task
@@ -27,6 +32,11 @@ Array32 = NDArray[np.float32]
 
 PRIOR_SCALE = 0.5
 """Weight of the fixed random networks, in standard deviations of the outputs."""
+
+SELF_TEST = "self_test"
+INPUTS, SEED = 4, 1908
+TOLERANCE = 1e-3
+"""Between processors, float32 differs by 1e-6; a changed weight by more."""
 
 
 def encode(task: Task, parameters: Array, action: Array, nuisance: Array) -> Array32:
@@ -63,8 +73,25 @@ class EmulatedTrials:
     end_state: Array  # (N, k) if it succeeds
 
 
-class Emulator:
-    """The trained networks of `sim.solvers.emulator.training`, ready for predictions. Not for subclassing."""
+@dataclass(frozen=True)
+class EmulatorReport:
+    """Figures on rollouts that neither training nor calibration has seen."""
+
+    rollouts: int  # trained on
+    held_out: int
+    base_rate: float  # share of successes; it or its complement is the accuracy of a constant guess
+    accuracy: float
+    brier: float
+    calibration_error: float  # expected, ten bins
+    position_error_median: float  # last observed position, in state units (m)
+    position_error_p90: float
+    end_state_error_median: float  # of successes, in units
+    temperature: float
+    misfit_limit: float
+
+
+class Emulator(FromOutcomes):
+    """A `sim.solvers.solver.Solver`: the trained networks of `sim.solvers.emulator.training`. Not for subclassing."""
 
     def __init__(self, task: Task, tensors: Tensors) -> None:
         """Raises CheckpointError if the tensors are not those of an emulator of this task."""
@@ -112,6 +139,28 @@ class Emulator:
             end_state=raw[..., size:-1].mean(axis=0),
         )
 
+    def policies(
+        self,
+        samples: Array,
+        rng: np.random.Generator,
+        executable: Executable | None = None,
+        settings: SolverSettings | None = None,
+    ) -> tuple[ScenarioPolicy, ...]:
+        """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all."""
+        task, settings, m = self.task, settings or SolverSettings(), samples.shape[1]
+        n, a = max(settings.scenarios, min(m, 4 * settings.scenarios)), len(task.action)
+        drawn = Disturbances.evenly(task, n, rng)
+        candidates = cover(task.action, settings.candidates, rng)
+        local = (2.0 * sobol(settings.refine, a, rng) - 1.0) * settings.candidates ** (-1.0 / a)
+        return tuple(
+            ScenarioPolicy(self, settings, parameters, drawn, candidates, local, executable)
+            for parameters in samples[:, np.arange(n) % m]
+        )
+
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+        """(N, size), the mean of the ensemble."""
+        return self.predict(parameters, action, nuisance).observation
+
     def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
         """(..., p), (..., a), (..., n), broadcast -> success probability (M, ...) and end state (M, ..., k)."""
         features = encode(self.task, parameters, action, nuisance)
@@ -158,3 +207,73 @@ class Emulator:
             np.maximum(x, 0.0, out=x)
         last: Array32 = x @ self._tensors[f"{w}{depth}"][..., outputs] + self._tensors[f"{b}{depth}"][..., outputs]
         return last
+
+
+def predictions(emulator: Emulator) -> list[float]:
+    """The self-test: observation, success and end state predicted for a few drawn trials, one after another."""
+    task, rng = emulator.task, np.random.default_rng(SEED)
+    spaces = (task.margin, task.action, task.nuisance)
+    drawn = [space.denormalise(rng.uniform(0.0, 1.0, (INPUTS, len(space)))) for space in spaces]
+    try:
+        found = emulator.predict(*drawn)
+    except (ValueError, IndexError, KeyError) as error:
+        raise CheckpointError(f"the emulator's weights do not fit one another ({error}): pretrain again") from error
+    parts = (found.observation, found.success, found.end_state)
+    return [round(float(value), 7) for part in parts for value in np.ravel(part)]
+
+
+def require_same(emulator: Emulator, stored: Sequence[float] | None, where: Path) -> None:
+    """Raise CheckpointError unless the emulator repeats the prediction in its card.
+
+    The hash in the card says that the weights are those of the card; this, that they are a working emulator here, with
+    the same answers as where they were trained.
+    """
+    if stored is None:
+        raise CheckpointError(
+            f"{where} has no {SELF_TEST}: add it with `python benchmarks/self_tests.py {where.parent}`, or "
+            "pretrain again"
+        )
+    now = np.array(predictions(emulator))
+    then = np.array(stored, dtype=np.float64)
+    if now.shape != then.shape or not np.isfinite(now).all():
+        raise CheckpointError(f"{where}: the emulator does not predict what its card says: pretrain again")
+    off = float(np.abs(now - then).max())
+    if off > TOLERANCE * max(1.0, float(np.abs(then).max())):
+        raise CheckpointError(
+            f"{where}: the emulator predicts {off:.2g} beside the prediction in its card (limit {TOLERANCE:g}): its "
+            "weights were changed; install or make the checkpoint again"
+        )
+
+
+def adopted(emulator: Emulator, task: Task) -> Emulator:
+    """The emulator as one of `task`, the same one with other ranges. Raises CheckpointError if whole numbers differ.
+
+    Inputs are scaled by the ranges. Between two ranges that is an affine map, which the first layer takes over.
+    """
+    theirs, ours = ((t.margin, t.action, t.nuisance) for t in (emulator.task, task))
+    for old, new in zip(theirs, ours, strict=True):
+        if _levels(old) != _levels(new):
+            raise CheckpointError(f"the emulator of {task.name} knows other whole numbers than this object: pretrain")
+    low, high = (
+        encode(emulator.task, *(np.array(values, dtype=np.float64)[None] for values in ends))[0].astype(np.float64)
+        for ends in zip(*((space.low, space.high) for space in ours), strict=True)
+    )
+    whole = np.concatenate([_is_whole(space) for space in ours])
+    scale, shift = np.where(whole, 1.0, (high - low) / 2.0), np.where(whole, 0.0, (high + low) / 2.0)
+    tensors = emulator.tensors
+    for w, b in (("w0", "b0"), ("pw0", "pb0")):
+        first = tensors[w].astype(np.float64)
+        tensors[b] = (tensors[b] + np.einsum("f,mfh->mh", shift, first)[:, None]).astype(np.float32)
+        tensors[w] = (first * scale[:, None]).astype(np.float32)
+    return Emulator(task, tensors)
+
+
+def _levels(space: Space) -> list[tuple[float, float]]:
+    return [(d.low, d.high) for d in space.dimensions if d.scale == "integer"]
+
+
+def _is_whole(space: Space) -> Array:
+    """For each input of a space, whether it belongs to a whole number."""
+    return np.concatenate(
+        [np.full(int(d.high - d.low) + 1, True) if d.scale == "integer" else [False] for d in space.dimensions]
+    ).astype(bool)

@@ -20,9 +20,7 @@ from sim.errors import DatasetError
 from sim.rollouts.dataset import Dataset
 from sim.rollouts.draws import at_reference
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts
-from sim.solvers.emulator.network import PRIOR_SCALE, Emulator, encode
-from sim.solvers.emulator.report import EmulatorReport
-from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.emulator.network import PRIOR_SCALE, Emulator, EmulatorReport, encode
 from sim.solvers.misfit import misfit
 from sim.solvers.threads import one_thread
 from sim.storage.files import Tensors
@@ -271,9 +269,9 @@ def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, 
     inside = [i for i in rows if task.parameters.contains(dataset.parameters[i])][:200]
     if len(inside) < 10:
         return 3.0
-    context, solver = np.asarray(task.reference_context, dtype=np.float64), EmulatorSolver(emulator)
+    context = np.asarray(task.reference_context, dtype=np.float64)
     values = [
-        misfit(solver, context, dataset.action[i], task.observation.with_noise(dataset.observation[i], rng))
+        misfit(emulator, context, dataset.action[i], task.observation.with_noise(dataset.observation[i], rng))
         for i in inside
     ]
     return float(np.quantile(values, 0.95))

@@ -9,7 +9,7 @@ import pytest
 
 from adaptsim_cli import app, config
 from adaptsim_cli.screen import console
-from adaptsim_cli.wiring.checkpoints import checkpoint_of
+from adaptsim_cli.wiring.settings import checkpoint_of
 
 VALUES = ["--task", "pendulum", "--range", "m1=1.5:2.0"]
 

@@ -13,7 +13,7 @@ from toy_session import NAME, run
 from adaptsim_cli import app
 from adaptsim_cli.session import exporting, recording, topics, whole
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.wiring.scene import files_of
+from adaptsim_cli.wiring.best import scene_files
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def messages(file: Path) -> dict[str, list[bytes]]:
 
 
 def test_one_file_holds_everything_of_a_trial(store: SessionStore, tmp_path: Path) -> None:
-    *files, layout = exporting.export(store, "mcap", tmp_path, files_of)
+    *files, layout = exporting.export(store, "mcap", tmp_path, scene_files)
     assert len(files) == len(store.trials(0))
     found, record = messages(files[0]), store.trials(0)[0]
     assert set(found) >= {*recording.TOPICS, *topics.AFTERWARDS} - {"/after/colour", "/after/depth"}
@@ -62,7 +62,7 @@ def test_one_file_holds_everything_of_a_trial(store: SessionStore, tmp_path: Pat
 
 
 def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(store: SessionStore, tmp_path: Path) -> None:
-    file, *_ = exporting.export(store, "mcap", tmp_path, files_of)
+    file, *_ = exporting.export(store, "mcap", tmp_path, scene_files)
     with file.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
@@ -96,7 +96,7 @@ def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(store
 
 
 def test_every_frame_of_the_layout_is_in_the_file(store: SessionStore, tmp_path: Path) -> None:
-    *files, layout = exporting.export(store, "mcap", tmp_path, files_of)
+    *files, layout = exporting.export(store, "mcap", tmp_path, scene_files)
     configured = json.loads(layout.read_text())["configById"]
     named = {configured[key]["imageMode"][which] for key in configured if "Image!" in key
              for which in ("imageTopic", "calibrationTopic")}  # fmt: skip

@@ -13,8 +13,8 @@ from adaptsim_cli import app, config
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.report import comparison, page
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.wiring.checkpoints import checkpoint_of_session
 from adaptsim_cli.wiring.hindsight import Hindsight, Reports, measured_udr
+from adaptsim_cli.wiring.settings import checkpoint_of_session
 from sim.errors import CheckpointError
 
 pytestmark = pytest.mark.long

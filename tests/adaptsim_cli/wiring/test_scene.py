@@ -11,7 +11,7 @@ import pytest
 
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session import exporting
-from adaptsim_cli.wiring import scene
+from adaptsim_cli.wiring import best
 from adaptsim_cli.wiring.hindsight import Hindsight
 from sim.adaptation.posterior import Posterior
 from sim.tasks import get_task
@@ -28,14 +28,14 @@ def store(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
         checkpoint=SimpleNamespace(solver=SimpleNamespace(task=TASK)), posterior=lambda store: known
     )
     monkeypatch.setattr(Hindsight, "of", lambda store: found)
-    monkeypatch.setattr(scene, "policy_of_session", lambda store, checkpoint: lambda context: ACTION)
-    for module in (scene, exporting):
+    monkeypatch.setattr(best, "policy_of_session", lambda store, checkpoint: lambda context: ACTION)
+    for module in (best, exporting):
         monkeypatch.setattr(module, "trials_of", lambda store: [SimpleNamespace(context_array=CONTEXT)])
     return SimpleNamespace(facts=SimpleNamespace(name="s", units={}, curves={}))
 
 
 def test_it_holds_the_mean_the_interval_and_the_policys_action(store: SimpleNamespace, tmp_path: Path) -> None:
-    (file, trial) = exporting.export(store, "sdf", tmp_path / "adapted", scene.files_of)  # type: ignore[arg-type]
+    (file, trial) = exporting.export(store, "sdf", tmp_path / "adapted", best.scene_files)  # type: ignore[arg-type]
     told, text = json.loads(trial.read_text()), file.read_text()
     assert told["parameters"] == pytest.approx({"mu": 0.15, "e": 1e5, "mu_p": 0.4, "y_p": 0.02})
     assert told["interval"]["mu"] == [0.1, 0.2]
@@ -48,4 +48,4 @@ def test_it_holds_the_mean_the_interval_and_the_policys_action(store: SimpleName
 
 def test_nothing_is_overwritten(store: SimpleNamespace, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="exists already: name another --out"):
-        exporting.export(store, "sdf", tmp_path, scene.files_of)  # type: ignore[arg-type]
+        exporting.export(store, "sdf", tmp_path, best.scene_files)  # type: ignore[arg-type]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.wiring.checkpoints import solver_of
+from adaptsim_cli.wiring.settings import solver_of
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from sim.errors import UnknownName
 from sim.research.methods.q_policy import new_policy, tensors_of

@@ -23,7 +23,6 @@ from sim.research.benchmark.sessions import Conditions, judge, run_session, udr_
 from sim.research.benchmark.trial_sources import SimulatedTrials
 from sim.research.identifiability import identifiability
 from sim.rollouts.draws import cover
-from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 
@@ -35,7 +34,7 @@ CONTEXTS = TOY.context.sample(np.random.default_rng(5), 16)
 
 @functools.cache
 def simulators() -> Simulators:
-    solver = EmulatorSolver(trained()[0])
+    solver = trained()[0]
     return Simulators(solver, look_ahead(solver, 3, ProspectSettings(64, 512, 4)))
 
 

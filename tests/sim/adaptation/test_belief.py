@@ -15,18 +15,17 @@ from sim.adaptation.reward_table import ProspectSettings, look_ahead, restore_pr
 from sim.errors import CheckpointError
 from sim.research.methods.random_search import RandomSearch
 from sim.research.pretraining.evaluation import EvaluationSettings, run_session
-from sim.solvers.emulator.solver import EmulatorSolver
 
 TARGET = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))
 
 
 @functools.cache
 def prospects():
-    return look_ahead(EmulatorSolver(trained()[0]), 3, ProspectSettings(64, 512, 4))
+    return look_ahead(trained()[0], 3, ProspectSettings(64, 512, 4))
 
 
 def belief():
-    return Belief(EmulatorSolver(trained()[0]), prospects())
+    return Belief(trained()[0], prospects())
 
 
 def trial(parameters, action, effects=None, reward=None, seed=0):
@@ -72,7 +71,7 @@ def test_a_session_comes_close_to_the_best_policy_at_once():
     method, action = belief(), ACTION.denormalise(np.array([0.5, 0.5]))
     history = session(TARGET, [trial(TARGET, action, seed=s) for s in range(2)])
     first, second = (p.mean for p in (*method.next(history, np.random.default_rng(0)), *method.start(1, None)))
-    policy = EmulatorSolver(trained()[0]).policies(np.array([first, second])[:, None], np.random.default_rng(0))
+    policy = trained()[0].policies(np.array([first, second])[:, None], np.random.default_rng(0))
     miss = [np.linalg.norm(ACTION.normalise(p.actions(np.zeros((1, 2)))[0]) - best_action(TARGET)) for p in policy]
     assert miss[0] < 0.2
     assert miss[0] < 0.6 * miss[1]
@@ -80,7 +79,7 @@ def test_a_session_comes_close_to_the_best_policy_at_once():
 
 @pytest.mark.long
 def test_it_beats_random_search_on_unseen_targets():
-    solver, settings = EmulatorSolver(trained()[0]), EvaluationSettings(iterations=3)
+    solver, settings = trained()[0], EvaluationSettings(iterations=3)
     earned: dict[str, list[float]] = {"belief": [], "random": []}
     for seed in range(12):
         target = PARAMETERS.sample(np.random.default_rng(seed), 1)[0]

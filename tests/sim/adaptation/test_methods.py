@@ -6,14 +6,13 @@ import pytest
 from toy_learning import iteration, train_one, trained
 from toy_task import PARAMETERS, TOY, Unmodelled
 
-from sim.adaptation.judging import choose_best, judge
+from sim.adaptation.judging import Misfits, choose_best, judge
 from sim.adaptation.method import ExpectedGain, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import METHODS, make_method
 from sim.adaptation.verdict import Kind, Reason
 from sim.errors import CheckpointError, UnknownName
 from sim.research.methods.q_policy import QPolicy, encode, inputs, look_back, new_policy, seen_in_session
-from sim.solvers.emulator.solver import EmulatorSolver
-from sim.solvers.misfit import Misfits, misfit
+from sim.solvers.misfit import misfit
 from sim.solvers.solver import Expectations
 
 MEMORIES = ["iteration", "state", "history"]
@@ -37,7 +36,7 @@ def session(parameters, means, effects=None, iterations=4, policy_for=None):
     for _ in range(iterations):
         tried = []
         for mean in means:
-            policy = train_one(TOY, emulator, (policy_for if policy_for is not None else mean)[None], rng)
+            policy = train_one(emulator, (policy_for if policy_for is not None else mean)[None], rng)
             trials = []
             for context in TOY.context.sample(rng, 2):
                 track = TOY.simulate(parameters, context, policy(context), np.zeros(1), effects)
@@ -226,17 +225,13 @@ def test_misfit_is_small_for_the_simulators_own_and_large_for_others():
         context, action = TOY.context.sample(rng, 1)[0], TOY.action.sample(rng, 1)[0]
         for values, effects in ((own, None), (other, Unmodelled(wind_m=0.15))):
             track = TOY.simulate(parameters, context, action, np.zeros(1), effects)
-            values.append(
-                misfit(
-                    EmulatorSolver(emulator), context, action, TOY.observation.with_noise(TOY.observation(track), rng)
-                )
-            )
+            values.append(misfit(emulator, context, action, TOY.observation.with_noise(TOY.observation(track), rng)))
     assert np.mean(np.array(own) < 1.5 * emulator.misfit_limit) >= 0.9
     assert min(other) > 1.5 * emulator.misfit_limit
 
 
 def test_the_misfit_of_a_trial_is_computed_once() -> None:
-    solver, asked = EmulatorSolver(trained()[0]), []
+    solver, asked = trained()[0], []
 
     class Counting:
         task, residual_std, misfit_limit = TOY, solver.residual_std, solver.misfit_limit
@@ -247,16 +242,16 @@ def test_the_misfit_of_a_trial_is_computed_once() -> None:
 
     misfits, rng = Misfits(cast(Expectations, Counting())), np.random.default_rng(0)
     context, action = (space.sample(rng, 1)[0] for space in (TOY.context, TOY.action))
-    observation = np.full(TOY.observation.size, 0.5)
-    assert misfits.of(context, action, observation) == misfits.of(context.copy(), action, observation)
-    assert misfits.of(context, action, observation) == misfit(solver, context, action, observation)
+    trial = Trial(context, action, np.full(TOY.observation.size, 0.5), 0.0, None)
+    assert misfits.of(trial) == misfits.of(replace(trial, context=context.copy()))
+    assert misfits.of(trial) == misfit(solver, context, action, trial.observation)
     assert len(asked) == 1
-    misfits.of(context, action, observation + 0.1)
+    misfits.of(replace(trial, observation=trial.observation + 0.1))
     assert len(asked) == 2
 
 
 def judged(history, ahead=None):
-    return judge(TOY, history, Misfits(EmulatorSolver(trained()[0])), choose_best(TOY, history), ahead)
+    return judge(TOY, history, Misfits(trained()[0]), choose_best(TOY, history), ahead)
 
 
 def test_the_verdict_follows_from_the_data():

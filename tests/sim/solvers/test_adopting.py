@@ -9,8 +9,7 @@ import pytest
 
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.errors import CheckpointError
-from sim.solvers.emulator.adopting import adopted
-from sim.solvers.emulator.network import Emulator
+from sim.solvers.emulator.network import Emulator, adopted
 from sim.tasks import get_task
 from sim.tasks.own_object import OwnObject, with_ranges
 from sim.types import Space

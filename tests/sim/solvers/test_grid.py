@@ -10,7 +10,7 @@ import pytest
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import NotExecutable
-from sim.solvers.among import among
+from sim.solvers.candidates import among
 from sim.solvers.grid import grid_solver
 from sim.tasks.pendulum import TASK as PENDULUM
 from sim.tasks.task import Observation, Task

@@ -22,8 +22,7 @@ from sim.research.pretraining.meta_training import sample_targets
 from sim.rollouts.dataset import draw_requests
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Progress, Roll, roll_in_parts
-from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.report import EmulatorReport
+from sim.solvers.emulator.network import Emulator, EmulatorReport
 from sim.solvers.emulator.training import held_out_errors
 from sim.solvers.solver import SolvedPolicy, Solver
 from sim.tasks.task import Task

@@ -30,7 +30,6 @@ from sim.rollouts.dataset import Dataset, load_dataset
 from sim.rollouts.run import Roll, roll_in_parts, run_many
 from sim.rollouts.shards import CachedRollouts
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.emulator.training import EmulatorSettings
 from sim.solvers.solver import Solver
 from sim.storage.files import load_tensors
@@ -136,7 +135,7 @@ def load_pretrained(task: Task, folder: Path) -> Pretrained:
     if (folder / "emulator.safetensors").exists():
         emulator = Emulator(task, load_tensors(folder / "emulator.safetensors"))
         dataset = load_dataset(folder / "dataset", task)
-    solver: Solver | None = EmulatorSolver(emulator) if emulator else task.exact(task) if task.exact else None
+    solver: Solver | None = emulator or (task.exact(task) if task.exact else None)
     files = {memory: policy_files(folder, memory) for memory in MEMORIES}
     files = {memory: both for memory, both in files.items() if all(path.exists() for path in both)}
     return Pretrained(

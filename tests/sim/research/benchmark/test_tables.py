@@ -14,7 +14,6 @@ from sim.research.benchmark import tables
 from sim.research.benchmark.tables import MANIFEST, build_table, load_table, table_requests
 from sim.research.benchmark.trial_sources import Tabled
 from sim.rollouts import serial_executor
-from sim.solvers.emulator.solver import EmulatorSolver
 
 TRUTH = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))
 WORLD = World("windy", "toy", "", TRUTH, np.zeros(1), Unmodelled(wind_m=0.01), Sensing(), Faults())
@@ -40,7 +39,7 @@ counted: list[Any] = []
 
 
 def solver():
-    return EmulatorSolver(trained()[0])
+    return trained()[0]
 
 
 def build(folder, world=WORLD, size=SIZE, policies="abc", scene="scene"):

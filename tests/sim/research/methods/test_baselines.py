@@ -19,8 +19,7 @@ from sim.research.methods.bo import BayesianOptimisation
 from sim.research.methods.bo_prior import BoPrior
 from sim.research.methods.learn_in_target import LearnInTarget
 from sim.research.methods.sysid import SysId
-from sim.solvers.emulator.solver import EmulatorSolver
-from sim.solvers.misfit import squared_misfits
+from sim.solvers.misfit import squares
 from sim.tasks import get_task
 
 TARGET = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))
@@ -29,11 +28,11 @@ MIDDLE = ACTION.denormalise(np.array([0.5, 0.5]))
 
 @functools.cache
 def prospects():
-    return look_ahead(EmulatorSolver(trained()[0]), 3, ProspectSettings(64, 512, 4))
+    return look_ahead(trained()[0], 3, ProspectSettings(64, 512, 4))
 
 
 def solver():
-    return EmulatorSolver(trained()[0])
+    return trained()[0]
 
 
 def trial(parameters=TARGET, action=MIDDLE, reward=None, seed=0, context=(0.62, 0.01)):
@@ -105,7 +104,8 @@ def test_what_is_simulated_for_a_trial_is_what_that_trial_shows():
     rng = np.random.default_rng(0)
     unit = np.tile(PARAMETERS.normalise(TARGET), (200, 1))
     shown = method._simulated(unit, seen, rng)
-    distance = squared_misfits(solver(), seen.context, shown.mean(axis=0), TARGET[None], MIDDLE[None], np.zeros((1, 1)))
+    path = solver().trajectories(TARGET[None], MIDDLE[None], np.zeros((1, 1)))
+    distance = squares(solver(), seen.context, shown.mean(axis=0), path)
     assert shown.shape == (200, TOY.observation.size)
     assert distance[0] < 1.0
     wrong = method._simulated(np.tile(PARAMETERS.normalise(PARAMETERS.low), (200, 1)), seen, rng)

@@ -11,7 +11,6 @@ from sim.research.methods.q_network import QNetwork
 from sim.research.pretraining.acting import EmulatedRolls, Solved
 from sim.research.pretraining.episodes import Simulator
 from sim.research.pretraining.gate import learning_gate
-from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.solver import SolverSettings
 
 
@@ -39,7 +38,7 @@ def drifting(state):
 
 def gate(rule):
     emulator = trained()[0]
-    solver = EmulatorSolver(emulator)
+    solver = emulator
     acting = Solved(solver, SolverSettings(candidates=64, scenarios=4))
     simulator = Simulator(solver, acting, EmulatedRolls(emulator, np.random.default_rng(0)))
     return learning_gate(simulator, cast("QNetwork", Choosing(rule)), "iteration", 0, count=48)

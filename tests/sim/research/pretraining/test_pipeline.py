@@ -22,7 +22,6 @@ from sim.research.pretraining.gate import learning_gate
 from sim.research.pretraining.meta_training import MetaSettings, explore, sample_targets, train_adaptation
 from sim.research.pretraining.pipeline import COMPARED, EVERYTHING, MEMORIES, STAGES, PretrainBudget, Wanted, pretrain
 from sim.rollouts import serial_executor
-from sim.solvers.emulator.solver import EmulatorSolver
 from sim.solvers.solver import SolverSettings
 from sim.tasks import get_task
 
@@ -65,19 +64,17 @@ def run(folder, task=TOY, budget=TINY, seed=0, wanted=EVERYTHING):
 
 @functools.cache
 def library() -> Library:
-    return fill_library(EmulatorSolver(trained()[0]), 0, 256)
+    return fill_library(trained()[0], 0, 256)
 
 
 def simulator(acting=None, seed=0) -> Simulator:
     """The emulator's, as in a training."""
     emulator = trained()[0]
-    return Simulator(
-        EmulatorSolver(emulator), acting or library(), EmulatedRolls(emulator, np.random.default_rng(seed))
-    )
+    return Simulator(emulator, acting or library(), EmulatedRolls(emulator, np.random.default_rng(seed)))
 
 
 def test_a_visit_earns_more_at_the_right_parameters():
-    solver = EmulatorSolver(trained()[0])
+    solver = trained()[0]
     true = Simulator(solver, Solved(solver, SolverSettings(candidates=64, scenarios=4)), roll)
     targets = PARAMETERS.sample(np.random.default_rng(0), 16)
     right = visit(true, targets, targets, np.random.default_rng(1))
@@ -114,7 +111,7 @@ def test_a_library_lets_every_distribution_act_like_the_nearest_one():
         assert found == {(*c, *a) for c, a in zip(shelf.contexts[i], shelf.actions[i], strict=True)}
     means = PARAMETERS.sample(rng, 64)
     reused = visit(simulator(), means, means, np.random.default_rng(2)).rewards
-    solver = EmulatorSolver(trained()[0])
+    solver = trained()[0]
     anew = visit(simulator(Solved(solver)), means, means, np.random.default_rng(2)).rewards
     assert abs(reused.mean() - anew.mean()) < 0.02
     assert np.corrcoef(reused, anew)[0, 1] > 0.5
@@ -168,7 +165,7 @@ def test_the_evaluation_orders_oracle_and_udr():
         "random": RandomSearch(TOY),
     }
     settings = EvaluationSettings(targets=6, iterations=2, rollouts=16, oracle=32)
-    report = evaluate(EmulatorSolver(emulator), methods, roll, settings, 0)
+    report = evaluate(emulator, methods, roll, settings, 0)
     assert report.oracle > report.udr + 0.1
     assert report.trials == 8
     assert report.pairs == 6 * (2 + 2 * 2)

@@ -28,7 +28,7 @@ from sim.research.pretraining.verification.verify import (
     verify,
 )
 from sim.rollouts import serial_executor
-from sim.solvers.emulator.solver import EmulatorSolver
+from sim.solvers.emulator.network import Emulator
 
 pytestmark = pytest.mark.long
 
@@ -138,7 +138,7 @@ def test_policies_from_true_rollouts_suit_their_environment():
     assert np.mean(miss) < 0.12
 
 
-class Confused(EmulatorSolver):
+class Confused(Emulator):
     """Makes the policy of other parameters than it is asked for."""
 
     def policies(self, samples, rng, executable=None, settings=None):
@@ -148,8 +148,8 @@ class Confused(EmulatorSolver):
 
 def test_a_confused_emulator_is_found_out():
     settings = PairSettings(environments=10, targets=4, actions=48, rollouts=8)
-    good = compare_policies(EmulatorSolver(trained()[0]), roll, settings, np.random.default_rng(0))
-    bad = compare_policies(Confused(trained()[0]), roll, settings, np.random.default_rng(0))
+    good = compare_policies(trained()[0], roll, settings, np.random.default_rng(0))
+    bad = compare_policies(Confused(TOY, trained()[0].tensors), roll, settings, np.random.default_rng(0))
     assert abs(good.own_regret.mean) < 0.08
     assert bad.own_regret.low > 0.1
     assert good.ranks.ratio > 0.8

@@ -1,0 +1,241 @@
+"""Policies that choose among candidate actions by expected reward; and a solver for which only listed actions exist.
+
+Physics is context-free up to `Task.relocate`, so the outcomes of the candidates serve all contexts.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from hw.types import Array, frozen_array
+from sim.errors import NotExecutable
+from sim.rollouts.draws import Disturbances, varies
+from sim.solvers.solver import Executable, Expectations, SolvedPolicy, Solver, SolverSettings
+from sim.tasks.task import Task
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """Predicted outcomes of A actions; the last axis of a chance is averaged over: disturbances, or scenarios."""
+
+    task: Task
+    actions: Array  # (A, a) in units
+    success: Array  # (..., S) chance
+    end_state: Array  # (..., S, k) of a success
+
+    def rewards(self, context: Array) -> Array:
+        """(...,) expected rewards in one context."""
+        return np.asarray((self.success * self.task.reward_of_success(self.end_state, context)).mean(axis=-1))
+
+
+def first_executable(
+    actions: Array, worth: Array, context: Array, executable: Executable | None, task: Task, attempts: int | None
+) -> Array:
+    """The first executable one of actions (A, a), by falling worth (A,); `attempts` None: no others exist.
+
+    Raises NotExecutable.
+    """
+    for i in np.argsort(-worth, kind="stable")[:attempts]:
+        if executable is None or executable(context, actions[i]):
+            return frozen_array(actions[i])
+    if attempts is None:
+        raise NotExecutable(
+            f"none of the {len(actions)} listed actions is left that can be executed for context "
+            f"{np.round(context, 4)}: end the session here, or list more actions"
+        )
+    raise NotExecutable(
+        f"none of the {attempts} best actions for context {np.round(context, 4)} lies within the limits of the arm: "
+        f"move the {task.object_name} towards the middle of its area"
+    )
+
+
+class CandidatePolicy(ABC):
+    """A `SolvedPolicy`: the candidate worth most, or a point around it that is worth more."""
+
+    _near: dict[int, Outcomes]  # a candidate and the points around it, for all contexts
+
+    @property
+    @abstractmethod
+    def everywhere(self) -> Outcomes:
+        """The outcomes of all candidates."""
+
+    @abstractmethod
+    def steps(self) -> Array | None:
+        """(L, a) from the best candidate to the points around it, in fractions of ranges; None: there is none."""
+
+    @abstractmethod
+    def outcomes(self, actions: Array) -> Outcomes:
+        """The outcomes of actions (A, a)."""
+
+    @abstractmethod
+    def worth(self, outcomes: Outcomes, context: Array) -> Array:
+        """(A,) by which actions are chosen."""
+
+    def ranked(self, context: Array) -> tuple[Array, Array]:
+        """The actions to choose from at `context` (c,), and their worth: the refined ones come first."""
+        worth = self.worth(self.everywhere, context)
+        near = self._around(int(np.argmax(worth)))
+        if near is None:
+            return self.everywhere.actions, worth
+        return (
+            np.concatenate([near.actions, self.everywhere.actions]),
+            np.concatenate([self.worth(near, context), worth]),
+        )
+
+    def actions(self, contexts: Array) -> Array:
+        """(G, c) -> (G, a), without the executability check."""
+        chosen = []
+        for context in contexts:
+            best = int(np.argmax(self.worth(self.everywhere, context)))
+            near = self._around(best)
+            if near is None:
+                chosen.append(self.everywhere.actions[best])
+            else:
+                chosen.append(near.actions[int(np.argmax(self.worth(near, context)))])
+        return np.stack(chosen)
+
+    def _around(self, best: int) -> Outcomes | None:
+        if best not in self._near and (steps := self.steps()) is not None:
+            space, winner = self.everywhere.task.action, self.everywhere.actions[best]
+            near = space.denormalise(np.clip(space.normalise(winner) + steps, 0.0, 1.0))
+            self._near[best] = self.outcomes(np.concatenate([winner[None], near]))
+        return self._near.get(best)
+
+
+@dataclass(frozen=True, eq=False)
+class ScenarioPolicy(CandidatePolicy):
+    """The action with the highest pessimistic reward over scenarios of parameters and disturbances."""
+
+    expectations: Expectations
+    settings: SolverSettings
+    parameters: Array  # (S, p) in units; with `drawn`, the scenarios for judging every action
+    drawn: Disturbances  # S of them
+    candidates: Array  # (C, a) in units
+    local: Array | None  # (L, a), see `steps`; None: only the candidates exist
+    executable: Executable | None = None
+    _near: dict[int, Outcomes] = field(default_factory=dict, repr=False)
+
+    def __call__(self, context: Array) -> Array:
+        """(c,) in units -> (a,) in units. Raises NotExecutable if no action is left, or none of the best ones can be
+        executed.
+        """
+        attempts = None if self.local is None else self.settings.attempts
+        return first_executable(*self.ranked(context), context, self.executable, self.expectations.task, attempts)
+
+    def predict(self, context: Array) -> tuple[float, float, float]:
+        """Expected reward of its action if its parameters are true: mean, low, high.
+
+        Low and high are two standard deviations of the ensemble, within the possible rewards.
+        """
+        action = self(context)
+        if self.local is None:
+            at = int(np.flatnonzero((self.candidates == action).all(axis=1))[0])
+            rewards = self.everywhere.rewards(context)[:, at]
+        else:
+            rewards = self.outcomes(action[None]).rewards(context)[:, 0]
+        mean, std = float(rewards.mean()), float(rewards.std())
+        return mean, max(0.0, mean - 2.0 * std), min(1.0, mean + 2.0 * std)
+
+    def steps(self) -> Array | None:
+        """(L, a), or None."""
+        return self.local
+
+    @cached_property
+    def everywhere(self) -> Outcomes:
+        """Success (M, C, S) and end state (M, C, S, k) of the candidates."""
+        return self.outcomes(self.candidates)
+
+    def outcomes(self, actions: Array) -> Outcomes:
+        """Success (M, A, S) and end state (M, A, S, k)."""
+        executed = actions[:, None, :] + self.drawn.error
+        found = self.expectations.outcomes(self.parameters, executed, self.drawn.nuisance)
+        return Outcomes(self.expectations.task, actions, *found)
+
+    def worth(self, outcomes: Outcomes, context: Array) -> Array:
+        """(A,) lower ends over the ensemble."""
+        rewards = outcomes.rewards(context)
+        lower = np.asarray(rewards.mean(axis=0) - self.settings.kappa * rewards.std(axis=0))
+        return lower.round(9) if self.local is None else lower
+
+
+class FromOutcomes(ABC):
+    """Expected rewards of a solver whose `outcomes` cost next to nothing; see `sim.tasks.task.Expectations`."""
+
+    task: Task
+
+    @abstractmethod
+    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+        """See `sim.tasks.task.Expectations`."""
+
+    def expected_rewards(
+        self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
+    ) -> Array:
+        """(B,) rewards in targets (B, p) of actions (B, G, a) at contexts (G, c) or (B, G, c), averaged over everything
+        but B.
+        """
+        drawn = Disturbances.evenly(self.task, draws if varies(self.task) else 1, rng)
+        success, end = self.outcomes(targets[:, None, None, :], actions[:, :, None, :] + drawn.error, drawn.nuisance)
+        rewards = success * self.task.reward_of_success(end, contexts[..., None, :])  # (M, B, G, draws)
+        return np.asarray(rewards.mean(axis=(0, 2, 3)))
+
+    def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
+        """(N,) rewards of N executed trials, the mean of the ensemble."""
+        success, end = self.outcomes(parameters, action, nuisance)
+        return np.asarray((success * self.task.reward_of_success(end, contexts)).mean(axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Among(FromOutcomes):
+    """A `Solver` with the actions (A, a), in units, that were recorded or that a search tries.
+
+    Predictions are those of the solver behind it.
+    """
+
+    task: Task
+    behind: Expectations
+    listed: Array
+
+    def policies(
+        self,
+        samples: Array,
+        rng: np.random.Generator,
+        executable: Executable | None = None,
+        settings: SolverSettings | None = None,
+    ) -> tuple[SolvedPolicy, ...]:
+        """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all."""
+        settings = settings or SolverSettings()
+        m = samples.shape[1]
+        n = max(settings.scenarios if varies(self.task) else 1, min(m, 4 * settings.scenarios))
+        drawn = Disturbances.evenly(self.task, n, rng)
+        return tuple(
+            ScenarioPolicy(self.behind, settings, parameters, drawn, self.listed, None, executable)
+            for parameters in samples[:, np.arange(n) % m]
+        )
+
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+        """See `sim.tasks.task.Expectations`."""
+        return self.behind.trajectories(parameters, action, nuisance)
+
+    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+        """See `sim.tasks.task.Expectations`."""
+        return self.behind.outcomes(parameters, action, nuisance)
+
+    @property
+    def residual_std(self) -> Array:
+        """See `sim.tasks.task.Expectations`."""
+        return self.behind.residual_std
+
+    @property
+    def misfit_limit(self) -> float:
+        """See `sim.tasks.task.Expectations`."""
+        return self.behind.misfit_limit
+
+
+def among(solver: Solver, listed: Array) -> Among:
+    """The solver for which only the actions (A, a) exist."""
+    behind = solver.behind if isinstance(solver, Among) else solver
+    return Among(solver.task, behind, frozen_array(listed, (None, None), "actions"))

@@ -317,7 +317,7 @@ class RealityPolicy(CandidatePolicy):
         """(REFINED, a); none if there are no other actions."""
         a = len(self.everywhere.task.action)
         around = (2.0 * sobol(REFINED, a, np.random.default_rng(0)) - 1.0) * ACTIONS ** (-1.0 / a)
-        return around if self.reality.simulators.refines else around[:0]
+        return np.asarray(around if self.reality.simulators.refines else around[:0])
 
     def outcomes(self, actions: Array) -> Outcomes:
         """The outcomes of actions (A, a) in every draw."""

@@ -18,10 +18,8 @@ import typer
 from adaptsim_cli.commands import (
     calibrate,
     config,
-    doctor,
     exporting,
     lab,
-    parts,
     rollouts,
     run_iteration,
     sessions,
@@ -52,11 +50,11 @@ app.command("world-tables")(benchmark.world_tables)
 app.command("rollout")(rollouts.rollout)
 app.command("preview")(rollouts.preview)
 app.command("setup")(setup.setup)
-app.command("parts")(parts.parts)
+app.command("parts")(setup.parts)
 app.command("report")(exporting.report)
 app.command("compare")(exporting.compare)
 app.command("bundle")(exporting.bundle)
-app.command("doctor")(doctor.doctor)
+app.command("doctor")(setup.doctor)
 app.command("retrack")(exporting.retrack)
 app.command("replay")(exporting.replay)
 app.command("schema")(config.schema)

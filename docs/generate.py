@@ -12,12 +12,12 @@ from __future__ import annotations
 import argparse
 import sys
 
+from pages import ROOT
 from pages.commands import commands
 from pages.files import files
 from pages.json_output import json_output
 from pages.messages import messages
 from pages.parameters import parameters
-from pages.shared import ROOT
 
 DOCS = ROOT / "docs"
 

@@ -20,7 +20,7 @@ from adaptsim_cli.calibration.store import REPORT, CalibrationStore
 from adaptsim_cli.calibration.visits import Automatic, HandGuided, Visits, plan
 from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen import console, resting, views
+from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.sealed import versions
@@ -71,7 +71,7 @@ def calibrate(
     config, screen = resolved.config, screen or Screen(as_json=request.as_json)
     _need_terminal(resolved, request)
     store = stores(config, resolved.places)
-    resting.tell_resting(screen, "the calibration in use", ends(config, resolved.places))
+    screen.resting("the calibration in use", ends(config, resolved.places))
     board = board_in_use(resolved, screen, yes=request.yes)
     with (
         store.locked(),

@@ -98,7 +98,7 @@ def add_to(app: typer.Typer, kind: Kind) -> None:
     ) -> None:
         from datetime import UTC, datetime
 
-        from adaptsim_cli.screen import console, resting
+        from adaptsim_cli.screen import console
         from adaptsim_cli.storage.durable import locked
         from adaptsim_cli.wiring import rig_frames
 
@@ -106,7 +106,7 @@ def add_to(app: typer.Typer, kind: Kind) -> None:
         store = kind.store(resolved)
         source = store.numbered.named(name)
         sessions = rig_frames.open_sessions(resolved.config, resolved.places)
-        resting.tell_resting(screen, f"the {noun} in use", sessions)
+        screen.resting(f"the {noun} in use", sessions)
         with locked(store.folder, f"another command uses the {noun}s of this rig: wait until it has ended"):
             path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
         told = {"in_use": path.name, "restored_from": source.name, "folder": str(path)}

@@ -22,9 +22,8 @@ from rich.segment import Segment
 from rich.text import Text
 
 from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
-from adaptsim_cli.screen import loading, pictures, views
-from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
-from adaptsim_cli.screen.presses import Presses
+from adaptsim_cli.screen import loading, views
+from adaptsim_cli.screen.keys import HELP, Key, Presses, chosen, enter, explained, prompt, read_line, stop, unknown
 from adaptsim_cli.screen.speaking import Speaker
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
@@ -302,12 +301,20 @@ class Screen:
             self.plain(f"{'Next: ' if not index else '  or: '}{command}")
             self.show(Text(f"      {why}", style="dim"))
 
+    def resting(self, what: str, sessions: Sequence[str]) -> None:
+        """Name the open `sessions` that rest on `what`, which is replaced, if there are any."""
+        if not sessions:
+            return
+        many = "s" if len(sessions) > 1 else ""
+        self.note(f"Open session{many} that rest{'' if many else 's'} on {what}: {', '.join(sessions)}.")
+        self.plain("Once it is replaced, each can continue only with its own, if the camera has not moved:")
+        self.plain(f"  adaptsim run-iteration --session {sessions[0]} --own-calibration")
+
     def picture(self, jpeg: bytes) -> bool:
         """Show a small picture if the terminal can; return whether it did."""
-        if not (self._live and pictures.knows_kitty(os.environ)):
+        if not (self._live and views.knows_kitty(os.environ)):
             return False
-        drawn = pictures.drawn(jpeg)
-        self._console.file.write(f"{drawn}\n")
+        self._console.file.write(f"{views.drawn(jpeg)}\n")
         self._console.file.flush()
         return True
 

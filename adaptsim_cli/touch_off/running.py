@@ -10,7 +10,7 @@ from typing import Any
 
 from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import DiskFull, Interrupted, StoppedByOperator, UsageError
-from adaptsim_cli.screen import console, resting
+from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.storage.sealed import versions
 from adaptsim_cli.touch_off import flow, terminal_views
@@ -59,7 +59,7 @@ def touch_off(
         console.require_terminal()
     operator = NoAssistant() if request.yes else HumanAssistant(screen)
     store = stores(config, resolved.places)
-    resting.tell_resting(screen, "table and tool as now known", ends(config, resolved.places))
+    screen.resting("table and tool as now known", ends(config, resolved.places))
     with _how_to_continue(), open_rig(config, resolved.places, request.grasp) as rig:
         screen.show(terminal_views.explanation(rig))
         found = flow.touch_off(rig, operator, screen)

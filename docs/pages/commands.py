@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from adaptsim_cli import app
-from pages.shared import cell
+from pages import cell
 
 COMMANDS_HEAD = """# Commands
 

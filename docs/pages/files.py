@@ -9,8 +9,8 @@ import re
 import textwrap
 from collections.abc import Iterator
 
+from pages import cell
 from pages.file_fields import FILES, SAID
-from pages.shared import cell
 
 FILES_HEAD = """# Files, field by field
 

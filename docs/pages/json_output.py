@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from adaptsim_cli.outputs.base import Output, unit_of
 from adaptsim_cli.outputs.catalogue import OUTPUTS
-from pages.shared import cell
+from pages import cell
 
 HEAD = """# JSON output
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 
 from adaptsim_cli import app
-from pages.shared import PACKAGES, ROOT
+from pages import PACKAGES, ROOT
 
 Entry = tuple[str, str]
 

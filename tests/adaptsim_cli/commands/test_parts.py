@@ -11,7 +11,7 @@ import open3d
 import pytest
 
 from adaptsim_cli import app
-from adaptsim_cli.commands.parts import all_parts
+from adaptsim_cli.commands.setup import all_parts
 from adaptsim_cli.report import parts as sheet
 from hw.types import Array
 from sim.tasks.pushing import TASK as PUSHING

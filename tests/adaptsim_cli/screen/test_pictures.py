@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from adaptsim_cli.screen import pictures
+from adaptsim_cli.screen import views
 
 
 @pytest.mark.parametrize(
@@ -23,12 +23,12 @@ from adaptsim_cli.screen import pictures
     ],
 )
 def test_the_environment_names_the_terminal(environment: dict[str, str], shows: bool) -> None:
-    assert pictures.knows_kitty(environment) is shows
+    assert views.knows_kitty(environment) is shows
 
 
 def test_kitty_gets_the_whole_picture_in_chunks() -> None:
     png = bytes(cv2.imencode(".png", np.random.default_rng(0).integers(0, 255, (60, 80, 3), np.uint8))[1])
-    sent = re.findall(r"\x1b_G([^;]*);([^\x1b]*)\x1b\\", pictures.kitty(png))
+    sent = re.findall(r"\x1b_G([^;]*);([^\x1b]*)\x1b\\", views.kitty(png))
     assert len(sent) > 1 and all(len(data) <= 4096 for _, data in sent)
     assert [("m=1" in keys) for keys, _ in sent] == [True] * (len(sent) - 1) + [False]
     assert base64.standard_b64decode("".join(data for _, data in sent)) == png
@@ -36,8 +36,8 @@ def test_kitty_gets_the_whole_picture_in_chunks() -> None:
 
 def test_a_large_picture_is_made_small() -> None:
     jpeg = bytes(cv2.imencode(".jpg", np.zeros((960, 1280, 3), np.uint8))[1])
-    sent = re.findall(r"\x1b_G[^;]*;([^\x1b]*)\x1b", pictures.drawn(jpeg))
+    sent = re.findall(r"\x1b_G[^;]*;([^\x1b]*)\x1b", views.drawn(jpeg))
     png = np.frombuffer(base64.standard_b64decode("".join(sent)), np.uint8)
     small = cv2.imdecode(png, cv2.IMREAD_COLOR)
     assert small is not None and small.shape == (360, 480, 3)
-    assert pictures.drawn(b"no picture") == ""
+    assert views.drawn(b"no picture") == ""

@@ -18,8 +18,7 @@ from adaptsim_cli.devices import confirmed
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.keys import Key, enter, stop
-from adaptsim_cli.screen.presses import PAUSE_S, SHORT_S, Presses
+from adaptsim_cli.screen.keys import PAUSE_S, SHORT_S, Key, Presses, enter, stop
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock, FakeGuardedArm
 from hw.serial.pedal_protocol import PERIOD_S, PedalState, line_for

@@ -1,1 +1,0 @@
-"""What `tracking.py` measures, one module a task."""

@@ -3,7 +3,7 @@
     PYTHONPATH=tests/support python benchmarks/adversarial.py --count 10000 --out hunt.jsonl
 
 Half of them for each arm, in blocks with a seed each; every accepted path is also stopped at a random moment, and the
-stop judged (`tests/support/hunt.py`, `own_judge.py`). Prints the sum after every block; ends with status 1 if anything
+stop judged (`hunt` in `tests/support/hard_paths.py`). Prints the sum after every block; ends with status 1 if anything
 was wrong. `--out` keeps a line for each block; the same command skips those and goes on.
 """
 
@@ -15,7 +15,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from hunt import Found, hunt
+from hard_paths import Found, hunt
 
 BLOCK = 250
 

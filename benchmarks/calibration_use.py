@@ -27,8 +27,8 @@ import numpy as np
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
 from kept import Kept
+from pushes import GONE, DepthEye, Push, Result, judged
 from simulated_views import Quality, Truth, random_poses, seen
-from tracked.pushing import GONE, DepthEye, Push, Result, judged
 
 from adaptsim_cli.devices.trackers import tracker_of
 from calib.solve import solve

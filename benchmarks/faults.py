@@ -44,8 +44,8 @@ import toy_session
 from cells import cell
 from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, running
 from hard_paths import LOADED, SCENE, smooth
-from in_process import InProcess
 from own_judge import wrong
+from players import InProcess
 from rich.console import Console
 from sdk_fake import FakeSdk, NetworkException
 from toy_rig import ToyLab

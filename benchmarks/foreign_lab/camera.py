@@ -23,8 +23,7 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 import cv2
 import mujoco
 import numpy as np
-from line import Line
-from world import COLOUR, COLOUR_F, DEPTH, DEPTH_F, FAR_AWAY, START_RAD, TRUTH, Room, depth_in_colour, show
+from world import COLOUR, COLOUR_F, DEPTH, DEPTH_F, FAR_AWAY, START_RAD, TRUTH, Line, Room, depth_in_colour, show
 
 PERIOD_S = 1.0 / 20.0
 NOISE = {"colour": 2.0, "depth_m": 0.0015, "infrared": 12.0}

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from line import Line
+from world import Line
 
 PROGRAM = Path(__file__).with_name("program.py")
 SILENCE_S = 600.0

@@ -16,12 +16,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-import compare
 import cv2
+import numpy as np
 import person
 import postures
-from line import Line
-from world import START_RAD, TRUTH, Room
+from world import START_RAD, TRUTH, Line, Room, Truth, camera_pose, table_height_m
 
 HERE = Path(__file__).parent
 RIG = """\
@@ -117,12 +116,12 @@ class Lab:
         if found.get("guided", {}).get("code") != 0:
             self.arm.ask(do="hold", what="board")
             ended = self._run("scooping", ["calibrate", "--hw", "fr3", "--guide", "--json"], guided=True)
-            found["guided"] = self._judged(ended, compare.calibration)
+            found["guided"] = self._judged(ended, calibration)
             self._write(found)
         if self._steps.again and found.get("calibration", {}).get("code") != 0:
             self.arm.ask(do="hold", what="board")
             ended = self._run("scooping", ["calibrate", "--hw", "fr3", "--json"])
-            found["calibration"] = self._judged(ended, compare.calibration)
+            found["calibration"] = self._judged(ended, calibration)
         self._write(found)
         if found.get("calibration", found["guided"])["code"] != 0:
             raise SystemExit("no calibration: see transcript.txt")
@@ -132,7 +131,7 @@ class Lab:
         found, name = self._read(), f"touch_off_{task}"
         if found.get(name, {}).get("code") != 0:
             ended = self._run(task, ["touch-off", "--task", task, "--hw", "fr3", "--json"])
-            found[name] = self._judged(ended, compare.touch_off)
+            found[name] = self._judged(ended, touch_off)
             self._write(found)
         if found[name]["code"] != 0:
             raise SystemExit(f"no touch-off of {task}: see transcript.txt")
@@ -195,6 +194,45 @@ class Lab:
 
     def _write(self, found: dict[str, Any]) -> None:
         self._found.write_text(json.dumps(found, indent=1))
+
+
+def calibration(said: dict[str, Any], truth: Truth) -> dict[str, Any]:
+    """The camera's pose, the joints' zeros, and what the program took its error to be."""
+    X = np.array(said["X_BC"] if "X_BC" in said else said["X_AC"])
+    true = camera_pose(truth)
+    apart = X[:3, :3].T @ true[:3, :3]
+    turned = np.degrees(np.arccos(np.clip((np.trace(apart) - 1.0) / 2.0, -1.0, 1.0)))
+    off_mm = 1e3 * (X[:3, 3] - true[:3, 3])
+    work = [
+        1e3 * float(np.linalg.norm((X @ np.linalg.inv(true) @ [x, y, 0.02, 1.0])[:3] - [x, y, 0.02]))
+        for x in (0.6, 0.8, 1.0)
+        for y in (-0.2, 0.2)
+    ]
+    return {
+        "off_mm": float(np.linalg.norm(off_mm)),
+        "turned_deg": float(turned),
+        "worst_work_mm": max(work),
+        "stated_worst_95_mm": said.get("worst_95_mm"),
+        "joint_offsets_mrad": said.get("joint_offsets_mrad"),
+        "true_offsets_mrad": [1e3 * v for v in truth.joint_zero_rad],
+        "views_used": len(said.get("views_used", [])),
+        "views_rejected": said.get("views_rejected"),
+        "checks": {c["name"]: [c["verdict"], c["message"]] for c in said.get("checks", [])},
+    }
+
+
+def touch_off(said: dict[str, Any], truth: Truth) -> dict[str, Any]:
+    """Table and tool as believed, with what is true."""
+    true = {
+        "table_height_mm": 1e3 * table_height_m(truth, 0.68, 0.0),
+        "table_tilt_x_mm_m": 1e3 * truth.table_slope[0],
+        "table_tilt_y_mm_m": 1e3 * truth.table_slope[1],
+        "tool_height_mm": 1e3 * truth.tool_height_m,
+        "tool_forward_mm": 1e3 * truth.tool_forward_m,
+        "tool_pitch_deg": float(np.degrees(truth.tool_pitch_rad)),
+        "tool_roll_deg": float(np.degrees(truth.tool_roll_rad)),
+    }
+    return {name: {"true": value, "believed": said[name]} for name, value in true.items()}
 
 
 if __name__ == "__main__":

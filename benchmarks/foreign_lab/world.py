@@ -6,7 +6,9 @@ documents, with errors that its owner does not know: `TRUTH`.
 
 from __future__ import annotations
 
+import json
 import math
+import socket
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
@@ -370,3 +372,18 @@ def wooden() -> np.ndarray:
     light = 1.0 + 0.06 * wave / wave.std()
     base = np.array([112.0, 140.0, 164.0])
     return np.asarray(np.clip(base * light[..., None], 0, 255), dtype=np.uint8)
+
+
+class Line:
+    """Asks the arm's process."""
+
+    def __init__(self, folder: Path) -> None:
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._socket.connect(str(folder / "arm.sock"))
+        self._file = self._socket.makefile("rw")
+
+    def ask(self, **order: Any) -> dict[str, Any]:
+        self._file.write(json.dumps(order) + "\n")
+        self._file.flush()
+        answer: dict[str, Any] = json.loads(self._file.readline())
+        return answer

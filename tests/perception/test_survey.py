@@ -7,8 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from survey import Survey, survey
-from unknown_table import find_plane
+from mug import Survey, find_plane, survey
 
 from hw.camera.kinect import camera_model
 from hw.types import CameraModel, Frame, Intrinsics

@@ -24,8 +24,7 @@ from sim.rollouts.recorded import RecordedTrials
 from sim.rollouts.run import observed
 from sim.solvers.grid import PROBES, GridSolver
 from sim.storage.files import whole_file
-from swing import PARAMETERS, TASK, VISCOUS_N_M_S, track_of
-from swing.physics import LENGTH_M, NODE_S, NODES, swing
+from swing import LENGTH_M, NODE_S, NODES, PARAMETERS, TASK, VISCOUS_N_M_S, integrate, track_of
 
 POINTS, FITTED, SEEDS = 2048, 20, 20
 START_S = 0.02
@@ -38,7 +37,7 @@ TEMPLATE = Path(__file__).with_name("page.txt")
 
 
 def published(m1: float, r1: float, i1: float, m2: float, r2: float, i2: float, ir: float, friction: Array) -> Array:
-    """(8,) for `swing.physics.swing` of parameters as DFKI names them; `friction` is cf1, cf2, b1, b2."""
+    """(8,) for `swing.integrate` of parameters as DFKI names them; `friction` is cf1, cf2, b1, b2."""
     gear = 6.0
     inner = i1 + m2 * LENGTH_M**2 + (gear**2 + 1.0) * ir
     scale = np.array([np.pi / 2.0, np.pi / 2.0, 1.0, 1.0])  # theirs multiplies an arc tangent
@@ -95,7 +94,7 @@ _COLUMNS = ("pos_meas1", "pos_meas2", "tau_meas1", "tau_meas2")
 def angles(parameters: Array, trials: RecordedTrials) -> Array:
     """(W, K, NODES, 2) predicted angles of every window for parameters (K, 8)."""
     torques = trials.actions[:, 4:].reshape(len(trials), NODES, 2)
-    return np.stack([swing(parameters, a[:4], u)[..., :2] for a, u in zip(trials.actions, torques, strict=True)])
+    return np.stack([integrate(parameters, a[:4], u)[..., :2] for a, u in zip(trials.actions, torques, strict=True)])
 
 
 def fitted(grid: GridSolver, trials: RecordedTrials, rows: NDArray[np.int_]) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-import rig
+import simulated_views as rig
 from scipy.spatial.transform import Rotation
 from simulated_views import Quality, Truth, board_in_camera, random_poses, seen
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import real_views
-import rig
+import simulated_views as rig
 
 from calib.foreign.intrinsics_check import adopted, check, suspicious, trial
 from calib.foreign.pixels import PixelUnknowns, adjust, looks, poses, rms_px

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import rig
+import simulated_views as rig
 from scipy.optimize import least_squares
 from simulated_views import Quality, Truth, board_in_camera, random_poses, seen, spoilt, work_error_mm
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import rig
+import simulated_views as rig
 from scipy.spatial.transform import Rotation
 from simulated_views import Quality, Truth
 

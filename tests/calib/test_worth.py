@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 import real_views
-import rig
+import simulated_views as rig
 
 from calib.foreign.sizing import solve_any_size
 from calib.solve import solve

@@ -154,17 +154,17 @@ def test_a_damaged_file_of_tosses_is_refused(
 
 
 def test_a_pendulum_keeps_its_energy_without_friction_and_rests_below_its_friction(swing: Task) -> None:
-    physics = importlib.import_module("swing.physics")
+    physics = importlib.import_module("swing")
     j1, lever, g1, g2 = 0.06, 0.33, 0.23, 0.16
     free = np.array([j1, lever, g1, g2, 0.0, 0.0, 0.0, 0.0])
-    q1, q2, v1, v2 = physics.swing(free, np.array([0.9, -0.6, 2.0, 1.0]), np.zeros((physics.NODES, 2))).T
+    q1, q2, v1, v2 = physics.integrate(free, np.array([0.9, -0.6, 2.0, 1.0]), np.zeros((physics.NODES, 2))).T
     bend, j2 = physics.LENGTH_M * g2 * np.cos(q2), g2 * lever
     kinetic = 0.5 * (j1 + j2 + 2 * bend) * v1**2 + (j2 + bend) * v1 * v2 + 0.5 * j2 * v2**2
     energy = kinetic - physics.GRAVITY_M_S2 * (g1 * np.cos(q1) + g2 * np.cos(q1 + q2))
     assert np.ptp(kinetic) > 0.3
     assert np.ptp(energy) < 1e-6
     stuck = np.array([j1, lever, g1, g2, 0.25, 0.2, 0.0, 0.0])
-    below, above = (physics.swing(stuck, np.zeros(4), np.tile([u, 0.0], (physics.NODES, 1))) for u in (0.15, 1.0))
+    below, above = (physics.integrate(stuck, np.zeros(4), np.tile([u, 0.0], (physics.NODES, 1))) for u in (0.15, 1.0))
     assert np.abs(below[:, 0]).max() < 0.02
     assert np.abs(above[:, 0]).max() > 0.2
 

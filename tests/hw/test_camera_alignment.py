@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from colour_against_depth import align, points_in_colour, undistorted
+from kinect_alignment import align, points_in_colour, undistorted
 from scipy.spatial.transform import Rotation
 
 from hw.camera.kinect import camera_model

@@ -28,7 +28,7 @@ def staged(monkeypatch: pytest.MonkeyPatch) -> Staged:
         paths = [str(SUPPORT), str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
         monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
         monkeypatch.setenv("ADAPTSIM_STAGED_KINECT", wrong)
-        return CameraProcess(None, ColourSettings(), maker="staged_kinect:live", answer_s=ANSWER_S, step_s=step_s)
+        return CameraProcess(None, ColourSettings(), maker="fake_k4a:live", answer_s=ANSWER_S, step_s=step_s)
 
     return camera
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from colour_against_depth import points_in_colour
+from kinect_alignment import points_in_colour
 
 from hw.camera import k4a_library
 from hw.camera.capture import Captured, read_capture

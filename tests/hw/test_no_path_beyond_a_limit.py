@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hard_paths import LOADED
-from hunt import hunt
+from hard_paths import LOADED, hunt
 from own_judge import AT_ZERO, poses, torques
 
 from hw.dynamics import torque_Nm

@@ -15,8 +15,7 @@ from typing import Any
 
 import board_rig
 import numpy as np
-from board_pictures import picture
-from board_rig import COUNT, ToyBench, places
+from board_rig import COUNT, ToyBench, picture, places
 from failing_disk import main
 from numpy.typing import NDArray
 

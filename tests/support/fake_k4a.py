@@ -2,14 +2,20 @@
 
 Captures are shown one by one by the test; nothing waits for real time. It counts what it has handed out, so that a
 capture or an image that is never released is found.
+
+`live` is a camera of `hw.camera.served` on it that shows captures by itself, in real time. `ADAPTSIM_STAGED_KINECT`
+says what goes wrong there: "hangs N" has the driver hang at its N-th capture, "hangs open" while it is opened,
+"hangs stop" while it is stopped, "dies N" ends the process there, "dim N" exposes otherwise from there on.
 """
 
 from __future__ import annotations
 
 import ctypes
 import itertools
+import os
 import queue
 import threading
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -23,6 +29,7 @@ from hw.camera import k4a_types as k4a
 from hw.camera.k4a import LiveCamera
 from hw.camera.k4a_device import ColourSettings, K4aDevice
 from hw.camera.k4a_library import PROTOTYPES
+from hw.camera.messages import Open
 from hw.fake import FakeClock
 
 BOOT_S = 40.0  # host time at which the device's clock began
@@ -328,3 +335,43 @@ def kinect_library(made: FakeK4a) -> FakeK4a:
         for pose in source:
             pose.rotation[:] = np.eye(3).ravel().tolist()
     return made
+
+
+class LiveK4a(FakeK4a):
+    """Captures come at 30 Hz of the real clock."""
+
+    def __init__(self, *serials: str) -> None:
+        super().__init__(*serials)
+        how, _, when = os.environ.get("ADAPTSIM_STAGED_KINECT", "").partition(" ")
+        self._how, self._when = how, when
+        self._count, self._next_s = 0, time.monotonic()
+
+    def _device_open(self, index: int, handle: Any) -> int:
+        if self._when == "open":
+            threading.Event().wait()
+        return super()._device_open(index, handle)
+
+    def _device_stop_cameras(self, handle: int) -> None:
+        if self._when == "stop":
+            threading.Event().wait()
+        super()._device_stop_cameras(handle)
+
+    def _device_get_capture(self, handle: int, capture: Any, timeout_ms: int) -> int:
+        self._count += 1
+        if self._how == "hangs" and str(self._count) == self._when:
+            threading.Event().wait()
+        if self._how == "dies" and str(self._count) == self._when:
+            os._exit(7)
+        if self._how == "dim" and str(self._count) == self._when:
+            self.controls[k4a.EXPOSURE_TIME_ABSOLUTE] = (1, 2500)
+        self._next_s += PERIOD_S
+        time.sleep(max(self._next_s - time.monotonic(), 0.0))
+        shown = Shown(time.monotonic() - 0.03, grey=100)
+        capture[0] = self._hand_out(self._images(shown))
+        return k4a.SUCCEEDED
+
+
+def live(asked: Open) -> LiveCamera:
+    """`hw.camera.served.Make`."""
+    library = kinect_library(LiveK4a("A1"))
+    return LiveCamera(asked.serial, asked.settings, infrared=asked.infrared, device=library.driver)

@@ -1,4 +1,4 @@
-"""A player that drives no arm, and counts."""
+"""Players without a process: one that drives no arm and counts, and one that plays the driver of an SDK's fake here."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hw.franka import connection, player
 from hw.franka.driver import Reading
 from hw.franka.messages import PlayOutcome
 from hw.franka.playback import PlayableMotion, Played
 from hw.franka.settings import Payload
 from hw.types import Array, Guard
+from hw.watchdog import WHY
 
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 
@@ -46,6 +48,44 @@ class Sink:
         q = motion.path.q_rad
         self.q_rad, self.held_off_rad = q[-1], np.zeros(7)
         return PlayOutcome(Played(motion.path.t_s, motion.path.t_s, q, q, np.zeros_like(q), 1.0, 1.0))
+
+    def close(self) -> None:
+        self.alive = False
+
+
+@dataclass
+class _Told:
+    """What the program says, heard without a pipe."""
+
+    word: Callable[[], bytes]
+
+    def begin(self) -> None: ...
+
+    def wanted(self) -> str:
+        return WHY.get(self.word(), "")
+
+
+@dataclass
+class InProcess:
+    """`hw.franka.process.Player` around a driver."""
+
+    driver: connection.Connection
+    alive: bool = True
+    notes: tuple[str, ...] = ()
+
+    def reading(self) -> Reading:
+        return self.driver.reading()
+
+    def recover(self) -> Reading:
+        self.driver.recover()
+        return self.driver.reading()
+
+    def carry(self, payload: Payload) -> Reading:
+        self.driver.carry(payload)
+        return self.driver.reading()
+
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
+        return player.play(self.driver, motion, _Told(word), guard, start_s=600.0)  # type: ignore[arg-type]
 
     def close(self) -> None:
         self.alive = False

@@ -27,8 +27,8 @@ from typing import Any
 
 import numpy as np
 from failing_disk_session import digest_of
-from toy_command import RUN, call
 from toy_rig import ToyLab
+from toy_session import RUN, call
 
 from adaptsim_cli.session.keeping import archive_of, verify
 from adaptsim_cli.session.store import SessionStore

@@ -1,4 +1,7 @@
-"""A task for tests of the lab: a box-shaped tool shoves a block along the table. Quick to build and to simulate."""
+"""A task for tests of the lab: a box-shaped tool shoves a block along the table. Quick to build and to simulate.
+
+With its workcell, its world, and whole trials of it in the simulated lab.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from hw.joint_limits import LIMITS
 from hw.mass import NOTHING
-from hw.types import Array, frozen_array
+from hw.types import Array, Execution, Frame, JointPath, frozen_array
 from perception.types import ObjectTrack, Outcome
+from sim.lab.simulated import SimulatedLab
+from sim.lab.world import Faults, Sensing, World
+from sim.panda.model import inverse
+from sim.panda.moves import move_path
+from sim.panda.tool import cell_as_shipped
 from sim.tasks.task import AdaptationSettings, Hardware, Observation, SceneBodies, Task
 from sim.types import Dimension, Space, ToolMotion, Visual
 
@@ -146,3 +155,45 @@ TASK = Task(
     object_name="block",
     hardware=HARDWARE,
 )
+
+
+CELL = cell_as_shipped(HARDWARE, "panda")
+XY_M = np.array([0.55, 0.0])
+
+
+def world(sensing: Sensing | None = None, faults: Faults | None = None) -> World:
+    return World(
+        name="test",
+        task="slider",
+        description="",
+        parameters=np.array([0.3, 1e5, 1, 2.0, 0.0]),
+        nuisance=np.array([0.015]),
+        unmodelled=Unmodelled(),
+        sensing=sensing or Sensing(camera="small"),
+        faults=faults or Faults(),
+    )
+
+
+def shove(xy_m: Array = XY_M) -> JointPath:
+    motion = HARDWARE.plan(xy_m, np.array([0.08]))
+    X_BF = motion.X_BT @ np.linalg.inv(HARDWARE.X_FT)
+    return JointPath(motion.t_s, inverse(X_BF, np.zeros(len(motion.t_s)))[:, 0])
+
+
+@dataclass(frozen=True)
+class Trial:
+    frames: tuple[Frame, ...]
+    execution: Execution
+    bytes_: bytes
+
+
+def run(lab: SimulatedLab, trial: int, attempt: int = 0) -> Trial:
+    """One whole trial, as a session does it."""
+    path = shove()
+    lab.bench.place(XY_M, trial, attempt)
+    lab.arm.execute(move_path(HOME_RAD, path.q_rad[0], LIMITS["panda"]))
+    lab.camera.start_recording()
+    execution = lab.arm.execute(path)
+    frames = tuple(lab.camera.stop_recording())
+    images = b"".join(repr(f.t_s).encode() + f.colour.tobytes() + f.depth_mm.tobytes() for f in frames)
+    return Trial(frames, execution, images + execution.q_measured_rad.tobytes() + repr(execution.t_start_s).encode())

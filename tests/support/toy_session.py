@@ -1,18 +1,21 @@
-"""Runs sessions on the toy rig and keeps what was said."""
+"""Runs sessions, and commands of the program, on the toy rig in this process, and keeps what was said."""
 
 from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pytest
 from rich.console import Console
 from toy_rig import ToyLab, opener, toy_parts
 
-from adaptsim_cli import config
+from adaptsim_cli import app, config
+from adaptsim_cli.config import Config
 from adaptsim_cli.report import page
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import running
@@ -20,6 +23,8 @@ from adaptsim_cli.session.flow import RunningSession
 from adaptsim_cli.session.operator import Choices, Operator, Proposal, Review, Unattended
 from adaptsim_cli.session.records import RunTrial, TrialRecord
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.target import Parts
+from adaptsim_cli.wiring import session as wiring
 
 NAME = "toy-wd"
 
@@ -83,3 +88,27 @@ def unattended() -> Unattended:
 
 def no_space(_: int) -> None:
     raise OSError(28, os.strerror(28))
+
+
+RUN = ("run-iteration", "--task", "toy", "--session", "s", "--yes", "--json")
+
+
+def call(home: Path, command: Sequence[str], lab: ToyLab | None = None) -> tuple[int, str]:
+    """Its exit code, and what it said on stderr, on one line. Settings are those of the folder that `home` lies in."""
+    bench = lab or ToyLab(7)
+
+    @contextmanager
+    def opened(config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
+        with bench:
+            yield toy_parts(bench)
+
+    said = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch:
+        for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
+            patch.delenv(name)
+        patch.setenv("ADAPTSIM_HOME", str(home))
+        patch.chdir(home.parent)
+        patch.setattr(wiring, "open_parts", opened)
+        with redirect_stdout(io.StringIO()), redirect_stderr(said):
+            code = app.run(command)
+    return code, " ".join(said.getvalue().split())

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from board_pictures import picture
+from board_rig import picture
 from scipy.spatial.transform import Rotation
 
 from adaptsim_cli.calibration import solving

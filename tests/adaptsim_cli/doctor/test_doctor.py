@@ -197,7 +197,7 @@ def test_the_camera_streams_or_its_driver_is_given_up(
     root = Path(__file__).parents[3]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(root / "tests" / "support"), str(root))))
     monkeypatch.setenv("ADAPTSIM_STAGED_KINECT", wrong)
-    camera = CameraProcess(None, ColourSettings(), maker="staged_kinect:live", step_s=60.0)
+    camera = CameraProcess(None, ColourSettings(), maker="fake_k4a:live", step_s=60.0)
     monkeypatch.setattr(CameraPart, "camera", always(camera))
     found = CHECKS["camera images"](lab_of(tmp_path))
     assert found.verdict in verdicts

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 from failing_disk_session import digest_of
-from toy_command import RUN, call
 from toy_rig import ToyLab
+from toy_session import RUN, call
 
 from adaptsim_cli.errors import DiskFull, SessionError
 from adaptsim_cli.session import flow, running, watching
@@ -117,7 +117,7 @@ def test_a_mount_that_is_read_only_is_said_before_anything_is_done(mount: Mount)
 COMMANDS_AS_ANOTHER = """
 import json, os, sys
 from pathlib import Path
-from toy_command import RUN, call
+from toy_session import RUN, call
 from toy_rig import ToyLab
 home, lab, commands = Path(sys.argv[1]), ToyLab(7), json.loads(sys.argv[2])
 for command in [RUN, *commands]:  # loads all modules, which the other user may not be able to

@@ -7,7 +7,7 @@ import gc
 import numpy as np
 import pytest
 from cells import cell
-from sink import READY, Sink
+from players import READY, Sink
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused
 from hw.franka.arm import FrankaArm, open_franka

@@ -13,7 +13,7 @@ import pytest
 from cells import cell
 from fr3_process import READY_RAD, RELAXED, Fr3Process, fr3
 from franka_modes import ANSWERS, COMMANDS, FLAGS, MODES, NAMES, NOT_FINITE, SETTERS
-from in_process import InProcess
+from players import InProcess
 from sdk_fake import FakeRobot, FakeSdk, JointPositions
 
 from hw.errors import ArmFault, DeviceUnavailable

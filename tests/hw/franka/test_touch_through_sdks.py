@@ -10,7 +10,7 @@ import pytest
 from cells import cell
 from fr3_process import HandPedal
 from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
-from in_process import InProcess
+from players import InProcess
 from sdk_fake import FakeSdk
 
 from hw.contact import TORQUE_NOISE_NM, began

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from cells import cell
-from in_process import InProcess
+from players import InProcess
 from sdk_fake import FakeSdk
 
 from hw.errors import MotionRefused

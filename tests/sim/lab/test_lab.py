@@ -9,8 +9,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from lab_runs import CELL, XY_M, run, shove, world
-from slider import HOME_RAD, TASK
+from slider import CELL, HOME_RAD, TASK, XY_M, run, shove, world
 
 from hw.errors import CameraError
 from hw.joint_limits import LIMITS

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from lab_runs import CELL, XY_M, run, shove, world
-from slider import HOME_RAD, TASK
+from slider import CELL, HOME_RAD, TASK, XY_M, run, shove, world
 
 from hw.errors import ArmFault, CameraError, StoppedByPedal
 from hw.joint_limits import LIMITS

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from lab_runs import CELL, XY_M, shove, world
-from slider import HOME_RAD, TASK
+from slider import CELL, HOME_RAD, TASK, XY_M, shove, world
 
 from hw.joint_limits import LIMITS
 from hw.types import Array

@@ -4,7 +4,8 @@
 
 The program, its player, the pedal's serial line (a pseudo-terminal) and the FR3's protocol are real; the arm is
 franky-sim's, which waits for late commands. A process that sends itself a byte over such a line every millisecond
-measures meanwhile how long this computer holds a process or a line up; what happened while that was more than `NOISE_S` does not count.
+measures meanwhile how long this computer holds a process or a line up; what happened while that was more than
+`NOISE_S` does not count.
 """
 
 from __future__ import annotations

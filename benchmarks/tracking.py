@@ -24,7 +24,7 @@ from hw.kinematics import forward
 from hw.types import Array, CameraModel, Execution, Frame
 from perception.piece import find_piece, track_piece
 from sim.errors import NotExecutable
-from sim.lab.calibrating import nominal_calibration
+from sim.lab.calibrating import with_extrinsic_error
 from sim.lab.kinect import default_X_BC, kinect_model
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
@@ -86,7 +86,7 @@ def scoops(count: int, seed: int, world: str) -> None:
             execution = lab.arm.execute(path)
             frames = tuple(lab.camera.stop_recording())
             truth = lab.truth()["trials"][-1]["motions"][-1]
-            off = nominal_calibration(default_X_BC(), SENSING, rng).X_BC
+            off = with_extrinsic_error(default_X_BC(), SENSING, rng)
             for X_BC, results in ((default_X_BC(), exact), (off, nominal)):
                 results.append(judged(before, frames, lab.camera.model(), X_BC, execution, truth, mesh))
             if len(exact) == count:
@@ -209,7 +209,7 @@ def sweep(rng: np.random.Generator) -> Array:
     hidden = np.array([1 - orange(f.t_s, tool_at(f.t_s)) / orange(f.t_s, AWAY) for f in frames])
     truth = np.stack([piece_at(f.t_s)[:2, 3] for f in frames])
     errors_mm, flagged = [], []
-    for X_BC in (default_X_BC(), nominal_calibration(default_X_BC(), SENSING, rng).X_BC):
+    for X_BC in (default_X_BC(), with_extrinsic_error(default_X_BC(), SENSING, rng)):
         found = find_piece(before, model, X_BC, (0.62, 0.76, -0.06, 0.06))
         track = track_piece(frames, model, X_BC, found, mesh, tool_at, 0.0, 0.8)
         errors_mm.append(1e3 * np.linalg.norm(track.state[:, :2] - truth, axis=1))

@@ -78,7 +78,7 @@ test-lowest:
 	$(if $(TORCH_INDEX),.venv-lowest/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) torch==2.13.0)
 	.venv-lowest/bin/uv pip install --quiet --python .venv-lowest --resolution lowest-direct --editable '.[dev]'
 	.venv-lowest/bin/python -m pytest -n 2 -m 'not slow and not hardware and not extra' \
-	  --ignore tests/documents/test_generated_pages.py --deselect tests/documents/test_locks.py::test_it_holds_all_that_the_program_needs
+	  --ignore tests/documents/test_generated_pages.py --deselect tests/documents/test_package.py::test_it_holds_all_that_the_program_needs
 
 check: $(STAMP)
 	$(BIN)/ruff check .

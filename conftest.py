@@ -1,9 +1,13 @@
-"""How long a test may take, beyond the default of pyproject.toml."""
+"""How long a test may take, beyond the default of pyproject.toml, and what no test gets of the user's settings."""
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
+FOR_TESTS = ("ADAPTSIM_TEST_", "ADAPTSIM_DRILL_", "ADAPTSIM_K4A", "ADAPTSIM_KINECT_", "ADAPTSIM_STAGED_")
+"""Variables that lead tests to real devices and recordings begin so."""
 SLOW_S = 3600.0
 
 
@@ -12,3 +16,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(SLOW_S))
+
+
+@pytest.fixture(autouse=True)
+def _no_settings_of_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in os.environ:
+        if name.startswith("ADAPTSIM_") and not name.startswith(FOR_TESTS):
+            monkeypatch.delenv(name)

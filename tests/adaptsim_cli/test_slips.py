@@ -131,11 +131,6 @@ def begun(home: Path) -> set[str]:
     return {folder.name for folder in (home / "data/sessions").glob("[!.]*")}
 
 
-def test_there_are_many_slips() -> None:
-    assert len(SLIPS) >= 45
-    assert len({str(slip) for slip in SLIPS}) == len(SLIPS)
-
-
 @pytest.mark.parametrize("slip", SLIPS, ids=str)
 def test_a_slip_costs_nothing(
     slip: Slip, before: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
-import inspect
 import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
+from documents import ROOT, install, module, require_kept
 
 from adaptsim_cli.wiring.recorded.folder import read_recorded
 from sim import tasks
@@ -20,24 +18,20 @@ from sim.lab.world import load_world
 from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
-ROOT = Path(__file__).parents[2]
 PACKAGES, FEW = ("toss", "swing"), ROOT / "tests/data/tosses"
 
 
 @pytest.fixture(autouse=True)
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for name in PACKAGES:
-        folder = tmp_path / f"{name}-1.0.dist-info"
-        folder.mkdir()
-        (folder / "entry_points.txt").write_text(f"[{tasks.OFFERED}]\n{name} = {name}\n")
-        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        install(tmp_path, name, {name: name})
         monkeypatch.syspath_prepend(ROOT / "benchmarks" / name)
     monkeypatch.syspath_prepend(tmp_path)
     tasks._installed.cache_clear()
     yield
     tasks._installed.cache_clear()
-    for module in [one for one in sys.modules if one.partition(".")[0] in PACKAGES]:
-        del sys.modules[module]
+    for loaded in [one for one in sys.modules if one.partition(".")[0] in PACKAGES]:
+        del sys.modules[loaded]
 
 
 @pytest.fixture
@@ -50,26 +44,10 @@ def swing(installed: None) -> Task:
     return tasks.get_task("swing")
 
 
-def contract() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("contract_of_toss", ROOT / "tests/contracts/test_task_contract.py")
-    assert spec is not None and spec.loader is not None
-    made = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = made
-    spec.loader.exec_module(made)
-    return made
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("name", PACKAGES)
 def test_it_keeps_the_contract_of_every_task(name: str) -> None:
-    tests = [
-        f
-        for name, f in vars(contract()).items()
-        if name.startswith("test_") and list(inspect.signature(f).parameters) == ["task"]
-    ]
-    assert len(tests) >= 5
-    for test in tests:
-        test(tasks.get_task(name))
+    require_kept(module(ROOT / "tests/contracts/test_task_contract.py"), task=tasks.get_task(name))
 
 
 def test_a_cube_earns_at_its_goal_only_with_the_wanted_face_on_top(toss: Task) -> None:

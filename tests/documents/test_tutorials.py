@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import inspect
 import re
 import shlex
 import subprocess
@@ -11,10 +9,10 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
+from documents import ROOT, install, module, require_kept
 
 from adaptsim_cli import app
 from hw.serial import balance
@@ -23,22 +21,12 @@ from sim.errors import UnknownName
 from sim.lab import world
 from sim.tasks.task import Task
 
-ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"^<!-- (\w+) (\S+) -->\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 def blocks(page: str) -> list[tuple[str, str, str]]:
     """(kind, path, code) of the marked code of a page, in order."""
     return BLOCK.findall((ROOT / "docs/guide" / page).read_text(encoding="utf-8"))
-
-
-def module(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(f"tutorial_{path.parent.name}_{path.stem}", path)
-    assert spec is not None and spec.loader is not None
-    made = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = made
-    spec.loader.exec_module(made)
-    return made
 
 
 @pytest.fixture
@@ -48,13 +36,7 @@ def curling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Task]:
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(code, encoding="utf-8")
     project = tomllib.loads((tmp_path / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    offered = project["entry-points"][tasks.OFFERED]
-    installed = tmp_path / f"{project['name']}-{project['version']}.dist-info"
-    installed.mkdir()
-    lines = [f"[{tasks.OFFERED}]", *(f"{name} = {value}" for name, value in offered.items())]
-    (installed / "entry_points.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    head = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
-    (installed / "METADATA").write_text(head, encoding="utf-8")
+    install(tmp_path, project["name"], project["entry-points"][tasks.OFFERED])
     monkeypatch.syspath_prepend(tmp_path)
     tasks._installed.cache_clear()
     yield tasks.get_task("curling")
@@ -63,15 +45,7 @@ def curling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Task]:
 
 
 def test_the_task_of_the_tutorial_keeps_the_contract_of_every_task(curling: Task) -> None:
-    contract = module(ROOT / "tests/contracts/test_task_contract.py")
-    tests = [
-        f
-        for name, f in vars(contract).items()
-        if name.startswith("test_") and list(inspect.signature(f).parameters) == ["task"]
-    ]
-    assert len(tests) >= 5
-    for test in tests:
-        test(curling)
+    require_kept(module(ROOT / "tests/contracts/test_task_contract.py"), task=curling)
 
 
 def test_the_worlds_of_the_tutorial_are_listed_and_differ(curling: Task, capsys: pytest.CaptureFixture[str]) -> None:
@@ -133,12 +107,4 @@ def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(monkeyp
     contract = module(ROOT / "tests/contracts/test_balance_contract.py")
     exec(adapter, {"__name__": "tutorial"})
     exec(said, vars(contract))
-    laden = contract.KINDS["gs"]
-    tests = [
-        f
-        for name, f in vars(contract).items()
-        if name.startswith("test_") and list(inspect.signature(f).parameters) == ["laden"]
-    ]
-    assert len(tests) >= 4
-    for test in tests:
-        test(laden)
+    require_kept(contract, laden=contract.KINDS["gs"])

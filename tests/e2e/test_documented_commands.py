@@ -1,7 +1,7 @@
 """Every call that a page or `--help` shows is executed in one home of the simulated lab, and ends as it should.
 
 Lines that take hours, or need what a test has not, are in `ELSEWHERE` with the reason. The operator's guide has a test
-of its own. A line that only names a command (`adaptsim report`) is checked by tests/adaptsim_cli/test_documents.py.
+of its own. A line that only names a command (`adaptsim report`) is checked by tests/documents/test_pages.py.
 A call of a real arm is executed too: without one it is refused.
 """
 

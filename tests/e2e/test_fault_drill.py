@@ -7,48 +7,29 @@ tests.
 
 from __future__ import annotations
 
-import dataclasses
+import io
 import json
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from lab_session import digest
-from toy_rig import ToyLab, toy_parts
+from toy_rig import ToyLab
+from toy_session import call
 
-from adaptsim_cli import app
-from adaptsim_cli.config import Config
-from adaptsim_cli.session.target import Parts
-from adaptsim_cli.wiring import session as wiring
 from hw.errors import ArmFault, CameraError, StoppedByPedal
 
 SESSION = ["run-iteration", "--task", "toy", "--session", "s", "--yes", "--json"]
 CONTINUE = "Continue with: adaptsim run-iteration --session s"
-Capture = pytest.CaptureFixture[str]
 
 
-def run(home: Path, lab: ToyLab, capfd: Capture, calibration_sha256: str = "h" * 64) -> tuple[int, str, str]:
+def run(home: Path, lab: ToyLab, calibration: str = "h" * 64) -> tuple[int, str, str]:
     """The command itself, in this process: exit code, stderr on one line, stdout."""
-
-    @contextmanager
-    def opened(config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
-        with lab:
-            parts = toy_parts(lab)
-            origin = dataclasses.replace(parts.provenance, calibration_sha256=calibration_sha256)
-            yield dataclasses.replace(parts, provenance=origin)
-
     home.parent.mkdir(exist_ok=True)
-    with pytest.MonkeyPatch.context() as patch:
-        for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
-            patch.delenv(name)
-        patch.setenv("ADAPTSIM_HOME", str(home))
-        patch.chdir(home.parent)
-        patch.setattr(wiring, "open_parts", opened)
-        code = app.run(SESSION)
-    shown = capfd.readouterr()
-    return code, " ".join(shown.err.split()), shown.out
+    out = io.StringIO()
+    code, said = call(home, SESSION, lab, out, calibration=calibration)
+    return code, said, out.getvalue()
 
 
 def stored(home: Path) -> dict[str, bytes]:
@@ -91,11 +72,11 @@ NO_FRAME = CameraError("no frame within 1 s; check the camera's cable and power,
     ids=["reflex", "network", "pedal", "camera before", "camera half-way"],
 )
 def test_a_fault_is_told_costs_one_attempt_and_the_same_command_goes_on(
-    moment: str, error: Exception, code: int, words: str, tmp_path: Path, capfd: Capture
+    moment: str, error: Exception, code: int, words: str, tmp_path: Path
 ) -> None:
     home, whole = tmp_path / "a/home", tmp_path / "b/home"
-    assert run(whole, ToyLab(0), capfd)[0] == 0
-    ended, told, data = run(home, ToyLab(0, hooks={moment: raising(error)}), capfd)
+    assert run(whole, ToyLab(0))[0] == 0
+    ended, told, data = run(home, ToyLab(0, hooks={moment: raising(error)}))
     assert (ended, data) == (code, "")
     assert told.count("Error:") == 1
     assert words in told.partition("Error:")[2]
@@ -104,7 +85,7 @@ def test_a_fault_is_told_costs_one_attempt_and_the_same_command_goes_on(
     kept = stored(home)
 
     afterwards = ToyLab(0)
-    ended, told, data = run(home, afterwards, capfd)
+    ended, told, data = run(home, afterwards)
     assert ended == 0, told
     assert json.loads(data)["iteration"] == 1
     assert completed(home) == [f"trial-00{n}-attempt-{1 + int(n == 2)}" for n in range(1, 5)]
@@ -135,32 +116,32 @@ def full(trial: int, attempt: int) -> None:
     ids=["disk full", "ctrl-c"],
 )
 def test_what_stops_the_program_costs_nothing_in_the_simulated_lab(
-    hook: Callable[[int, int], None], code: int, words: str, tmp_path: Path, capfd: Capture
+    hook: Callable[[int, int], None], code: int, words: str, tmp_path: Path
 ) -> None:
     """There an attempt begins from the same state; a real arm's is spent (`test_session_flow.py`)."""
     home, whole = tmp_path / "a/home", tmp_path / "b/home"
-    assert run(whole, ToyLab(0), capfd)[0] == 0
+    assert run(whole, ToyLab(0))[0] == 0
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", os.fsync)  # and back
-        ended, told, data = run(home, ToyLab(0, hooks={"stop_recording": hook}), capfd)
+        ended, told, data = run(home, ToyLab(0, hooks={"stop_recording": hook}))
     assert (ended, data) == (code, "")
     assert told.count("Error:") == (code != 130), "a person who stops it is no error"
     assert words in told.rpartition("Error:")[2]
     assert CONTINUE in told
     assert completed(home) == ["trial-001-attempt-1"]
     afterwards = ToyLab(0)
-    assert run(home, afterwards, capfd)[0] == 0
+    assert run(home, afterwards)[0] == 0
     assert afterwards.executions == [(2, 0), (3, 0), (4, 0)]
     assert digest(home) == digest(whole)
 
 
-def test_a_calibration_that_changed_half_way_moves_nothing(tmp_path: Path, capfd: Capture) -> None:
+def test_a_calibration_that_changed_half_way_moves_nothing(tmp_path: Path) -> None:
     home = tmp_path / "a/home"
-    assert run(home, ToyLab(0, hooks={"execute": raising(REFLEX)}), capfd)[0] == 5
+    assert run(home, ToyLab(0, hooks={"execute": raising(REFLEX)}))[0] == 5
     lab = ToyLab(0)
-    code, told, _ = run(home, lab, capfd, calibration_sha256="a" * 64)
+    code, told, _ = run(home, lab, calibration="a" * 64)
     assert code == 2
     assert "the calibration or touch-off has changed since session 's' was begun" in told
     assert "Restore it, or give another --session" in told
     assert lab.executions == []
-    assert run(home, ToyLab(0), capfd)[0] == 0, "with the session's own calibration it goes on"
+    assert run(home, ToyLab(0))[0] == 0, "with the session's own calibration it goes on"

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -15,7 +14,7 @@ from typing import Any, Self
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
+from real_lab import quiet
 
 from adaptsim_cli.calibration import flow, visits
 from adaptsim_cli.calibration.parts import CalibrationRig, Ways
@@ -222,15 +221,6 @@ def rig(
         pause=lambda _: None,
         hands=hands,
     )
-
-
-def quiet() -> Screen:
-    return Screen(console=Console(file=io.StringIO(), width=100))
-
-
-def said(screen: Screen) -> str:
-    text: str = screen._console.file.getvalue()  # type: ignore[attr-defined]
-    return " ".join(text.split())
 
 
 def run(

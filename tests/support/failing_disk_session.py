@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 
 from failing_disk import main
+from lab_session import digest_of
 from rich.console import Console
 from toy_rig import ToyLab, opener
 
@@ -18,7 +18,6 @@ from adaptsim_cli.session.keeping import verify
 from adaptsim_cli.session.store import TRIAL, SessionStore
 
 NAME = "toy-wd"
-VOLATILE = {"timing_s", "proposal_s", "started", "created", "at", "checksums", "summary_sha256", "sealed"}
 
 
 class ToySession:
@@ -51,27 +50,6 @@ class ToySession:
 
     def _session(self, home: Path) -> Path:
         return home / "data" / "sessions" / NAME
-
-
-def digest_of(folder: Path) -> dict[str, object]:
-    """Every file below `folder` by its path, without times of day and durations."""
-    return {
-        str(path.relative_to(folder)): _content(path)
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and not any(part.startswith(".") for part in path.relative_to(folder).parts)
-    }
-
-
-def _content(path: Path) -> object:
-    if path.suffix == ".json":
-        return _steady(json.loads(path.read_text()))
-    return path.exists() if path.suffix in (".html", ".toml", ".jsonl") else path.stat().st_size
-
-
-def _steady(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _steady(v) for key, v in value.items() if key not in VOLATILE}
-    return [_steady(v) for v in value] if isinstance(value, list) else value
 
 
 if __name__ == "__main__":

@@ -56,14 +56,23 @@ def run_and_kill(home: Path, world: Path, after_s: float) -> bool:
 
 
 def digest(home: Path) -> dict[str, object]:
-    """All records of the first iteration, without times of day and durations; sizes of what is not JSON."""
-    root = home / "data" / "sessions" / "s"
-    found: dict[str, object] = {}
-    for path in sorted(root.glob("iteration-01/**/*")):
-        if path.is_file() and not any(part.startswith(".") for part in path.relative_to(root).parts):
-            name = str(path.relative_to(root))
-            found[name] = steady(json.loads(path.read_text())) if path.suffix == ".json" else path.stat().st_size
-    return found
+    """All records of the first iteration of the session."""
+    return digest_of(home / "data/sessions/s/iteration-01")
+
+
+def digest_of(folder: Path) -> dict[str, object]:
+    """Every file below `folder` by its path, without times of day and durations."""
+    return {
+        str(path.relative_to(folder)): _content(path)
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not any(part.startswith(".") for part in path.relative_to(folder).parts)
+    }
+
+
+def _content(path: Path) -> object:
+    if path.suffix == ".json":
+        return steady(json.loads(path.read_text()))
+    return path.exists() if path.suffix in (".html", ".toml", ".jsonl") else path.stat().st_size
 
 
 def steady(value: object) -> object:

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from failing_disk_session import digest_of
+from lab_session import digest_of
 from toy_rig import ToyLab
 from toy_session import RUN, call
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -87,8 +86,6 @@ def calibrated(resolved: Resolved) -> None:
 
 def own_place(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """`folder` with a home of its own, none of the user's settings, and a terminal that is taken for granted."""
-    for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
-        monkeypatch.delenv(name)
     monkeypatch.setenv("ADAPTSIM_HOME", str(folder / "home"))
     monkeypatch.setenv("ADAPTSIM_OPERATOR", "Kim")
     monkeypatch.chdir(folder)

@@ -258,12 +258,14 @@ def flange(q_rad: np.ndarray) -> np.ndarray:
     return X
 
 
-def toy_parts(lab: ToyLab, name: str = "fake", check: Callable[[JointPath], None] = lambda _: None) -> Parts:
+def toy_parts(
+    lab: ToyLab, name: str = "fake", check: Callable[[JointPath], None] = lambda _: None, calibration: str = "h" * 64
+) -> Parts:
     rig = Rig(name, "toy lab", lab, ToyCamera(lab), lab, HandEye(X_BC, 1.0, 0.1, "toy", "2024-01-01T00:00:00+00:00"))
     tracker = Tracker(
         find, lambda frame, *_: frame.colour, track, lambda drawn: drawn, lambda drawn, found: found.xy_m, OUTCOMES
     )
-    origin = Provenance("toy", "c" * 64, "w" * 64, "toy", "h" * 64, {"adaptsim": "0.1.0"})
+    origin = Provenance("toy", "c" * 64, "w" * 64, "toy", calibration, {"adaptsim": "0.1.0"})
     target = OnRig(TASK, rig, tracker, Planner(paths, check, flange))
     return Parts(TASK, target, ToyLearner(), origin)
 

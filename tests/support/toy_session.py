@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,6 @@ from rich.console import Console
 from toy_rig import ToyLab, opener, toy_parts
 
 from adaptsim_cli import app, config
-from adaptsim_cli.config import Config
 from adaptsim_cli.report import page
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import running
@@ -23,7 +23,6 @@ from adaptsim_cli.session.flow import RunningSession
 from adaptsim_cli.session.operator import Choices, Operator, Proposal, Review, Unattended
 from adaptsim_cli.session.records import RunTrial, TrialRecord
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts
 from adaptsim_cli.wiring import session as wiring
 
 NAME = "toy-wd"
@@ -93,22 +92,20 @@ def no_space(_: int) -> None:
 RUN = ("run-iteration", "--task", "toy", "--session", "s", "--yes", "--json")
 
 
-def call(home: Path, command: Sequence[str], lab: ToyLab | None = None) -> tuple[int, str]:
-    """Its exit code, and what it said on stderr, on one line. Settings are those of the folder that `home` lies in."""
-    bench = lab or ToyLab(7)
+def call(
+    home: Path, command: Sequence[str], lab: ToyLab | None = None, out: io.StringIO | None = None, **kinds: Any
+) -> tuple[int, str]:
+    """Its exit code, and what it said on stderr, on one line; `out` gets its stdout, `kinds` are of `toy_parts`.
 
-    @contextmanager
-    def opened(config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
-        with bench:
-            yield toy_parts(bench)
-
+    Settings are those of the folder that `home` lies in.
+    """
     said = io.StringIO()
     with pytest.MonkeyPatch.context() as patch:
         for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
             patch.delenv(name)
         patch.setenv("ADAPTSIM_HOME", str(home))
         patch.chdir(home.parent)
-        patch.setattr(wiring, "open_parts", opened)
-        with redirect_stdout(io.StringIO()), redirect_stderr(said):
+        patch.setattr(wiring, "open_parts", opener(lab or ToyLab(7), **kinds))
+        with redirect_stdout(out or io.StringIO()), redirect_stderr(said):
             code = app.run(command)
     return code, " ".join(said.getvalue().split())

@@ -14,7 +14,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from board_rig import COUNT, X_BC, ToyBench, places, quiet, rig, run, said
+from board_rig import COUNT, X_BC, ToyBench, places, rig, run
+from real_lab import quiet, said
 
 from adaptsim_cli import app, config
 from adaptsim_cli.calibration import drift, printing, running

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from board_rig import BOARD, X_BC, ToyBench, places, quiet, rig, run, said, store
+from board_rig import BOARD, X_BC, ToyBench, places, rig, run, store
+from real_lab import quiet, said
 
 from adaptsim_cli.calibration import solving, taking
 from adaptsim_cli.errors import DiskFull, PreflightFailed, UsageError

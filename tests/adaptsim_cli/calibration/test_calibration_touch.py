@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from board_rig import ToyBench, ToyHands, quiet, rig, run, said, store
+from board_rig import ToyBench, ToyHands, rig, run, store
+from real_lab import quiet, said
 
 from adaptsim_cli.calibration import solving, touching
 from adaptsim_cli.errors import StoppedByOperator

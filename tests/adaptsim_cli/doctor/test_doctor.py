@@ -305,8 +305,6 @@ def test_a_balance_that_speaks_is_heard(line: tuple[int, str], tmp_path: Path) -
 
 @pytest.fixture
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
-        monkeypatch.delenv(name)
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.chdir(tmp_path)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import re
 from pathlib import Path
 from typing import NoReturn
@@ -32,8 +31,6 @@ from perception.types import ObjectTrack, Outcome
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
-        monkeypatch.delenv(name)
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     return tmp_path / "home"
 

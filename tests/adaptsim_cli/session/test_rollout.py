@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 from pathlib import Path
 
 import pytest
@@ -23,8 +22,6 @@ RUN = ["rollout", "--task", "toy", "--yes"]
 
 @pytest.fixture(autouse=True)
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in [name for name in os.environ if name.startswith("ADAPTSIM_")]:
-        monkeypatch.delenv(name)
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     monkeypatch.setitem(TASKS, "toy", toy_rig.__name__)
     monkeypatch.chdir(tmp_path)

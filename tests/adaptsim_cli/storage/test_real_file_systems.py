@@ -11,7 +11,7 @@ from datetime import UTC, datetime, timedelta, tzinfo
 from pathlib import Path
 
 import pytest
-from failing_disk_session import digest_of
+from lab_session import digest_of
 from toy_rig import ToyLab
 from toy_session import RUN, call
 

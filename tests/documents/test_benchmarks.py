@@ -1,7 +1,8 @@
-"""`make results`: the page of every method in every set of worlds."""
+"""The benchmarks: `make results` with its page, and a foreign lab that shares no code with the product."""
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -14,15 +15,8 @@ from documents import ROOT
 @pytest.mark.long
 def test_the_short_form_runs_from_nothing_and_continues(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
-    command = [
-        sys.executable,
-        str(ROOT / "benchmarks/results.py"),
-        "--short",
-        "--folder",
-        str(tmp_path),
-        "--workers",
-        "1",
-    ]
+    script = str(ROOT / "benchmarks/results.py")
+    command = [sys.executable, script, "--short", "--folder", str(tmp_path), "--workers", "1"]
     for _ in range(2):  # the second time everything is there
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
@@ -61,3 +55,23 @@ def test_only_whole_sets_are_compared_and_the_page_comes_from_the_table(tmp_path
 
 def session(world: str, reward: float, method: str = "udr", seed: int = 0) -> results.Session:
     return results.Session("pendulum", world, method, seed, reward, ((2, 0.1), (4, reward)))
+
+
+LAB = ROOT / "benchmarks/foreign_lab"
+OURS = {"adaptsim_cli", "calib", "hw", "perception", "sim"}
+OFFERED_TO = "program.py"
+
+
+def imported(path: Path) -> set[str]:
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add((node.module or "").partition(".")[0])
+    return found
+
+
+@pytest.mark.parametrize("path", sorted(LAB.glob("*.py")), ids=lambda path: path.name)
+def test_only_the_program_imports_ours(path: Path) -> None:
+    assert bool(imported(path) & OURS) == (path.name == OFFERED_TO)

@@ -1,4 +1,4 @@
-"""The notebook runs from its first cell to its last, and says what its text says."""
+"""The Python of the documents: the notebook from its first cell to its last, and the examples of the Python page."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from documents import FENCE, ROOT
 
-NOTEBOOK = Path(__file__).parents[2] / "docs/guide/session-from-python.ipynb"
+NOTEBOOK = ROOT / "docs/guide/session-from-python.ipynb"
 
 
 @pytest.mark.long
@@ -51,3 +52,13 @@ def _run(source: str, names: dict[str, Any]) -> Any:
     tree.body.pop()
     exec(compile(tree, NOTEBOOK.name, "exec"), names)
     return eval(compile(ast.Expression(last.value), NOTEBOOK.name, "eval"), names)  # noqa: S307 - the notebook of this repository
+
+
+def test_the_examples_of_the_python_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    names: dict[str, object] = {}
+    for _, language, code in FENCE.findall((ROOT / "docs/reference/python.md").read_text(encoding="utf-8")):
+        if language == "python":
+            exec(code, names)
+    assert "track" in names
+    assert (tmp_path / "data/sessions/study/report.html").is_file()

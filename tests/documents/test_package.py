@@ -1,0 +1,105 @@
+"""The package: README as an index shows it, the two lists of exact versions, and the wheel outside of the checkout."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import tomllib
+from importlib import metadata
+from types import ModuleType
+
+import pytest
+from documents import ROOT, module
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+URL = "https://git.example/lab/adaptsim"
+TARGET = re.compile(r"\]\(([^)\s]+)\)")
+
+
+@pytest.fixture(scope="module")
+def setup() -> ModuleType:
+    return module(ROOT / "setup.py")
+
+
+def test_every_link_is_absolute_and_leads_to_a_file(setup: ModuleType) -> None:
+    text = setup.readme((ROOT / "README.md").read_text(encoding="utf-8"), URL)
+    targets = TARGET.findall(text)
+    assert len(targets) > 20
+    for target in targets:
+        assert re.match(r"https?://", target), target
+        if target.startswith(URL):
+            path = re.fullmatch(rf"{URL}/(?:blob|raw)/main/([^#]*)(?:#.*)?", target)
+            assert path is not None and (ROOT / path[1]).is_file(), target
+
+
+def test_pictures_are_raw_files_and_pages_are_not(setup: ModuleType) -> None:
+    text = setup.readme("![a](docs/figures/session.jpg) [b](docs/README.md#start) [c](https://arxiv.org/x)", URL)
+    picture, page, paper = TARGET.findall(text)
+    assert picture == f"{URL}/raw/main/docs/figures/session.jpg"
+    assert page == f"{URL}/blob/main/docs/README.md#start"
+    assert paper == "https://arxiv.org/x"
+
+
+def test_without_a_repository_links_keep_their_words(setup: ModuleType) -> None:
+    assert (
+        setup.readme("![a](x.png)see [b](docs/README.md), [c](https://arxiv.org/x)", "")
+        == "see b, [c](https://arxiv.org/x)"
+    )
+    assert setup.urls("") == {"Paper": setup.PAPER}
+    assert setup.urls(URL)["Issues"] == f"{URL}/issues"
+
+
+def test_the_readme_has_a_picture_that_is_small() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    first = re.search(r"!\[[^\]]+\]\((\S+\.(?:png|jpg))\)", text)
+    assert first is not None
+    assert (ROOT / first[1]).stat().st_size < 400_000
+    assert text.index(first[0]) < 100
+
+
+NOT_FROZEN = {"setuptools"}  # pip leaves it out of what it freezes
+
+
+def locked(name: str) -> dict[str, str]:
+    lines = (ROOT / name).read_text().splitlines()
+    return {canonicalize_name(re.split("==", line)[0]): line for line in lines if not line.startswith("#")}
+
+
+def needed(wanted: list[str]) -> set[str]:
+    """Names of packages, and of what they need in turn, as their installed metadata say."""
+    names, todo = set[str](), [Requirement(text) for text in wanted]
+    while todo:
+        one = todo.pop()
+        name = canonicalize_name(one.name)
+        if name in names or (one.marker is not None and not one.marker.evaluate({"extra": ""})):
+            continue
+        names.add(name)
+        todo += [Requirement(text) for text in metadata.requires(name) or []]
+    return names
+
+
+def test_what_the_program_runs_with_is_a_part_of_everything() -> None:
+    run, everything = locked("requirements-run.lock"), locked("requirements.lock")
+    assert run.items() <= everything.items()
+    assert not run.keys() & {"mujoco", "pin", "sbi", "botorch", "pytest", "mypy", "ruff", "distributed"}
+
+
+def test_it_holds_all_that_the_program_needs() -> None:
+    wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    assert needed(wanted) - NOT_FROZEN <= locked("requirements-run.lock").keys()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_the_wheel_works_outside_of_the_checkout() -> None:
+    env = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
+    done = subprocess.run(["make", "package"], cwd=ROOT, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    said = done.stdout + done.stderr
+    assert "Next: adaptsim run-iteration" in said
+    assert "Report: " in said
+    assert str(ROOT / "build/package/home") in said.replace("\n", "")
+    (wheel,) = (ROOT / "build/package").glob("adaptsim-*.whl")
+    assert wheel.stat().st_size < 30_000_000

@@ -23,10 +23,10 @@ import numpy as np
 from adaptsim_cli import config
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.outputs.trials import BestRecord
-from adaptsim_cli.session import recording, store
+from adaptsim_cli.session import exporting, recording, store
+from adaptsim_cli.session.exporting import Row
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, TrialRecord
-from adaptsim_cli.session.store import Row
 
 if TYPE_CHECKING:
     from adaptsim_cli.wiring.best import TaskPolicy
@@ -93,7 +93,7 @@ class Session:
 
     def rows(self) -> list[Row]:
         """One flat row per trial, as in `adaptsim sessions export --format csv`. Raises SessionError."""
-        return store.rows(self._stored)
+        return exporting.rows(self._stored)
 
     def run_iteration(self) -> Iteration:
         """Run the missing steps of the present iteration in the simulated lab and store them.

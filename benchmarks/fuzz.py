@@ -47,7 +47,7 @@ from adaptsim_cli.devices.rig_file import reading
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.session import recording, watching
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.storage import sealed
+from adaptsim_cli.storage import durable
 from adaptsim_cli.touch_off import store as touch_offs
 from adaptsim_cli.wiring.recorded.folder import read_recorded
 from calib import files
@@ -211,7 +211,9 @@ def _of_session(home: Path) -> list[Reader]:
 
 def _record_of(root: Path, name: str) -> Reader:
     content = (root / name).read_bytes()
-    seal, mark = (sealed.seal_toml, b"# sha256 ") if name.endswith(".toml") else (sealed.seal_json, b',\n "sealed": "')
+    seal, mark = (
+        (durable.seal_toml, b"# sha256 ") if name.endswith(".toml") else (durable.seal_json, b',\n "sealed": "')
+    )
     body = content[: content.rindex(mark)] + (b"" if name.endswith(".toml") else b"\n}\n")
 
     def load(path: Path) -> object:
@@ -220,7 +222,7 @@ def _record_of(root: Path, name: str) -> Reader:
         path.replace(folder / name)
         store = SessionStore.open(folder.parent, root.name)
         (key, *_) = sorted(store.existing().completed)
-        return store.trials(0), store.motion(0, key), store.result(0), store.summary(0)
+        return store.trials(0), store.motion(0, key), store.result(0)
 
     return Reader(f"session's {Path(name).name}", body, Path(name).name, load, seal)
 

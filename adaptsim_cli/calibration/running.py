@@ -23,7 +23,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.sealed import versions
+from adaptsim_cli.storage.durable import versions
 from calib import residuals
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration

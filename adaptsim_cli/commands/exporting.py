@@ -142,7 +142,7 @@ def replay(
 
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import replaying, store, whole
+    from adaptsim_cli.session import replaying, store
     from adaptsim_cli.session.exporting import written
 
     opened, screen = options.stored(session), console.Screen(as_json=as_json)
@@ -150,7 +150,7 @@ def replay(
     if opened.facts.curves:
         raise UsageError(f"the task {opened.facts.task} has no recordings; adaptsim report {session} shows its curves")
     with screen.busy("Reading the recording"):
-        found = whole.open_trial(opened, record)
+        found = replaying.open_trial(opened, record)
     with screen.busy("Writing the Rerun file" if rerun else "Drawing the video"):
         path = out or Path(f"{found.title}-replay{'.rrd' if rerun else replaying.VIDEO}")
         written(path, (replaying.rerun_file if rerun else replaying.video)(found))

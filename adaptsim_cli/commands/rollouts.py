@@ -225,7 +225,7 @@ def report(
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
-    from adaptsim_cli.report import rollout as page
+    from adaptsim_cli.report import page
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import summary
 
@@ -234,7 +234,7 @@ def report(
     if name is None and not known:
         raise SessionError(f"there are no rollouts in {root} yet; make one with adaptsim rollout")
     chosen = known[-1] if name is None else name
-    path = page.write(summary.rollout_record(root, chosen), root / chosen, out)
+    path = page.write_rollout(summary.rollout_record(root, chosen), root / chosen, out)
     screen = console.Screen(as_json=as_json)
     if not screen.data("rollouts report", {"rollout": chosen, "report": str(path)}):
         screen.plain(f"Report: {path}")

@@ -255,7 +255,7 @@ def accept(
     from adaptsim_cli.session import correcting, terminal_views
 
     changed = correcting.restore(options.stored(name), trial, None if attempt is None else attempt - 1, reason)
-    terminal_views.tell_amended(console.Screen(as_json=as_json), "sessions accept", name, changed)
+    terminal_views.tell_amended(console.Screen(as_json=as_json), "sessions accept", *changed)
 
 
 @app.command()
@@ -288,7 +288,7 @@ def amend(
     screen = console.Screen(as_json=as_json)
     chosen = choose_amendment(screen, opened, record, choices, outcome)
     changed = correcting.amend(opened, task, trial, chosen, choices[chosen], reason)
-    terminal_views.tell_amended(screen, "sessions amend", name, changed)
+    terminal_views.tell_amended(screen, "sessions amend", *changed)
 
 
 @app.command()

@@ -1,7 +1,8 @@
-"""Predicted against observed: how far a session's predictions, made before its trials, can be believed."""
+"""Rewards measured with their intervals, and how far the predictions made before the trials can be believed."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,6 +11,7 @@ import numpy as np
 from adaptsim_cli.report.figures import Prediction
 from adaptsim_cli.session.records import TrialRecord
 from hw.types import Array
+from sim.tasks import TASKS, get_task
 
 Z95 = 1.96
 """Half width of the central 95 % of a normal distribution, in standard deviations."""
@@ -97,3 +99,31 @@ def _row(trial: TrialRecord, prediction: Prediction | None, unit: str) -> Row:
     return Row(
         trial.trial, trial.predicted_reward, trial.predicted_low, trial.predicted_high, trial.reward, before, after
     )
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The mean reward of trials with its 95 % interval, clipped to the possible rewards."""
+
+    mean: float
+    low: float
+    high: float
+    trials: int
+
+
+UNKNOWN_STD = 0.4
+"""Standard deviation of single rewards for a task that this version does not know: almost that of a coin."""
+
+
+def trial_std(task: str) -> float:
+    """Standard deviation of the rewards of single trials of a task."""
+    return get_task(task).adaptation.trial_std if task in TASKS else UNKNOWN_STD
+
+
+def mean_of(rewards: Sequence[float], std: float) -> Measured:
+    """The mean of single trials with standard deviation `std`. Raises ValueError without a trial."""
+    if not rewards:
+        raise ValueError("no trial, so no mean")
+    mean = float(np.mean(rewards))
+    half = Z95 * max(std, float(np.std(rewards, ddof=1)) if len(rewards) > 1 else 0.0) / math.sqrt(len(rewards))
+    return Measured(mean, max(0.0, mean - half), min(1.0, mean + half), len(rewards))

@@ -13,12 +13,14 @@ from scipy import stats
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.outputs.sessions import ComparedMethod, ParameterBelief
 from adaptsim_cli.report import figures
+from adaptsim_cli.report.agreement import Measured, mean_of, trial_std
 from adaptsim_cli.report.figures import Level, Line
-from adaptsim_cli.report.page import Measured, both, fill, mean_of, parameters_in_words, trial_std
+from adaptsim_cli.report.page import both, fill, parameters_in_words
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words
+from adaptsim_cli.session.exporting import Row, as_csv, rows
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
-from adaptsim_cli.session.store import Row, SessionStore, as_csv, results_of, rows, trials_of
+from adaptsim_cli.session.store import SessionStore, results_of, trials_of
 from adaptsim_cli.storage import durable
 
 UDR = "udr"

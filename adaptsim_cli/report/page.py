@@ -1,10 +1,9 @@
-"""Writes a session as one self-contained HTML page."""
+"""Writes a session, or a rollout, as one self-contained HTML page."""
 
 from __future__ import annotations
 
 import base64
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
@@ -15,7 +14,7 @@ import numpy as np
 
 from adaptsim_cli.outputs.trials import OutlookRecord
 from adaptsim_cli.report import figures
-from adaptsim_cli.report.agreement import Z95, agreement
+from adaptsim_cli.report.agreement import Measured, agreement, mean_of, trial_std
 from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words
@@ -23,14 +22,11 @@ from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.records import (
     DimensionRecord,
     Facts,
-    Note,
+    KeyMoment,
     ResultRecord,
-    Row,
-    Samples,
     TrialRecord,
-    read,
 )
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.store import Change, SessionStore, means_of, particles_of
 from adaptsim_cli.storage import durable
 from sim.tasks import TASKS, get_task
 from sim.types import Dimension
@@ -38,17 +34,12 @@ from sim.types import Dimension
 if TYPE_CHECKING:
     from jinja2 import Template
 
+from functools import partial
+
+from adaptsim_cli.outputs.trials import Rollout
+
 NO_BREAK = "\N{NO-BREAK SPACE}"
 _FIRST, _ADAPTED, _UDR = "c3", "c2", "c4"  # colours that no figure of two particles uses
-
-
-@dataclass(frozen=True)
-class Still:
-    """One frame of a trial's film strip."""
-
-    label: str
-    t_s: float
-    source: str  # data URL
 
 
 @dataclass(frozen=True)
@@ -56,7 +47,7 @@ class TrialView:
     """One trial for the page."""
 
     record: TrialRecord
-    strip: tuple[Still, ...]
+    strip: tuple[tuple[KeyMoment, str], ...]  # each key frame, and its data URL
     film: str  # data URL of the sheet, "" without a camera
     over_film: str  # the figure over it, "" without a prediction
     overlay: str  # data URL, "" if there is none
@@ -120,7 +111,8 @@ def render(
 ) -> str:
     """The page as HTML. Raises SessionError if a record is corrupt."""
     facts, known = store.facts, None if isinstance(judgement, str) else judgement
-    views = tuple(view for i in range(store.iterations()) if (view := _iteration(store, i, known)).trials)
+    rejected = store.rejections()
+    views = tuple(view for i in range(store.iterations()) if (view := _iteration(store, i, known, rejected)).trials)
     trials = sorted((t.record for view in views for t in view.trials), key=lambda trial: trial.trial)
     results = [view.result for view in views if view.result is not None]
     newest = trials[-1].iteration if trials else 1
@@ -144,7 +136,7 @@ def render(
         figure_parameters=[
             (d, figures.parameter(record, paths, known.posteriors if known else (), index))
             for index, (d, record, paths) in enumerate(
-                zip(_described(facts, facts.parameters), facts.parameters, _paths(store, results), strict=True)
+                zip(_described(facts, facts.parameters), facts.parameters, means_of(store, results).T, strict=True)
             )
         ],
         known=known,
@@ -244,21 +236,25 @@ def _curve(trials: Sequence[TrialRecord], label: str, column: int, newest: int) 
     return lambda width: figures.curve_view(trials, label, column, newest, width)
 
 
-def _iteration(store: SessionStore, iteration: int, known: Judgement | None) -> IterationView:
+def _iteration(
+    store: SessionStore, iteration: int, known: Judgement | None, rejections: Sequence[Change]
+) -> IterationView:
     parameters, result = _described(store.facts, store.facts.parameters), store.result(iteration)
-    now = _particles(store, iteration)
-    then = result.next_particles if result else ()
-    pairs = tuple(
-        (_quantities(parameters, _mean(p)), _quantities(parameters, _mean(then[i])) if then else "")
-        for i, p in enumerate(now)
-    )
+    now = [_quantities(parameters, particle.mean) for particle in particles_of(store, iteration)]
+    then = [_quantities(parameters, np.mean(samples, axis=0)) for samples in result.next_particles] if result else []
+    pairs = tuple(zip(now, then or [""] * len(now), strict=True))
     trials = tuple(_trial(store, record, known) for record in reversed(store.trials(iteration)))
-    return IterationView(iteration + 1, pairs, trials, _rejected(store, iteration), result)
+    rejected = tuple(
+        f"Trial {one.key.number}, attempt {one.key.attempt + 1}: {one.note.text}"
+        for one in rejections
+        if store.iteration_of(one.key.number) == iteration
+    )
+    return IterationView(iteration + 1, pairs, trials, rejected, result)
 
 
 def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) -> TrialView:
     folder = store.trial_folder(*record.place)
-    strip = tuple(Still(m.label, m.t_s, picture(folder / m.file)) for m in record.moments)
+    strip = tuple((moment, picture(folder / moment.file)) for moment in record.moments)
     overlay = picture(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
     facts = store.facts
     context = _quantities(_described(facts, facts.context), tuple(record.context.values()))
@@ -269,41 +265,13 @@ def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) ->
     return TrialView(record, strip, film, over, overlay, context, action, drawn)
 
 
-def _rejected(store: SessionStore, iteration: int) -> tuple[str, ...]:
-    notes = sorted(store.iteration_folder(iteration).glob("trial-*.rejected.json"))
-    return tuple(f"{_words(path.name)}: {read(Note, path).text}" for path in notes)
-
-
-def _words(name: str) -> str:
-    _, number, _, attempt = name.removesuffix(".rejected.json").split("-")
-    return f"Trial {int(number)}, attempt {int(attempt)}"
-
-
 def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:
     """The stages of the times, the total last."""
     found = dict.fromkeys(kind for result in results for kind in result.timing_s)
     return (*(kind for kind in found if kind != "total"), *(kind for kind in found if kind == "total"))
 
 
-def _particles(store: SessionStore, iteration: int) -> tuple[Samples, ...]:
-    if iteration == 0:
-        return store.start.particles
-    before = store.result(iteration - 1)
-    return before.next_particles if before else ()
-
-
-def _paths(store: SessionStore, results: list[ResultRecord]) -> list[list[list[float]]]:
-    """For each parameter and particle, its mean at every iteration, the next one included."""
-    steps = [store.start.particles, *(r.next_particles for r in results)]
-    means = np.array([[_mean(samples) for samples in particles] for particles in steps])  # (I + 1, n, p)
-    return [list(map(list, means[:, :, k].T)) for k in range(means.shape[2])]
-
-
-def _mean(samples: Samples) -> Row:
-    return tuple(float(v) for v in np.mean(samples, axis=0))
-
-
-def _quantities(dimensions: Sequence[Dimension], values: Row) -> str:
+def _quantities(dimensions: Sequence[Dimension], values: Iterable[float]) -> str:
     """Plain name, value and unit of each quantity, without a line break inside one."""
     each = (
         f"{d.plain_name} {plain(float(f'{v:.3g}'))} {d.unit}".rstrip() for d, v in zip(dimensions, values, strict=True)
@@ -342,29 +310,40 @@ def picture(path: Path) -> str:
     return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()
 
 
-@dataclass(frozen=True)
-class Measured:
-    """The mean reward of trials with its 95 % interval, clipped to the possible rewards."""
-
-    mean: float
-    low: float
-    high: float
-    trials: int
+MOMENTS = ("start", "contact", "middle", "lift", "end", "rest")
 
 
-UNKNOWN_STD = 0.4
-"""Standard deviation of single rewards for a task that this version does not know: almost that of a coin."""
+def write_rollout(record: Rollout, folder: Path, out: Path | None = None) -> Path:
+    """Write the page (default: `report.html` in the rollout's folder) and return its path. Raises SessionError."""
+    path = (out if out is not None else folder / "report.html").absolute()
+    durable.make_folder(path.parent)
+    durable.replace_file(path, render_rollout(record, folder).encode())
+    return path
 
 
-def trial_std(task: str) -> float:
-    """Standard deviation of the rewards of single trials of a task."""
-    return get_task(task).adaptation.trial_std if task in TASKS else UNKNOWN_STD
-
-
-def mean_of(rewards: Sequence[float], std: float) -> Measured:
-    """The mean of single trials with standard deviation `std`. Raises ValueError without a trial."""
-    if not rewards:
-        raise ValueError("no trial, so no mean")
-    mean = float(np.mean(rewards))
-    half = Z95 * max(std, float(np.std(rewards, ddof=1)) if len(rewards) > 1 else 0.0) / math.sqrt(len(rewards))
-    return Measured(mean, max(0.0, mean - half), min(1.0, mean + half), len(rewards))
+def render_rollout(record: Rollout, folder: Path) -> str:
+    """The page as HTML."""
+    task = get_task(record.task) if record.task in TASKS else None
+    known: dict[str, Dimension] = {}
+    if task is not None:
+        known = {d.name: d for space in (task.parameters, task.context, task.action) for d in space.dimensions}
+    track = record.track.track()
+    curves = dict(zip(task.observation.curves, task.observation.columns, strict=False)) if task is not None else {}
+    drawn = [
+        (label, both(partial(figures.one_curve, track.t_s, track.state[:, column], label)))
+        for label, column in curves.items()
+    ] or [("On the table", both(lambda width: figures.one_path(track.state, record.goal_m, width)))]
+    points = {"Context": record.context, "Action": record.action, "Parameters of its policy": record.params}
+    return fill(
+        "rollout.html.j2",
+        record=record,
+        name=folder.name,
+        title=(task.title[:1].upper() + task.title[1:]) if task is not None else record.task,
+        figures=drawn,
+        strip=[(m, picture(folder / f"moment-{m}.jpg")) for m in MOMENTS if (folder / f"moment-{m}.jpg").is_file()],
+        quantities=[
+            (title, [(known.get(name, Dimension(name, "", 0.0, 1.0)), value) for name, value in point.items()])
+            for title, point in points.items()
+            if point
+        ],
+    )

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.outputs.sessions import Amended
 from adaptsim_cli.outputs.trials import as_row
+from adaptsim_cli.screen.views import words
+from adaptsim_cli.session import records
 from adaptsim_cli.session.operator import Choices
-from adaptsim_cli.session.records import Amendment, Existing, TrialKey, TrialRecord, current_key, trial_numbers
-from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.records import Amendment, TrialKey, TrialRecord, current_key, trial_numbers
+from adaptsim_cli.session.store import SessionStore, completed
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.tasks.task import Task
@@ -19,33 +22,14 @@ from sim.tasks.task import Task
 _STEP = timedelta(seconds=1)
 
 
-@dataclass(frozen=True)
-class Amended:
-    """The change by one command."""
-
-    iteration: int
-    key: TrialKey
-    later: int  # number of later iterations that have begun
-    what: str  # one sentence
-
-    @property
-    def consequence(self) -> str:
-        """The effect on the rest of the session, in one sentence."""
-        if not self.later:
-            return "The next run-iteration adapts again from the trials that now count."
-        last = self.iteration + 1 + self.later
-        which = f"Iteration {last} was" if self.later == 1 else f"Iterations {self.iteration + 2} to {last} were"
-        return f"{which} made with policies from before. They stay; the next adaptation takes the change into account."
-
-
-def restore(store: SessionStore, number: int, attempt: int | None, reason: str) -> Amended:
+def restore(store: SessionStore, number: int, attempt: int | None, reason: str) -> tuple[Amended, str]:
     """Let a rejected attempt of trial `number` count again: `attempt` (from 0), or the newest one with a recording.
 
-    An attempt that was never accepted is tracked and reviewed by the next run-iteration. Raises UsageError,
-    SessionError.
+    Returns the change, and its effect on the rest of the session in one sentence. An attempt that was never accepted is
+    tracked and reviewed by the next run-iteration. Raises UsageError, SessionError.
     """
     with store.locked():
-        existing, iteration = store.existing(), _iteration(store, number)
+        existing, iteration = store.existing(), store.iteration_of(number)
         able = sorted(
             key
             for key in existing.rejected & (existing.completed | existing.recorded)
@@ -69,7 +53,7 @@ def restore(store: SessionStore, number: int, attempt: int | None, reason: str) 
         waits = "" if key in existing.completed else "; the next run-iteration asks for its review, and nothing moves"
         instead = f" instead of attempt {others[-1].attempt + 1}" if others else ""
         what = f"attempt {key.attempt + 1} of trial {number} counts again{instead}{waits}"
-        return Amended(iteration, key, _later(store, existing, iteration), what)
+        return _told(store, key, what)
 
 
 def amendable(
@@ -79,8 +63,7 @@ def amendable(
 
     Raises UsageError, SessionError.
     """
-    iteration, key = _accepted(store, number)
-    record = store.trial(iteration, key)
+    record = completed(store, number)
     choices = choices_of(task, outcomes, record.track.track(), record.context_array)
     if not choices:
         raise UsageError(f"trial {number} of {store.facts.name} was simulated without a camera: its outcome is exact")
@@ -99,13 +82,17 @@ def overruled(task: Task, record: TrialRecord, outcome: Outcome) -> TrialRecord:
     return record.counting_as(outcome, task.score(track, record.context_array), as_row(task.observation(track)))
 
 
-def amend(store: SessionStore, task: Task, number: int, outcome: Outcome, reward: float, reason: str) -> Amended:
-    """Let the completed trial `number` count with `outcome` and `reward`. Raises UsageError, SessionError."""
+def amend(
+    store: SessionStore, task: Task, number: int, outcome: Outcome, reward: float, reason: str
+) -> tuple[Amended, str]:
+    """Let the completed trial `number` count with `outcome` and `reward`; returns as `restore`.
+
+    Raises UsageError, SessionError.
+    """
     with store.locked():
-        iteration, key = _accepted(store, number)
-        record = store.trial(iteration, key)
+        record = completed(store, number)
         if record.outcome == outcome:
-            raise UsageError(f"trial {number} of {store.facts.name} counts as {_words(outcome)} already")
+            raise UsageError(f"trial {number} of {store.facts.name} counts as {words(outcome.value)} already")
         seen = replace(record.track.track(), outcome=outcome)
         amendment = Amendment(
             at=_now(store),
@@ -116,14 +103,14 @@ def amend(store: SessionStore, task: Task, number: int, outcome: Outcome, reward
             reward_before=record.reward,
             observation=as_row(task.observation(seen)),
         )
-        store.amend(iteration, key, amendment)
-        return Amended(iteration, key, _later(store, store.existing(), iteration), amended_words(number, amendment))
+        store.amend(*record.place, amendment)
+        return _told(store, record.place[1], amended_words(number, amendment))
 
 
 def amended_words(number: int, by: Amendment) -> str:
     """One amendment in words."""
     return (
-        f"trial {number} counts as {_words(by.outcome)} instead of {_words(by.outcome_before)}, reward "
+        f"trial {number} counts as {words(by.outcome.value)} instead of {words(by.outcome_before.value)}, reward "
         f"{by.reward:.2f} instead of {by.reward_before:.2f}: {by.text}"
     )
 
@@ -141,26 +128,20 @@ def sentences(store: SessionStore, until: int, known: int) -> tuple[str, ...]:
     )
 
 
-def _accepted(store: SessionStore, number: int) -> tuple[int, TrialKey]:
-    existing, iteration = store.existing(), _iteration(store, number)
-    key = current_key(existing, number)
-    if key not in existing.completed:
-        done = ", ".join(str(n) for n in sorted({k.number for k in existing.completed})) or "none"
-        raise UsageError(f"trial {number} of {store.facts.name} is not completed; completed are {done}")
-    return iteration, key
-
-
-def _iteration(store: SessionStore, number: int) -> int:
-    return (number - 1) // (store.facts.particles * store.facts.trials)
-
-
-def _later(store: SessionStore, existing: Existing, iteration: int) -> int:
+def _told(store: SessionStore, key: TrialKey, what: str) -> tuple[Amended, str]:
+    """The change `what` of a trial, and its effect on the rest of the session."""
+    existing, iteration = store.existing(), store.iteration_of(key.number)
     begun = existing.started | existing.completed | existing.recorded
-    return max([0, *(_iteration(store, key.number) - iteration for key in begun)])
-
-
-def _words(outcome: Outcome) -> str:
-    return outcome.value.replace("_", " ")
+    later = max([0, *(store.iteration_of(other.number) - iteration for other in begun)])
+    changed = Amended(session=store.facts.name, trial=key.number, attempt=key.attempt + 1, changed=what)
+    if not later:
+        return changed, "The next run-iteration adapts again from the trials that now count."
+    last = iteration + 1 + later
+    which = f"Iteration {last} was" if later == 1 else f"Iterations {iteration + 2} to {last} were"
+    return (
+        changed,
+        f"{which} made with policies from before. They stay; the next adaptation takes the change into account.",
+    )
 
 
 def _now(store: SessionStore) -> str:
@@ -180,11 +161,9 @@ def redo(store: SessionStore, number: int, reason: str) -> int:
     facts = store.facts
     with store.locked():
         existing = store.existing()
-        iteration = (number - 1) // (facts.particles * facts.trials)
-        key = current_key(existing, number)
-        if key not in existing.completed | existing.recorded:
-            done = sorted({k.number for k in existing.completed})
-            raise UsageError(f"trial {number} of {facts.name} is not completed; completed are {done or 'none'}")
+        iteration, key = store.iteration_of(number), current_key(existing, number)
+        if key not in existing.recorded:
+            completed(store, number)  # raises
         later = trial_numbers(iteration + 1, facts.particles, facts.trials).start
         if any(k.number >= later for k in existing.started | existing.completed):
             raise UsageError(
@@ -192,5 +171,5 @@ def redo(store: SessionStore, number: int, reason: str) -> int:
                 "that iteration; only trials of the newest iteration can be redone. To change its outcome: adaptsim "
                 f"sessions amend {facts.name} {number}"
             )
-        store.reject(iteration, key, datetime.now(UTC).isoformat(timespec="seconds"), reason)
+        store.reject(iteration, key, records.now(), reason)
         return current_key(store.existing(), number).attempt + 1

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session import whole
+from adaptsim_cli.session import replaying
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
@@ -31,7 +31,6 @@ class Episode:
     """One trial, frame by frame."""
 
     record: TrialRecord
-    task: str
     state: NDArray[np.float32]  # (N, s)
     action: NDArray[np.float32]  # (N, a)
     t_s: NDArray[np.float32]  # (N,) since the start of the motion
@@ -94,8 +93,8 @@ def _arrow() -> tuple[Any, Any]:
 
 def _seen(store: SessionStore, record: TrialRecord) -> Episode:
     """The episode of a recording: joints at every image."""
-    trial = whole.open_trial(store, record)
-    played, pictures = trial.stored.execution, whole.jpegs(trial)
+    trial = replaying.open_trial(store, record)
+    played, pictures = trial.stored.execution, replaying.jpegs(trial)
     times_s = np.array([t_s for t_s, _ in pictures]) - played.t_start_s
     state, action = (
         np.stack([np.interp(times_s, played.t_s, joint) for joint in joints.T], axis=1).astype(np.float32)
@@ -103,7 +102,7 @@ def _seen(store: SessionStore, record: TrialRecord) -> Episode:
     )
     colour = trial.stored.model.colour
     images, size = tuple(jpeg for _, jpeg in pictures), (colour.height, colour.width)
-    return Episode(record, store.facts.title, state, action, times_s.astype(np.float32), images, size)
+    return Episode(record, state, action, times_s.astype(np.float32), images, size)
 
 
 def _simulated(store: SessionStore, record: TrialRecord) -> Episode:
@@ -112,7 +111,7 @@ def _simulated(store: SessionStore, record: TrialRecord) -> Episode:
     times_s = np.arange(0.0, float(track.t_s[-1]) + 1e-9, 1.0 / SIMULATED_FPS)
     action = np.tile(record.action_array.astype(np.float32), (len(times_s), 1))
     state = track.at(times_s).astype(np.float32)
-    return Episode(record, store.facts.title, state, action, times_s.astype(np.float32), (), (0, 0))
+    return Episode(record, state, action, times_s.astype(np.float32), (), (0, 0))
 
 
 def _values(e: Episode, number: int, first: int, fps: int) -> dict[str, NDArray[Any]]:

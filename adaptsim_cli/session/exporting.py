@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Literal, get_args
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session.store import SessionStore, as_csv, rows, trials_of, units
+from adaptsim_cli.session.records import Facts, TrialRecord
+from adaptsim_cli.session.store import SessionStore, trials_of
 from adaptsim_cli.storage import durable
 
 Format = Literal["csv", "parquet", "mcap", "lerobot", "rerun", "sdf", "mjcf"]
@@ -19,6 +22,10 @@ SCENES = {"sdf": "scene.sdf", "mjcf": "scene.xml"}
 LAYOUT = "foxglove-layout.json"
 
 Progress = Callable[[str, int, int], None]
+
+
+Cell = str | int | float
+Row = dict[str, Cell]
 
 
 def export(
@@ -50,12 +57,12 @@ def export(
         return _scene(out, kind, scene_of(store, kind))
     if store.facts.curves:
         raise UsageError(f"the task {store.facts.task} has no recordings: export it as csv, parquet or lerobot")
-    from adaptsim_cli.session import replaying, whole
+    from adaptsim_cli.session import replaying
 
-    made, (suffix, encode) = [], ("rrd", replaying.rerun_file) if kind == "rerun" else ("mcap", whole.encode)
+    made, (suffix, encode) = [], ("rrd", replaying.rerun_file) if kind == "rerun" else ("mcap", replaying.encode)
     for done, record in enumerate(records):
         progress("trials", done + 1, len(records))
-        trial = whole.open_trial(store, record)
+        trial = replaying.open_trial(store, record)
         made.append(written(out / f"{trial.title}.{suffix}", encode(trial)))
     if kind == "mcap":
         made.append(written(out / LAYOUT, layout()))
@@ -107,3 +114,51 @@ def written(path: Path, content: bytes) -> Path:
     durable.make_folder(path.absolute().parent)
     durable.replace_file(path.absolute(), content)
     return path
+
+
+def rows(store: SessionStore) -> list[Row]:
+    """One row for each trial that counts. Iterations, trials, attempts and particles are numbered from 1.
+
+    A quantity's column is named `parameter_`, `context_` or `action_` plus its name; `units` gives its unit. Raises
+    SessionError.
+    """
+    return [_row(store.facts, trial) for trial in trials_of(store)]
+
+
+def units(store: SessionStore) -> dict[str, str]:
+    """The unit of every column that has one. Rewards (0 to 1) have none."""
+    facts = store.facts
+    found = {
+        f"{kind}_{d.name}": d.unit
+        for kind, space in (("parameter", facts.parameters), ("context", facts.context), ("action", facts.action))
+        for d in space
+    }
+    return {name: unit for name, unit in found.items() if unit} | {"duration_s": "s"}
+
+
+def as_csv(table: Sequence[Mapping[str, Cell]]) -> str:
+    """Rows as CSV, with the first row's columns and further ones of other rows."""
+    text = io.StringIO()
+    columns = dict.fromkeys(name for row in table for name in row)
+    writer = csv.DictWriter(text, list(columns), lineterminator="\n", restval="")
+    writer.writeheader()
+    writer.writerows(table)
+    return text.getvalue()
+
+
+def _row(facts: Facts, trial: TrialRecord) -> Row:
+    quantities = {"parameter": trial.parameters, "context": trial.context, "action": trial.action}
+    return {
+        **facts.named(),
+        "started": trial.started,
+        "iteration": trial.iteration,
+        "trial": trial.trial,
+        "attempt": trial.attempt,
+        "particle": trial.particle,
+        "outcome": trial.outcome.value,
+        "overruled_from": trial.overruled_from.value if trial.overruled_from else "",
+        "reward": trial.reward,
+        "predicted_reward": trial.predicted_reward,
+        "duration_s": trial.track.t_s[-1],
+        **{f"{kind}_{name}": value for kind, point in quantities.items() for name, value in point.items()},
+    }

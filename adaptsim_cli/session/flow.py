@@ -9,19 +9,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from typing import Generic, TypeVar
 
-from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.trials import BestRecord, Iteration, OutlookRecord, TrackRecord, as_row, named
 from adaptsim_cli.screen.console import ANSWERING, Screen
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
-from adaptsim_cli.session.beside import Beside
 from adaptsim_cli.session.correcting import choices_of, overruled
-from adaptsim_cli.session.film import FILM
+from adaptsim_cli.session.film import FILM, side_by_side
 from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
@@ -37,8 +36,9 @@ from adaptsim_cli.session.records import (
     changes_until,
     generator,
     next_stage,
+    now,
 )
-from adaptsim_cli.session.store import SessionStore, history_of, particles_of
+from adaptsim_cli.session.store import SessionStore, history_of, particles_of, result_of
 from adaptsim_cli.session.summary import summary
 from adaptsim_cli.session.target import Executed, Parts, Placed, Planned, TrackedTrial
 from adaptsim_cli.session.watching import AllOf, Watcher
@@ -58,6 +58,36 @@ RIM = 0.1
 """Nobody is asked to place the object in this outer share of the area, because hands are not that steady."""
 
 
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Ahead(Generic[T]):
+    """Work beside the operator. Work that has not begun when its result is needed is done by whoever needs it."""
+
+    work: Callable[[], T]
+    future: Future[T]
+
+    def result(self) -> T:
+        """The result. Raises the error of the work."""
+        return self.work() if self.future.cancel() else self.future.result()
+
+    def drop(self) -> None:
+        """Nobody needs the result any more. Raises the error of work that has failed by now."""
+        if not self.future.cancel() and self.future.done():
+            self.future.result()
+
+    def settle(self) -> None:
+        """Return once the work is not running: it has ended in any way, or it never begins."""
+        if not self.future.cancel():
+            self.future.exception()
+
+
+def begin_beside(thread: Executor | None, work: Callable[[], T]) -> Ahead[T]:
+    """Begin as soon as the thread is free; without a thread, once the result is needed."""
+    return Ahead(work, thread.submit(work) if thread else Future())
+
+
 @dataclass(frozen=True)
 class RunningSession:
     """A stored session with the parts, the operator and the screen that run it."""
@@ -67,7 +97,7 @@ class RunningSession:
     operator: Operator
     screen: Screen
     watcher: Watcher = field(default_factory=AllOf)
-    worker: Beside = field(default_factory=Beside)
+    thread: Executor | None = None  # for work beside the operator
     policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # of the newest iteration, trained here
     beside_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
@@ -131,11 +161,10 @@ def _move(session: RunningSession, stage: RunTrial) -> Executed | None:
         planned = target.plan(placed, action, progress)
         mean = particles_of(store, stage.iteration)[stage.particle].mean
         proposal = propose(session.parts.task, stage, mean, policy, planned, partial(store.scratch, "overlay.jpg"))
-        session.screen.show(terminal_views.proposal(session.parts.task, proposal))
-        session.watcher.proposed(proposal, planned.preview)
+        show_proposal(session.parts.task, proposal, planned, session.screen, session.watcher)
         operator.approve(proposal, target.is_real)
 
-        started = _now()
+        started = now()
         store.mark_started(stage.iteration, stage.key, started)
         executed = target.execute(planned, progress)
         with progress("Storing the recording", "storing"):
@@ -183,7 +212,7 @@ def _look(session: RunningSession, stage: RunTrial, executed: Executed | None) -
     if seen.film is not None:
         durable.replace_file(folder / FILM, seen.files[FILM])
         session.screen.plain(f"  Film: {folder / FILM}")
-    session.watcher.tracked(record, seen)
+    show_tracked(record, seen, session.screen, session.watcher)
     review = operator.review(record, choices_of(task, target.outcomes, seen.track, motion.context_array))
     if review.rejected:
         _reject(session, stage, review.rejected)
@@ -217,7 +246,7 @@ def adapt(session: RunningSession, stage: Adapt) -> None:
     result = ResultRecord(
         iteration=stage.iteration + 1,
         trials=tuple((key.number, key.attempt + 1) for key in stage.keys),
-        next_particles=tuple(_rows(particle) for particle in particles),
+        next_particles=tuple(rows_of(particle) for particle in particles),
         best=BestRecord(
             params=named(names, found.best.particle.mean),
             mean_reward=found.best.mean_reward,
@@ -231,7 +260,7 @@ def adapt(session: RunningSession, stage: Adapt) -> None:
         changes=changes,
         amended=correcting.sentences(store, stage.iteration, known),
     )
-    shown = _summary(session, records, result).model_dump(mode="json")
+    shown = summary(store, result).model_dump(mode="json")
     store.save_result(result, json.dumps(shown, allow_nan=False).encode())
     session.beside_s.clear()
     tell(session)
@@ -250,16 +279,10 @@ def tell(session: RunningSession) -> None:
 def show(session: RunningSession, stage: Show) -> Iteration:
     """Show what the iteration changed and return its summary."""
     store, screen = session.store, session.screen
-    if (result := store.result(stage.iteration)) is None:
-        raise SessionError(f"iteration {stage.iteration + 1} of {store.facts.name} has no result yet")
+    result = result_of(store, stage.iteration)
     before, after = particles_of(store, stage.iteration), particles_of(store, stage.iteration + 1)
     screen.show(terminal_views.adapted(session.parts.task, before, after, result, screen.width))
-    return _summary(session, store.trials(stage.iteration), result)
-
-
-def _summary(session: RunningSession, trials: Sequence[TrialRecord], result: ResultRecord) -> Iteration:
-    before = particles_of(session.store, result.iteration - 1)
-    return summary(session.store.facts, before, trials, result)
+    return summary(store, result)
 
 
 def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Placed:
@@ -271,7 +294,7 @@ def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Pl
     particle = particles_of(session.store, stage.iteration)[stage.particle]
     left_s = _left_s(session.store, stage)
     session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle, left_s))
-    ahead = session.worker.begin(partial(policy.actions, drawn[None]))
+    ahead = begin_beside(session.thread, partial(policy.actions, drawn[None]))
     try:
         return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
     finally:
@@ -320,6 +343,21 @@ def propose(
     return Proposal(trial, planned.summary, planned.announcement, overlay)
 
 
+def show_proposal(task: Task, proposal: Proposal, planned: Planned, screen: Screen, watcher: Watcher) -> None:
+    """Show a planned trial, with the camera's picture, before the operator is asked."""
+    screen.show(terminal_views.proposal(task, proposal))
+    if planned.preview is not None:
+        screen.picture(planned.preview.picture)
+    watcher.proposed(proposal, planned.preview)
+
+
+def show_tracked(record: TrialRecord, seen: TrackedTrial, screen: Screen, watcher: Watcher) -> None:
+    """Show the key frames of a tracked trial in a row, before its review."""
+    if seen.moments:
+        screen.picture(side_by_side([seen.files[moment.file] for moment in seen.moments]))
+    watcher.tracked(record, seen)
+
+
 def motion_record(made: Proposal, started: str, executed: Executed, timing_s: dict[str, float]) -> MotionRecord:
     """The record of a finished motion."""
     stopped = None if executed.stopped is None else str(executed.stopped)
@@ -358,7 +396,7 @@ def _train(
 
 
 def _reject(session: RunningSession, stage: RunTrial, reason: str) -> None:
-    session.store.reject(stage.iteration, stage.key, _now(), reason)
+    session.store.reject(stage.iteration, stage.key, now(), reason)
     session.beside(REJECTED)
     session.screen.note(f"Trial {stage.key.number}, attempt {stage.key.attempt + 1}, does not count: {reason}")
     folder = session.store.trial_folder(stage.iteration, stage.key)
@@ -371,9 +409,6 @@ def _reject(session: RunningSession, stage: RunTrial, reason: str) -> None:
             session.screen.plain(f"To let it count after all: adaptsim sessions accept {name} {stage.key.number}")
 
 
-def _rows(particle: Particle) -> Samples:
+def rows_of(particle: Particle) -> Samples:
+    """The samples of a particle, as they are stored."""
     return tuple(as_row(sample) for sample in particle.samples)
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")

@@ -13,7 +13,6 @@ import shutil
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
-from datetime import UTC, datetime
 from importlib import metadata
 from io import BytesIO
 from pathlib import Path
@@ -240,7 +239,7 @@ def prune(store: SessionStore, *, rejected_only: bool = False) -> PrunedRecordin
     """
     with store.locked():
         room = prunable(store, rejected_only=rejected_only)
-        at = datetime.now(UTC).isoformat(timespec="seconds")
+        at = records.now()
         for folder, recorded in _recordings(store, rejected_only=rejected_only):
             sizes = {path.name: path.stat().st_size for path in recorded}
             durable.replace_file(folder / PRUNED, records.to_json(Pruned(at=at, files=store.pruned(folder) | sizes)))
@@ -319,7 +318,7 @@ def bundle(
             left_out += 1
     about = {
         "session": folder.name,
-        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        "made": records.now(),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.release()} {platform.machine()}",
         "packages": dict(sorted(_packages())),

@@ -19,6 +19,7 @@ from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import brightness, rig_checks
 from adaptsim_cli.session.records import RIG, RigFacts, RunTrial, TrialKey, to_json
 from adaptsim_cli.session.target import (
+    Detection,
     Executed,
     MotionPreview,
     Paths,
@@ -32,6 +33,7 @@ from adaptsim_cli.session.target import (
     TrackRequest,
     silently,
 )
+from adaptsim_cli.session.topics import joints_at
 from hw.braking import FULL, slowed
 from hw.errors import ArmFault, HardwareError, Rehearsed
 from hw.kinematics import FLANGE, link_poses
@@ -173,17 +175,7 @@ class OnRig:
             stored = recording.read(folder / recording.FILE) if known is None else known()
             detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
         motion, played, name = self.hardware.plan(context, action), stored.execution, self.task.object_name
-        request = TrackRequest(
-            frames=stored.frames,
-            model=stored.model,
-            X_BC=stored.X_BC,
-            detection=detection,
-            X_BT_at=self.tool_pose(played),
-            q_at=joints(played),
-            t_start_s=played.t_start_s,
-            duration_s=float(motion.t_s[-1]),
-            at_home=stored.at_home,
-        )
+        request = track_request(stored, detection, self.tool_pose(played), float(motion.t_s[-1]))
         with progress(f"Tracking the {name} in {len(stored.frames)} frames", "tracking"):
             track = self.tracker.track(request)
         with progress("Choosing the pictures of its key moments", "storing"):
@@ -204,7 +196,7 @@ class OnRig:
 
     def tool_pose(self, played: Execution) -> Callable[[float], Array]:
         """Arm clock -> tool pose in the base frame, from the measured joints; held beyond the ends."""
-        q_at, flange, X_FT = joints(played), self.planner.flange, self.hardware.X_FT
+        q_at, flange, X_FT = joints_at(played), self.planner.flange, self.hardware.X_FT
         return lambda t_s: flange(q_at(t_s)) @ X_FT
 
     def in_time(self, frame: Frame) -> Frame:
@@ -325,11 +317,18 @@ def _decimated(paths: Paths) -> tuple[Array, Array]:
     return t_s[kept], q_rad[kept]
 
 
-def joints(played: Execution) -> Callable[[float], Array]:
-    """Arm clock -> measured joints (7,), held beyond the ends."""
-
-    def q_at(t_s: float) -> Array:
-        since_s = t_s - played.t_start_s
-        return np.array([np.interp(since_s, played.t_s, joint) for joint in played.q_measured_rad.T])
-
-    return q_at
+def track_request(
+    stored: recording.Recording, detection: Detection, X_BT_at: Callable[[float], Array], duration_s: float
+) -> TrackRequest:
+    """The inputs of tracking a recording; the tool moved along `X_BT_at` for `duration_s`."""
+    return TrackRequest(
+        frames=stored.frames,
+        model=stored.model,
+        X_BC=stored.X_BC,
+        detection=detection,
+        X_BT_at=X_BT_at,
+        q_at=joints_at(stored.execution),
+        t_start_s=stored.execution.t_start_s,
+        duration_s=duration_s,
+        at_home=stored.at_home,
+    )

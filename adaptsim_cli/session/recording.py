@@ -50,7 +50,6 @@ _JPEG_QUALITY = 95
 
 Bytes = NDArray[np.uint8]
 Depth = NDArray[np.uint16]
-Message = tuple[int, str, bytes]  # time in ns, topic, CDR
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +83,12 @@ def stored(frame: Frame, *, lossless: bool = False) -> Stored:
 
     Its colour as JPEG, or as PNG, so that a later search finds the object in exactly the same pixels.
     """
-    t_ns, as_colour = _ns(frame.t_s), _png if lossless else _jpeg
-    colour = topics.compressed_image(t_ns, "camera_colour", *as_colour(frame.colour))
+    t_ns, rgb = topics.ns(frame.t_s), frame.colour
+    if lossless:
+        layout, content = "png", _encoded(".png", rgb, cv2.IMWRITE_PNG_COMPRESSION, 1)
+    else:
+        layout, content = "jpeg", encode_jpeg(rgb, _JPEG_QUALITY)
+    colour = topics.compressed_image(t_ns, "camera_colour", layout, content)
     depth = topics.image(t_ns, "camera_depth", frame.depth_mm)
     return Stored(colour, depth, Frame(_s(t_ns), _decode_colour(colour), _decode_depth(depth)))
 
@@ -106,7 +109,7 @@ def encode(
     Messages are in time order. An execution without samples has no tool poses: the arm stopped, and its joints are
     unknown. `camera_late_s` is already subtracted from the camera's stamps; it is stored to make that reversible.
     """
-    times_s, start_ns = [one.frame.t_s for one in frames], _ns(before.frame.t_s)
+    times_s, start_ns = [one.frame.t_s for one in frames], topics.ns(before.frame.t_s)
     messages = [
         *_pictures([before], _BEFORE_COLOUR, _BEFORE_DEPTH),
         *_pictures(frames, _COLOUR, _DEPTH),
@@ -117,7 +120,7 @@ def encode(
         *topics.transforms(times_s or [before.frame.t_s], execution, X_BT_at, model, X_BC),
     ]
     content = as_mcap(TOPICS, messages, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})
-    t_s = np.array([_s(_ns(execution.t_start_s + t_s)) - execution.t_start_s for t_s in execution.t_s])
+    t_s = np.array([_s(topics.ns(execution.t_start_s + t_s)) - execution.t_start_s for t_s in execution.t_s])
     played = replace(execution, t_s=t_s)
     home = None if after is None else after.frame
     return content, Recording(before.frame, tuple(one.frame for one in frames), model, X_BC, played, home)
@@ -128,19 +131,19 @@ def encode_object(track: ObjectTrack, t_start_s: float) -> bytes:
     return as_mcap({topics.OBJECT: topics.AFTERWARDS[topics.OBJECT]}, track_messages(track, t_start_s), {})
 
 
-def track_messages(track: ObjectTrack, t_start_s: float) -> list[Message]:
+def track_messages(track: ObjectTrack, t_start_s: float) -> list[topics.Message]:
     """The tracked centre at every time of the track."""
     return [
-        (_ns(t_s), topics.OBJECT, topics.point(_ns(t_s), "base", state[:3]))
+        (topics.ns(t_s), topics.OBJECT, topics.point(topics.ns(t_s), "base", state[:3]))
         for t_s, state in zip(track.t_s + t_start_s, track.state, strict=True)
     ]
 
 
-def depths(stored: Recording) -> list[Message]:
+def depths(stored: Recording) -> list[topics.Message]:
     """Every depth image, unchanged."""
     after = [] if stored.after is None else [stored.after]
     return [
-        (_ns(frame.t_s), topic, topics.image(_ns(frame.t_s), "camera_depth", frame.depth_mm))
+        (topics.ns(frame.t_s), topic, topics.image(topics.ns(frame.t_s), "camera_depth", frame.depth_mm))
         for topic, frames in ((_DEPTH, stored.frames), (_BEFORE_DEPTH, [stored.before]), (_AFTER_DEPTH, after))
         for frame in frames
     ]
@@ -148,7 +151,7 @@ def depths(stored: Recording) -> list[Message]:
 
 def as_mcap(
     types: Mapping[str, str],
-    messages: Sequence[Message],
+    messages: Sequence[topics.Message],
     attached: Mapping[str, bytes],
     metadata: Mapping[str, str] | None = None,
 ) -> bytes:
@@ -237,33 +240,22 @@ def _frames(colour: Mapping[int, Future[Bytes]], depth: Mapping[int, Future[Dept
     return tuple(Frame(_s(t_ns), colour[t_ns].result(), depth[t_ns].result()) for t_ns in colour)
 
 
-def _pictures(frames: Sequence[Stored], colour_topic: str, depth_topic: str) -> Iterator[Message]:
+def _pictures(frames: Sequence[Stored], colour_topic: str, depth_topic: str) -> Iterator[topics.Message]:
     for one in frames:
-        t_ns = _ns(one.frame.t_s)
+        t_ns = topics.ns(one.frame.t_s)
         yield t_ns, colour_topic, one.colour
         yield t_ns, depth_topic, one.depth
 
 
-def _jpeg(rgb: Bytes) -> tuple[str, bytes]:
-    return "jpeg", encode_jpeg(rgb, _JPEG_QUALITY)
-
-
-def _png(rgb: Bytes) -> tuple[str, bytes]:
-    return "png", _encode_png(rgb[..., ::-1])
-
-
-def _encode_png(image: NDArray[np.uint8]) -> bytes:
-    ok, content = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    if not ok:
-        raise SessionError("an image could not be encoded as PNG")
-    return bytes(content.tobytes())
-
-
 def encode_jpeg(rgb: Bytes, quality: int) -> bytes:
     """(H, W, 3) RGB as JPEG."""
-    ok, content = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    return _encoded(".jpg", rgb, cv2.IMWRITE_JPEG_QUALITY, quality)
+
+
+def _encoded(suffix: str, rgb: Bytes, option: int, value: int) -> bytes:
+    ok, content = cv2.imencode(suffix, rgb[..., ::-1], [option, value])
     if not ok:
-        raise SessionError("a colour image could not be encoded as JPEG")
+        raise SessionError(f"a colour image could not be encoded as {suffix}")
     return bytes(content.tobytes())
 
 
@@ -282,10 +274,6 @@ def _decode_depth(message: bytes) -> Depth:
     if encoding != "16UC1":
         raise ValueError(f"a depth image of encoding {encoding!r}")
     return np.frombuffer(fields.blob(), "<u2").reshape(height, width).astype(np.uint16)
-
-
-def _ns(t_s: float) -> int:
-    return round(t_s * 1e9)
 
 
 def _s(t_ns: int) -> float:

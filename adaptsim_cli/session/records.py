@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -21,7 +22,7 @@ from pydantic import Field, ValidationError
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.base import AnyRecord, Quantities, Record
 from adaptsim_cli.outputs.trials import BestRecord, OutlookRecord, TrackRecord
-from adaptsim_cli.storage import sealed
+from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.validation import explained
 from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
 from hw.types import Array
@@ -128,6 +129,11 @@ def current_key(existing: Existing, number: int) -> TrialKey:
     while TrialKey(number, attempt) in existing.rejected:
         attempt += 1
     return TrialKey(number, attempt)
+
+
+def now() -> str:
+    """The time for a record, ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 class Draw(IntEnum):
@@ -384,12 +390,12 @@ class Pruned(Record):
 
 def to_json(record: Record) -> bytes:
     """The record as indented, sealed JSON. Raises ValueError on a value that is not finite."""
-    return sealed.seal_json((json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n").encode())
+    return durable.seal_json((json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n").encode())
 
 
 def to_toml(record: Record) -> bytes:
     """A record as the bytes of a TOML file, sealed."""
-    return sealed.seal_toml(tomli_w.dumps(record.model_dump(mode="json")).encode())
+    return durable.seal_toml(tomli_w.dumps(record.model_dump(mode="json")).encode())
 
 
 def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
@@ -416,13 +422,13 @@ def _table(path: Path, *, is_sealed: bool) -> dict[str, Any]:
     try:
         content = read_bytes(path, JSON_BYTES)
         if is_sealed:
-            sealed.require_seal(content, path.suffix)
+            durable.require_seal(content, path.suffix)
         data = parse_table(content, is_toml=path.suffix == ".toml")
     except FileNotFoundError as error:
         raise corrupt(path, "it is missing") from error
-    except (Unreadable, sealed.SealBroken) as error:
+    except (Unreadable, durable.SealBroken) as error:
         raise corrupt(path, f"it {error}") from error
-    data.pop(sealed.KEY, None)
+    data.pop(durable.SEAL, None)
     return data
 
 

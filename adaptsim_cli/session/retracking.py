@@ -14,10 +14,10 @@ from adaptsim_cli.outputs.sessions import Now, RetrackedTrial, Stored
 from adaptsim_cli.outputs.trials import named
 from adaptsim_cli.screen.views import words
 from adaptsim_cli.session import recording, topics
-from adaptsim_cli.session.on_rig import joints
+from adaptsim_cli.session.on_rig import track_request
 from adaptsim_cli.session.records import TrialRecord, corrupt
 from adaptsim_cli.session.store import SessionStore, trials_of
-from adaptsim_cli.session.target import Tracker, TrackRequest
+from adaptsim_cli.session.target import Tracker
 from hw.types import Array
 from perception.errors import PerceptionError, TrackingFailed
 from sim.tasks.task import Task
@@ -93,19 +93,7 @@ def _again(store: SessionStore, task: Task, tracker: Tracker, record: TrialRecor
     tracked = record.overruled_from or record.outcome
     try:
         detection = tracker.find(stored.before, stored.model, stored.X_BC)
-        track = tracker.track(
-            TrackRequest(
-                frames=stored.frames,
-                model=stored.model,
-                X_BC=stored.X_BC,
-                detection=detection,
-                X_BT_at=X_BT_at,
-                q_at=joints(played),
-                t_start_s=played.t_start_s,
-                duration_s=float(played.t_s[-1]),
-                at_home=stored.at_home,
-            )
-        )
+        track = tracker.track(track_request(stored, detection, X_BT_at, float(played.t_s[-1])))
     except PerceptionError as error:
         failure = str(error)
     else:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, nullcontext
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
-from adaptsim_cli.outputs.trials import Iteration, as_row
+from adaptsim_cli.outputs.trials import Iteration
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.keys import Key
@@ -22,14 +20,13 @@ from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session import terminal_views
 from adaptsim_cli.session.advice import after_iteration
-from adaptsim_cli.session.beside import one_thread
-from adaptsim_cli.session.flow import RunningSession, run_iteration, tell
+from adaptsim_cli.session.flow import RunningSession, begin_beside, rows_of, run_iteration, tell
 from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.preflight import preflight
-from adaptsim_cli.session.records import Draw, Facts, SessionStart, as_records, generator, next_stage
+from adaptsim_cli.session.records import Draw, Facts, SessionStart, as_records, generator, next_stage, now
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
-from adaptsim_cli.session.watching import AllOf, InTerminal, Watcher, logged
+from adaptsim_cli.session.watching import AllOf, Watcher, logged
 from sim.errors import did_you_mean
 
 OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
@@ -97,10 +94,10 @@ def run_session(
         watcher = stack.enter_context(open_view(screen, store, parts))
         stack.enter_context(store.locked())
         log = stack.enter_context(logged(store, screen, parts.provenance.versions))
-        worker = stack.enter_context(one_thread())
+        thread = stack.enter_context(ThreadPoolExecutor(max_workers=1, thread_name_prefix="beside"))
         if parts.task.hardware is not None:
-            worker.begin(_import_for_a_film)
-        session = RunningSession(store, parts, operator, screen, AllOf(InTerminal(screen), watcher, log), worker)
+            thread.submit(_import_for_a_film)
+        session = RunningSession(store, parts, operator, screen, AllOf(watcher, log), thread)
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}"))
         _ready(session, config)
         tell(session)
@@ -109,14 +106,14 @@ def run_session(
             summary, left = run_iteration(session), left - 1
             if report is not None:
                 report.drop()
-            report = worker.begin(partial(_report, session, draw, store.until(summary.iteration)))
+            report = begin_beside(thread, partial(_report, session, draw, store.until(summary.iteration)))
             screen.data("run-iteration", summary)
             if request.until_done and _is_done(summary, config.method):
                 left = 0
             if not left:
                 with screen.busy("Drawing the report", "reporting"):
                     path = report.result()
-            store.mark_shown(summary.iteration - 1, datetime.now(UTC).isoformat(timespec="seconds"))
+            store.mark_shown(summary.iteration - 1, now())
     screen.plain(f"Report: {path}")
     if (result := store.result(summary.iteration - 1)) is not None:
         screen.next(*after_iteration(store.facts, result))
@@ -229,40 +226,31 @@ def settings_of(store: SessionStore, config: Config) -> Config:
 
 def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
     """A new session with its first particles. Raises UsageError, SessionError, DiskFull."""
-    origin = parts.provenance
     facts = Facts(
         name=name,
         task=parts.task.name,
         hw=config.hw,
         world=config.lab_world,
-        world_sha256=origin.world_sha256,
         recorded=config.recorded,
         held_out=config.held_out if config.recorded else 0.0,
         start_from=config.start_from,
-        start_from_sha256=origin.start_from_sha256,
         seed=config.seed,
         method=config.method,
         solver=config.solver,
         object=config.object,
         particles=config.particles,
         trials=parts.task.adaptation.trials_per_iteration,
-        created=datetime.now(UTC).isoformat(timespec="seconds"),
-        checkpoint=origin.checkpoint,
-        checkpoint_sha256=origin.checkpoint_sha256,
-        calibration=origin.calibration,
-        calibration_sha256=origin.calibration_sha256,
-        camera_late_s=origin.camera_late_s,
-        versions=origin.versions,
+        created=now(),
         title=parts.task.title,
         object_name=parts.task.object_name,
         parameters=as_records(parts.task.parameters),
         context=as_records(parts.task.context),
         action=as_records(parts.task.action),
+        **asdict(parts.provenance),
         curves=dict(zip(parts.task.observation.curves, parts.task.observation.columns, strict=False)),
     )
     particles = parts.learner.start(config.particles, generator(config.seed, Draw.START))
-    rows = tuple(tuple(as_row(sample) for sample in np.asarray(p.samples)) for p in particles)
-    return SessionStore.create(root, facts, SessionStart(particles=rows))
+    return SessionStore.create(root, facts, SessionStart(particles=tuple(rows_of(p) for p in particles)))
 
 
 _OWN = {

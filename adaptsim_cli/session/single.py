@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
@@ -17,12 +16,11 @@ from adaptsim_cli.outputs.trials import Rollout
 from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import failures
-from adaptsim_cli.session import terminal_views
-from adaptsim_cli.session.flow import motion_record, propose, trial_record
+from adaptsim_cli.session.flow import motion_record, propose, show_proposal, show_tracked, trial_record
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
-from adaptsim_cli.session.records import RunTrial, TrialKey, TrialRecord
+from adaptsim_cli.session.records import RunTrial, TrialKey, TrialRecord, now
 from adaptsim_cli.session.target import Parts, Placed, Planned, Target
-from adaptsim_cli.session.watching import AllOf, InTerminal, Watcher
+from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -87,7 +85,6 @@ def rollout(
     if not unattended:
         console.require_terminal()
     operator = Unattended(screen) if unattended else Attended(screen)
-    looking_on = AllOf(InTerminal(screen), watcher or AllOf())
     context, mean = typed(task, chosen)
     if folder.exists():
         raise UsageError(f"{folder} exists already: name another --out")
@@ -106,10 +103,9 @@ def rollout(
     picture = folder.with_name(f"{folder.name}-overlay.jpg")
     try:
         proposal = propose(task, chosen.stage, mean, policy, planned, partial(_keep, picture))
-        screen.show(terminal_views.proposal(task, proposal))
-        looking_on.proposed(proposal, planned.preview)
+        show_proposal(task, proposal, planned, screen, watcher or AllOf())
         operator.approve(proposal, target.is_real)
-        started = datetime.now(UTC).isoformat(timespec="seconds")
+        started = now()
         executed = target.execute(planned, screen.busy)
         with screen.busy("Storing the recording", "storing"):
             durable.make_folder(folder.parent)
@@ -120,7 +116,7 @@ def rollout(
         picture.unlink(missing_ok=True)  # the folder holds it from now on
     seen = target.track(placed.context, action, folder, screen.busy, executed)
     record = trial_record(task, motion_record(proposal, started, executed, screen.lap_s()), seen)
-    looking_on.tracked(record, seen)
+    show_tracked(record, seen, screen, watcher or AllOf())
     shown = _shown(config, parts, record, chosen)
     content = json.dumps(shown.model_dump(mode="json"), allow_nan=False, indent=1).encode()
     durable.complete_folder(folder, seen.files, "trial.json", content)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -27,7 +24,6 @@ from adaptsim_cli.session.records import (
     Note,
     Pruned,
     ResultRecord,
-    Samples,
     SessionStart,
     TrialKey,
     TrialRecord,
@@ -36,6 +32,7 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
+from hw.types import Array
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
 from sim.errors import did_you_mean
 from sim.tasks.task import Task
@@ -95,7 +92,7 @@ class SessionStore:
             known = ", ".join(names(root)) or "none yet"
             near = did_you_mean(name, names(root))
             raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}{near}")
-        return cls(folder, records.read(Facts, _facts_file(folder)), records.read(SessionStart, folder / START))
+        return cls(folder, records.read(Facts, folder / FACTS), records.read(SessionStart, folder / START))
 
     def until(self, iterations: int) -> SessionStore:
         """The first `iterations` alone, which stay as they are while the session goes on."""
@@ -116,7 +113,7 @@ class SessionStore:
             listed = entries(folder)
             for entry in listed:
                 if match := _TRIAL.fullmatch(entry.name):
-                    key, kind = self._key(match), match[3]
+                    key, kind = _key(match), match[3]
                     if kind is None:
                         (completed if (entry / TRIAL).exists() else recorded).add(key)
                     elif kind == "started":
@@ -169,7 +166,7 @@ class SessionStore:
     def changes(self, iteration: int) -> tuple[Change, ...]:
         """The amendments and restorations of an iteration, in time order."""
         found = [
-            Change(self._key(match), records.read(kind, entry))
+            Change(_key(match), records.read(kind, entry))
             for entry in entries(self.iteration_folder(iteration))
             if (match := _TRIAL.fullmatch(entry.name)) and (kind := _CHANGES.get(match[3]))
         ]
@@ -180,8 +177,8 @@ class SessionStore:
         rejected = sorted(self.existing().rejected, key=lambda key: (key.number, key.attempt))
         told = []
         for key in rejected:
-            iteration = (key.number - 1) // (self.facts.particles * self.facts.trials)
-            told.append(Change(key, records.read(Note, self._markers(iteration, key, "rejected")[-1])))
+            marker = self._markers(self.iteration_of(key.number), key, "rejected")[-1]
+            told.append(Change(key, records.read(Note, marker)))
         return tuple(told)
 
     def pruned(self, folder: Path) -> dict[str, int]:
@@ -205,15 +202,9 @@ class SessionStore:
 
     def result(self, iteration: int) -> ResultRecord | None:
         """The newest result of an iteration, or None."""
-        folder = self._newest_result(iteration)
-        return self._once(ResultRecord, folder / RESULT) if folder else None
-
-    def summary(self, iteration: int) -> dict[str, Any]:
-        """The output of `run-iteration --json` for an iteration with a result. Raises SessionError."""
-        folder = self._newest_result(iteration)
-        if folder is None:
-            raise SessionError(f"iteration {iteration + 1} of {self.facts.name} has no result yet")
-        return records.read_object(folder / SUMMARY)
+        folder = self.iteration_folder(iteration)
+        count = _results(entries(folder))
+        return self._once(ResultRecord, folder / f"result-{count}" / RESULT) if count else None
 
     def mark_shown(self, iteration: int, at: str) -> None:
         """Note that the operator has seen the newest result of this iteration."""
@@ -229,6 +220,10 @@ class SessionStore:
     def iterations(self) -> int:
         """How many iterations have begun."""
         return max((number + 1 for number, _ in self._iterations()), default=0)
+
+    def iteration_of(self, number: int) -> int:
+        """The iteration that a trial belongs to."""
+        return (number - 1) // (self.facts.particles * self.facts.trials)
 
     def mark_started(self, iteration: int, key: TrialKey, at: str) -> None:
         """Note that the arm is about to move; on the disk before this returns."""
@@ -309,11 +304,6 @@ class SessionStore:
         assert isinstance(known, kind)
         return known
 
-    def _newest_result(self, iteration: int) -> Path | None:
-        folder = self.iteration_folder(iteration)
-        count = _results(entries(folder))
-        return folder / f"result-{count}" if count else None
-
     def _marker(self, iteration: int, key: TrialKey, kind: str) -> Path:
         folder = self.trial_folder(iteration, key)
         return folder.with_name(f"{folder.name}.{kind}.json")
@@ -324,10 +314,6 @@ class SessionStore:
             if match and (self._most is None or int(match[1]) <= self._most):
                 yield int(match[1]) - 1, entry
 
-    def _key(self, match: re.Match[str]) -> TrialKey:
-        """The trial that a file name refers to."""
-        return TrialKey(int(match[1]), int(match[2]) - 1)
-
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Lock this session against every other process. Raises UsageError if another one holds the lock."""
@@ -335,6 +321,11 @@ class SessionStore:
         with locked(self.folder, taken):
             durable.remove_leftovers(self.folder)
             yield
+
+
+def _key(match: re.Match[str]) -> TrialKey:
+    """The trial that a file name refers to."""
+    return TrialKey(int(match[1]), int(match[2]) - 1)
 
 
 def _results(listed: Sequence[Path]) -> int:
@@ -362,18 +353,14 @@ def names(root: Path) -> tuple[str, ...]:
 
 def newest(root: Path) -> str:
     """The session that was begun last. Raises SessionError if no session exists."""
-    found = [name for name in names(root) if _facts_file(root / name).is_file()]
+    found = [name for name in names(root) if (root / name / FACTS).is_file()]
     if not found:
         raise SessionError(f"there are no sessions in {root} yet; begin one with adaptsim run-iteration")
     return found[-1]
 
 
-def _facts_file(folder: Path) -> Path:
-    return folder / FACTS
-
-
 def _begun_ns(folder: Path) -> int:
-    file = _facts_file(folder)
+    file = folder / FACTS
     return (file if file.is_file() else folder).stat().st_mtime_ns
 
 
@@ -410,15 +397,23 @@ def _is_own(entry: os.DirEntry[str]) -> bool:
     return entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)
 
 
+def result_of(store: SessionStore, iteration: int) -> ResultRecord:
+    """The newest result of an iteration. Raises SessionError if it has none."""
+    if (result := store.result(iteration)) is None:
+        raise SessionError(f"iteration {iteration + 1} of {store.facts.name} has no result yet")
+    return result
+
+
 def particles_of(store: SessionStore, iteration: int) -> tuple[Particle, ...]:
-    """The particles that an iteration's trials were (or will be) made with."""
-    stored: tuple[Samples, ...] = store.start.particles
-    if iteration > 0:
-        result = store.result(iteration - 1)
-        if result is None:
-            raise ValueError(f"iteration {iteration - 1} has no result yet")
-        stored = result.next_particles
+    """The particles that an iteration's trials were (or will be) made with. Raises SessionError."""
+    stored = result_of(store, iteration - 1).next_particles if iteration else store.start.particles
     return tuple(Particle(np.array(samples)) for samples in stored)
+
+
+def means_of(store: SessionStore, results: Sequence[ResultRecord]) -> Array:
+    """(I + 1, n, p) the particles' means in every iteration of `results`, and in the next one."""
+    steps = [store.start.particles, *(result.next_particles for result in results)]
+    return np.array([[np.mean(samples, axis=0) for samples in particles] for particles in steps])
 
 
 def history_of(task: Task, store: SessionStore, last: int) -> tuple[Iteration, ...]:
@@ -444,10 +439,6 @@ def _learnt_from(task: Task, record: TrialRecord) -> Trial:
     )
 
 
-Cell = str | int | float
-Row = dict[str, Cell]
-
-
 def trials_of(store: SessionStore) -> tuple[TrialRecord, ...]:
     """Every completed trial that counts, in order. Raises SessionError."""
     return tuple(trial for i in range(store.iterations()) for trial in store.trials(i))
@@ -465,54 +456,3 @@ def completed(store: SessionStore, number: int) -> TrialRecord:
         known = ", ".join(map(str, trials)) or "none"
         raise UsageError(f"trial {number} of {store.facts.name} is not completed; completed are {known}")
     return trials[number]
-
-
-def rows(store: SessionStore) -> list[Row]:
-    """One row for each trial that counts. Iterations, trials, attempts and particles are numbered from 1.
-
-    A quantity's column is named `parameter_`, `context_` or `action_` plus its name; `units` gives its unit. Raises
-    SessionError.
-    """
-    return [_row(store.facts, trial) for trial in trials_of(store)]
-
-
-def units(store: SessionStore) -> dict[str, str]:
-    """The unit of every column that has one. Rewards (0 to 1) have none."""
-    facts = store.facts
-    found = {
-        f"{kind}_{d.name}": d.unit
-        for kind, space in (("parameter", facts.parameters), ("context", facts.context), ("action", facts.action))
-        for d in space
-    }
-    return {name: unit for name, unit in found.items() if unit} | {"duration_s": "s"}
-
-
-def as_csv(table: Sequence[Mapping[str, Cell]]) -> str:
-    """Rows as CSV, with the first row's columns and further ones of other rows."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, _columns(table), lineterminator="\n", restval="")
-    writer.writeheader()
-    writer.writerows(table)
-    return text.getvalue()
-
-
-def _columns(table: Iterable[Mapping[str, Cell]]) -> list[str]:
-    return list(dict.fromkeys(name for row in table for name in row))
-
-
-def _row(facts: Facts, trial: TrialRecord) -> Row:
-    quantities = {"parameter": trial.parameters, "context": trial.context, "action": trial.action}
-    return {
-        **facts.named(),
-        "started": trial.started,
-        "iteration": trial.iteration,
-        "trial": trial.trial,
-        "attempt": trial.attempt,
-        "particle": trial.particle,
-        "outcome": trial.outcome.value,
-        "overruled_from": trial.overruled_from.value if trial.overruled_from else "",
-        "reward": trial.reward,
-        "predicted_reward": trial.predicted_reward,
-        "duration_s": trial.track.t_s[-1],
-        **{f"{kind}_{name}": value for kind, point in quantities.items() for name, value in point.items()},
-    }

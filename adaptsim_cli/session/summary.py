@@ -21,15 +21,17 @@ from adaptsim_cli.outputs.sessions import (
 )
 from adaptsim_cli.outputs.trials import Iteration, ParticleShown, Rollout, Trial, named
 from adaptsim_cli.session.keeping import about, size_bytes
-from adaptsim_cli.session.records import Facts, ResultRecord, Samples, TrialRecord, corrupt, read_object
-from adaptsim_cli.session.store import TRIAL, SessionStore, entries, folder_of, results_of, trials_of
+from adaptsim_cli.session.records import ResultRecord, Samples, TrialRecord, corrupt, read_object
+from adaptsim_cli.session.store import TRIAL, SessionStore, entries, folder_of, particles_of, results_of, trials_of
 from adaptsim_cli.storage.validation import explained
 from sim.adaptation.method import Particle
 
 
-def summary(facts: Facts, before: Sequence[Particle], trials: Sequence[TrialRecord], result: ResultRecord) -> Iteration:
-    """One iteration, as `run-iteration --json` prints it; parameters by name, in units."""
-    names = [d.name for d in facts.parameters]
+def summary(store: SessionStore, result: ResultRecord) -> Iteration:
+    """One iteration, as `run-iteration --json` prints it; parameters by name, in units. Raises SessionError."""
+    facts, iteration = store.facts, result.iteration - 1
+    names, trials = [d.name for d in facts.parameters], store.trials(iteration)
+    particles = zip(particles_of(store, iteration), result.next_particles, strict=True)
     return Iteration(
         task=facts.task,
         session=facts.name,
@@ -40,7 +42,7 @@ def summary(facts: Facts, before: Sequence[Particle], trials: Sequence[TrialReco
         units=facts.units,
         particles=[
             _particle(names, particle, [t for t in trials if t.particle == index + 1], then)
-            for index, (particle, then) in enumerate(zip(before, result.next_particles, strict=True))
+            for index, (particle, then) in enumerate(particles)
         ],
         best=result.best,
         verdict=result.verdict,

@@ -30,17 +30,12 @@ from sim.adaptation.verdict import Verdict
 from sim.tasks.task import SolvedPolicy, Task
 from sim.types import ToolMotion
 
-
-class Progress(Protocol):
-    """Tells the operator about a running step, and times it; `Screen.busy` is one."""
-
-    def __call__(self, what: str, stage: str = "") -> AbstractContextManager[None]:
-        """`what` is the sentence for the operator; `stage` is the word under which its time is added up."""
-        ...
+Progress = Callable[[str, str], AbstractContextManager[None]]
+"""Tells the operator a sentence about a running step, and adds up its time under a word; `Screen.busy` is one."""
 
 
 @contextmanager
-def silently(what: str, stage: str = "") -> Iterator[None]:
+def silently(what: str, stage: str) -> Iterator[None]:
     """A `Progress` that says nothing."""
     yield
 
@@ -308,7 +303,7 @@ class SessionLearner(Protocol):
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the parts come from, for the record; never the hidden parameters of a world."""
+    """Where the parts come from, for the session's `Facts`; never the hidden parameters of a world."""
 
     checkpoint: str
     checkpoint_sha256: str

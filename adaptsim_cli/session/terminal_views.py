@@ -10,11 +10,18 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from adaptsim_cli.outputs.sessions import Damaged, DamagedRollout, RolloutRow, SessionRow, SessionShown, Verified
+from adaptsim_cli.outputs.sessions import (
+    Amended,
+    Damaged,
+    DamagedRollout,
+    RolloutRow,
+    SessionRow,
+    SessionShown,
+    Verified,
+)
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.advice import HEADLINES, in_words
-from adaptsim_cli.session.correcting import Amended
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import Facts, ProposedTrial, ResultRecord, RunTrial, TrialRecord
 from hw.types import Array
@@ -184,15 +191,13 @@ def session(shown: SessionShown) -> RenderableType:
     return Group(head, Text(shown.folder, style="dim"), Text(""), table, *rejected, *last)
 
 
-def tell_amended(screen: Screen, command: str, name: str, changed: Amended) -> None:
+def tell_amended(screen: Screen, command: str, changed: Amended, consequence: str) -> None:
     """Print the amendment or restoration and its effect."""
-    key = changed.key
-    told = {"session": name, "trial": key.number, "attempt": key.attempt + 1, "changed": changed.what}
-    if screen.data(command, told):
+    if screen.data(command, changed):
         return
-    screen.plain(f"{changed.what[:1].upper()}{changed.what[1:]}.")
-    screen.plain(changed.consequence)
-    screen.next((f"adaptsim run-iteration --session {name}", "adapts from it, and shows the change"))
+    screen.plain(f"{changed.changed[:1].upper()}{changed.changed[1:]}.")
+    screen.plain(consequence)
+    screen.next((f"adaptsim run-iteration --session {changed.session}", "adapts from it, and shows the change"))
 
 
 NO_BREAK = "\N{NO-BREAK SPACE}"

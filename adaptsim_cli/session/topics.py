@@ -131,15 +131,12 @@ def image(t_ns: int, frame: str, depth_mm: NDArray[np.uint16]) -> bytes:
     return writer.blob(np.ascontiguousarray(depth_mm, "<u2").tobytes()).message()
 
 
-def camera_info(
-    t_ns: int, frame: str, size: tuple[int, int], K: NDArray[np.float64], distortion: NDArray[np.float64]
-) -> bytes:
-    """A ROS 2 CameraInfo of a camera of `size` (width, height), with OpenCV's eight coefficients."""
-    width, height = size
-    writer = Writer().header(t_ns, frame).count(height).count(width).string("rational_polynomial")
-    writer.doubles(distortion.tolist(), counted=True).doubles(K.ravel().tolist(), counted=False)
+def camera_info(t_ns: int, frame: str, camera: Intrinsics) -> bytes:
+    """A ROS 2 CameraInfo with OpenCV's eight coefficients."""
+    writer = Writer().header(t_ns, frame).count(camera.height).count(camera.width).string("rational_polynomial")
+    writer.doubles(camera.distortion.tolist(), counted=True).doubles(camera.K.ravel().tolist(), counted=False)
     writer.doubles(np.eye(3).ravel().tolist(), counted=False)
-    writer.doubles(np.column_stack([K, np.zeros(3)]).ravel().tolist(), counted=False)
+    writer.doubles(np.column_stack([camera.K, np.zeros(3)]).ravel().tolist(), counted=False)
     return writer.count(0).count(0).count(0).count(0).count(0).count(0).byte(0).message()
 
 
@@ -227,6 +224,7 @@ class Reader:
 
 
 Message = tuple[int, str, bytes]
+"""Time in ns, topic, content in CDR."""
 
 COLOUR_INFO, DEPTH_INFO = "/camera/colour/camera_info", "/camera/depth/camera_info"
 MEASURED, COMMANDED = "/joints/measured", "/joints/commanded"
@@ -260,8 +258,8 @@ X_FH[:3, :3] = Rotation.from_euler("z", -np.pi / 4).as_matrix()
 
 def cameras(model: CameraModel, t_ns: int) -> Iterator[Message]:
     """Both cameras' intrinsics, once."""
-    yield t_ns, COLOUR_INFO, _info(t_ns, "camera_colour", model.colour)
-    yield t_ns, DEPTH_INFO, _info(t_ns, "camera_depth", model.depth)
+    yield t_ns, COLOUR_INFO, camera_info(t_ns, "camera_colour", model.colour)
+    yield t_ns, DEPTH_INFO, camera_info(t_ns, "camera_depth", model.depth)
 
 
 def description(arm: str, t_ns: int) -> Message:
@@ -281,21 +279,35 @@ def joints(played: Execution) -> Iterator[Message]:
     commanded_rad_s = derivative(played.t_s, played.q_commanded_rad, 1)
     torque = torque_Nm(played.q_measured_rad, dq_rad_s, ddq_rad_s2, HAND_MASS.placed(X_FH))
     for i, t_s in enumerate(played.t_s):
-        t_ns = _ns(played.t_start_s + t_s)
+        t_ns = ns(played.t_start_s + t_s)
         yield t_ns, MEASURED, joint_state(t_ns, JOINT_NAMES, played.q_measured_rad[i], dq_rad_s[i], torque[i])
         yield t_ns, COMMANDED, joint_state(t_ns, JOINT_NAMES, played.q_commanded_rad[i], commanded_rad_s[i], ())
+
+
+def joints_at(played: Execution) -> Callable[[float], Array]:
+    """Arm clock -> measured joints (7,), held beyond the ends."""
+
+    def q_at(t_s: float) -> Array:
+        since_s = t_s - played.t_start_s
+        return np.array([np.interp(since_s, played.t_s, joint) for joint in played.q_measured_rad.T])
+
+    return q_at
+
+
+def link_frames(q_rad: Array) -> Iterator[tuple[str, Array]]:
+    """Every one of `FRAMES` with its pose (4, 4) in the base, for joints (7,)."""
+    poses = link_poses(q_rad)
+    return zip(FRAMES, (*poses, poses[FLANGE] @ X_FH), strict=True)
 
 
 def transforms(
     times_s: Sequence[float], played: Execution, X_BT_at: Callable[[float], Array], model: CameraModel, X_BC: Array
 ) -> Iterator[Message]:
     """Base to tool and to every link at each image, from the measured joints; base to both cameras once."""
+    q_at = joints_at(played)
     for t_s in times_s if len(played.t_s) else ():
-        since_s = t_s - played.t_start_s
-        q_rad = np.array([np.interp(since_s, played.t_s, joint) for joint in played.q_measured_rad.T])
-        poses = link_poses(q_rad)
         yield _transform(t_s, "base", "tool", X_BT_at(t_s))
-        for name, X in zip(FRAMES, (*poses, poses[FLANGE] @ X_FH), strict=True):
+        for name, X in link_frames(q_at(t_s)):
             yield _transform(t_s, "base", name, X)
     for t_s in times_s[:1]:
         yield _transform(t_s, "base", "camera_colour", X_BC)
@@ -304,13 +316,13 @@ def transforms(
 
 def event(t_s: float, text: str, *, is_warning: bool = False) -> Message:
     """One line of the events, at a time on the arm's clock."""
-    t_ns = _ns(t_s)
+    t_ns = ns(t_s)
     return t_ns, EVENTS, log(t_ns, 30 if is_warning else 20, "adaptsim", text)
 
 
 def outcome(t_s: float, values: dict[str, object]) -> Message:
     """How a trial ended, as JSON."""
-    return _ns(t_s), OUTCOME, text(json.dumps(values, allow_nan=False))
+    return ns(t_s), OUTCOME, text(json.dumps(values, allow_nan=False))
 
 
 def derivative(t_s: Array, values: Array, order: int) -> Array:
@@ -325,14 +337,11 @@ def derivative(t_s: Array, values: Array, order: int) -> Array:
     return np.asarray(savgol_filter(values, window, 3, deriv=order, delta=step_s, axis=0))
 
 
-def _info(t_ns: int, frame: str, camera: Intrinsics) -> bytes:
-    return camera_info(t_ns, frame, (camera.width, camera.height), camera.K, camera.distortion)
-
-
 def _transform(t_s: float, parent: str, child: str, X: Array) -> Message:
-    t_ns, xyzw = _ns(t_s), Rotation.from_matrix(X[:3, :3]).as_quat().tolist()
+    t_ns, xyzw = ns(t_s), Rotation.from_matrix(X[:3, :3]).as_quat().tolist()
     return t_ns, TRANSFORMS, transform(t_ns, parent, child, X[:3, 3].tolist(), xyzw)
 
 
-def _ns(t_s: float) -> int:
+def ns(t_s: float) -> int:
+    """Seconds on the arm's clock as the whole nanoseconds of a stamp."""
     return round(t_s * 1e9)

@@ -13,8 +13,6 @@ from pathlib import Path
 from threading import RLock
 from typing import Any, Literal, Protocol
 
-import cv2
-import numpy as np
 from pydantic import Field
 
 from adaptsim_cli.errors import SessionError
@@ -25,7 +23,7 @@ from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import MotionPreview, TrackedTrial
 from adaptsim_cli.storage import durable
-from hw.bounded import JSON_BYTES, Unreadable, decode_image, read_bytes
+from hw.bounded import JSON_BYTES, Unreadable, read_bytes
 from sim.adaptation.posterior import Posterior
 
 PosteriorSource = Callable[[], Posterior | None]
@@ -77,35 +75,6 @@ class AllOf:
         """See `Watcher`."""
         for watcher in self._watchers:
             watcher.reported(path)
-
-
-class InTerminal:
-    """Shows the camera's picture before the motion, and the key frames in a row before the review."""
-
-    def __init__(self, screen: Screen) -> None:
-        self._screen = screen
-
-    def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
-        """See `Watcher`."""
-        if preview is not None:
-            self._screen.picture(preview.picture)
-
-    def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
-        """See `Watcher`."""
-        if seen.moments:
-            self._screen.picture(strip([seen.files[moment.file] for moment in seen.moments]))
-
-    def changed(self, store: SessionStore, posterior: PosteriorSource) -> None:
-        """See `Watcher`; does nothing, because the numbers are shown as text."""
-
-    def reported(self, path: Path) -> None:
-        """See `Watcher`; does nothing, because the path is shown as text."""
-
-
-def strip(jpegs: list[bytes]) -> bytes:
-    """One JPEG with the pictures side by side, at the same height."""
-    images = [decode_image(jpeg, cv2.IMREAD_COLOR) for jpeg in jpegs]
-    return bytes(cv2.imencode(".jpg", np.hstack(images))[1].tobytes())
 
 
 FILE, END = "log.jsonl", "log.end"

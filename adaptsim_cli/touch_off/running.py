@@ -12,7 +12,7 @@ from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import DiskFull, Interrupted, StoppedByOperator, UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.storage.sealed import versions
+from adaptsim_cli.storage.durable import versions
 from adaptsim_cli.touch_off import flow, terminal_views
 from adaptsim_cli.touch_off.asking import NEVER_CONFIRMS, HumanAssistant, NoAssistant
 from adaptsim_cli.touch_off.errors import TouchOffFailed

@@ -14,7 +14,7 @@ import numpy as np
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.sessions import ParameterBelief
 from adaptsim_cli.report import page
-from adaptsim_cli.report.agreement import end_error
+from adaptsim_cli.report.agreement import end_error, mean_of
 from adaptsim_cli.report.figures import HeldOut, Judgement, Prediction
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import RESULT, SessionStore, history_of, names, particles_of, results_of, trials_of
@@ -119,7 +119,7 @@ class Hindsight:
 
         def earned(policies: Sequence[SolvedPolicy]) -> tuple[float, float, float]:
             rewards = [held.rewards(held.at(actions), contexts) for p in policies for actions in [p.actions(contexts)]]
-            of_all = page.mean_of(list(np.mean(rewards, axis=0)), 0.0)
+            of_all = mean_of(list(np.mean(rewards, axis=0)), 0.0)
             return of_all.mean, of_all.low, of_all.high
 
         every = range(len(held))

@@ -24,7 +24,7 @@ from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import FACTS, SessionStore
 from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, Target
 from adaptsim_cli.session.watching import Watcher
-from adaptsim_cli.storage.sealed import versions
+from adaptsim_cli.storage.durable import versions
 from adaptsim_cli.view.live import live_view
 from adaptsim_cli.view.server import require_free
 from adaptsim_cli.wiring.rig_frames import ground_of, hash_of, own_ground

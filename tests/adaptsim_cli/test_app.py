@@ -17,7 +17,7 @@ from toy_session import NAME, run
 
 from adaptsim_cli import app
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.storage.sealed import seal_toml
+from adaptsim_cli.storage.durable import seal_toml
 from adaptsim_cli.wiring import session as wiring
 from perception.errors import TrackingFailed
 from sim.errors import NotExecutable

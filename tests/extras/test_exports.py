@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 from toy_session import run
 
-from adaptsim_cli.session import episodes, exporting, replaying, whole
-from adaptsim_cli.session.store import SessionStore, rows, trials_of
+from adaptsim_cli.session import episodes, exporting, replaying
+from adaptsim_cli.session.exporting import rows
+from adaptsim_cli.session.store import SessionStore, trials_of
 from adaptsim_cli.wiring.best import scene_files
 
 pytestmark = pytest.mark.extra
@@ -69,7 +70,7 @@ def values(file: Path, entity: str, component: str) -> list[Any]:
 
 
 def test_in_rerun_depth_is_depth_and_the_arm_moves(store: SessionStore, tmp_path: Path) -> None:
-    trial = whole.open_trial(store, store.trials(0)[0])
+    trial = replaying.open_trial(store, store.trials(0)[0])
     played = trial.stored.execution  # the toy's arm rests: here it turns about its base
     turned = played.q_measured_rad + np.outer(np.linspace(0.0, 0.5, len(played.t_s)), np.eye(7)[0])
     moving = replace(trial, stored=replace(trial.stored, execution=replace(played, q_measured_rad=turned)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
@@ -75,6 +76,12 @@ def attended(home: Path, operator: Operator, lab: ToyLab | None = None, name: st
         SessionStore.open(root, NAME) if (root / NAME).is_dir() else running.begin(root, NAME, settings.config, parts)
     )
     return RunningSession(store, parts, operator, silent())
+
+
+def summary(store: SessionStore, iteration: int) -> Any:
+    """What `run-iteration --json` printed for an iteration, as the session keeps it."""
+    *_, newest = sorted(store.iteration_folder(iteration).glob("result-*/summary.json"))
+    return json.loads(newest.read_text())
 
 
 def silent() -> Screen:

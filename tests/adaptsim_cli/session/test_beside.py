@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -12,42 +13,25 @@ from toy_session import resolved, run
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.report import page
 from adaptsim_cli.session import running
-from adaptsim_cli.session.beside import Beside, one_thread
+from adaptsim_cli.session.flow import begin_beside
 from adaptsim_cli.session.store import SessionStore, results_of, trials_of
 
 WAIT_S = 30.0  # no test waits so long unless it fails
 
 
-def test_work_is_done_in_the_thread_before_it_is_asked_for() -> None:
-    done, by = threading.Event(), list[threading.Thread]()
-
-    def work() -> None:
-        by.append(threading.current_thread())
-        done.set()
-
-    with one_thread() as beside:
-        ahead = beside.begin(work)
-        assert done.wait(WAIT_S)
-        ahead.result()
-    assert len(by) == 1 and by[0] is not threading.current_thread()
-
-
-def test_work_that_has_not_begun_is_done_by_whoever_needs_it() -> None:
+def test_work_is_done_in_the_thread_or_by_whoever_needs_it_first() -> None:
     release = threading.Event()
-    with one_thread() as beside:
-        first = beside.begin(lambda: release.wait(WAIT_S))
-        second = beside.begin(threading.current_thread)
+    with ThreadPoolExecutor(1) as thread:
+        first = begin_beside(thread, lambda: release.wait(WAIT_S) and threading.current_thread())
+        second = begin_beside(thread, threading.current_thread)
         assert second.result() is threading.current_thread()
         release.set()
-        assert first.result()
-
-
-def test_without_a_thread_work_waits_for_whoever_needs_it() -> None:
+        assert first.result() is not threading.current_thread()
     done = list[str]()
-    Beside().begin(lambda: done.append("dropped")).drop()
-    Beside().begin(lambda: done.append("settled")).settle()
+    begin_beside(None, lambda: done.append("dropped")).drop()
+    begin_beside(None, lambda: done.append("settled")).settle()
     assert done == []
-    Beside().begin(lambda: done.append("needed")).result()
+    begin_beside(None, lambda: done.append("needed")).result()
     assert done == ["needed"]
 
 
@@ -55,13 +39,12 @@ def test_an_error_reaches_whoever_asks_and_nobody_else() -> None:
     def failing() -> None:
         raise SessionError("no room")
 
-    with one_thread() as beside:
-        ahead = beside.begin(failing)
+    with ThreadPoolExecutor(1) as thread:
+        ahead = begin_beside(thread, failing)
         ahead.settle()
-        with pytest.raises(SessionError, match="no room"):
-            ahead.result()
-        with pytest.raises(SessionError, match="no room"):
-            ahead.drop()
+        for asked in (ahead.result, ahead.drop):
+            with pytest.raises(SessionError, match="no room"):
+                asked()
 
 
 def test_a_report_shows_its_iterations_while_the_session_is_beyond_them(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from adaptsim_cli.session.correcting import amend, amendable, redo, restore
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.keeping import verify
 from adaptsim_cli.session.operator import Choices, Proposal, Review
-from adaptsim_cli.session.records import TrialKey, TrialRecord
+from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from perception.types import Outcome
 
@@ -26,7 +26,7 @@ def opened(home: Path) -> SessionStore:
 
 def changed(store: SessionStore, number: int, outcome: Outcome) -> str:
     _, choices = amendable(store, TASK, OUTCOMES, number)
-    return amend(store, TASK, number, outcome, choices[outcome], "seen on the recording").consequence
+    return amend(store, TASK, number, outcome, choices[outcome], "seen on the recording")[1]
 
 
 def test_a_rejection_is_taken_back_and_its_recording_is_reviewed_again(tmp_path: Path) -> None:
@@ -40,7 +40,7 @@ def test_a_rejection_is_taken_back_and_its_recording_is_reviewed_again(tmp_path:
 
     with pytest.raises(StoppedByOperator):
         run_iteration(attended(tmp_path, operator, lab))
-    assert restore(opened(tmp_path), 1, None, "it was good").key == TrialKey(1, 0)
+    assert restore(opened(tmp_path), 1, None, "it was good")[0].attempt == 1
     again = ToyLab(0)
     run_iteration(attended(tmp_path, ScriptedOperator(), again))
     assert again.executions == [(2, 0), (3, 0), (4, 0)], "the motion of the restored trial is not made again"

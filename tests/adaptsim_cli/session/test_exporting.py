@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from toy_session import NAME, run
 
 from adaptsim_cli import app
-from adaptsim_cli.session import exporting, recording, topics, whole
+from adaptsim_cli.session import exporting, recording, replaying, topics
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.wiring.best import scene_files
 
@@ -50,7 +50,7 @@ def test_one_file_holds_everything_of_a_trial(store: SessionStore, tmp_path: Pat
     with files[0].open("rb") as stream:
         (about,) = list(make_reader(stream).iter_metadata())
     assert (about.metadata["session"], about.metadata["trial"]) == (NAME, "1")
-    stored = whole.open_trial(store, record).stored
+    stored = replaying.open_trial(store, record).stored
     assert json.loads(layout.read_text())["layout"]["direction"] == "row"
     depth = topics.Reader(found["/camera/depth"][0])
     depth.header()
@@ -124,7 +124,7 @@ def test_a_replay_is_a_video_with_every_frame(
 ) -> None:
     assert app.run(["replay", NAME, "2", "--out", str(tmp_path / "v.webm")]) == 0
     assert capfd.readouterr().err == "", "no library speaks on the terminal"
-    trial = whole.open_trial(store, store.trials(0)[1])
+    trial = replaying.open_trial(store, store.trials(0)[1])
     video = cv2.VideoCapture(str(tmp_path / "v.webm"))
     frames = 0
     while video.read()[0]:

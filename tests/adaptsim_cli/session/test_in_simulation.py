@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from toy_session import summary
 
 from adaptsim_cli import app, config
 from adaptsim_cli.report import page
@@ -79,10 +80,10 @@ def test_an_interrupted_session_goes_on_to_the_same_end(
     assert app.run(RUN) == 130
     monkeypatch.setattr(SessionStore, "save_trial", real)
     assert app.run(RUN) == 0
-    resumed = opened().summary(0)
+    resumed = summary(opened(), 0)
     monkeypatch.setenv("ADAPTSIM_HOME", str(place / "whole"))
     assert app.run(RUN) == 0
-    whole = SessionStore.open(config.load().places.sessions, NAME).summary(0)
+    whole = summary(SessionStore.open(config.load().places.sessions, NAME), 0)
     assert resumed["particles"] == whole["particles"]
     assert resumed["best"] == whole["best"]
 

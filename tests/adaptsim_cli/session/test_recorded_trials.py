@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from toy_rig import ToyLab
-from toy_session import NAME, ScriptedOperator, attended, run, unattended
+from toy_session import NAME, ScriptedOperator, attended, run, summary, unattended
 
 from adaptsim_cli.errors import Interrupted, SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
@@ -107,7 +107,7 @@ def test_a_trial_cut_short_after_its_motion_goes_on_from_its_recording(
     assert again.asked[0] == "place the toy piece", "the first question is about the next trial"
     assert continued.store.existing().rejected == frozenset(), "and no attempt is spent"
     whole = run(tmp_path / "whole")
-    assert continued.store.summary(0)["particles"] == whole.summary(0)["particles"]
+    assert summary(continued.store, 0)["particles"] == summary(whole, 0)["particles"]
     assert continued.store.trial(0, SECOND).files == whole.trial(0, SECOND).files
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from toy_rig import PARAMETERS, ToyLab, on_rig
-from toy_session import NAME, ScriptedOperator, attended, run, unattended
+from toy_session import NAME, ScriptedOperator, attended, run, summary, unattended
 
 from adaptsim_cli.errors import Interrupted, StoppedByOperator, UsageError
 from adaptsim_cli.session.correcting import redo
@@ -40,7 +40,7 @@ def test_an_iteration_runs_every_trial_and_moves_the_particles(tmp_path: Path) -
 def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(tmp_path: Path) -> None:
     def numbers(home: str, seed: int) -> object:
         store = run(tmp_path / home, seed=seed, iterations=2)
-        summaries = [store.summary(i) for i in (0, 1)]
+        summaries = [summary(store, i) for i in (0, 1)]
         return [(p["params"], p["next_params"], p["trials"]) for s in summaries for p in s["particles"]]
 
     assert numbers("a", 5) == numbers("b", 5)
@@ -55,7 +55,7 @@ def test_two_runs_of_one_iteration_equal_one_run_of_two(tmp_path: Path) -> None:
     twice = run(tmp_path / "twice", lab)
     once = SessionStore.open(tmp_path / "once" / "data" / "sessions", NAME)
     assert lab.executions == [(5, 0), (6, 0), (7, 0), (8, 0)]
-    assert once.summary(1)["particles"] == twice.summary(1)["particles"]
+    assert summary(once, 1)["particles"] == summary(twice, 1)["particles"]
 
 
 def test_policies_of_earlier_iterations_are_let_go(tmp_path: Path) -> None:
@@ -188,7 +188,7 @@ def test_an_interrupted_motion_is_never_repeated_silently(tmp_path: Path) -> Non
     assert operator.asked[0] == "repeat 2"
     assert lab.executions == [(2, 0), (3, 0), (4, 0)], "the simulated lab does the same attempt again"
     whole = run(tmp_path / "whole")
-    assert session.store.summary(0)["particles"] == whole.summary(0)["particles"]
+    assert summary(session.store, 0)["particles"] == summary(whole, 0)["particles"]
 
 
 def test_on_a_real_arm_an_interrupted_trial_counts_as_a_spent_attempt(tmp_path: Path) -> None:
@@ -209,6 +209,7 @@ def test_yes_never_confirms_a_real_arm(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_a_step_of_adaptation_stays_inside_the_ranges(tmp_path: Path) -> None:
-    for summary in (run(tmp_path, iterations=3).summary(i) for i in range(3)):
-        for particle in summary["particles"]:
+    store = run(tmp_path, iterations=3)
+    for iteration in range(3):
+        for particle in summary(store, iteration)["particles"]:
             assert PARAMETERS.contains(np.array(list(particle["next_params"].values())))

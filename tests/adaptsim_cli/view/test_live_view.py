@@ -24,7 +24,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.operator import Choices, Proposal, Review
 from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.view import state
+from adaptsim_cli.view import live
 from adaptsim_cli.view.live import LiveView, live_view
 from adaptsim_cli.view.server import Page
 from sim.adaptation.posterior import Posterior
@@ -190,6 +190,6 @@ def test_the_posterior_of_a_parameter_adds_up_over_its_range() -> None:
     rng = np.random.default_rng(0)
     samples = PARAMETERS.sample(rng, 500)
     weights = np.where(samples[:, 0] > 0.35, 1.0, 0.0)
-    told = state._marginals(PARAMETERS, Posterior(PARAMETERS, samples, weights / weights.sum()))
+    told = live._marginals(PARAMETERS, Posterior(PARAMETERS, samples, weights / weights.sum()))
     assert np.allclose(np.sum(told, axis=1), 1.0, atol=1e-3)
-    assert np.sum(told[0][: int(0.75 * state.BINS)]) == 0.0, "nothing below 0.35 of the range 0.2 to 0.4"
+    assert np.sum(told[0][: int(0.75 * live.BINS)]) == 0.0, "nothing below 0.35 of the range 0.2 to 0.4"

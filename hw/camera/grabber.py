@@ -1,18 +1,114 @@
 """A thread that takes every image off the camera as it comes, so that none waits in the driver until it is dropped.
 
 It keeps the newest one, and all of them while a recording runs. ctypes lets other threads run while libk4a waits.
+
+It maps the camera's own clock to the clock of this machine. The device stamps the middle of each exposure with its own
+clock; the host stamps the arrival of the image. The difference is the offset of the two clocks plus a varying, never
+negative delay (transfer, scheduling). So the smallest difference within a window is the best estimate, and one late
+image changes nothing.
 """
 
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from hw.camera.capture import Captured
-from hw.camera.clock import ClockMap, DeviceClock
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
 from hw.errors import CameraError, HardwareError
+from hw.types import Frame
+
+WINDOW_S = 20.0
+"""A quartz drifts by at most some 50 ppm against another: 1 ms within the window."""
+LEAST_PAIRS = 15
+"""Half a second of images. With fewer, even the smallest difference may belong to a late image."""
+JUMP_S = 0.02
+"""No image can arrive so much faster than the fastest of half a second: the device's clock has jumped ahead."""
+
+
+@dataclass(frozen=True)
+class ClockMap:
+    """Seconds of the device's clock -> seconds of the host's monotonic clock, for one stretch of images."""
+
+    offset_s: float
+    spread_s: float  # median less smallest difference: how unevenly images arrive
+    pairs: int  # pairs of stamps behind the map
+
+    def host_s(self, device_s: float) -> float:
+        """Seconds on the host's clock at `device_s` on the device's clock."""
+        return device_s + self.offset_s
+
+
+class DeviceClock:
+    """Collects pairs of stamps; `delay_s` is the smallest possible time from the middle of an exposure to its arrival.
+
+    Any further delay stays in the offset: all stamps are then late by the same amount, which the calibration's swing
+    measures (`calib.timing`).
+    """
+
+    def __init__(self, delay_s: float = 0.0) -> None:
+        if delay_s < 0.0:
+            raise ValueError(f"a delay of {delay_s:g} s: it must be 0 or more")
+        self._delay_s = delay_s
+        self._pairs: deque[tuple[float, float]] = deque()  # device_s, host_s - device_s
+        self.jumps = 0  # times that the device's clock was set while it ran
+
+    def add(self, device_s: float, arrived_s: float) -> None:
+        """Add one image: the middle of its exposure on the device's clock, and its arrival on the host's.
+
+        A device clock that jumps back or ahead was set anew: earlier pairs are dropped.
+        """
+        back = bool(self._pairs) and device_s < self._pairs[-1][0]
+        if back or (self.is_settled and arrived_s - device_s < self.map().offset_s + self._delay_s - JUMP_S):
+            self._pairs.clear()
+            self.jumps += 1
+        self._pairs.append((device_s, arrived_s - device_s))
+        while self._pairs[0][0] < device_s - WINDOW_S:
+            self._pairs.popleft()
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether enough pairs of stamps have come."""
+        return len(self._pairs) >= LEAST_PAIRS
+
+    def map(self) -> ClockMap:
+        """Raises CameraError while no image has come."""
+        if not self._pairs:
+            raise CameraError("the camera's clock is not known before the first image: wait for one")
+        differences_s = sorted(difference_s for _, difference_s in self._pairs)
+        least_s, median_s = differences_s[0], differences_s[len(differences_s) // 2]
+        return ClockMap(least_s - self._delay_s, median_s - least_s, len(differences_s))
+
+
+@dataclass(frozen=True, eq=False)
+class Captured:
+    """One instant. The colour image is still a JPEG, so that nothing is decoded while the arm moves."""
+
+    device_s: float  # middle of the colour image's exposure, on the device's clock
+    arrived_s: float  # on the host's monotonic clock
+    jpeg: bytes
+    depth_mm: NDArray[np.uint16]  # (Hd, Wd)
+    infrared: NDArray[np.uint16] | None  # (Hd, Wd)
+    exposure_us: int  # of the colour image, as the device reports; 0: not reported
+    white_balance_K: int
+
+    def frame(self, t_s: float) -> Frame:
+        """Decoded, with its time on the arm's clock. Raises CameraError."""
+        return Frame(t_s, decode_jpeg(self.jpeg), self.depth_mm, self.infrared)
+
+
+def decode_jpeg(jpeg: bytes) -> NDArray[np.uint8]:
+    """(H, W, 3) RGB. Raises CameraError."""
+    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise CameraError(f"a colour image of {len(jpeg)} bytes cannot be decoded: check the camera's USB cable")
+    return np.ascontiguousarray(image[..., ::-1], dtype=np.uint8)
+
 
 MOST_MISSES = 4
 """After this many waits of half a second without a complete image, the camera counts as gone."""

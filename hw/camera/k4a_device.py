@@ -1,24 +1,29 @@
-"""One open device of libk4a: its calibration, its settings, its captures. Every failure names what to do."""
+"""One open device of libk4a: its calibration, its settings, its captures, copied out of the library's memory.
+
+Every failure names what to do.
+"""
 
 from __future__ import annotations
 
 import ctypes
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hw.camera import k4a_types as k4a
-from hw.camera.capture import Captured, read_capture
+from hw.camera import k4a_library as k4a
+from hw.camera.grabber import Captured
 from hw.camera.k4a_library import DebugHandler, K4aLibrary, serial_of
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import CameraModel, Intrinsics
 
-COLOUR_MODE, DEPTH_MODE = "720P", "NFOV_UNBINNED"
 RATE_HZ = 30.0
 _WAIT_MS = 500
+_LATE_S = 1.0  # an arrival stamp further from now comes from another clock
 _MAINS = {50: 1, 60: 2}  # Hz -> value of libk4a's control
 
 
@@ -41,15 +46,11 @@ class ColourSettings:
         if self.mains_hz not in _MAINS:
             raise ValueError(f"mains {self.mains_hz} Hz: it must be 50 or 60")
 
-    def as_json(self) -> dict[str, Any]:
-        """Its fields, for JSON."""
-        return asdict(self)
-
 
 class K4aDevice:
-    """`hw.camera.k4a.Device`. Not thread-safe, except that `next_capture` may run in a thread of its own."""
+    """`hw.camera.served.Device`. Not thread-safe, except that `next_capture` may run in a thread of its own."""
 
-    modes = (COLOUR_MODE, DEPTH_MODE)
+    modes = ("720P", "NFOV_UNBINNED")
 
     def __init__(self, library: K4aLibrary, now_s: Callable[[], float] = time.monotonic) -> None:
         self._library, self._now_s = library, now_s
@@ -91,7 +92,7 @@ class K4aDevice:
     def model(self) -> CameraModel:
         """The factory calibration, for the modes in use. Raises CameraError."""
         raw = k4a.Calibration()
-        colour, depth = k4a.COLOUR_RESOLUTIONS[COLOUR_MODE], k4a.DEPTH_MODES[DEPTH_MODE]
+        colour, depth = k4a.COLOUR_720P, k4a.NFOV_UNBINNED
         self._need(
             self._library.k4a_device_get_calibration(self._handle, depth, colour, ctypes.byref(raw)),
             "its factory calibration cannot be read",
@@ -118,8 +119,8 @@ class K4aDevice:
         self.infrared = infrared
         configuration = k4a.DeviceConfiguration(
             color_format=k4a.COLOR_MJPG,
-            color_resolution=k4a.COLOUR_RESOLUTIONS[COLOUR_MODE],
-            depth_mode=k4a.DEPTH_MODES[DEPTH_MODE],
+            color_resolution=k4a.COLOUR_720P,
+            depth_mode=k4a.NFOV_UNBINNED,
             camera_fps=k4a.FPS_30,
             synchronized_images_only=True,
         )
@@ -185,6 +186,73 @@ class K4aDevice:
     def _hear(self, _context: int, _level: int, file: bytes, line: int, message: bytes) -> None:
         """Keep the first error of a call: it is the cause, and later ones echo it through the library."""
         self._said = self._said or message.decode("utf-8", "replace").strip()
+
+
+def read_capture(library: K4aLibrary, capture: ctypes.c_void_p, now_s: float, *, infrared: bool) -> Captured | None:
+    """Copy a capture; None where colour or depth is missing, or infrared where it is asked for.
+
+    `now_s` is the host's monotonic time. It replaces the library's arrival stamp if that is missing or comes from
+    another clock (recordings, Orbbec's library). Raises CameraError on a format that was not asked for.
+    """
+    with (
+        _image(library, library.k4a_capture_get_color_image, capture) as colour,
+        _image(library, library.k4a_capture_get_depth_image, capture) as depth,
+        _image(library, library.k4a_capture_get_ir_image, capture) as dark,
+    ):
+        if colour is None or depth is None or (infrared and dark is None):
+            return None
+        if (kind := library.k4a_image_get_format(colour)) != k4a.COLOR_MJPG:
+            raise CameraError(
+                f"the camera sends colour in format {kind} instead of MJPG ({k4a.COLOR_MJPG}): unplug it, plug it in "
+                "again and run the command again"
+            )
+        device_s = 1e-6 * library.k4a_image_get_device_timestamp_usec(colour)
+        stamped_s = 1e-9 * library.k4a_image_get_system_timestamp_nsec(colour)
+        return Captured(
+            device_s=device_s,
+            arrived_s=stamped_s if 0.0 <= now_s - stamped_s <= _LATE_S else now_s,
+            jpeg=_content(library, colour),
+            depth_mm=_grey(library, depth, k4a.DEPTH16),
+            infrared=_grey(library, dark, k4a.IR16) if infrared else None,
+            exposure_us=int(library.k4a_image_get_exposure_usec(colour)),
+            white_balance_K=int(library.k4a_image_get_white_balance(colour)),
+        )
+
+
+@contextmanager
+def _image(
+    library: K4aLibrary, get: Callable[[ctypes.c_void_p], int | None], capture: ctypes.c_void_p
+) -> Iterator[ctypes.c_void_p | None]:
+    address = get(capture)
+    if not address:
+        yield None
+        return
+    image = ctypes.c_void_p(address)
+    try:
+        yield image
+    finally:
+        library.k4a_image_release(image)
+
+
+def _content(library: K4aLibrary, image: ctypes.c_void_p) -> bytes:
+    return ctypes.string_at(library.k4a_image_get_buffer(image), library.k4a_image_get_size(image))
+
+
+def _grey(library: K4aLibrary, image: Any, kind: int) -> NDArray[np.uint16]:
+    if (found := library.k4a_image_get_format(image)) != kind:
+        raise CameraError(
+            f"the camera sends an image of format {found} instead of {kind}, 16-bit grey: unplug it, plug it in again "
+            "and run the command again"
+        )
+    width, height = library.k4a_image_get_width_pixels(image), library.k4a_image_get_height_pixels(image)
+    stride = library.k4a_image_get_stride_bytes(image)
+    content = _content(library, image)
+    if stride < 2 * width or len(content) < stride * height:
+        raise CameraError(
+            f"a depth image of {width} x {height} has only {len(content)} bytes: check the camera's USB cable"
+        )
+    rows = np.frombuffer(content, "<u2", count=stride * height // 2).reshape(height, -1)
+    return np.ascontiguousarray(rows[:, :width], dtype=np.uint16)
 
 
 def model_of(raw: k4a.Calibration, serial: str) -> CameraModel:

@@ -1,4 +1,7 @@
-"""libk4a through ctypes: where it is, and the prototypes of the functions in use.
+"""libk4a through ctypes: where it is, its numbers and memory layouts, and the prototypes of the functions in use.
+
+Numbers and layouts are those of libk4a 1.4's header k4atypes.h (little endian, 64 bit). Orbbec's K4A-compatible
+library has the same ones.
 
 Loading or calling a vendor's library may end the process: `hw.camera.probe` does it in a child first.
 """
@@ -11,10 +14,111 @@ import os
 from collections.abc import Mapping
 from ctypes import POINTER, c_char_p, c_int, c_int32, c_size_t, c_uint32, c_uint64, c_void_p
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, ClassVar, Protocol, cast
 
-from hw.camera.k4a_types import Calibration, DeviceConfiguration, HardwareVersion
 from hw.errors import DeviceUnavailable
+
+# k4a_result_t, k4a_buffer_result_t, k4a_wait_result_t
+SUCCEEDED, FAILED = 0, 1
+TOO_SMALL = 2
+TIMEOUT = 2
+
+# k4a_image_format_t
+COLOR_MJPG, DEPTH16, IR16 = 0, 4, 5
+
+# k4a_color_resolution_t, k4a_depth_mode_t and k4a_fps_t
+COLOUR_720P, NFOV_UNBINNED, FPS_30 = 1, 2, 2
+
+# k4a_color_control_command_t and k4a_color_control_mode_t
+EXPOSURE_TIME_ABSOLUTE, WHITEBALANCE, GAIN, POWERLINE_FREQUENCY = 0, 6, 8, 9
+MODE_AUTO, MODE_MANUAL = 0, 1
+
+# k4a_calibration_type_t
+TYPE_DEPTH, TYPE_COLOUR, TYPES = 0, 1, 4
+
+# k4a_calibration_model_type_t
+RATIONAL_6KT, BROWN_CONRADY = 3, 4
+
+LOG_ERROR = 1
+
+
+class DeviceConfiguration(ctypes.Structure):
+    """k4a_device_configuration_t."""
+
+    _fields_: ClassVar = [
+        ("color_format", ctypes.c_int),
+        ("color_resolution", ctypes.c_int),
+        ("depth_mode", ctypes.c_int),
+        ("camera_fps", ctypes.c_int),
+        ("synchronized_images_only", ctypes.c_bool),
+        ("depth_delay_off_color_usec", ctypes.c_int32),
+        ("wired_sync_mode", ctypes.c_int),
+        ("subordinate_delay_off_master_usec", ctypes.c_uint32),
+        ("disable_streaming_indicator", ctypes.c_bool),
+    ]
+
+
+class Extrinsics(ctypes.Structure):
+    """k4a_calibration_extrinsics_t: row-major rotation, translation in mm."""
+
+    _fields_: ClassVar = [("rotation", ctypes.c_float * 9), ("translation", ctypes.c_float * 3)]
+
+
+class IntrinsicParameters(ctypes.Structure):
+    """k4a_calibration_intrinsics_t: cx cy fx fy k1 k2 k3 k4 k5 k6 codx cody p2 p1 metric_radius."""
+
+    _fields_: ClassVar = [
+        ("type", ctypes.c_int),
+        ("parameter_count", ctypes.c_uint),
+        ("parameters", ctypes.c_float * 15),
+    ]
+
+
+class CalibrationCamera(ctypes.Structure):
+    """k4a_calibration_camera_t."""
+
+    _fields_: ClassVar = [
+        ("extrinsics", Extrinsics),
+        ("intrinsics", IntrinsicParameters),
+        ("resolution_width", ctypes.c_int),
+        ("resolution_height", ctypes.c_int),
+        ("metric_radius", ctypes.c_float),
+    ]
+
+
+class Calibration(ctypes.Structure):
+    """k4a_calibration_t; `extrinsics[source][target]` takes points of the source into the target."""
+
+    _fields_: ClassVar = [
+        ("depth_camera_calibration", CalibrationCamera),
+        ("color_camera_calibration", CalibrationCamera),
+        ("extrinsics", Extrinsics * TYPES * TYPES),
+        ("depth_mode", ctypes.c_int),
+        ("color_resolution", ctypes.c_int),
+    ]
+
+
+class Version(ctypes.Structure):
+    """k4a_version_t."""
+
+    _fields_: ClassVar = [("major", ctypes.c_uint32), ("minor", ctypes.c_uint32), ("iteration", ctypes.c_uint32)]
+
+    def __str__(self) -> str:
+        return f"{self.major}.{self.minor}.{self.iteration}"
+
+
+class HardwareVersion(ctypes.Structure):
+    """k4a_hardware_version_t: firmware of the device."""
+
+    _fields_: ClassVar = [
+        ("rgb", Version),
+        ("depth", Version),
+        ("audio", Version),
+        ("depth_sensor", Version),
+        ("firmware_build", ctypes.c_int),
+        ("firmware_signature", ctypes.c_int),
+    ]
+
 
 ENVIRONMENT = "ADAPTSIM_K4A_LIBRARY"
 """Environment variable that names the library file, if the loader does not find the right one by itself."""

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hw.camera import k4a_library, realsense
-from hw.camera.k4a_library import INSTALL, K4aLibrary
-from hw.camera.k4a_types import SUCCEEDED, HardwareVersion
+from hw.camera.k4a_library import INSTALL, SUCCEEDED, HardwareVersion, K4aLibrary
 from hw.errors import DeviceUnavailable
 
 REALSENSE = "pyrealsense2"

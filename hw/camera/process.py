@@ -1,29 +1,23 @@
-"""A live camera behind `hw.ports.Camera`, in a process of its own: every answer has a deadline."""
+"""A live camera behind `hw.ports.Camera`, in a process of its own (`hw.camera.served`): every answer has a deadline.
+
+Colour and depth at 30 FPS, exposed together, with the device's own time, which is mapped to the arm's clock (the host's
+monotonic clock).
+"""
 
 from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
 from typing import Any, Self, TypeVar
 
 from hw.camera.grabber import Film, TimedCapture
-from hw.camera.k4a import decoded, frame_of, require_whole
 from hw.camera.k4a_device import ColourSettings
-from hw.camera.messages import (
-    Answer,
-    Failed,
-    Open,
-    Opened,
-    Recorded,
-    Request,
-    Snapshot,
-    Started,
-    StartRecording,
-    Step,
-    StopRecording,
-)
-from hw.child import Child, ChildGone
+from hw.camera.served import END_FILM, OPEN
+from hw.child import Call, Child, ChildGone
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import CameraModel, Frame
 
@@ -31,32 +25,49 @@ ANSWER_S = 3.0
 """The longest silence of a running camera; while it connects, a message reports a silence of this length."""
 STEP_S = 20.0
 """The longest time for one step of connecting: the library, the depth engine, the first images."""
+MOST_LOST = 0.25
+"""A recording that misses a larger share of its images is refused: it shows too little of the motion."""
 _END_S = 1.0
-KINECT, REALSENSE = "hw.camera.served:kinect", "hw.camera.served:realsense"
 
 _log = logging.getLogger(__name__)
 _Kind = TypeVar("_Kind")
 
 
+def served(make: str) -> Callable[[], Child]:
+    """Starts the process of a camera; `make` is its `hw.camera.served.Make` as module:function."""
+    return partial(Child, "hw.camera.served", make, end_s=_END_S)
+
+
+KINECT, REALSENSE = served("hw.camera.served:kinect"), served("hw.camera.realsense:RealSenseDevice")
+
+
 class CameraProcess:
-    """Entering starts the process and connects. A process that hangs is ended; entering again starts another."""
+    """The camera with a serial number, or the only one of its kind.
+
+    Entering starts the process and connects. A process that hangs is ended; entering again starts another.
+    """
 
     def __init__(
         self,
-        serial: str | None,
-        settings: ColourSettings,
+        serial: str | None = None,
+        settings: ColourSettings | None = None,
         *,
         infrared: bool = False,
         latency_s: float = 0.0,
-        maker: str = KINECT,
+        start: Callable[[], Child] = KINECT,
         answer_s: float = ANSWER_S,
         step_s: float = STEP_S,
     ) -> None:
-        """As `hw.camera.k4a.LiveCamera`, which `maker` (module:function) makes in the process. Raises ValueError."""
+        """`start` starts the process of a kind of camera.
+
+        `latency_s` is the time from the end of an exposure to its arrival at the host, as the calibration's swing
+        measures it; half of the exposure is known and subtracted automatically. With `infrared` every frame carries
+        the depth camera's infrared image, for calibrating. Raises ValueError.
+        """
         if latency_s < 0.0:
             raise ValueError(f"a camera latency of {latency_s:g} s: it must be 0 or more")
-        self._asked, self._maker = Open(serial, settings, infrared, latency_s), maker
-        self._answer_s, self._step_s = answer_s, step_s
+        self._asked = Call(OPEN, (serial, settings or ColourSettings(), infrared, latency_s))
+        self._start, self._answer_s, self._step_s = start, answer_s, step_s
         self._child: Child | None = None
         self._model: CameraModel | None = None
         self._facts: dict[str, Any] = {}
@@ -66,14 +77,13 @@ class CameraProcess:
     def __enter__(self) -> Self:
         """Raises DeviceUnavailable without library or camera, CameraError if the camera does not start."""
         self._ended = ""
-        child = self._child = Child("hw.camera.served", self._maker, end_s=_END_S)
+        self._child = self._start()
         try:
             self._send(self._asked)
-            opened = _known(self._connecting(child), Opened)
+            self._model, self._facts = self._connecting(self._child)
         except BaseException:
             self.__exit__()
             raise
-        self._model, self._facts = opened.model, opened.facts
         return self
 
     def __exit__(self, *exc: object) -> None:
@@ -98,53 +108,49 @@ class CameraProcess:
 
     def snapshot(self) -> Frame:
         """The first frame exposed from now on. Raises CameraError."""
-        return frame_of(self._ask(Snapshot(), TimedCapture))
+        self._send(Call("shot"))
+        return _decoded(self._receive(TimedCapture, self._answer_s))
 
     def start_recording(self) -> None:
         """Raises CameraError when one runs, or the camera is gone."""
-        self._ask(StartRecording(), Started)
+        self._send(Call("start_recording"))
+        self._receive(type(None), self._answer_s)
 
     def stop_recording(self) -> Sequence[Frame]:
         """Everything exposed since `start_recording`, decoded.
 
         Raises CameraError, also if too many images were lost.
         """
-        head = self._ask(StopRecording(), Recorded)
-        shots = tuple(_known(self._receive(self._answer_s), TimedCapture) for _ in range(head.shots))
-        self._facts = head.facts
-        film = self._film = Film(shots, head.dropped, head.longest_gap_s, head.clock)
-        require_whole(film, self.model().serial)
-        return decoded(shots)
+        self._send(Call(END_FILM))
+        head, facts, count = self._receive(tuple, self._answer_s)
+        shots = tuple(self._receive(TimedCapture, self._answer_s) for _ in range(count))
+        self._facts, self._film = facts, replace(head, shots=shots)
+        _require_whole(self._film, self.model().serial)
+        with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it decodes
+            return tuple(pool.map(_decoded, shots))
 
-    def _ask(self, request: Request, kind: type[_Kind]) -> _Kind:
-        self._send(request)
-        return _known(self._receive(self._answer_s), kind)
-
-    def _connecting(self, child: Child) -> Answer:
-        """The answer to `Open`, step by step."""
+    def _connecting(self, child: Child) -> Any:
+        """The answer to `open`: model and facts. A step that it takes is awaited for `step_s`."""
         doing = "it starts"
         while True:
             began_s = time.monotonic()
             if not child.answers(self._answer_s):
                 _log.warning(
-                    "the camera is silent for %g s while %s; waiting up to %g s",
-                    self._answer_s,
-                    doing,
-                    self._step_s,
+                    "the camera is silent for %g s while %s; waiting up to %g s", self._answer_s, doing, self._step_s
                 )
             left_s = max(self._step_s - (time.monotonic() - began_s), 0.0)
-            answer = self._receive(left_s, f"{self._step_s:g} s while {doing}")
-            if not isinstance(answer, Step):
+            answer = self._receive(object, left_s, f"{self._step_s:g} s while {doing}")
+            if not isinstance(answer, str):
                 return answer
-            doing = answer.doing
+            doing = answer
 
-    def _send(self, request: Request) -> None:
+    def _send(self, call: Call) -> None:
         try:
-            self._running.send(request)
+            self._running.send(call)
         except ChildGone as how:
             raise self._gone(f"the camera's process was {how}") from how
 
-    def _receive(self, within_s: float, silent: str = "") -> Answer:
+    def _receive(self, kind: type[_Kind], within_s: float, silent: str = "") -> _Kind:
         child = self._running
         try:
             if not child.answers(within_s):
@@ -152,11 +158,13 @@ class CameraProcess:
                 raise self._gone(
                     f"the camera's driver has not answered for {silent or f'{within_s:g} s'}, and was ended"
                 )
-            answer: Answer = child.receive()
+            answer = child.receive()
         except ChildGone as how:
             raise self._gone(f"the camera's process was {how}") from how
-        if isinstance(answer, Failed):
-            raise (DeviceUnavailable if answer.unavailable else CameraError)(answer.text)
+        if isinstance(answer, CameraError | DeviceUnavailable):
+            raise answer
+        if not isinstance(answer, kind):
+            raise CameraError(f"the camera's process answered {type(answer).__name__} instead of {kind.__name__}")
         return answer
 
     def _gone(self, why: str) -> CameraError:
@@ -176,27 +184,21 @@ class CameraProcess:
         return self._child
 
 
-def open_camera(
-    serial: str | None = None,
-    settings: ColourSettings | None = None,
-    *,
-    maker: str = KINECT,
-    infrared: bool = False,
-    latency_s: float = 0.0,
-) -> CameraProcess:
-    """The camera with this serial number, or the only one of its kind (`maker`); connects on entering.
-
-    `latency_s` is the time from the end of an exposure to its arrival at the host, as the calibration's swing measures
-    it; half of the exposure is known and subtracted automatically. With `infrared` every frame carries the depth
-    camera's infrared image, for calibrating.
-    """
-    return CameraProcess(serial, settings or ColourSettings(), infrared=infrared, latency_s=latency_s, maker=maker)
+def _decoded(shot: TimedCapture) -> Frame:
+    return shot.captured.frame(shot.t_s)
 
 
-def _known(answer: Answer, kind: type[_Kind]) -> _Kind:
-    if not isinstance(answer, kind):
-        raise CameraError(f"the camera's process answered {type(answer).__name__} instead of {kind.__name__}")
-    return answer
+def _require_whole(film: Film, serial: str) -> None:
+    """Raises CameraError if too many images of a recording are missing; a few give only a warning."""
+    every = film.dropped + len(film.shots)
+    if film.dropped:
+        _log.warning("camera %s dropped %d of %d frames", serial, film.dropped, every)
+    if not film.shots or film.lost > MOST_LOST:
+        raise CameraError(
+            f"{film.dropped} of {every} frames of the recording are missing ({film.lost:.0%}, limit {MOST_LOST:.0%}; "
+            f"longest gap {film.longest_gap_s:.2f} s): give the camera a USB controller of its own, close "
+            "other programs, and repeat the trial"
+        )
 
 
 def _closed() -> DeviceUnavailable:

@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from hw.camera.capture import Captured
+from hw.camera.grabber import Captured
 from hw.camera.k4a_device import RATE_HZ, ColourSettings
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Array, CameraModel, Intrinsics
@@ -36,7 +36,7 @@ def plugged_in() -> Sequence[Any]:
 
 
 class RealSenseDevice:
-    """`hw.camera.k4a.Device`. Opens on `open`; `next_capture` may run in a thread of its own."""
+    """`hw.camera.served.Device`. Opens on `open`; `next_capture` may run in a thread of its own."""
 
     modes = (f"{COLOUR_PX[0]}x{COLOUR_PX[1]}", f"{DEPTH_PX[0]}x{DEPTH_PX[1]}")
 

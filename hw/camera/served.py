@@ -8,81 +8,186 @@ from __future__ import annotations
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import asdict, replace
 from importlib import import_module
 from multiprocessing.connection import Connection
+from typing import Any, Protocol
 
-from hw.camera.grabber import Film
-from hw.camera.k4a import LiveCamera
-from hw.camera.messages import (
-    Failed,
-    Open,
-    Opened,
-    Recorded,
-    Request,
-    Snapshot,
-    Started,
-    StartRecording,
-    Step,
-    StopRecording,
-)
-from hw.camera.realsense import RealSenseDevice
+from hw.camera import k4a_library
+from hw.camera.grabber import Captured, DeviceClock, Film, Grabber, TimedCapture
+from hw.camera.k4a_device import RATE_HZ, ColourSettings, K4aDevice
+from hw.camera.probe import probe_k4a
+from hw.child import Call
 from hw.errors import CameraError, DeviceUnavailable
+from hw.types import CameraModel
 
 ORPHAN_S = 1.0
 """How long a driver may block the process after the program has ended."""
-
-Make = Callable[[Open], LiveCamera]
-
-
-def kinect(asked: Open) -> LiveCamera:
-    """The camera that is plugged in."""
-    return LiveCamera(asked.serial, asked.settings, infrared=asked.infrared, latency_s=asked.latency_s)
+OPEN, END_FILM = "open", "end_film"
+"""The calls with an answer of their own; the others are `shot` and `start_recording` of `LiveCamera`."""
 
 
-def realsense(asked: Open) -> LiveCamera:
-    """The RealSense that is plugged in."""
-    return LiveCamera(
-        asked.serial, asked.settings, infrared=asked.infrared, latency_s=asked.latency_s, device=RealSenseDevice
-    )
+class Device(Protocol):
+    """The driver of one camera. Each method may raise CameraError or DeviceUnavailable."""
+
+    modes: tuple[str, str]  # of colour and depth
+
+    def open(self, serial: str | None) -> None:
+        """Open the camera with this serial number, or the only one."""
+        ...
+
+    def model(self) -> CameraModel:
+        """The factory calibration, for the modes in use."""
+        ...
+
+    def set_colour(self, wanted: ColourSettings) -> ColourSettings:
+        """Fix exposure, white balance and gain; return the values that the device then reports."""
+        ...
+
+    def start(self, *, infrared: bool) -> None:
+        """Colour and depth at 30 FPS, exposed together."""
+        ...
+
+    def next_capture(self) -> Captured | None:
+        """The next capture with all images; None if none came within half a second, or an image is missing."""
+        ...
+
+    def close(self) -> None:
+        """Stop and close; safe to call again."""
+        ...
 
 
-def serve(program: Connection, make: Make) -> None:
-    """Answer requests until the program hangs up."""
-    camera: LiveCamera | None = None
+Make = Callable[[Callable[[], float]], Device]
+"""The arm's clock -> a camera, not open. Raises DeviceUnavailable without its library or a camera."""
+
+
+def kinect(now_s: Callable[[], float]) -> Device:
+    """`Make`: an Azure Kinect or a Femto Bolt. A child process shows first that libk4a can be loaded and sees one."""
+    report = probe_k4a()
+    report.require()
+    assert report.library is not None
+    return K4aDevice(k4a_library.load(report.library), now_s)
+
+
+class LiveCamera:
+    """A camera that takes images from `open` to `close`, each timed on the arm's clock."""
+
+    def __init__(self, make: Make, now_s: Callable[[], float] = time.monotonic) -> None:
+        """`now_s` is the arm's clock: the monotonic one, which libk4a stamps with too."""
+        self._make, self._now_s = make, now_s
+        self._device: Device | None = None
+        self._grabber: Grabber | None = None
+        self._facts: dict[str, Any] = {}
+
+    def open(
+        self,
+        serial: str | None,
+        settings: ColourSettings,
+        infrared: bool,
+        latency_s: float,
+        progress: Callable[[str], None],
+    ) -> CameraModel:
+        """Connect, in about three seconds: probe, start, and map the device's clock.
+
+        `progress` is called with the name of each step before it begins. Raises DeviceUnavailable without library or
+        camera, CameraError if the camera does not start.
+        """
+        progress("looking for cameras")
+        device = self._device = self._make(self._now_s)
+        try:
+            progress("opening the camera and reading its calibration")
+            device.open(serial)
+            model, reported = device.model(), device.set_colour(settings)
+            progress("starting the cameras")
+            device.start(infrared=infrared)
+            progress("waiting for the first images")
+            clock = DeviceClock(delay_s=0.5e-6 * reported.exposure_us + latency_s)
+            self._grabber = Grabber(device.next_capture, clock, RATE_HZ)
+            self._grabber.start()
+        except BaseException:
+            self.close()
+            raise
+        self._facts = {
+            "serial": model.serial,
+            "modes": list(device.modes),
+            "settings": asdict(reported),
+            "latency_s": latency_s,
+        }
+        return model
+
+    def close(self) -> None:
+        """Stop and close; safe to call again."""
+        if self._grabber is not None:
+            self._grabber.stop()
+            self._grabber = None
+        if self._device is not None:
+            self._device.close()
+            self._device = None
+
+    def shot(self) -> TimedCapture:
+        """The first image exposed from now on. Raises CameraError."""
+        return self._running.shot_after(self._now_s())
+
+    def start_recording(self) -> None:
+        """Raises CameraError when one runs, or the camera is gone."""
+        self._running.keep_from(self._now_s())
+
+    def end_film(self) -> Film:
+        """End the recording: everything exposed since its start, complete or not.
+
+        Raises CameraError if none runs, or the camera is gone.
+        """
+        return self._running.film_until(self._now_s())
+
+    def facts(self, film: Film | None = None) -> dict[str, Any]:
+        """For a session's record: which camera, its settings, and the quality of its last recording."""
+        if film is None:
+            return self._facts | {"recording": None}
+        last = {
+            "frames": len(film.shots),
+            "dropped": film.dropped,
+            "longest_gap_s": film.longest_gap_s,
+            "clock_spread_s": film.clock.spread_s,
+            "exposure_us_and_white_balance_K": sorted(
+                {(shot.captured.exposure_us, shot.captured.white_balance_K) for shot in film.shots}
+            ),
+        }
+        return self._facts | {"recording": last}
+
+    @property
+    def _running(self) -> Grabber:
+        if self._grabber is None:
+            raise DeviceUnavailable("the camera is not connected")
+        return self._grabber
+
+
+def serve(program: Connection, camera: LiveCamera) -> None:
+    """Answer calls until the program hangs up.
+
+    `open`: the name of each step, then (model, facts). `end_film`: (film without its images, facts, their number), then
+    each image. A call that fails is answered with its error.
+    """
     try:
         with suppress(EOFError, OSError):
             while True:
-                request: Request = program.recv()
+                call: Call = program.recv()
                 try:
-                    if isinstance(request, Open):
-                        camera = make(request)
-                        camera.connect(lambda doing: program.send(Step(doing)))
-                        program.send(Opened(camera.model(), camera.settings, camera.facts()))
-                    elif camera is None:
-                        program.send(Failed("the camera is not connected", unavailable=True))
+                    if call.method == OPEN:
+                        program.send((camera.open(*call.arguments, program.send), camera.facts()))
+                    elif call.method == END_FILM:
+                        film = camera.end_film()
+                        program.send((replace(film, shots=()), camera.facts(film), len(film.shots)))
+                        for shot in film.shots:
+                            program.send(shot)
                     else:
-                        _answer(program, camera, request)
+                        program.send(getattr(camera, call.method)())
                 except (CameraError, DeviceUnavailable) as error:
-                    program.send(Failed(str(error), isinstance(error, DeviceUnavailable)))
+                    program.send(error)
     finally:
-        if camera is not None:
-            camera.__exit__()
-
-
-def _answer(program: Connection, camera: LiveCamera, request: Request) -> None:
-    if isinstance(request, Snapshot):
-        program.send(camera.shot())
-    elif isinstance(request, StartRecording):
-        camera.start_recording()
-        program.send(Started())
-    elif isinstance(request, StopRecording):
-        film: Film = camera.end_film()
-        facts = camera.facts()
-        program.send(Recorded(len(film.shots), film.dropped, film.longest_gap_s, film.clock, facts))
-        for one in film.shots:
-            program.send(one)
+        camera.close()
 
 
 def end_with(pipe: int) -> None:
@@ -99,11 +204,11 @@ def end_with(pipe: int) -> None:
 
 
 def main(connection_fd: str, pipe_fd: str, maker: str) -> None:
-    """Serve one program; the arguments are two file descriptors and the camera's maker as module:function."""
+    """Serve one program; the arguments are two file descriptors and a `Make` as module:function."""
     end_with(int(pipe_fd))
     module, _, name = maker.partition(":")
     with Connection(int(connection_fd)) as program:
-        serve(program, getattr(import_module(module), name))
+        serve(program, LiveCamera(getattr(import_module(module), name)))
 
 
 if __name__ == "__main__":

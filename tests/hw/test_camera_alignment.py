@@ -11,7 +11,7 @@ import pytest
 from kinect_alignment import align, points_in_colour, undistorted
 from scipy.spatial.transform import Rotation
 
-from hw.camera.kinect import camera_model
+from hw.camera.recording import camera_model
 from hw.errors import CameraError
 from hw.types import CameraModel, Frame
 

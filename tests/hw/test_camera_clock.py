@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.camera.clock import LEAST_PAIRS, DeviceClock
-from hw.camera.grabber import gaps
+from hw.camera.grabber import LEAST_PAIRS, DeviceClock, gaps
 from hw.errors import CameraError
 
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from kinect_files import CALIBRATION, SMALL, record
 
-from hw.camera.kinect import camera_model
-from hw.camera.recording import KinectRecording, grey16
+from hw.camera.recording import KinectRecording, camera_model, grey16
 from hw.errors import CameraError, DeviceUnavailable
 
 

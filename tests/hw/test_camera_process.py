@@ -11,8 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from hw.camera.k4a_device import ColourSettings
-from hw.camera.process import ANSWER_S, CameraProcess
+from hw.camera.process import ANSWER_S, CameraProcess, served
 from hw.errors import CameraError, DeviceUnavailable
 
 SUPPORT = Path(__file__).parents[1] / "support"
@@ -28,7 +27,7 @@ def staged(monkeypatch: pytest.MonkeyPatch) -> Staged:
         paths = [str(SUPPORT), str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
         monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
         monkeypatch.setenv("ADAPTSIM_STAGED_KINECT", wrong)
-        return CameraProcess(None, ColourSettings(), maker="fake_k4a:live", answer_s=ANSWER_S, step_s=step_s)
+        return CameraProcess(start=served("fake_k4a:live"), step_s=step_s)
 
     return camera
 

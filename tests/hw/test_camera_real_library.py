@@ -16,10 +16,9 @@ import pytest
 from kinect_alignment import points_in_colour
 
 from hw.camera import k4a_library
-from hw.camera.capture import Captured, read_capture
-from hw.camera.k4a_device import model_of
-from hw.camera.k4a_library import K4aLibrary
-from hw.camera.k4a_types import Calibration
+from hw.camera.grabber import Captured
+from hw.camera.k4a_device import model_of, read_capture
+from hw.camera.k4a_library import Calibration, K4aLibrary
 from hw.camera.probe import probe_k4a
 from hw.camera.recording import KinectRecording
 from hw.types import CameraModel, Frame

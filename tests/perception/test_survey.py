@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mug import Survey, find_plane, survey
 
-from hw.camera.kinect import camera_model
+from hw.camera.recording import camera_model
 from hw.types import CameraModel, Frame, Intrinsics
 from perception.errors import ObjectNotFound, TableNotFound
 

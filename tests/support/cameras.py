@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Self, TypeVar
 
 import numpy as np
-from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, frames, kinect_library
+from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, frames, kinect_library, threaded
 from staged_realsense import SoftRealSense
 
-from hw.camera.k4a import Device, LiveCamera
 from hw.camera.k4a_device import ColourSettings
-from hw.camera.process import open_camera
+from hw.camera.process import CameraProcess
 from hw.camera.replay import RecordedCamera, Take
+from hw.camera.served import Device
 from hw.joint_limits import LIMITS
 from hw.ports import Camera
 from hw.types import CameraModel, Frame, Intrinsics
@@ -105,17 +105,13 @@ def board_lab() -> Scene:
 
 
 class Staged:
-    """A `LiveCamera` on a stage, and somebody who shows it captures whenever it waits for one."""
+    """A camera on a stage, and somebody who shows it captures whenever it waits for one."""
 
     def __init__(self, make: Callable[[], FakeK4a | SoftRealSense]) -> None:
         settings = ColourSettings()
         self._make, self._library = make, make()
-        self._camera = LiveCamera(
-            None,
-            settings,
-            latency_s=DELAY_S - 0.5e-6 * settings.exposure_us,
-            device=self._driver,
-            now_s=self.now_s,
+        self._camera = threaded(
+            self._driver, self.now_s, settings=settings, latency_s=DELAY_S - 0.5e-6 * settings.exposure_us
         )
         self._next_s = self.now_s()  # middle of the next exposure
         self.loses = False  # every other capture of the next film
@@ -196,7 +192,7 @@ def realsense() -> Scene:
 
 def real_kinect() -> Scene:
     """The camera that is plugged in, or the one with the serial number in ADAPTSIM_TEST_CAMERA."""
-    camera = open_camera(os.environ.get("ADAPTSIM_TEST_CAMERA"))
+    camera = CameraProcess(os.environ.get("ADAPTSIM_TEST_CAMERA"))
 
     def pictures() -> None:
         for _ in range(10):

@@ -20,16 +20,18 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 import cv2
 import numpy as np
 
-from hw.camera import k4a_types as k4a
-from hw.camera.k4a import LiveCamera
-from hw.camera.k4a_device import ColourSettings, K4aDevice
+from hw.camera import k4a_library as k4a
+from hw.camera.k4a_device import K4aDevice
 from hw.camera.k4a_library import PROTOTYPES
-from hw.camera.messages import Open
+from hw.camera.process import CameraProcess
+from hw.camera.served import Device, LiveCamera, Make, serve
 from hw.fake import FakeClock
 
 BOOT_S = 40.0  # host time at which the device's clock began
@@ -294,13 +296,48 @@ def frames(start_s: float, count: int, **what: Any) -> list[Shown]:
     return [Shown(start_s + i * PERIOD_S, **what) for i in range(count)]
 
 
-def camera_on(fake: FakeK4a, serial: str | None = None, **options: Any) -> LiveCamera:
-    settings = options.pop("settings", ColourSettings())
-    return LiveCamera(serial, settings, device=fake.driver, now_s=fake.clock.now_s, **options)
+class ThreadedChild:
+    """A camera's process that is a thread of this one: `hw.child.Child` as `CameraProcess` uses it."""
+
+    def __init__(self, make: Make, now_s: Callable[[], float]) -> None:
+        self._program, theirs = Pipe()
+        self._thread = threading.Thread(target=self._serve, args=(theirs, LiveCamera(make, now_s)), daemon=True)
+        self._thread.start()
+
+    @staticmethod
+    def _serve(program: Connection, camera: LiveCamera) -> None:
+        with program:
+            serve(program, camera)
+
+    def send(self, request: object) -> None:
+        self._program.send(request)
+
+    def answers(self, within_s: float) -> bool:
+        return self._program.poll(within_s)
+
+    def receive(self) -> Any:
+        return self._program.recv()
+
+    def close(self) -> None:
+        self._program.close()
+        self._thread.join()
+
+
+def threaded(make: Make, now_s: Callable[[], float], serial: str | None = None, **options: Any) -> CameraProcess:
+    """A camera in a thread of this process."""
+
+    def start() -> Any:
+        return ThreadedChild(make, now_s)
+
+    return CameraProcess(serial, start=start, answer_s=60.0, step_s=60.0, **options)
+
+
+def camera_on(fake: FakeK4a, serial: str | None = None, **options: Any) -> CameraProcess:
+    return threaded(fake.driver, fake.clock.now_s, serial, **options)
 
 
 @contextmanager
-def running(fake: FakeK4a, serial: str | None = None, **options: Any) -> Iterator[LiveCamera]:
+def running(fake: FakeK4a, serial: str | None = None, **options: Any) -> Iterator[CameraProcess]:
     """A camera on `fake` that has seen 20 images, from 100 s on."""
     camera = camera_on(fake, serial, **options)
     with ThreadPoolExecutor(1) as pool:
@@ -371,7 +408,6 @@ class LiveK4a(FakeK4a):
         return k4a.SUCCEEDED
 
 
-def live(asked: Open) -> LiveCamera:
+def live(now_s: Callable[[], float]) -> Device:
     """`hw.camera.served.Make`."""
-    library = kinect_library(LiveK4a("A1"))
-    return LiveCamera(asked.serial, asked.settings, infrared=asked.infrared, device=library.driver)
+    return kinect_library(LiveK4a("A1")).driver(now_s)

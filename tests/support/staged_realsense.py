@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from fake_k4a import BOOT_S, DELAY_S, Shown, TellingClock
 
-from hw.camera.capture import Captured
+from hw.camera.grabber import Captured
 from hw.camera.k4a_device import ColourSettings
 from hw.camera.realsense import RealSenseDevice
 from hw.types import CameraModel

@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
 from hw.camera.k4a_device import ColourSettings
-from hw.camera.process import KINECT, REALSENSE, CameraProcess, open_camera
+from hw.camera.process import KINECT, REALSENSE, CameraProcess
 from hw.collision import MOST_SLOPE, KeepOut, Side, Table, persons_side
 from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
 from hw.types import Array, frozen_array
@@ -253,8 +253,8 @@ class CameraPart:
 
     def camera(self, *, infrared: bool = False) -> CameraProcess:
         """The camera, not connected; `infrared` asks for that image in every frame."""
-        maker = REALSENSE if self.kind == "realsense" else KINECT
-        return open_camera(self.serial or None, self.settings(), infrared=infrared, maker=maker)
+        start = REALSENSE if self.kind == "realsense" else KINECT
+        return CameraProcess(self.serial or None, self.settings(), infrared=infrared, start=start)
 
     def settings(self) -> ColourSettings:
         """Exposure, white balance, gain and mains frequency for the camera."""

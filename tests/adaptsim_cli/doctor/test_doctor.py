@@ -27,9 +27,8 @@ from adaptsim_cli.doctor.readings import Limits, Port, RoundTrips, WriteSpeed
 from adaptsim_cli.doctor.table import Examined, Finding, Severity, ok
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen.console import Screen
-from hw.camera.k4a_device import ColourSettings
 from hw.camera.probe import FoundDevice, ProbeReport
-from hw.camera.process import CameraProcess
+from hw.camera.process import CameraProcess, served
 from hw.errors import DeviceUnavailable
 from hw.franka.driver import Reading
 from hw.franka.messages import Rhythm
@@ -197,7 +196,7 @@ def test_the_camera_streams_or_its_driver_is_given_up(
     root = Path(__file__).parents[3]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(root / "tests" / "support"), str(root))))
     monkeypatch.setenv("ADAPTSIM_STAGED_KINECT", wrong)
-    camera = CameraProcess(None, ColourSettings(), maker="fake_k4a:live", step_s=60.0)
+    camera = CameraProcess(start=served("fake_k4a:live"), step_s=60.0)
     monkeypatch.setattr(CameraPart, "camera", always(camera))
     found = CHECKS["camera images"](lab_of(tmp_path))
     assert found.verdict in verdicts

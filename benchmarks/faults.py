@@ -53,7 +53,7 @@ from toy_rig import ToyLab
 from adaptsim_cli.devices.attended import ToolWatch
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.devices.known_arm import KnownArm, LastMotion
+from adaptsim_cli.devices.known_arm import KnownArm
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import running as session_running
@@ -289,14 +289,13 @@ class Lab:
         self.sdk.Robot = robot  # type: ignore[method-assign]
         self.bare = FrankaArm(cell(model, LOADED), SETTINGS, start, pedal=cast(Pedal, world))
         world.sdk, world.arm = self.sdk, self.bare
-        self.last = LastMotion(self.folder / "last.json")
+        self.known = KnownArm(self.folder / "known")
         self.consent = Consent(
             Screen(console=Console(file=io.StringIO(), markup=False)),
             model,
             operator="Kim",
             pedal=True,
-            known=KnownArm(self.folder / "known"),
-            last=self.last,
+            known=self.known,
             waived=("stop_button", "slow_start"),
         )
         self.hand = FakeHand(0.012, holds=True).__enter__()
@@ -360,7 +359,7 @@ def one_motion(kind: str, at: int, model: str, rng: np.random.Generator, folder:
     elif "joint_motion_generator" in str(error):
         notes.append(f"the arm refused a command: {error}")
     if error is not None and kind not in DISKS:
-        notes += [] if lab.last.unended() else ["an unfinished motion was forgotten"]
+        notes += [] if lab.known.unended() else ["an unfinished motion was forgotten"]
         notes += latched(lab, path) if isinstance(error, ArmFault) else []
     return Outcome(kind, error is not None, notes, stop_s)
 

@@ -42,7 +42,7 @@ import toy_session
 from adaptsim_cli import config
 from adaptsim_cli.calibration import checking, printing
 from adaptsim_cli.calibration.solving import solve_folder
-from adaptsim_cli.devices.known_arm import KnownArm, LastMotion
+from adaptsim_cli.devices.known_arm import KnownArm
 from adaptsim_cli.devices.rig_file import reading
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.session import recording, watching
@@ -139,7 +139,7 @@ def readers(made: Path) -> list[Reader]:
         Reader("world", world.read_bytes(), "world.toml", lambda p: load_world(str(p), get_task("scooping"))),
         Reader("rig", RIG, "rig.toml", reading.read),
         Reader("known arm", json.dumps(known).encode(), "known.json", lambda p: KnownArm(p.parent).read()),
-        Reader("last motion", b"{}", "last.json", lambda p: LastMotion(p).unended()),
+        Reader("last motion", b"{}", "last-motion.json", lambda p: KnownArm(p.parent).unended()),
         Reader("settings", b'task = "scooping"\nseed = 1\n', "adaptsim.toml", lambda p: config.load({}, {}, p.parent)),
         Reader("object", b'task = "scooping"\nname = "own"\n[ranges]\nmu = [0.1, 0.4]\n', "object.toml", load_object),
         Reader("card", card, CARD, lambda p: read_card(p.parent, "scooping")),

@@ -13,29 +13,21 @@ within `LONGEST_S` exists at every moment.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.dynamics import asked
 from hw.errors import MotionRefused
 from hw.joint_limits import DT_S, derivatives
-from hw.motion_limits import MotionLimits
-from hw.types import PATH_RATE_HZ, Array, ContactWindow, JointPath, frozen_array
+from hw.motion_limits import FLANGE, RATED_NM, TORQUE_RATE_NM_S, TORQUE_SHARE, MotionLimits
+from hw.types import PATH_RATE_HZ, Array, ContactWindow, JointPath, frozen_array, number
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
-from typing import TYPE_CHECKING
-
-from hw.dynamics import asked
-from hw.motion_limits import FLANGE, RATED_NM, TORQUE_RATE_NM_S, TORQUE_SHARE
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
-import math
-
-from hw.types import number
 
 PIECES = 4
 """The bound on dv/dt is convex in v², so linear pieces between 0 and 1 never lie below it."""

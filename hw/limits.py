@@ -101,7 +101,7 @@ def joint_checks(path: JointPath, limits: JointLimits) -> list[Worst]:
 def start_check(path: JointPath, q_now_rad: ArrayLike) -> Worst:
     """Whether the path begins where the arm is now (7,)."""
     off = np.abs(path.q_rad[:1] - frozen_array(q_now_rad, (JOINTS,), "q_now_rad"))
-    return _worst(("distance from the arm", "rad"), off / START_TOLERANCE_RAD, off, START_TOLERANCE_RAD, path.t_s)
+    return worst(("distance from the arm", "rad"), off / START_TOLERANCE_RAD, off, START_TOLERANCE_RAD, path.t_s)
 
 
 def refuse_beyond(report: LimitReport) -> None:
@@ -121,10 +121,10 @@ def _derivative_checks(path: JointPath, limits: JointLimits) -> list[Worst]:
     nearest = np.where(q > (limits.q_min_rad + limits.q_max_rad) / 2.0, limits.q_max_rad, limits.q_min_rad)
     low, high = limits.velocity_bounds(q)
     return [
-        _worst(("position", "rad"), position, q, nearest, t_s),
-        _worst(("velocity", "rad/s"), velocity, dq, np.where(dq >= 0.0, high, low), t_s),
-        _worst(("acceleration", "rad/s²"), acceleration, ddq, limits.ddq_max_rad_s2, t_s),
-        _worst(("jerk", "rad/s³"), np.abs(dddq) / limits.dddq_max_rad_s3, dddq, limits.dddq_max_rad_s3, t_s),
+        worst(("position", "rad"), position, q, nearest, t_s),
+        worst(("velocity", "rad/s"), velocity, dq, np.where(dq >= 0.0, high, low), t_s),
+        worst(("acceleration", "rad/s²"), acceleration, ddq, limits.ddq_max_rad_s2, t_s),
+        worst(("jerk", "rad/s³"), np.abs(dddq) / limits.dddq_max_rad_s3, dddq, limits.dddq_max_rad_s3, t_s),
     ]
 
 
@@ -132,7 +132,7 @@ def _rest(path: JointPath) -> Worst:
     """Velocity in the first and the last millisecond (the acceleration there is in the padded differences)."""
     ends = np.stack([path.q_rad[1] - path.q_rad[0], path.q_rad[-1] - path.q_rad[-2]]) / DT_S
     t_s = np.array([0.0, path.duration_s])
-    return _worst(("end velocity", "rad/s"), np.abs(ends) / REST_TOLERANCE_RAD_S, ends, REST_TOLERANCE_RAD_S, t_s)
+    return worst(("end velocity", "rad/s"), np.abs(ends) / REST_TOLERANCE_RAD_S, ends, REST_TOLERANCE_RAD_S, t_s)
 
 
 def geometry_checks(path: JointPath, tool: Tool, table: Table, keep_out: tuple[KeepOut, ...]) -> list[Worst]:
@@ -228,8 +228,9 @@ def _clearance(quantity: str, clearance: Array, names: tuple[str, ...], least_m:
     return Worst(quantity, least_m / max(value, 1e-6), names[j], float(t_s[i]), value, least_m, "m")
 
 
-def _worst(what: tuple[str, str], ratio: Array, value: Array, limit: ArrayLike, t_s: Array) -> Worst:
-    """The entry with the largest ratio of (n, 7); `what` is (quantity, unit)."""
-    i, j = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    bound = float(np.broadcast_to(np.asarray(limit, dtype=np.float64), ratio.shape)[i, j])
-    return Worst(what[0], float(ratio[i, j]), f"joint {j + 1}", float(t_s[i]), float(value[i, j]), bound, what[1])
+def worst(what: tuple[str, str], ratio: Array, value: Array, limit: ArrayLike, t_s: Array, where: str = "") -> Worst:
+    """The entry with the largest ratio of (n, 7), or of (n,) at `where`; `what` is (quantity, unit)."""
+    at = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+    bound = float(np.broadcast_to(np.asarray(limit, dtype=np.float64), ratio.shape)[at])
+    place = where or f"joint {at[1] + 1}"
+    return Worst(what[0], float(ratio[at]), place, float(t_s[at[0]]), float(value[at]), bound, what[1])

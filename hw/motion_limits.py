@@ -18,7 +18,7 @@ from hw.collision import Table, Tool, point_heights
 from hw.dynamics import Asked, asked
 from hw.joint_limits import DT_S, JointLimits, derivatives
 from hw.kinematics import JOINTS, jacobian, link_poses
-from hw.limits import COLLISION_SHARE, Worst
+from hw.limits import COLLISION_SHARE, Worst, worst
 from hw.mass import Mass
 from hw.types import Array, ContactWindow, JointPath, frozen_array
 
@@ -82,18 +82,20 @@ class MotionLimits:
         """Samples (N, ..., 7) along the first axis, `step_s` apart -> (...) the largest share of any limit."""
         found = self._quantities(asked(q_rad + self.zeros_rad, dq_rad_s, ddq_rad_s2, self.load), step_s)
         lead = q_rad.shape[1:-1]
-        worst = np.zeros(lead)
+        largest = np.zeros(lead)
         for quantity in found:
             ratio = quantity.ratio.max(axis=0)
-            worst = np.maximum(worst, ratio.max(axis=-1) if ratio.shape != lead else ratio)
-        return worst
+            largest = np.maximum(largest, ratio.max(axis=-1) if ratio.shape != lead else ratio)
+        return largest
 
     def checks(self, path: JointPath) -> list[Worst]:
         """Each quantity at its tightest moment along a path of reported joints."""
         dq, ddq, _ = derivatives(path.q_rad)
         q = np.concatenate([path.q_rad, np.repeat(path.q_rad[-1:], 3, axis=0)])
+        t_s = np.arange(len(q)) * DT_S
         return [
-            _tightest(quantity) for quantity in self._quantities(asked(q + self.zeros_rad, dq, ddq, self.load), DT_S)
+            worst((one.name, one.unit), one.ratio, one.values, one.limit, t_s, one.where)
+            for one in self._quantities(asked(q + self.zeros_rad, dq, ddq, self.load), DT_S)
         ]
 
     def _quantities(self, found: Asked, step_s: float) -> list[_Quantity]:
@@ -120,17 +122,6 @@ class MotionLimits:
         ]
 
 
-def _tightest(quantity: _Quantity) -> Worst:
-    """For values (N, 7) or (N,) of a path, one sample per millisecond."""
-    ratio = quantity.ratio
-    at = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    limit = float(np.broadcast_to(quantity.limit, ratio.shape)[at])
-    where = quantity.where or f"joint {at[1] + 1}"
-    return Worst(
-        quantity.name, float(ratio[at]), where, float(at[0]) * DT_S, float(quantity.values[at]), limit, quantity.unit
-    )
-
-
 def contact_torque_check(path: JointPath, tool: Tool, table: Table, force_N: float, stops_at_Nm: Array) -> list[Worst]:
     """The joint torques of `force_N`, upwards on the tool's lowest point, along the window of a path of true joints.
 
@@ -146,11 +137,7 @@ def contact_torque_check(path: JointPath, tool: Tool, table: Table, force_N: flo
         at = lowest == point
         torque_Nm[at] = force_N * jacobian(q_rad[at], tool.points_F_m[point])[:, 2]
     limit_Nm = COLLISION_SHARE * stops_at_Nm
-    ratio = np.abs(torque_Nm) / limit_Nm
-    i, j = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    found = float(torque_Nm[i, j])
-    what = "predicted contact torque"
-    return [Worst(what, float(ratio[i, j]), f"joint {j + 1}", float(t_s[i]), found, float(limit_Nm[j]), "Nm")]
+    return [worst(("predicted contact torque", "Nm"), np.abs(torque_Nm) / limit_Nm, torque_Nm, limit_Nm, t_s)]
 
 
 def _inside(path: JointPath, window: ContactWindow | None) -> Array:

@@ -104,8 +104,8 @@ class ConfirmedArm(AroundArm[RealArm]):
         self.await_pedal()
         self._before()
         self.consent.begun()
-        last = self.consent.last
-        with nullcontext() if last is None else last.moving():
+        known = self.consent.known
+        with nullcontext() if known is None else known.moving():
             yield
         self.consent.ended()
 

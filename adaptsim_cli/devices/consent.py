@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Literal
 
-from adaptsim_cli.devices.known_arm import STOP_BUTTON_DAYS, KnownArm, LastMotion
+from adaptsim_cli.devices.known_arm import STOP_BUTTON_DAYS, KnownArm
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
@@ -37,7 +37,6 @@ class Consent:
     each: Literal["motion", "command"] = "command"
     known: KnownArm | None = None  # None: an arm that nothing is remembered of
     setup: str = ""  # `known_arm.setup_of`
-    last: LastMotion | None = None
     given: str | None = field(default=None, init=False)  # ISO 8601: when the arm's model was typed
     _slow_ended: bool = field(default=False, init=False)
     _motion: bool = field(default=False, init=False)  # given for the next motion
@@ -46,7 +45,7 @@ class Consent:
         """Before the first motion of a command: name, stop button, slow start, and the typed model."""
         if self.given is not None:
             return
-        if (unended := self.last.unended() if self.last else None) is not None:
+        if (unended := self.known.unended() if self.known else None) is not None:
             self.screen.note(unended)
         self._name()
         self.stop_button(arm)

@@ -23,6 +23,11 @@ from hw.workcell import Workcell
 
 STOP_BUTTON_DAYS = 1
 """A check of the stop button counts for so long."""
+CHECK = (
+    "Check before anything moves: the arm stands still and touches nothing, the hand holds the tool as before, and "
+    "object, table and camera have not moved"
+)
+_KILLED = "the program ended during the motion: it was killed, or the computer was switched off"
 
 
 def folder_of(places: Places, rig: RigDescription) -> Path:
@@ -48,7 +53,7 @@ class ArmFacts:
 
 @dataclass(frozen=True)
 class KnownArm:
-    """The file `known.json` of an arm. A damaged one counts as empty: everything is then asked again."""
+    """The files of an arm. A damaged `known.json` counts as empty: everything is then asked again."""
 
     folder: Path
 
@@ -87,6 +92,47 @@ class KnownArm:
         durable.make_folder(self.folder)
         durable.replace_file(self.folder / "known.json", (json.dumps(content, indent=1) + "\n").encode())
 
+    @contextmanager
+    def moving(self) -> Iterator[None]:
+        """Around one motion: a file exists from before it until after its end; a stop writes its reason into it.
+
+        Raises DiskFull or SessionError before it begins."""
+        durable.make_folder(self.folder)
+        began = _now()
+        self._note_motion(began, "")
+        try:
+            yield
+        except MotionRefused:
+            self._forget()
+            raise
+        except BaseException as error:
+            with suppress(Exception):  # the file exists already, and this must not hide the first error
+                self._note_motion(began, str(error) or type(error).__name__)
+            raise
+        self._forget()
+
+    def unended(self) -> str | None:
+        """A sentence about the last motion for a person; None if the motion finished."""
+        try:
+            said = read_table(self._note)
+        except FileNotFoundError:
+            return None
+        except Unreadable as error:
+            return f"The last motion of this arm did not come to its end ({self._note} {error}). {CHECK}"
+        why = str(said.get("stopped") or _KILLED)
+        return f"The last motion of this arm, begun {said.get('began')}, did not come to its end: {why}. {CHECK}"
+
+    def _note_motion(self, began: str, stopped: str) -> None:
+        durable.replace_file(self._note, json.dumps({"began": began, "stopped": stopped}).encode())
+
+    def _forget(self) -> None:
+        with suppress(OSError):
+            self._note.unlink(missing_ok=True)
+
+    @property
+    def _note(self) -> Path:
+        return self.folder / "last-motion.json"
+
 
 def setup_of(rig: RigDescription, cell: Workcell) -> str:
     """A short hash of everything that decides where the arm moves: rig file, tool, table, boxes, calibration."""
@@ -106,52 +152,3 @@ def _plain(cell: Workcell) -> list[Any]:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-CHECK = (
-    "Check before anything moves: the arm stands still and touches nothing, the hand holds the tool as before, and "
-    "object, table and camera have not moved"
-)
-_KILLED = "the program ended during the motion: it was killed, or the computer was switched off"
-
-
-@dataclass(frozen=True)
-class LastMotion:
-    """The file `path` exists from before a motion until after its end; a stop writes its reason into it."""
-
-    path: Path
-
-    @contextmanager
-    def moving(self) -> Iterator[None]:
-        """Around one motion. Raises DiskFull or SessionError before it begins."""
-        durable.make_folder(self.path.parent)
-        began = datetime.now(UTC).isoformat(timespec="seconds")
-        self._write(began, "")
-        try:
-            yield
-        except MotionRefused:
-            self._forget()
-            raise
-        except BaseException as error:
-            with suppress(Exception):  # the file exists already, and this must not hide the first error
-                self._write(began, str(error) or type(error).__name__)
-            raise
-        self._forget()
-
-    def unended(self) -> str | None:
-        """A sentence about the last motion for a person; None if the motion finished."""
-        try:
-            said = read_table(self.path)
-        except FileNotFoundError:
-            return None
-        except Unreadable as error:
-            return f"The last motion of this arm did not come to its end ({self.path} {error}). {CHECK}"
-        why = str(said.get("stopped") or _KILLED)
-        return f"The last motion of this arm, begun {said.get('began')}, did not come to its end: {why}. {CHECK}"
-
-    def _write(self, began: str, stopped: str) -> None:
-        durable.replace_file(self.path, json.dumps({"began": began, "stopped": stopped}).encode())
-
-    def _forget(self) -> None:
-        with suppress(OSError):
-            self.path.unlink(missing_ok=True)

@@ -25,24 +25,13 @@ if TYPE_CHECKING:
     from sim.lab.board import HeldBoard
 
 
-@dataclass(frozen=True, eq=False)
-class BoardDevices:
-    """Devices connected for a calibration, with the board in the gripper."""
+BoardDevices = tuple[Arm, Camera, Callable[[float], None], BoardHandler | None]
+"""Arm and camera, connected, with the board in the gripper: the camera's frames have an infrared image. Then a pause of
+so many seconds, for which the simulated lab does not wait, and the board's handler; None: a person at the terminal."""
 
-    arm: Arm
-    camera: Camera  # its frames have an infrared image
-    pause: Callable[[float], None]  # seconds; the simulated lab does not wait
-    hands: BoardHandler | None  # None: a person at the terminal
-
-
-@dataclass(frozen=True, eq=False)
-class TouchDevices:
-    """Devices connected for a touch-off, with the hand empty."""
-
-    arm: GuardedArm
-    hand: Hand
-    tool_there: Callable[[bool], None]  # True: the person holds the tool between the open fingers; False: takes it away
-    confirm: Callable[[], None]  # asks for confirmation of a real arm's first motion. Raises StoppedByOperator
+TouchDevices = tuple[GuardedArm, Hand, Callable[[bool], None], Callable[[], None]]
+"""Arm and hand, connected, the hand empty. `tool_there(True)`: the person holds the tool between the open fingers;
+False: takes it away. `confirm()` asks for confirmation of a real arm's first motion. Raises StoppedByOperator."""
 
 
 class Lab(Protocol):

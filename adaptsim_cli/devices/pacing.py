@@ -52,11 +52,7 @@ class PacedArm(AroundArm[Inner]):
             moved_s = self._arm.state().t_s - before_s
             self._pause(max(0.0, moved_s - (self._now_s() - begun_s)))
 
-
-class PacedGuardedArm(PacedArm[GuardedArm]):
-    """`PacedArm` for an `hw.ports.GuardedArm`."""
-
-    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
-        """See `hw.ports.GuardedArm`; times of the contact are those of the slower path."""
+    def execute_until_contact(self: PacedArm[GuardedArm], path: JointPath, guard: Guard) -> Contact:
+        """See `hw.ports.GuardedArm`, if the inner arm is one; times of the contact are those of the slower path."""
         with self._taking_its_time():
             return self._arm.execute_until_contact(slowed(path, self._pace), guard)

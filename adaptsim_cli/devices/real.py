@@ -11,10 +11,10 @@ from adaptsim_cli.config import Config, places
 from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, ToolWatch, offer_recovery
 from adaptsim_cli.devices.confirmed import ConfirmedArm, ConfirmedHand
 from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.devices.known_arm import KnownArm, LastMotion, folder_of, setup_of
+from adaptsim_cli.devices.known_arm import KnownArm, folder_of, setup_of
 from adaptsim_cli.devices.lab import BoardDevices, Drivers, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
-from adaptsim_cli.devices.pacing import PacedArm, PacedGuardedArm
+from adaptsim_cli.devices.pacing import PacedArm
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import BOARD, gaps, in_words
 from adaptsim_cli.errors import UsageError
@@ -86,7 +86,7 @@ class RealLab:
         self._require_payload(BOARD)
         arm, camera = self._arm(cell, BOARD, "nothing on the table but the object"), self._camera(infrared=True)
         self._connect(arm)
-        return BoardDevices(PacedArm[Arm](arm, self._pace), camera, time.sleep, None)
+        return PacedArm[Arm](arm, self._pace), camera, time.sleep, None
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """See `Lab`."""
@@ -102,7 +102,7 @@ class RealLab:
             arm.carry(loaded if there else cell.tool, self.rig.tool(self._task.name).held() if there else Payload())
 
         self._connect(arm)
-        return TouchDevices(PacedGuardedArm(arm, self._pace), hand, tool_there, arm.confirm)
+        return PacedArm(arm, self._pace), hand, tool_there, arm.confirm
 
     def check_stop_button(self, cell: Workcell) -> None:
         """Connect the arm; have its stop button pressed and released if that is due. Raises StoppedByOperator."""
@@ -119,7 +119,7 @@ class RealLab:
         bare = self._drivers.arm(cell, self.rig.arm.settings(self.rig.tool(tool).held()), pedal)
         where = f"{self.rig.arm.model} at {self.rig.arm.address}"
         before = (lambda: None) if watch is None else watch.require
-        last, known = LastMotion(self._folder / "last-motion.json"), KnownArm(self._folder)
+        known = KnownArm(self._folder)
         each = self.rig.consent or ("command" if known.read().setups else "motion")
         consent = Consent(
             self._screen,
@@ -132,7 +132,6 @@ class RealLab:
             each,
             known,
             setup_of(self.rig, cell),
-            last,
         )
         return ConfirmedArm(bare, consent, pedal, before=before)
 

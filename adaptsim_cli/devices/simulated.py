@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from adaptsim_cli.config import SIMULATED
 from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
-from adaptsim_cli.devices.pacing import PacedArm, PacedGuardedArm
+from adaptsim_cli.devices.pacing import PacedArm
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
@@ -75,7 +75,7 @@ class SimulatedLab:
         lab = CalibrationLab(self._task, self._world, self._seed, held, cell, home_q_rad=home_rad)
         self._stack.enter_context(lab)
         arm = PacedArm[Arm](lab.arm, self._pace, realtime=self._realtime)
-        return BoardDevices(arm, lab.camera, lambda _: None, lab.hands)
+        return arm, lab.camera, lambda _: None, lab.hands
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """See `Lab`. The tool is the world's own."""
@@ -84,5 +84,5 @@ class SimulatedLab:
 
         ready_rad = cell.arm.reported_rad(READY_RAD)
         lab = self._stack.enter_context(TouchLab(self._task, self._world, self._seed, cell, home_q_rad=ready_rad))
-        arm = PacedGuardedArm(lab.arm, self._pace, realtime=self._realtime)
-        return TouchDevices(arm, lab.hand, lab.offer_tool, lambda: None)
+        arm = PacedArm(lab.arm, self._pace, realtime=self._realtime)
+        return arm, lab.hand, lab.offer_tool, lambda: None

@@ -115,11 +115,13 @@ def _disk_space(lab: Examined) -> Finding:
 @check(MACHINE, "disk speed", "set ADAPTSIM_HOME to a local disk: every trial waits for this one")
 def _disk_speed(lab: Examined) -> Finding:
     folder = readings.existing(lab.resolved.places.data)
-    speed = readings.write_speed(folder)
-    if speed.mb_s is None:
-        return missing(f"{folder} cannot be written to: {speed.problem}", f"sudo chown -R $USER {folder}")
-    told = f"{speed.mb_s:.0f} MB/s, a record is safe after {1e3 * speed.flush_s:.0f} ms"
-    if speed.mb_s < SLOW_MB_S or speed.flush_s > SLOW_FLUSH_S:
+    try:
+        mb_s, flush_s = readings.write_speed(folder)
+    except OSError as error:
+        problem = error.strerror or str(error)
+        return missing(f"{folder} cannot be written to: {problem}", f"sudo chown -R $USER {folder}")
+    told = f"{mb_s:.0f} MB/s, a record is safe after {1e3 * flush_s:.0f} ms"
+    if mb_s < SLOW_MB_S or flush_s > SLOW_FLUSH_S:
         return advice(f"{told}; recommended: {SLOW_MB_S:g} MB/s, {1e3 * SLOW_FLUSH_S:g} ms")
     return ok(told)
 
@@ -142,11 +144,10 @@ _RT_LIMITS = (
 
 @check(MACHINE, "priorities", _RT_LIMITS, real)
 def _priorities(lab: Examined) -> Finding:
-    user = readings.limits()
-    memlock_MB = user.memlock_bytes / 1e6
-    if user.privileged or (user.rtprio >= PRIORITY and memlock_MB >= LOCKED_MB):
+    rtprio, memlock_MB, privileged = readings.limits()
+    if privileged or (rtprio >= PRIORITY and memlock_MB >= LOCKED_MB):
         return ok("this user may ask for real-time priority and locked memory")
-    return missing(f"rtprio {user.rtprio:g}, {PRIORITY} needed; memlock {memlock_MB:.0f} MB, {LOCKED_MB} needed")
+    return missing(f"rtprio {rtprio:g}, {PRIORITY} needed; memlock {memlock_MB:.0f} MB, {LOCKED_MB} needed")
 
 
 @check(MACHINE, "clock frequency", "sudo cpupower frequency-set -g performance", real)
@@ -198,23 +199,21 @@ LEAST_FRAMES, STREAM_S = 10, 0.5
 def _network(lab: Examined) -> Finding:
     """Round trips to the arm: time, jitter, losses."""
     address = lab.rig.arm.address
-    trips = readings.round_trips(address)
-    if not trips.times_ms:
+    times_ms, lost, problem = readings.round_trips(address)
+    if not times_ms:
         fix = "check that the arm is on, the cable in its control box, and this machine's address in the same network"
-        return missing(f"{address} does not answer: {trips.problem}", f"{fix}: ping {address}")
-    worst, usual = max(trips.times_ms), median(trips.times_ms)
+        return missing(f"{address} does not answer: {problem}", f"{fix}: ping {address}")
+    worst, usual = max(times_ms), median(times_ms)
     told = f"{address} answers in {usual:.2f} ms, {worst:.2f} ms at worst"
-    if trips.lost or worst > MOST_RTT_MS:
-        tries = len(trips.times_ms) + trips.lost
-        return advice(f"{told}, {trips.lost} of {tries} lost; recommended: {MOST_RTT_MS:g} ms, 0 lost")
+    if lost or worst > MOST_RTT_MS:
+        return advice(f"{told}, {lost} of {len(times_ms) + lost} lost; recommended: {MOST_RTT_MS:g} ms, 0 lost")
     return ok(told)
 
 
 @check(DEVICES, "arm", "unlock the joints and activate FCI in Desk; docs/guide/arms.md", after("network"))
 def _arm(lab: Examined) -> Finding:
     """The arm's state over FCI, without a motion, and whether a second of states came without a gap."""
-    seen = readings.arm(lab.rig.arm.model, lab.rig.arm.settings())
-    rhythm, reading = seen.rhythm, seen.reading
+    reading, rhythm, notes = readings.arm(lab.rig.arm.model, lab.rig.arm.settings())
     served = "" if rhythm.interface is None else f", interface {rhythm.interface}"
     joints = " ".join(f"{q:.2f}" for q in reading.q_rad)
     told = (
@@ -228,7 +227,7 @@ def _arm(lab: Examined) -> Finding:
     if rhythm.missed > MOST_MISSED * rhythm.states or rhythm.longest_gap_s > LONGEST_GAP_S:
         fix = "use one cable without a switch, a real-time kernel, governor performance, and end other programs"
         return advice(f"{told} (at most {100 * MOST_MISSED:g} % and {1e3 * LONGEST_GAP_S:g} ms)", fix)
-    return advice(told, "; ".join(seen.notes)) if seen.notes else ok(told)
+    return advice(told, "; ".join(notes)) if notes else ok(told)
 
 
 WITHDRAWN = "1.1.1"
@@ -293,13 +292,13 @@ def _calibration(lab: Examined) -> Finding:
 
 def _port_problem(lab: Examined, path: str) -> Finding | None:
     """Why a serial port cannot be used; None: it can."""
-    port = readings.port(Path(path))
-    if not port.exists:
+    may, group = readings.port(Path(path))
+    if group is None:
         others = ", ".join(serial_ports(Path("/dev"))) or "none"
         return missing(f"{path} is not there", f"plug it in, or write its port into the rig file; there now: {others}")
-    if not port.may:
-        fix = f"sudo usermod -aG {port.group} $USER, then log in again"
-        return missing(f"{path} belongs to the group {port.group}, and you are not in it", fix)
+    if not may:
+        fix = f"sudo usermod -aG {group} $USER, then log in again"
+        return missing(f"{path} belongs to the group {group}, and you are not in it", fix)
     return None
 
 

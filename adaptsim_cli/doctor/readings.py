@@ -10,7 +10,7 @@ import resource
 import socket
 import tempfile
 import time
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from hw.camera.probe import ProbeReport
     from hw.franka.process import Inspection
     from hw.franka.settings import FrankaSettings
-from collections.abc import Sequence
 
 _BLOCK, _BLOCKS = bytes(1 << 20), 16
 _SMALL = bytes(4096)
@@ -44,31 +43,19 @@ def loads(library: str) -> bool:
     return True
 
 
-@dataclass(frozen=True)
-class WriteSpeed:
-    """The write speed of a folder; `mb_s` is None if it is not writable."""
-
-    mb_s: float | None
-    flush_s: float = 0.0
-    problem: str = ""
-
-
-def write_speed(folder: Path) -> WriteSpeed:
-    """Time 16 MB and a small file until both are on the disk. Leaves nothing behind."""
-    try:
-        with tempfile.NamedTemporaryFile(dir=folder, prefix=".adaptsim-doctor-") as file:
-            began = time.perf_counter()
-            for _ in range(_BLOCKS):
-                file.write(_BLOCK)
-            file.flush()
-            os.fsync(file.fileno())
-            written = time.perf_counter()
-            file.write(_SMALL)
-            file.flush()
-            os.fsync(file.fileno())
-            return WriteSpeed(_BLOCKS * 1.048576 / (written - began), time.perf_counter() - written)
-    except OSError as error:
-        return WriteSpeed(None, problem=error.strerror or str(error))
+def write_speed(folder: Path) -> tuple[float, float]:
+    """Time 16 MB and a small file until both are on the disk -> MB/s, s. Leaves nothing behind. Raises OSError."""
+    with tempfile.NamedTemporaryFile(dir=folder, prefix=".adaptsim-doctor-") as file:
+        began = time.perf_counter()
+        for _ in range(_BLOCKS):
+            file.write(_BLOCK)
+        file.flush()
+        os.fsync(file.fileno())
+        written = time.perf_counter()
+        file.write(_SMALL)
+        file.flush()
+        os.fsync(file.fileno())
+        return _BLOCKS * 1.048576 / (written - began), time.perf_counter() - written
 
 
 def existing(folder: Path) -> Path:
@@ -76,30 +63,20 @@ def existing(folder: Path) -> Path:
     return folder if folder.is_dir() or folder == folder.parent else existing(folder.parent)
 
 
-@dataclass(frozen=True)
-class RoundTrips:
-    """Times of single round trips; `lost` tries had no answer, and `problem` is the reason of the last one."""
-
-    times_ms: tuple[float, ...]
-    lost: int
-    problem: str = ""
-
-
 def round_trips(
     address: str, port: int = _DESK_PORT, tries: int = _TRIES, patience_s: float = _PATIENCE_S
-) -> RoundTrips:
-    """Connect to the port of the arm's web page repeatedly.
+) -> tuple[Sequence[float], int, str]:
+    """Connect to the port of the arm's web page repeatedly -> times in ms, tries without an answer, the last reason.
 
-    The arm's system answers; none of its programs is disturbed.
-
-    A refused connection counts as an answer. Gives up after two tries without any.
+    The arm's system answers; none of its programs is disturbed. A refused connection counts as an answer. Gives up
+    after two tries without any.
     """
     times_ms: list[float] = []
     lost, problem = 0, ""
     try:
         where = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
     except OSError as error:
-        return RoundTrips((), tries, f"no such address ({error.strerror})")
+        return (), tries, f"no such address ({error.strerror})"
     for _ in range(tries):
         with socket.socket(where[0], socket.SOCK_STREAM) as line:
             line.settimeout(patience_s)
@@ -114,26 +91,17 @@ def round_trips(
                     break
                 continue
             times_ms.append(1e3 * (time.perf_counter() - began))
-    return RoundTrips(tuple(times_ms), lost, problem)
+    return times_ms, lost, problem
 
 
-@dataclass(frozen=True)
-class Limits:
-    """The real-time limits of this user."""
-
-    rtprio: float
-    memlock_bytes: float
-    privileged: bool
-
-
-def limits() -> Limits:
-    """The soft limits of this process; infinity: no limit."""
+def limits() -> tuple[float, float, bool]:
+    """The soft limits of this process: real-time priority, locked memory in MB; and whether none applies to it."""
 
     def soft(kind: int) -> float:
         value = resource.getrlimit(kind)[0]
         return float("inf") if value == resource.RLIM_INFINITY else float(value)
 
-    return Limits(soft(resource.RLIMIT_RTPRIO), soft(resource.RLIMIT_MEMLOCK), os.geteuid() == 0)
+    return soft(resource.RLIMIT_RTPRIO), soft(resource.RLIMIT_MEMLOCK) / 1e6, os.geteuid() == 0
 
 
 def governors(cpus: Path = Path("/sys/devices/system/cpu")) -> tuple[str, ...]:
@@ -141,25 +109,16 @@ def governors(cpus: Path = Path("/sys/devices/system/cpu")) -> tuple[str, ...]:
     return tuple(file.read_text().strip() for file in sorted(cpus.glob("cpu[0-9]*/cpufreq/scaling_governor")))
 
 
-@dataclass(frozen=True)
-class Port:
-    """A serial port as the file system shows it."""
-
-    exists: bool
-    may: bool
-    group: str  # owner of the port; "dialout" if it does not exist
-
-
-def port(path: Path) -> Port:
-    """The properties of the serial port at `path`, without opening it."""
+def port(path: Path) -> tuple[bool, str | None]:
+    """Whether this user may use the serial port at `path`, and its group; None: it does not exist. Opens nothing."""
     if not path.exists():
-        return Port(False, False, "dialout")
+        return False, None
     owner = path.stat().st_gid
     try:
         group = grp.getgrgid(owner).gr_name
     except KeyError:
         group = str(owner)
-    return Port(True, os.access(path, os.R_OK | os.W_OK), group)
+    return os.access(path, os.R_OK | os.W_OK), group
 
 
 def kernel() -> tuple[str, bool]:

@@ -97,20 +97,20 @@ def open_calibration_rig(
         boxes = () if eye is None else (camera_box(eye.X_BC),)
         held, home_rad = held_board(board), np.array(BOARD_HOME_RAD)
         cell = workcell(lab.rig, UNKNOWN_RAD, weighed(held.tool(), lab.rig.tool(BOARD)), boxes)
-        devices = lab.for_calibration(held, cell, home_rad)
+        arm, camera, pause, hands = lab.for_calibration(held, cell, home_rad)
         yield CalibrationRig(
             name=config.hw,
             title=lab.title,
             key=calibration_key(config),
-            arm=devices.arm,
-            camera=devices.camera,
+            arm=arm,
+            camera=camera,
             board=board,
             X_FM=held.X_FM,
             rough_X_BC=None if eye is None else eye.X_BC,
             ways=ways(cell, home_rad),
             flange=forward,
-            pause=devices.pause,
-            hands=devices.hands,
+            pause=pause,
+            hands=hands,
         )
 
 

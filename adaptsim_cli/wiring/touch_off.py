@@ -110,21 +110,21 @@ def open_touch_rig(
         loaded = weighed(feeling(hardware), part)
         cell = workcell(rig, zeros_rad, empty_hand(), (camera_box(eye.X_BC),))
         home_rad = home(hardware.X_FT, cell.holding(tool_of(hardware)), hardware.home_pitch_rad)
-        devices = lab.for_touch_off(cell, loaded)
+        arm, hand, tool_there, confirm = lab.for_touch_off(cell, loaded)
         yield TouchRig(
             name=config.hw,
             title=lab.title,
             key=calibration_key(config),
             tool_name=tool_name(task),
-            arm=devices.arm,
-            hand=devices.hand,
+            arm=arm,
+            hand=hand,
             grasp=grasp,
             empty=HeldTool(cell, np.eye(4)),
             loaded=HeldTool(cell.holding(loaded), hardware.X_FT),
             plan=plan_of(hardware),
             home_rad=home_rad,
-            tool_there=devices.tool_there,
-            confirm=devices.confirm,
+            tool_there=tool_there,
+            confirm=confirm,
         )
 
 

@@ -6,24 +6,20 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from hw.bounded import IMAGE_PIXELS, VIDEO_BYTES, Unreadable, require_file
+from hw.bounded import IMAGE_PIXELS, VIDEO_BYTES, Unreadable, parse_table, require_file
 from hw.errors import CameraError, DeviceUnavailable
-from hw.types import CameraModel, Frame
+from hw.types import Array, CameraModel, Frame, Intrinsics
 
 if TYPE_CHECKING:
     import av.container
     import av.video
-from collections.abc import Mapping
-from dataclasses import dataclass
-
-from hw.bounded import parse_table
-from hw.types import Array, Intrinsics
 
 _MODELS = ("CALIBRATION_LensDistortionModelBrownConrady", "CALIBRATION_LensDistortionModel6KT")
 

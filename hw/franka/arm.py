@@ -48,18 +48,15 @@ class FrankaArm:
         pedal: Pedal | None = None,
     ) -> None:
         """Raises ValueError if `cell` and `settings` state different forces at which the arm stops by itself."""
-        stops_at_N = settings.collision.contact_force_limit_N
-        if abs(cell.stops_at_N - stops_at_N) > 1e-9:
-            raise ValueError(
-                f"the workcell has the {cell.arm.name} stop by itself at {cell.stops_at_N:g} N, its settings at "
-                f"{stops_at_N:g} N: give both the same"
-            )
-        stops_at_Nm = settings.collision.torque_collision_Nm
-        if np.abs(cell.stops_at_Nm - stops_at_Nm).max() > 1e-9:
-            raise ValueError(
-                f"the workcell has the {cell.arm.name} stop by itself at {cell.stops_at_Nm.tolist()} Nm, its settings "
-                f"at {stops_at_Nm.tolist()} Nm: give both the same"
-            )
+        for by_cell, by_settings, unit in (
+            ([cell.stops_at_N], [settings.collision.contact_force_limit_N], "N"),
+            (cell.stops_at_Nm.tolist(), settings.collision.torque_collision_Nm.tolist(), "Nm"),
+        ):
+            if np.abs(np.subtract(by_cell, by_settings)).max() > 1e-9:
+                raise ValueError(
+                    f"the workcell has the {cell.arm.name} stop by itself at {_listed(by_cell)} {unit}, its settings "
+                    f"at {_listed(by_settings)} {unit}: give both the same"
+                )
         self._cell, self._model, self._start, self._pedal = cell, cell.arm.name, start, pedal
         self._player: Player | None = None
         self._entered = False
@@ -149,10 +146,8 @@ class FrankaArm:
 
         Nothing moves. Raises DeviceUnavailable, or ArmFault if the arm does not accept it.
         """
-        try:
+        with self._asking():
             self._connected().carry(payload)
-        except Failure as failure:
-            raise self._error(failure) from failure
         self._cell, self._payload = self._cell.holding(tool), payload
         self._carries, self._weighed = True, False
 
@@ -162,10 +157,8 @@ class FrankaArm:
         Raises ArmFault if a person must act first, DeviceUnavailable if the arm cannot be reached.
         """
         player, stops = self._connected(), self._stops
-        try:
+        with self._asking():
             reading = player.recover()
-        except Failure as failure:
-            raise self._error(failure) from failure
         self._answered = stops  # a stop that came meanwhile holds
         self._fault = reading.unwilling
         if self._fault is not None:
@@ -192,10 +185,8 @@ class FrankaArm:
         """Before the first motion with a payload. Raises MotionRefused if the arm feels another."""
         if self._weighed:
             return
-        try:
+        with self._asking():
             self._connected().carry(self._payload)
-        except Failure as failure:
-            raise self._error(failure) from failure
         felt = [self._reading() for _ in range(2 * READINGS)][READINGS:]
         q_rad = self._cell.arm.true_rad(felt[-1].q_rad)
         require_declared(self._model, q_rad, [one.external_Nm for one in felt], self._payload.com_F_m)
@@ -268,8 +259,14 @@ class FrankaArm:
         return PEDAL if self._pedal is not None and not self._pedal.enabled() else ALIVE
 
     def _reading(self) -> Reading:
-        try:
+        with self._asking():
             return self._connected().reading()
+
+    @contextmanager
+    def _asking(self) -> Iterator[None]:
+        """Around a call of the player at rest. Raises DeviceUnavailable and ArmFault."""
+        try:
+            yield
         except Failure as failure:
             raise self._error(failure) from failure
 
@@ -307,6 +304,10 @@ class FrankaArm:
         if self._player is not None:
             self._player.close()
             self._player = None
+
+
+def _listed(values: list[float]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from typing import Any
 
 from hw.franka import reflexes
 from hw.franka.driver import LOST, UNMOVED, Failure, Reading, SdkState, Step, error_names, failure, mode_name
+from hw.franka.messages import Rhythm
 from hw.franka.settings import FrankaSettings, Payload
 
 NO_FILTER_HZ = 1000.0
@@ -90,8 +91,8 @@ class Connection:
         except self._errors as error:
             raise self._failure(error) from error
 
-    def listen(self, states: int) -> tuple[int, float, int | None]:
-        """Read so many states as they come -> milliseconds missed, longest gap (s), version of the arm's server."""
+    def listen(self, states: int) -> Rhythm:
+        """Read so many states as they come."""
         robot = self._robot
         try:
             first_s = last_s = robot.read_once().time.to_sec()
@@ -103,7 +104,7 @@ class Connection:
             version = int(robot.server_version()) if hasattr(robot, "server_version") else None
         except self._errors as error:
             raise self._failure(error) from error
-        return max(round(1e3 * (last_s - first_s)) - (states - 1), 0), gap_s, version
+        return Rhythm(states, max(round(1e3 * (last_s - first_s)) - (states - 1), 0), gap_s, version)
 
     def prepare(self) -> None:
         """Give the arm its settings, before every motion. Raises `Failure` where its mode is another than Idle."""

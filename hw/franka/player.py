@@ -23,14 +23,14 @@ from hw.errors import DeviceUnavailable
 from hw.franka import connection, realtime, versions
 from hw.franka.connection import DRIVES
 from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Failure
-from hw.franka.messages import PlayOutcome, Rhythm, Timing
+from hw.franka.messages import PlayOutcome, Timing
 from hw.franka.playback import START_S, STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback
 from hw.franka.settings import FrankaSettings
 from hw.types import Guard
 from hw.watchdog import Watchdog
 
-CONNECT, READING, PLAY, LISTEN = "connect", "reading", "play", "listen"
-"""The calls; others are methods of `hw.franka.connection.Connection`, answered with the reading after them."""
+CONNECT, PLAY = "connect", "play"
+"""The other calls are methods of `hw.franka.connection.Connection`; one without a result is answered with a reading."""
 
 REST_READINGS = 2000
 HANDOVER_S = 5.0
@@ -98,13 +98,8 @@ def serve(program: Connection, listener: Watchdog, connect: Callable[..., connec
             elif call.method == PLAY:
                 motion, guard = call.arguments
                 answer = play(driver, motion, listener, guard, timing.start_s)
-            elif call.method == LISTEN:
-                (states,) = call.arguments
-                answer = Rhythm(states, *driver.listen(states))
             else:
-                if call.method != READING:
-                    getattr(driver, call.method)(*call.arguments)
-                answer = driver.reading()
+                answer = getattr(driver, call.method)(*call.arguments) or driver.reading()
         except Failure as failure:
             answer = failure
         try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 from hw.child import Call, Child, ChildGone
@@ -12,7 +11,7 @@ from hw.errors import DeviceUnavailable
 from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
 from hw.franka.messages import PlayOutcome, Rhythm, Timing
 from hw.franka.playback import HOLD_S, PlayableMotion
-from hw.franka.player import CONNECT, LISTEN, PLAY, READING
+from hw.franka.player import CONNECT, PLAY
 from hw.franka.settings import FrankaSettings, Payload
 from hw.types import Guard
 from hw.watchdog import WORD_EVERY_S
@@ -92,11 +91,11 @@ class PlayerProcess:
 
     def listen(self, states: int) -> Rhythm:
         """Read `states` states as they come; nothing moves."""
-        return _known(self._ask(Call(LISTEN, (states,))), Rhythm)
+        return _known(self._ask(Call("listen", (states,))), Rhythm)
 
     def reading(self) -> Reading:
         """See `Player`."""
-        return _known(self._ask(Call(READING)), Reading)
+        return _known(self._ask(Call("reading")), Reading)
 
     def recover(self) -> Reading:
         """See `Player`."""
@@ -165,13 +164,8 @@ STATES = 1000
 """States to take: one second of them."""
 
 
-@dataclass(frozen=True)
-class Inspection:
-    """The findings about a connected arm."""
-
-    reading: Reading
-    rhythm: Rhythm
-    notes: tuple[str, ...]  # real-time properties that the computer denies the player
+Inspection = tuple[Reading, Rhythm, tuple[str, ...]]
+"""The arm's state, how evenly its states arrived, and the real-time properties that the computer denies the player."""
 
 
 def inspect(model: str, settings: FrankaSettings, *, realtime: bool, states: int = STATES) -> Inspection:
@@ -184,7 +178,7 @@ def inspect(model: str, settings: FrankaSettings, *, realtime: bool, states: int
     except Failure as failure:
         raise DeviceUnavailable(failure.text) from failure
     try:
-        return Inspection(player.reading(), player.listen(states), player.notes)
+        return player.reading(), player.listen(states), player.notes
     except Failure as failure:
         raise DeviceUnavailable(failure.text) from failure
     finally:

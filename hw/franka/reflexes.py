@@ -30,6 +30,33 @@ _REAL_TIME = (
     "check real-time kernel, rtprio, CPU governor and cable (docs/guide/arms.md), end other programs, then recover"
 )
 
+_FROM_ELSEWHERE = {
+    "force_control_safety_violation": "the arm's force control left its safe range",
+    "cartesian_position_motion_generator_start_pose_invalid": "a Cartesian motion did not begin where the tool was",
+    "cartesian_motion_generator_elbow_limit_violation": "a Cartesian motion moved the elbow beyond its range",
+    "cartesian_motion_generator_velocity_limits_violation": "a Cartesian motion was commanded too fast",
+    "cartesian_motion_generator_velocity_discontinuity": "the commanded speed of a Cartesian motion jumped",
+    "cartesian_motion_generator_acceleration_discontinuity": "the commanded acceleration of a Cartesian motion jumped",
+    "cartesian_motion_generator_elbow_sign_inconsistent": "a Cartesian motion required the elbow on its other side",
+    "cartesian_motion_generator_start_elbow_invalid": (
+        "a Cartesian motion began with a different elbow position from the arm's"
+    ),
+    "force_controller_desired_force_tolerance_violation": "the arm's force control could not hold the commanded force",
+    "start_elbow_sign_inconsistent": "a motion began with the elbow on the wrong side",
+    "cartesian_motion_generator_joint_position_limits_violation": "a Cartesian motion led a joint beyond its range",
+    "cartesian_motion_generator_joint_velocity_limits_violation": "a Cartesian motion made a joint too fast",
+    "cartesian_motion_generator_joint_velocity_discontinuity": "a Cartesian motion made the speed of a joint jump",
+    "cartesian_motion_generator_joint_acceleration_discontinuity": (
+        "a Cartesian motion made the acceleration of a joint jump"
+    ),
+    "cartesian_position_motion_generator_invalid_frame": "a Cartesian motion was commanded with an invalid pose",
+    "cartesian_spline_motion_generator_violation": "the arm could not plan its own movement along a tool curve",
+    "joint_via_motion_generator_planning_joint_limit_violation": (
+        "the arm's own movement through given joint positions would have left their range"
+    ),
+}
+"""Errors of motions that this program never commands."""
+
 REASONS: dict[str, Reflex] = {
     "joint_position_limits_violation": Reflex(
         "a joint reached the end of its range",
@@ -58,7 +85,6 @@ REASONS: dict[str, Reflex] = {
         "checked",
         f"correct it there, {_RECOVER}",
     ),
-    "force_control_safety_violation": Reflex("the arm's force control left its safe range", _ELSEWHERE, _END_IT),
     "joint_reflex": Reflex(
         "a joint felt more torque than the collision threshold",
         "check what it touched; if nothing, compare the payload in the rig file with what the hand holds",
@@ -109,31 +135,6 @@ REASONS: dict[str, Reflex] = {
         "check the success rate of this trial and of earlier ones: below 0.95 the computer did not keep up",
         _REAL_TIME,
     ),
-    "cartesian_position_motion_generator_start_pose_invalid": Reflex(
-        "a Cartesian motion did not begin where the tool was", _ELSEWHERE, _END_IT
-    ),
-    "cartesian_motion_generator_elbow_limit_violation": Reflex(
-        "a Cartesian motion moved the elbow beyond its range", _ELSEWHERE, _END_IT
-    ),
-    "cartesian_motion_generator_velocity_limits_violation": Reflex(
-        "a Cartesian motion was commanded too fast", _ELSEWHERE, _END_IT
-    ),
-    "cartesian_motion_generator_velocity_discontinuity": Reflex(
-        "the commanded speed of a Cartesian motion jumped", _ELSEWHERE, _END_IT
-    ),
-    "cartesian_motion_generator_acceleration_discontinuity": Reflex(
-        "the commanded acceleration of a Cartesian motion jumped", _ELSEWHERE, _END_IT
-    ),
-    "cartesian_motion_generator_elbow_sign_inconsistent": Reflex(
-        "a Cartesian motion required the elbow on its other side", _ELSEWHERE, _END_IT
-    ),
-    "cartesian_motion_generator_start_elbow_invalid": Reflex(
-        "a Cartesian motion began with a different elbow position from the arm's", _ELSEWHERE, _END_IT
-    ),
-    "force_controller_desired_force_tolerance_violation": Reflex(
-        "the arm's force control could not hold the commanded force", _ELSEWHERE, _END_IT
-    ),
-    "start_elbow_sign_inconsistent": Reflex("a motion began with the elbow on the wrong side", _ELSEWHERE, _END_IT),
     "communication_constraints_violation": Reflex(
         "too many control cycles came late, twenty in a row or too many in all",
         "check the success rate of earlier trials, and what else the computer is doing: it did not keep up",
@@ -143,21 +144,6 @@ REASONS: dict[str, Reflex] = {
         "the arm needed more power than allowed",
         "check whether the payload in the rig file is what the hand holds, and whether something held the arm back",
         f"correct it, or take a slower action, {_RECOVER}",
-    ),
-    "cartesian_motion_generator_joint_position_limits_violation": Reflex(
-        "a Cartesian motion led a joint beyond its range", _ELSEWHERE, _END_IT
-    ),
-    "cartesian_motion_generator_joint_velocity_limits_violation": Reflex(
-        "a Cartesian motion made a joint too fast", _ELSEWHERE, _END_IT
-    ),
-    "cartesian_motion_generator_joint_velocity_discontinuity": Reflex(
-        "a Cartesian motion made the speed of a joint jump", _ELSEWHERE, _END_IT
-    ),
-    "cartesian_motion_generator_joint_acceleration_discontinuity": Reflex(
-        "a Cartesian motion made the acceleration of a joint jump", _ELSEWHERE, _END_IT
-    ),
-    "cartesian_position_motion_generator_invalid_frame": Reflex(
-        "a Cartesian motion was commanded with an invalid pose", _ELSEWHERE, _END_IT
     ),
     "controller_torque_discontinuity": Reflex(
         "the torque of the arm's controller jumped",
@@ -184,12 +170,6 @@ REASONS: dict[str, Reflex] = {
         "check which joint is beyond its range (Desk shows it)",
         _FREE,
     ),
-    "cartesian_spline_motion_generator_violation": Reflex(
-        "the arm could not plan its own movement along a tool curve", _ELSEWHERE, _END_IT
-    ),
-    "joint_via_motion_generator_planning_joint_limit_violation": Reflex(
-        "the arm's own movement through given joint positions would have left their range", _ELSEWHERE, _END_IT
-    ),
     "base_acceleration_initialization_timeout": Reflex(
         "the sensor of the base's acceleration did not start in time",
         "check the arm's light and its page in Desk for a hardware error",
@@ -200,7 +180,7 @@ REASONS: dict[str, Reflex] = {
         "check whether the base stands firmly: the sensor feels a knock or a shaking table",
         "fasten the base; if it happens again, switch the arm off and on, and ask the maker's support",
     ),
-}
+} | {name: Reflex(happened, _ELSEWHERE, _END_IT) for name, happened in _FROM_ELSEWHERE.items()}
 
 
 def reason(name: str) -> Reflex:

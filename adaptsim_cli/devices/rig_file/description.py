@@ -5,6 +5,7 @@ Positions are in the arm's base frame B (X forward, Z up); tool and payload are 
 
 from __future__ import annotations
 
+from dataclasses import astuple
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -28,6 +29,12 @@ Model = Literal["panda", "fr3"]
 Waivable = Literal["pedal", "hand", "person", "payload", "keep_out", "stop_button", "slow_start"]
 """The checks of a real lab that its rig file may waive."""
 
+
+def key(meaning: str, unit: str = "", **rules: Any) -> Any:
+    """The help text of a key, its unit, and pydantic's rules for it."""
+    return Field(description=meaning, json_schema_extra={"unit": unit} if unit else None, **rules)
+
+
 _IMPEDANCE: Seven = tuple(FrankaSettings("arm").joint_impedance_Nm_rad.tolist())
 _COLLISION = CollisionThresholds()
 
@@ -36,46 +43,35 @@ _COLLISION = CollisionThresholds()
 class Collision:
     """Above `contact` the arm reports a contact; above `collision` it stops by itself with a reflex."""
 
-    torque_contact_Nm: Annotated[
-        Seven, Field(description="joint torque that counts as contact", json_schema_extra={"unit": "Nm"})
-    ] = tuple(_COLLISION.torque_contact_Nm.tolist())
-    torque_collision_Nm: Annotated[
-        Seven, Field(description="joint torque that stops the arm", json_schema_extra={"unit": "Nm"})
-    ] = tuple(_COLLISION.torque_collision_Nm.tolist())
-    force_contact_N: Annotated[
-        Six,
-        Field(
-            description="force along X, Y, Z and moment that count as contact", json_schema_extra={"unit": "N and Nm"}
-        ),
-    ] = tuple(_COLLISION.force_contact_N.tolist())
-    force_collision_N: Annotated[
-        Six,
-        Field(description="force along X, Y, Z and moment that stop the arm", json_schema_extra={"unit": "N and Nm"}),
-    ] = tuple(_COLLISION.force_collision_N.tolist())
+    torque_contact_Nm: Annotated[Seven, key("joint torque that counts as contact", "Nm")] = tuple(
+        _COLLISION.torque_contact_Nm.tolist()
+    )
+    torque_collision_Nm: Annotated[Seven, key("joint torque that stops the arm", "Nm")] = tuple(
+        _COLLISION.torque_collision_Nm.tolist()
+    )
+    force_contact_N: Annotated[Six, key("force along X, Y, Z and moment that count as contact", "N and Nm")] = tuple(
+        _COLLISION.force_contact_N.tolist()
+    )
+    force_collision_N: Annotated[Six, key("force along X, Y, Z and moment that stop the arm", "N and Nm")] = tuple(
+        _COLLISION.force_collision_N.tolist()
+    )
 
     def __post_init__(self) -> None:
         self.thresholds()
 
     def thresholds(self) -> CollisionThresholds:
         """The thresholds of the arm. Raises ValueError if they contradict each other."""
-        return CollisionThresholds(
-            np.array(self.torque_contact_Nm),
-            np.array(self.torque_collision_Nm),
-            np.array(self.force_contact_N),
-            np.array(self.force_collision_N),
-        )
+        return CollisionThresholds(*map(np.array, astuple(self)))
 
 
 @dataclass(frozen=True, config=_RULES)
 class ArmPart:
     """The arm. Its hand is set up on the arm's web page (Desk)."""
 
-    model: Annotated[Model, Field(description="panda (Franka Emika Robot) or fr3 (Franka Research 3)")]
-    address: Annotated[str, Field(description="network address of the arm's control box, without https://")]
-    joint_impedance_Nm_rad: Annotated[
-        Seven, Field(description="how stiff the joints are held", json_schema_extra={"unit": "Nm/rad"})
-    ] = _IMPEDANCE
-    collision: Annotated[Collision, Field(description="thresholds at which the arm stops by itself")] = Field(
+    model: Annotated[Model, key("panda (Franka Emika Robot) or fr3 (Franka Research 3)")]
+    address: Annotated[str, key("network address of the arm's control box, without https://")]
+    joint_impedance_Nm_rad: Annotated[Seven, key("how stiff the joints are held", "Nm/rad")] = _IMPEDANCE
+    collision: Annotated[Collision, key("thresholds at which the arm stops by itself")] = Field(
         default_factory=Collision
     )
 
@@ -102,15 +98,10 @@ class ArmPart:
 class PayloadPart:
     """The load in the hand; without it the arm takes the tool's weight for an external force."""
 
-    mass_kg: Annotated[
-        float, Field(ge=0.0, le=3.0, description="its mass, without the hand", json_schema_extra={"unit": "kg"})
-    ]
-    com_F_m: Annotated[
-        Three, Field(description="its centre of mass, in the flange frame", json_schema_extra={"unit": "m"})
-    ] = (0.0, 0.0, 0.0)
+    mass_kg: Annotated[float, key("its mass, without the hand", "kg", ge=0.0, le=3.0)]
+    com_F_m: Annotated[Three, key("its centre of mass, in the flange frame", "m")] = (0.0, 0.0, 0.0)
     inertia_F_kg_m2: Annotated[
-        tuple[Three, Three, Three],
-        Field(description="its inertia about the centre of mass, three rows", json_schema_extra={"unit": "kg m²"}),
+        tuple[Three, Three, Three], key("its inertia about the centre of mass, three rows", "kg m²")
     ] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     def __post_init__(self) -> None:
@@ -121,30 +112,32 @@ class PayloadPart:
         return Payload(self.mass_kg, np.array(self.com_F_m), np.array(self.inertia_F_kg_m2))
 
 
-def _touched(most: float, what: str, unit: str) -> Any:
-    """A small correction that a touch-off measures."""
-    return Field(ge=-most, le=most, description=f"{what}, from the touch-off", json_schema_extra={"unit": unit})
-
-
 @dataclass(frozen=True, config=_RULES)
 class ToolPart:
     """The tool of one task, and its pose on the flange. Left out: the printed mount that ships with the task."""
 
     X_FT: Annotated[
         tuple[Four, Four, Four, Four] | None,
-        Field(
-            description="pose of the tool in the flange, four rows, for a mount of your own",
+        key(
+            "pose of the tool in the flange, four rows, for a mount of your own",
+            "m",
             examples=[((1.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.2), (0.0, 0.0, 0.0, 1.0))],
-            json_schema_extra={"unit": "m"},
         ),
     ] = None
-    height_m: Annotated[float, _touched(0.02, "how much higher it sits than in the nominal mount", "m")] = 0.0
-    forward_m: Annotated[float, _touched(0.02, "how much further forward it sits than in the nominal mount", "m")] = 0.0
-    pitch_rad: Annotated[float, _touched(0.2, "how much further its edge is pitched down", "rad")] = 0.0
-    roll_rad: Annotated[float, _touched(0.2, "how much further its left side is rolled up", "rad")] = 0.0
-    payload: Annotated[PayloadPart | None, Field(description="what the hand holds", examples=[PayloadPart(0.12)])] = (
-        None
-    )
+    height_m: Annotated[
+        float, key("how much higher it sits than in the nominal mount, from the touch-off", "m", ge=-0.02, le=0.02)
+    ] = 0.0
+    forward_m: Annotated[
+        float,
+        key("how much further forward it sits than in the nominal mount, from the touch-off", "m", ge=-0.02, le=0.02),
+    ] = 0.0
+    pitch_rad: Annotated[
+        float, key("how much further its edge is pitched down, from the touch-off", "rad", ge=-0.2, le=0.2)
+    ] = 0.0
+    roll_rad: Annotated[
+        float, key("how much further its left side is rolled up, from the touch-off", "rad", ge=-0.2, le=0.2)
+    ] = 0.0
+    payload: Annotated[PayloadPart | None, key("what the hand holds", examples=[PayloadPart(0.12)])] = None
 
     def __post_init__(self) -> None:
         if self.X_FT is not None:
@@ -172,16 +165,14 @@ class ToolPart:
 class TablePart:
     """The table top in the base frame, as a touch-off measures it, and the work area on it."""
 
-    height_m: Annotated[
-        float, Field(ge=-0.05, le=0.05, description="height under the base's axis", json_schema_extra={"unit": "m"})
-    ] = 0.0
-    slope_x: Annotated[float, Field(ge=-MOST_SLOPE, le=MOST_SLOPE, description="rise per metre along X")] = 0.0
-    slope_y: Annotated[float, Field(ge=-MOST_SLOPE, le=MOST_SLOPE, description="rise per metre along Y")] = 0.0
+    height_m: Annotated[float, key("height under the base's axis", "m", ge=-0.05, le=0.05)] = 0.0
+    slope_x: Annotated[float, key("rise per metre along X", ge=-MOST_SLOPE, le=MOST_SLOPE)] = 0.0
+    slope_y: Annotated[float, key("rise per metre along Y", ge=-MOST_SLOPE, le=MOST_SLOPE)] = 0.0
     x_m: Annotated[
-        Range, Field(description="work area along X, from and to", json_schema_extra={"unit": "m"})
+        Range, key("work area along X, from and to", "m")
     ] = (0.30, 1.20)  # fmt: skip
     y_m: Annotated[
-        Range, Field(description="work area along Y, from and to", json_schema_extra={"unit": "m"})
+        Range, key("work area along Y, from and to", "m")
     ] = (-0.60, 0.60)  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -203,10 +194,8 @@ class TablePart:
 class PersonPart:
     """The operator's side, seen from the base along X: arm and tool stay away from that whole side."""
 
-    side: Annotated[Side, Field(description="left, right, front or back")]
-    from_m: Annotated[
-        float, Field(ge=0.2, le=1.9, description="where that side begins", json_schema_extra={"unit": "m"})
-    ] = 0.6
+    side: Annotated[Side, key("left, right, front or back")]
+    from_m: Annotated[float, key("where that side begins", "m", ge=0.2, le=1.9)] = 0.6
 
     def box(self) -> KeepOut:
         """The side that arm and tool must not enter."""
@@ -217,9 +206,9 @@ class PersonPart:
 class KeepOutPart:
     """A box, along the axes of the base frame, that neither arm nor tool enters."""
 
-    name: Annotated[str, Field(min_length=1, description="its name, for messages")]
-    low_m: Annotated[Three, Field(description="its lower corner", json_schema_extra={"unit": "m"})]
-    high_m: Annotated[Three, Field(description="its upper corner", json_schema_extra={"unit": "m"})]
+    name: Annotated[str, key("its name, for messages", min_length=1)]
+    low_m: Annotated[Three, key("its lower corner", "m")]
+    high_m: Annotated[Three, key("its upper corner", "m")]
 
     def __post_init__(self) -> None:
         self.box()
@@ -234,22 +223,15 @@ class CameraPart:
     """The camera. Exposure and white balance are fixed, so that pictures are comparable."""
 
     kind: Annotated[
-        Literal["k4a", "realsense"],
-        Field(description="k4a (Azure Kinect, Femto Bolt) or realsense (Intel D400 family)"),
+        Literal["k4a", "realsense"], key("k4a (Azure Kinect, Femto Bolt) or realsense (Intel D400 family)")
     ] = "k4a"
-    serial: Annotated[str, Field(description="serial number; empty: the only camera plugged in")] = ""
-    exposure_us: Annotated[
-        int, Field(ge=500, le=33_330, description="exposure of the colour camera", json_schema_extra={"unit": "µs"})
-    ] = 8_000
-    white_balance_K: Annotated[
-        int, Field(ge=2_500, le=12_500, multiple_of=10, description="white balance", json_schema_extra={"unit": "K"})
-    ] = 4_500
-    gain: Annotated[
-        int | None, Field(ge=0, le=255, description="gain of the colour camera; left out: unchanged", examples=[128])
-    ] = None
-    mains_hz: Annotated[
-        Literal[50, 60], Field(description="mains frequency of the lamps, 50 or 60", json_schema_extra={"unit": "Hz"})
-    ] = 60
+    serial: Annotated[str, key("serial number; empty: the only camera plugged in")] = ""
+    exposure_us: Annotated[int, key("exposure of the colour camera", "µs", ge=500, le=33_330)] = 8_000
+    white_balance_K: Annotated[int, key("white balance", "K", ge=2_500, le=12_500, multiple_of=10)] = 4_500
+    gain: Annotated[int | None, key("gain of the colour camera; left out: unchanged", ge=0, le=255, examples=[128])] = (
+        None
+    )
+    mains_hz: Annotated[Literal[50, 60], key("mains frequency of the lamps, 50 or 60", "Hz")] = 60
 
     def camera(self, *, infrared: bool = False) -> CameraProcess:
         """The camera, not connected; `infrared` asks for that image in every frame."""
@@ -265,49 +247,47 @@ class CameraPart:
 class PedalPart:
     """The enabling pedal (docs/guide/enable-pedal.md): the arm moves while it is held. Not a safety device."""
 
-    port: Annotated[str, Field(min_length=1, description="serial port", examples=["/dev/ttyACM0"])]
+    port: Annotated[str, key("serial port", min_length=1, examples=["/dev/ttyACM0"])]
 
 
 @dataclass(frozen=True, config=_RULES)
 class BalancePart:
     """The balance that weighs the object; left out: its mass is not recorded."""
 
-    port: Annotated[str, Field(min_length=1, description="serial port", examples=["/dev/ttyUSB0"])]
-    protocol: Annotated[
-        Literal["mt-sics", "sbi"], Field(description="protocol: mt-sics (Mettler Toledo) or sbi (Sartorius)")
-    ] = "mt-sics"
+    port: Annotated[str, key("serial port", min_length=1, examples=["/dev/ttyUSB0"])]
+    protocol: Annotated[Literal["mt-sics", "sbi"], key("protocol: mt-sics (Mettler Toledo) or sbi (Sartorius)")] = (
+        "mt-sics"
+    )
 
 
 @dataclass(frozen=True, config=_RULES)
 class RigDescription:
     """One lab with one real arm."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]+$", description="short name of the lab")]
-    arm: Annotated[ArmPart, Field(description="the arm")]
-    table: Annotated[TablePart, Field(description="the table")] = Field(default_factory=TablePart)
-    camera: Annotated[CameraPart, Field(description="the camera")] = Field(default_factory=CameraPart)
-    pedal: Annotated[PedalPart | None, Field(description="the enabling pedal")] = None
+    name: Annotated[str, key("short name of the lab", pattern=r"^[A-Za-z0-9._-]+$")]
+    arm: Annotated[ArmPart, key("the arm")]
+    table: Annotated[TablePart, key("the table")] = Field(default_factory=TablePart)
+    camera: Annotated[CameraPart, key("the camera")] = Field(default_factory=CameraPart)
+    pedal: Annotated[PedalPart | None, key("the enabling pedal")] = None
     waived: Annotated[
         tuple[Waivable, ...],
-        Field(
-            description="checks that this lab goes without, which every trial records: pedal, hand (the tool is "
+        key(
+            "checks that this lab goes without, which every trial records: pedal, hand (the tool is "
             "screwed on), person, payload, keep_out, stop_button, slow_start"
         ),
     ] = ()
     consent: Annotated[
         Literal["motion", "command"] | None,
-        Field(
-            description="what the operator agrees to: each motion, or all that a question of the command announces; "
+        key(
+            "what the operator agrees to: each motion, or all that a question of the command announces; "
             "left out: each motion until this rig has moved slowly once",
             examples=["motion"],
         ),
     ] = None
-    balance: Annotated[BalancePart | None, Field(description="the balance")] = None
-    tools: Annotated[dict[str, ToolPart], Field(description="the tool of each task")] = Field(default_factory=dict)
-    person: Annotated[
-        PersonPart | None, Field(description="where the operator stands", examples=[PersonPart("left")])
-    ] = None
-    keep_out: Annotated[tuple[KeepOutPart, ...], Field(description="boxes that the arm must not enter")] = ()
+    balance: Annotated[BalancePart | None, key("the balance")] = None
+    tools: Annotated[dict[str, ToolPart], key("the tool of each task")] = Field(default_factory=dict)
+    person: Annotated[PersonPart | None, key("where the operator stands", examples=[PersonPart("left")])] = None
+    keep_out: Annotated[tuple[KeepOutPart, ...], key("boxes that the arm must not enter")] = ()
 
     def __post_init__(self) -> None:
         names = [part.name for part in self.keep_out]

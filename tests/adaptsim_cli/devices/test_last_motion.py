@@ -12,7 +12,7 @@ from real_lab import READY_RAD, quiet, said, typing
 
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.devices.known_arm import LastMotion
+from adaptsim_cli.devices.known_arm import KnownArm
 from adaptsim_cli.screen.console import Screen
 from hw.collision import LEVEL
 from hw.errors import ArmFault, MotionRefused
@@ -20,6 +20,10 @@ from hw.fake import FakeArm, FakeClock, FakeGuardedArm
 from hw.types import Execution, JointPath
 
 STILL = JointPath(np.arange(11, dtype=np.float64) * 1e-3, np.tile(READY_RAD, (11, 1)))
+
+
+def remembering(screen: Screen, known: KnownArm) -> Consent:
+    return Consent(screen, "panda", operator="Kim", known=known, waived=("stop_button", "slow_start"))
 
 
 def test_every_motion_says_how_many_commands_came_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -54,7 +58,7 @@ def test_every_motion_says_how_many_commands_came_in_time(monkeypatch: pytest.Mo
 def test_a_stop_is_never_forgotten(
     error: BaseException | None, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    last = LastMotion(tmp_path / "arms" / "panda-lab.json")
+    known = KnownArm(tmp_path / "arms" / "panda-lab")
 
     class Stopping(FakeGuardedArm):
         wrong: BaseException | None = error
@@ -67,10 +71,10 @@ def test_a_stop_is_never_forgotten(
     def arm(screen: Screen) -> ConfirmedArm:
         typing(monkeypatch, "panda")
         bare = Stopping(FakeArm(READY_RAD, FakeClock(), cell()), LEVEL)
-        return ConfirmedArm(bare, Consent(screen, "panda", operator="Kim", last=last), None)
+        return ConfirmedArm(bare, remembering(screen, known), None)
 
     if error is None:  # killed: nobody came to take the note away
-        moving = last.moving()
+        moving = known.moving()
         moving.__enter__()
     else:
         first = quiet()
@@ -83,22 +87,22 @@ def test_a_stop_is_never_forgotten(
         moved.execute(STILL)
     assert why in said(screen)
     assert said(screen).index("Check before") < said(screen).index("Type panda to confirm")
-    assert last.unended() is None, "a motion that ended well takes the note away"
+    assert known.unended() is None, "a motion that ended well takes the note away"
 
 
 def test_a_refused_motion_is_no_stop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     typing(monkeypatch, "panda")
-    last = LastMotion(tmp_path / "panda.json")
+    known = KnownArm(tmp_path)
     far = JointPath(STILL.t_s, STILL.q_rad + 0.5)
     bare = FakeGuardedArm(FakeArm(READY_RAD, FakeClock(), cell()), LEVEL)
     with (
-        ConfirmedArm(bare, Consent(quiet(), "panda", operator="Kim", last=last), None) as arm,
+        ConfirmedArm(bare, remembering(quiet(), known), None) as arm,
         pytest.raises(MotionRefused),
     ):
         arm.execute(far)
-    assert last.unended() is None
+    assert known.unended() is None
 
 
 def test_a_damaged_note_of_the_last_motion_counts_as_a_stop(tmp_path: Path) -> None:
-    (tmp_path / "note.json").write_text("{")
-    assert LastMotion(tmp_path / "note.json").unended() is not None
+    (tmp_path / "last-motion.json").write_text("{")
+    assert KnownArm(tmp_path).unended() is not None

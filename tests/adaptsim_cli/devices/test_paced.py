@@ -10,7 +10,7 @@ from guarded_paths import GUARD, Q_TOP_RAD, TOOL, down
 from adaptsim_cli import config
 from adaptsim_cli.app import run
 from adaptsim_cli.devices.opening import open_lab
-from adaptsim_cli.devices.pacing import PacedArm, PacedGuardedArm
+from adaptsim_cli.devices.pacing import PacedArm
 from adaptsim_cli.errors import UsageError
 from hw.collision import Table
 from hw.errors import ArmFault
@@ -68,7 +68,7 @@ def test_a_motion_that_stops_takes_until_its_stop() -> None:
 
 def test_a_touch_takes_its_way_there_and_back() -> None:
     wall = FakeClock()
-    with PacedGuardedArm(FeelingArm(), realtime=True, now_s=wall.now_s, pause=wall.sleep) as arm:
+    with PacedArm(FeelingArm(), realtime=True, now_s=wall.now_s, pause=wall.sleep) as arm:
         assert arm.execute_until_contact(down(), GUARD).t_s > 0.0
     assert wall.now_s() == 2.5
 

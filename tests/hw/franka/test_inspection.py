@@ -14,16 +14,16 @@ from hw.franka.settings import FrankaSettings
 @pytest.mark.long
 def test_mode_joints_and_states_are_read_and_nothing_is_set() -> None:
     with fr3(READY_RAD) as server:
-        seen = inspect("fr3", FrankaSettings(server.host), realtime=False, states=200)
-        assert seen.reading.mode == "Idle"
-        np.testing.assert_allclose(seen.reading.q_rad, READY_RAD, atol=0.01)
-        assert seen.rhythm.states == 200
-        assert seen.rhythm.missed >= 0
-        assert 0.0 < seen.rhythm.longest_gap_s < 10.0
+        reading, rhythm, _ = inspect("fr3", FrankaSettings(server.host), realtime=False, states=200)
+        assert reading.mode == "Idle"
+        np.testing.assert_allclose(reading.q_rad, READY_RAD, atol=0.01)
+        assert rhythm.states == 200
+        assert rhythm.missed >= 0
+        assert 0.0 < rhythm.longest_gap_s < 10.0
         assert server.configured() == []
         server.tell("press")
-        stopped = inspect("fr3", FrankaSettings(server.host), realtime=False, states=50)
-        assert "the stop button is pressed" in str(stopped.reading.unwilling)
+        stopped, _, _ = inspect("fr3", FrankaSettings(server.host), realtime=False, states=50)
+        assert "the stop button is pressed" in str(stopped.unwilling)
 
 
 def test_an_arm_that_is_not_there_is_said() -> None:

@@ -94,8 +94,8 @@ class Follower:
 
     def prepare(self) -> None: ...
 
-    def listen(self, states: int) -> tuple[int, float, int | None]:
-        return states // 100, 0.0012, 5
+    def listen(self, states: int) -> Rhythm:
+        return Rhythm(states, states // 100, 0.0012, 5)
 
     def recover(self) -> None:
         self.mode = "Idle"

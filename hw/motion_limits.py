@@ -92,7 +92,7 @@ class MotionLimits:
         """Each quantity at its tightest moment along a path of reported joints."""
         dq, ddq, _ = derivatives(path.q_rad)
         q = np.concatenate([path.q_rad, np.repeat(path.q_rad[-1:], 3, axis=0)])
-        t_s = np.arange(len(q)) * DT_S
+        t_s = np.asarray(np.arange(len(q)) * DT_S, dtype=np.float64)
         return [
             worst((one.name, one.unit), one.ratio, one.values, one.limit, t_s, one.where)
             for one in self._quantities(asked(q + self.zeros_rad, dq, ddq, self.load), DT_S)

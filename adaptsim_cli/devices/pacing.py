@@ -15,6 +15,7 @@ from hw.ports import Arm, AroundArm, GuardedArm
 from hw.types import Contact, Execution, Guard, JointPath
 
 Inner = TypeVar("Inner", bound=Arm)
+Feeling = TypeVar("Feeling", bound=GuardedArm)
 
 
 class PacedArm(AroundArm[Inner]):
@@ -52,7 +53,7 @@ class PacedArm(AroundArm[Inner]):
             moved_s = self._arm.state().t_s - before_s
             self._pause(max(0.0, moved_s - (self._now_s() - begun_s)))
 
-    def execute_until_contact(self: PacedArm[GuardedArm], path: JointPath, guard: Guard) -> Contact:
+    def execute_until_contact(self: PacedArm[Feeling], path: JointPath, guard: Guard) -> Contact:
         """See `hw.ports.GuardedArm`, if the inner arm is one; times of the contact are those of the slower path."""
         with self._taking_its_time():
             return self._arm.execute_until_contact(slowed(path, self._pace), guard)

@@ -84,11 +84,11 @@ class LiveCamera:
 
     def open(
         self,
+        progress: Callable[[str], None],
         serial: str | None,
         settings: ColourSettings,
         infrared: bool,
         latency_s: float,
-        progress: Callable[[str], None],
     ) -> CameraModel:
         """Connect, in about three seconds: probe, start, and map the device's clock.
 
@@ -176,7 +176,7 @@ def serve(program: Connection, camera: LiveCamera) -> None:
                 call: Call = program.recv()
                 try:
                     if call.method == OPEN:
-                        program.send((camera.open(*call.arguments, program.send), camera.facts()))
+                        program.send((camera.open(program.send, *call.arguments), camera.facts()))
                     elif call.method == END_FILM:
                         film = camera.end_film()
                         program.send((replace(film, shots=()), camera.facts(film), len(film.shots)))

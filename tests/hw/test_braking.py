@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from cells import cell
+from cells import READY, cell, joint, move
 from hard_paths import LOADED, paths
 
 from hw.braking import LONGEST_S, STOP_S, brake, check_braking, joint_spline
@@ -10,7 +10,6 @@ from hw.franka.playback import STOPS_EVERY_S
 from hw.types import ContactWindow, JointPath
 
 PANDA = cell("panda").motion
-READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 
 
 def path_of(duration_s: float, contact: ContactWindow | None = None) -> JointPath:
@@ -72,8 +71,7 @@ def test_the_contact_window_lasts_until_the_slowed_path_leaves_it() -> None:
 
 def test_a_path_that_slows_down_at_its_limit_is_braked_as_fast_as_that_allows() -> None:
     """One profile of the clock for all paths took .6 s here: for half of the way the path brakes as hard as it may."""
-    u = np.arange(801)[:, None] / 800
-    path = JointPath(u[:, 0] * 0.8, READY + u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3) * 0.8 * np.eye(7)[0])
+    path = move(joint(1, 0.8), 0.8)
     assert 0.9 < cell("fr3").check(path).joint_ratio < 1.0
     stops = check_braking(path, cell("fr3").motion, 0.01)
     assert stops.ok

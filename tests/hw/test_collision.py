@@ -2,7 +2,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from cells import stick
+from cells import READY, stick
 from scipy.optimize import minimize
 
 from hw.collision import (
@@ -17,8 +17,6 @@ from hw.collision import (
     table_clearance,
 )
 from hw.kinematics import link_poses
-
-READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 
 
 def brute_force(distance_at: Callable[[np.ndarray], float], bounds: list[tuple[float, float]]) -> float:

@@ -2,7 +2,7 @@ import time
 
 import numpy as np
 import pytest
-from cells import cell, stick
+from cells import READY, cell, find, joint, move, stick
 
 from hw.collision import KeepOut
 from hw.errors import MotionRefused
@@ -10,33 +10,8 @@ from hw.joint_limits import LIMITS
 from hw.kinematics import forward
 from hw.limits import Worst
 from hw.types import ContactWindow, JointPath
-from hw.workcell import Workcell
-
-READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
-
-
-def smooth(duration_s: float) -> tuple[np.ndarray, np.ndarray]:
-    t_s = np.arange(round(duration_s * 1000) + 1) / 1000
-    u = t_s / t_s[-1]
-    return t_s, u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
-
-
-def move(change: np.ndarray, duration_s: float = 2.0, contact: ContactWindow | None = None) -> JointPath:
-    t_s, share = smooth(duration_s)
-    return JointPath(t_s, READY + share[:, None] * change, contact)
-
-
-def joint(number: int, change: float) -> np.ndarray:
-    return change * (np.arange(1, 8) == number)
-
 
 PANDA, FR3 = cell(), cell("fr3")
-
-
-def find(path: JointPath, quantity: str, within: Workcell = PANDA) -> Worst:
-    report = within.check(path)
-    (found,) = (check for check in report.checks if check.quantity == quantity)
-    return found
 
 
 @pytest.mark.parametrize("model", ["panda", "fr3"])
@@ -48,7 +23,7 @@ def test_a_gentle_move_is_accepted(model: str) -> None:
 
 def test_velocity_names_joint_time_value_and_limit() -> None:
     """A seventh-order step of 1 rad in 1 s peaks in the middle at 2.1875 rad/s; joint 3 may do 2.175 - 3 ms * 10."""
-    worst = find(move(joint(3, 1.0), 1.0), "velocity")
+    worst = find(move(joint(3, 1.0), 1.0), "velocity", PANDA)
     assert (worst.where, worst.t_s) == ("joint 3", pytest.approx(0.5, abs=0.002))
     assert worst.value == pytest.approx(2.1875, rel=1e-4)
     assert worst.limit == pytest.approx(2.145)
@@ -57,17 +32,17 @@ def test_velocity_names_joint_time_value_and_limit() -> None:
 
 
 def test_acceleration_and_jerk_are_those_of_the_samples() -> None:
-    acceleration = find(move(joint(2, -0.3), 0.5), "acceleration")
+    acceleration = find(move(joint(2, -0.3), 0.5), "acceleration", PANDA)
     assert abs(acceleration.value) == pytest.approx(7.5132 * 0.3 / 0.25, rel=1e-3)
     assert acceleration.where == "joint 2"
     assert acceleration.ratio > 1.0
-    jerk = find(move(joint(2, -0.3), 0.1), "jerk")
+    jerk = find(move(joint(2, -0.3), 0.1), "jerk", PANDA)
     assert abs(jerk.value) == pytest.approx(52.5 * 0.3 / 1e-3, rel=1e-2)
 
 
 def test_position_limits_differ_between_the_arms() -> None:
     up = move(joint(6, 2.3), 4.0)  # 3.87 rad: above the Panda's 3.7525, under the FR3's 4.6216
-    assert find(up, "position").ratio > 1.0
+    assert find(up, "position", PANDA).ratio > 1.0
     assert find(up, "position", FR3).ratio < 1.0
 
 
@@ -88,9 +63,9 @@ def test_fr3_velocity_shrinks_towards_its_position_limits() -> None:
 def test_a_path_that_starts_or_ends_in_motion_is_refused() -> None:
     t_s = np.arange(1001) / 1000
     moving = JointPath(t_s, READY + np.outer(t_s, joint(1, 0.1)))
-    assert find(moving, "end velocity").ratio == pytest.approx(10.0)
+    assert find(moving, "end velocity", PANDA).ratio == pytest.approx(10.0)
     accelerating = JointPath(t_s[:-500], READY + np.outer(t_s[:-500] ** 2, joint(1, 5.0)))
-    assert find(accelerating, "jerk").ratio > 1.0  # 10 rad/s² from one millisecond to the next
+    assert find(accelerating, "jerk", PANDA).ratio > 1.0  # 10 rad/s² from one millisecond to the next
     still = JointPath(t_s, np.tile(READY, (len(t_s), 1)))
     assert PANDA.check(still, READY).ok
 
@@ -103,7 +78,7 @@ def test_start_must_be_where_the_arm_is() -> None:
 
 
 def test_self_collision_names_the_pair() -> None:
-    worst = find(move(joint(6, -1.58) + joint(4, -0.7), 6.0), "self-collision")
+    worst = find(move(joint(6, -1.58) + joint(4, -0.7), 6.0), "self-collision", PANDA)
     assert worst.ratio > 1.0
     assert worst.where == "link 2 and guide button"
 
@@ -117,9 +92,8 @@ def test_keep_out_boxes_are_kept_out_of() -> None:
 
 def test_the_tool_may_touch_the_table_only_in_the_declared_window() -> None:
     bow = joint(2, 0.5075) + joint(4, -0.025)
-    t_s, share = smooth(3.0)
-    there_and_back = np.concatenate([share, share[-2::-1]])
-    q = READY + there_and_back[:, None] * bow
+    there = move(bow, 3.0).q_rad
+    q = np.concatenate([there, there[-2::-1]])
     t_s = np.arange(len(q)) / 1000
 
     def deep(contact: ContactWindow | None) -> Worst:

@@ -6,21 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cells import cell
+from cells import READY, cell, find, joint, move
 
 from hw.collision import BARE_HAND, HAND_MASS, Capsule, KeepOut, Tool, box_clearance, self_clearance
 from hw.dynamics import torque_Nm
 from hw.errors import MotionRefused
 from hw.joint_limits import derivatives
 from hw.kinematics import FLANGE, forward, link_poses
-from hw.limits import Worst
 from hw.mass import Mass
 from hw.motion_limits import FLANGE as FLANGE_LIMITS
 from hw.motion_limits import RATED_NM, TORQUE_SHARE
 from hw.types import ContactWindow, JointPath
-from hw.workcell import STOPS_AT_NM, Workcell
+from hw.workcell import STOPS_AT_NM
 
-READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 STRETCHED = np.array([0.0, 1.1, 0.0, -0.5, 0.0, 1.65, 0.8])
 
 
@@ -29,39 +27,24 @@ def loaded(kg: float, at_m: tuple[float, float, float] = (0.0, 0.0, 0.1)) -> Too
     return replace(BARE_HAND, name=f"{kg:g} kg", mass=HAND_MASS + load)
 
 
-def path(start: np.ndarray, change: np.ndarray, duration_s: float = 1.0) -> JointPath:
-    t_s = np.arange(round(duration_s * 1000) + 1) / 1000
-    u = t_s / t_s[-1]
-    return JointPath(t_s, start + (u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3))[:, None] * change)
-
-
-def joint(number: int, change: float) -> np.ndarray:
-    return change * (np.arange(1, 8) == number)
-
-
-def find(where: Workcell, one: JointPath, quantity: str) -> Worst:
-    (found,) = (check for check in where.check(one).checks if check.quantity == quantity)
-    return found
-
-
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_what_an_empty_hand_does_a_loaded_one_may_not(model: str) -> None:
     """A stretched arm lifts its load: joint 2 carries it all."""
-    lift = path(STRETCHED, joint(2, -0.25), 0.6)
+    lift = move(joint(2, -0.25), 0.6, start_rad=STRETCHED)
     report = cell(model).require(lift)
     assert report.ok
     with pytest.raises(MotionRefused, match=r"torque of joint 2 at t = 0\.\d+ s is .* Nm, limit 78\.3 Nm"):
         cell(model, loaded(3.0)).require(lift)
     dq, ddq, _ = derivatives(lift.q_rad)
     q = np.concatenate([lift.q_rad, np.repeat(lift.q_rad[-1:], 3, axis=0)])
-    worst = find(cell(model, loaded(3.0)), lift, "torque")
+    worst = find(lift, "torque", cell(model, loaded(3.0)))
     assert abs(torque_Nm(q, dq, ddq, loaded(3.0).mass)[:, 1]).max() == pytest.approx(abs(worst.value))
 
 
 def test_a_load_far_out_is_too_much_for_the_wrist() -> None:
-    still = path(READY, joint(1, 0.1))
+    still = move(joint(1, 0.1), 1.0)
     assert cell("fr3", loaded(1.0)).check(still).ok
-    far = find(cell("fr3", loaded(3.0, (0.45, 0.0, 0.0))), still, "torque")
+    far = find(still, "torque", cell("fr3", loaded(3.0, (0.45, 0.0, 0.0))))
     assert far.where in ("joint 5", "joint 6", "joint 7")
     assert far.limit == pytest.approx(TORQUE_SHARE * RATED_NM[6])
     assert far.ratio > 1.0
@@ -73,7 +56,7 @@ def test_the_torque_rate_is_that_of_the_samples() -> None:
     envelope = np.sin(np.pi * t_s / t_s[-1]) ** 4
     shake = (7.0 / (100 * np.pi) ** 2 * envelope * np.sin(100 * np.pi * t_s))[:, None]
     one = JointPath(t_s, READY + shake * np.array([1.0, 1.0, 1.0, 0, 0, 0, 0]))
-    found = find(cell(), one, "torque rate")
+    found = find(one, "torque rate", cell())
     assert found.limit == 1000.0
     assert found.ratio > 1.0
     assert all(
@@ -86,8 +69,8 @@ def test_the_torque_rate_is_that_of_the_samples() -> None:
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_the_flange_keeps_to_the_makers_cartesian_limits(model: str) -> None:
     """Joints 1 and 7 turn the same way, each within its limits; the wrist turns with the speed of both."""
-    turning = path(READY, joint(1, 1.2) - joint(7, 1.2), 1.4)
-    found = find(cell(model), turning, "turning speed")
+    turning = move(joint(1, 1.2) - joint(7, 1.2), 1.4)
+    found = find(turning, "turning speed", cell(model))
     assert (found.where, found.limit) == ("the flange", FLANGE_LIMITS[model].rad_s)
     R = forward(turning.q_rad)[:, :3, :3]
     cosine = (np.einsum("nij,nij->n", R[1:], R[:-1]) - 1.0) / 2.0
@@ -108,36 +91,37 @@ def test_every_stop_keeps_the_torques_too() -> None:
 def test_what_a_contact_does_to_the_wrist_stays_below_where_the_arm_stops() -> None:
     tip = np.array([0.3, 0.0, 0.1])
     tool = Tool("lever", HAND_MASS, (), tip[None])
-    over = replace(path(READY, joint(1, 0.05)), contact=ContactWindow(0.2, 0.8, 0.001, 40.0))
-    found = find(cell(tool=tool), over, "predicted contact torque")
+    over = replace(move(joint(1, 0.05), 1.0), contact=ContactWindow(0.2, 0.8, 0.001, 40.0))
+    found = find(over, "predicted contact torque", cell(tool=tool))
     assert found.limit <= 0.8 * max(STOPS_AT_NM)
     assert found.ratio > 1.0
-    assert find(cell(tool=tool, stops_at_Nm=np.full(7, 80.0)), over, "predicted contact torque").ratio < found.ratio
+    assert find(over, "predicted contact torque", cell(tool=tool, stops_at_Nm=np.full(7, 80.0))).ratio < found.ratio
 
 
 def test_a_thin_rod_that_passes_between_two_samples_is_found() -> None:
     """Its tip passes 9.6 mm over a wire. 10 ms before and after it is farther than the 10 mm that are asked for."""
     rod = Tool("rod", HAND_MASS, (Capsule("rod", FLANGE, np.array([0.0, 0.0, 0.1]), np.array([0.0, 0.0, 0.2]), 0.001),))
-    swing = path(READY, joint(1, 1.0), 0.9)
+    swing = move(joint(1, 1.0), 0.9)
     X = forward(swing.q_rad)
     tip_m = X[:, :3, :3] @ np.array([0.0, 0.0, 0.2]) + X[:, :3, 3]
     under = tip_m[445] - np.array([0.0, 0.0, 0.001 + 0.0096])
     wire = KeepOut("wire", under - np.array([1e-5, 1e-5, 0.2]), under + np.array([1e-5, 1e-5, 0.0]))
     clearances, names = box_clearance(link_poses(swing.q_rad[::10]), rod, wire)
     assert clearances[:, names.index("rod and wire")].min() > 0.01
-    found = find(cell(tool=rod, keep_out=(wire,)), swing, "keep-out")
+    found = find(swing, "keep-out", cell(tool=rod, keep_out=(wire,)))
     assert found.value == pytest.approx(0.0096, abs=5e-4)
     assert found.ratio > 1.0
     below = KeepOut("wire", wire.low_m, wire.high_m - np.array([0.0, 0.0, 0.0012]))
-    assert find(cell(tool=rod, keep_out=(below,)), swing, "keep-out").ratio < 1.0
+    assert find(swing, "keep-out", cell(tool=rod, keep_out=(below,))).ratio < 1.0
 
 
 def test_bounds_between_samples_are_never_above_what_is_there() -> None:
     """Against the same path looked at a hundred times as finely."""
     rng = np.random.default_rng(5)
     for _ in range(4):
-        one = path(READY + rng.uniform(-0.2, 0.2, 7), rng.uniform(-0.5, 0.5, 7), 0.8)
-        said = find(cell(), one, "self-collision").value
+        start_rad = READY + rng.uniform(-0.2, 0.2, 7)
+        one = move(rng.uniform(-0.5, 0.5, 7), 0.8, start_rad=start_rad)
+        said = find(one, "self-collision", cell()).value
         steps = np.arange(0.0, len(one.t_s) - 1.0, 0.1)
         fine = np.column_stack([np.interp(steps, np.arange(len(one.t_s)), q) for q in one.q_rad.T])
         assert said <= float(self_clearance(link_poses(fine), BARE_HAND)[0].min()) + 1e-9

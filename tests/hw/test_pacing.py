@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cells import cell, stick
+from cells import READY, cell, move, stick
 
 from hw.braking import slowed
 from hw.types import ContactWindow, JointPath
 
-READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 
-
-def path(duration_s: float = 1.0) -> JointPath:
-    t_s = np.arange(round(duration_s * 1000) + 1) / 1000
-    u = t_s / t_s[-1]
-    share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
-    return JointPath(t_s, READY + 0.2 * share[:, None], ContactWindow(0.25, 0.5, 0.002, 10.0))
+def path() -> JointPath:
+    return move(np.full(7, 0.2), 1.0, ContactWindow(0.25, 0.5, 0.002, 10.0))
 
 
 @pytest.mark.parametrize("pace", [0.1, 0.3, 0.77, 0.999])

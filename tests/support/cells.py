@@ -1,4 +1,5 @@
-"""Workcells for tests: a level table with nothing around, joints without error, unless a test says otherwise."""
+"""Workcells for tests: a level table with nothing around, joints without error, unless a test says otherwise; and
+motions of an arm in them."""
 
 from __future__ import annotations
 
@@ -6,9 +7,33 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hw.collision import BARE_HAND, LEVEL, KeepOut, Table, Tool
+from hw.limits import Worst
 from hw.mass import NOTHING
-from hw.types import Array
+from hw.types import Array, ContactWindow, JointPath
 from hw.workcell import STOPS_AT_N, STOPS_AT_NM, Workcell, arm_model
+
+READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+
+
+def move(
+    change_rad: ArrayLike, duration_s: float = 2.0, contact: ContactWindow | None = None, start_rad: Array = READY
+) -> JointPath:
+    """A seventh-order step by `change_rad` (7,), at rest at both ends."""
+    t_s = np.arange(round(duration_s * 1000) + 1) / 1000
+    u = t_s / t_s[-1]
+    share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
+    return JointPath(t_s, start_rad + share[:, None] * np.asarray(change_rad), contact)
+
+
+def joint(number: int, change_rad: float) -> Array:
+    """(7,) a change of one joint, counted from 1."""
+    return np.asarray(change_rad * (np.arange(1, 8) == number))
+
+
+def find(path: JointPath, quantity: str, within: Workcell) -> Worst:
+    """The check of one quantity."""
+    (found,) = (check for check in within.check(path).checks if check.quantity == quantity)
+    return found
 
 
 def cell(

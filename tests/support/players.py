@@ -7,16 +7,19 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from cells import READY, cell
+from sdk_fake import FakeSdk
 
+from hw.collision import BARE_HAND, Tool
 from hw.franka import connection, player
+from hw.franka.arm import FrankaArm
 from hw.franka.driver import Reading
 from hw.franka.messages import PlayOutcome
 from hw.franka.playback import PlayableMotion, Played
-from hw.franka.settings import Payload
+from hw.franka.settings import FrankaSettings, Payload
+from hw.ports import Pedal
 from hw.types import Array, Guard
 from hw.watchdog import WHY
-
-READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 
 
 @dataclass
@@ -89,3 +92,23 @@ class InProcess:
 
     def close(self) -> None:
         self.alive = False
+
+
+SETTINGS = FrankaSettings("172.16.0.2")
+
+
+def driver_of(sdk: FakeSdk, model: str = "panda", settings: FrankaSettings = SETTINGS) -> connection.Connection:
+    return connection.Connection(model, sdk, connection.DRIVES[model], settings, realtime=True)
+
+
+def arm_of(
+    sdk: FakeSdk,
+    model: str = "panda",
+    settings: FrankaSettings = SETTINGS,
+    *,
+    tool: Tool = BARE_HAND,
+    pedal: Pedal | None = None,
+    player: type[InProcess] = InProcess,
+) -> FrankaArm:
+    """The arm of `cell(model, tool)` over an SDK's fake."""
+    return FrankaArm(cell(model, tool), settings, lambda: player(driver_of(sdk, model, settings)), pedal=pedal)

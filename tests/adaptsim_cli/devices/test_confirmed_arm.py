@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from cells import cell
-from players import InProcess
+from players import arm_of
 from real_lab import (
     READY_RAD,
     ToyPedal,
@@ -22,9 +22,6 @@ from adaptsim_cli.errors import StoppedByOperator
 from hw.collision import LEVEL
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock, FakeGuardedArm
-from hw.franka.arm import FrankaArm
-from hw.franka.connection import DRIVES, Connection
-from hw.franka.settings import FrankaSettings
 from hw.types import JointPath
 
 STILL = JointPath(np.linspace(0.0, 0.01, 11), np.tile(READY_RAD, (11, 1)))
@@ -76,8 +73,6 @@ def test_a_motion_waits_for_the_pedal_and_gives_up(monkeypatch: pytest.MonkeyPat
 def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_moves() -> None:
     """The stop button, a reflex behind it that needs a joint to be guided first, and then an arm that is Idle."""
     sdk = FakeSdk(k=True)
-    settings = FrankaSettings("172.16.0.2")
-    drive = DRIVES["panda"]
     sdk.modes.pressed = True
     asked: list[str] = []
 
@@ -91,9 +86,7 @@ def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_mov
 
     screen = quiet()
     screen.ask = answer  # type: ignore[method-assign]
-    with FrankaArm(
-        cell(), settings, lambda: InProcess(Connection("panda", sdk, drive, settings, realtime=True))
-    ) as arm:
+    with arm_of(sdk) as arm:
         offer_recovery(arm, screen)
         assert arm.state().fault is None
     recover = "Type recover to clear it, Enter to leave it, q to stop, ? explains:"
@@ -104,13 +97,7 @@ def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_mov
 def test_who_leaves_a_pressed_stop_button_stops_the_command() -> None:
     sdk = FakeSdk(k=False)
     sdk.modes.pressed = True
-    settings = FrankaSettings("172.16.0.2")
     screen = quiet()
     screen.ask = lambda question, presses=None: "q"  # type: ignore[method-assign]
-    with (
-        FrankaArm(
-            cell("fr3"), settings, lambda: InProcess(Connection("fr3", sdk, DRIVES["fr3"], settings, realtime=True))
-        ) as arm,
-        pytest.raises(StoppedByOperator),
-    ):
+    with arm_of(sdk, "fr3") as arm, pytest.raises(StoppedByOperator):
         offer_recovery(arm, screen)

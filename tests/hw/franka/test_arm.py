@@ -6,8 +6,8 @@ import gc
 
 import numpy as np
 import pytest
-from cells import cell
-from players import READY, Sink
+from cells import READY, cell, move
+from players import Sink
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused
 from hw.franka.arm import FrankaArm, open_franka
@@ -17,9 +17,7 @@ from hw.types import ContactWindow, JointPath
 
 
 def path(contact: ContactWindow | None = None, duration_s: float = 1.0, change_rad: float = 0.1) -> JointPath:
-    t_s = np.arange(round(duration_s * 1000) + 1) / 1000
-    u = t_s / t_s[-1]
-    return JointPath(t_s, READY + (u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3))[:, None] * change_rad, contact)
+    return move(np.full(7, change_rad), duration_s, contact)
 
 
 def arm(sink: Sink, model: str = "fr3") -> FrankaArm:

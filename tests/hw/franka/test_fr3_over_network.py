@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cells import cell
+from cells import cell, move
 from fr3_process import READY_RAD, RELAXED, Fr3Process, HandPedal, arm_at, fr3
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, StoppedByPedal
@@ -42,9 +42,7 @@ CHANGE_RAD = np.array([0.4, -0.2, 0.2, 0.2, 0.3, 0.2, -0.4])
 
 
 def path_from(q_rad: Array, change_rad: Array = CHANGE_RAD, duration_s: float = 1.5) -> JointPath:
-    t_s = np.arange(round(duration_s * 1000) + 1) / 1000
-    u = t_s / t_s[-1]
-    return JointPath(t_s, q_rad + (u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3))[:, None] * change_rad)
+    return move(change_rad, duration_s, start_rad=q_rad)
 
 
 @pytest.fixture(scope="module")

@@ -10,15 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cells import cell
+from cells import cell, move
 from fr3_process import READY_RAD, RELAXED, Fr3Process, fr3
 from franka_modes import ANSWERS, COMMANDS, FLAGS, MODES, NAMES, NOT_FINITE, SETTERS
-from players import InProcess
+from players import InProcess, arm_of, driver_of
 from sdk_fake import FakeRobot, FakeSdk, JointPositions
 
 from hw.errors import ArmFault, DeviceUnavailable
-from hw.franka.arm import FrankaArm, franka
-from hw.franka.connection import DRIVES, Connection
+from hw.franka.arm import franka
 from hw.franka.driver import UNMOVED, Failure, Reading
 from hw.franka.messages import PlayOutcome
 from hw.franka.playback import Playback, motion_of
@@ -114,25 +113,18 @@ def test_every_flag_of_the_wire_has_its_name_in_the_sdk(server: Fr3Process) -> N
         assert shown == [name]
 
 
-def rad(q_rad: np.ndarray, duration_s: float = 0.6) -> JointPath:
-    t_s = np.arange(round(duration_s * 1000) + 1) / 1000
-    u = t_s / t_s[-1]
-    share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
-    return JointPath(t_s, q_rad + share[:, None] * np.array([0.05, -0.03, 0.03, 0.02, 0.04, 0.03, -0.05]))
+CHANGE_RAD = np.array([0.05, -0.03, 0.03, 0.02, 0.04, 0.03, -0.05])
 
 
-def panda(sdk: FakeSdk) -> FrankaArm:
-    settings = FrankaSettings("172.16.0.2")
-    return FrankaArm(
-        cell("panda"), settings, lambda: InProcess(Connection("panda", sdk, DRIVES["panda"], settings, realtime=True))
-    )
+def rad(q_rad: np.ndarray) -> JointPath:
+    return move(CHANGE_RAD, 0.6, start_rad=q_rad)
 
 
 @pytest.mark.parametrize("mode", [mode for mode in LASTING if mode != "Idle"])
 def test_a_panda_found_in_any_mode_connects_explains_recovers_and_moves(mode: str) -> None:
     sdk = FakeSdk(k=True)
     sdk.modes.be(mode)
-    with panda(sdk) as arm:
+    with arm_of(sdk) as arm:
         assert not any(name in SETTERS for name, _ in sdk.calls), "it takes them only when Idle"
         state = arm.state()
         assert state.fault
@@ -181,8 +173,7 @@ def test_an_fr3_found_in_any_mode_connects_explains_recovers_and_moves(
 
 def test_the_stop_button_pressed_between_the_check_and_the_motion_moves_nothing() -> None:
     sdk = FakeSdk(k=True)
-    settings = FrankaSettings("172.16.0.2")
-    driver = Connection("panda", sdk, DRIVES["panda"], settings, realtime=True)
+    driver = driver_of(sdk)
     sdk.modes.pressed = True
     with pytest.raises(Failure, match=r"the stop button is pressed .*nothing has moved") as raised:
         driver.prepare()
@@ -193,7 +184,7 @@ def test_the_stop_button_pressed_between_the_check_and_the_motion_moves_nothing(
 class Moved(InProcess):
     """Somebody moves the arm after the program has checked the motion, before the player begins it."""
 
-    by_rad = 0.05
+    by_rad = 0.0
 
     def play(self, *arguments: Any, **more: Any) -> PlayOutcome:
         self.driver._robot._q[1] += self.by_rad
@@ -204,14 +195,10 @@ class Moved(InProcess):
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 @pytest.mark.parametrize("by_rad", [0.05, 0.0005, -0.002])
 def test_an_arm_that_was_moved_after_the_check_is_not_commanded(model: str, by_rad: float) -> None:
-    sdk, settings = FakeSdk(k=model == "panda"), FrankaSettings("172.16.0.2")
-
-    def start() -> Moved:
-        player = Moved(Connection(model, sdk, DRIVES[model], settings, realtime=True))
-        player.by_rad = by_rad
-        return player
-
-    with FrankaArm(cell(model), settings, start) as arm:
+    sdk = FakeSdk(k=model == "panda")
+    with arm_of(sdk, model, player=Moved) as arm:
+        assert isinstance(arm._player, Moved)
+        arm._player.by_rad = by_rad
         before = arm.state().q_rad
         with pytest.raises(ArmFault, match=r"joint 2 .*nothing has"):
             arm.execute(rad(before))
@@ -258,7 +245,7 @@ def test_the_stand_in_and_the_sdk_send_no_command_that_is_not_finite(server: Fr3
 
 def test_a_motion_that_begins_late_does_not_begin() -> None:
     sdk = FakeSdk(k=True)
-    driver = Connection("panda", sdk, DRIVES["panda"], FrankaSettings("172.16.0.2"), realtime=True)
+    driver = driver_of(sdk)
     motion = motion_of(rad(np.array(sdk.q_rad)), cell("panda").motion)
     clock = iter([0.0, 1.5])
     playback = Playback(motion, lambda: "", lambda: 0.0, awake=lambda: next(clock))
@@ -268,17 +255,14 @@ def test_a_motion_that_begins_late_does_not_begin() -> None:
 
 
 def test_a_stop_button_pressed_between_check_and_motion_needs_a_recovery_after_its_release() -> None:
-    sdk, settings = FakeSdk(k=True), FrankaSettings("172.16.0.2")
+    sdk = FakeSdk(k=True)
 
     class Pressed(InProcess):
         def play(self, *arguments: Any, **more: Any) -> PlayOutcome:
             sdk.modes.pressed = True
             return super().play(*arguments, **more)
 
-    def start() -> Pressed:
-        return Pressed(Connection("panda", sdk, DRIVES["panda"], settings, realtime=True))
-
-    with FrankaArm(cell("panda"), settings, start) as arm:
+    with arm_of(sdk, player=Pressed) as arm:
         path = rad(arm.state().q_rad)
         for _ in range(2):  # as it is pressed, and once more after its release
             with pytest.raises(ArmFault, match="stop button"):
@@ -292,7 +276,7 @@ def test_a_stop_button_pressed_between_check_and_motion_needs_a_recovery_after_i
 
 
 def test_a_stop_during_a_recovery_holds() -> None:
-    sdk, settings = FakeSdk(k=True), FrankaSettings("172.16.0.2")
+    sdk = FakeSdk(k=True)
 
     class Stopping(InProcess):
         def recover(self) -> Reading:
@@ -304,10 +288,7 @@ def test_a_stop_during_a_recovery_holds() -> None:
 
     stopped: list[None] = []
 
-    def start() -> Stopping:
-        return Stopping(Connection("panda", sdk, DRIVES["panda"], settings, realtime=True))
-
-    with FrankaArm(cell("panda"), settings, start) as arm:
+    with arm_of(sdk, player=Stopping) as arm:
         sdk.modes.be("Reflex")
         arm.recover()
         with pytest.raises(ArmFault, match="requested"):
@@ -319,7 +300,7 @@ def test_a_stop_during_a_recovery_holds() -> None:
 def test_a_motion_of_somebody_else_is_waited_for_and_then_said() -> None:
     sdk = FakeSdk(k=False)
     sdk.modes.moving = True
-    driver = Connection("fr3", sdk, DRIVES["fr3"], FrankaSettings("172.16.0.2"), realtime=True)
+    driver = driver_of(sdk, "fr3")
     with pytest.raises(Failure, match="not asked"):
         driver.prepare()
 
@@ -367,7 +348,7 @@ def jump(name: str, size: float) -> Callable[[np.ndarray], np.ndarray]:
 )
 def test_an_arm_notices_what_no_checked_path_does(model: str, name: str, size: float) -> None:
     sdk = FakeSdk(k=model == "panda")
-    driver = Connection(model, sdk, DRIVES[model], FrankaSettings("172.16.0.2"), realtime=True)
+    driver = driver_of(sdk, model)
     rows = iter(jump(name, size)(np.array(sdk.q_rad)))
     with pytest.raises(Failure, match=name):
         driver.drive(lambda state, dt_s: (next(rows).tolist(), False))

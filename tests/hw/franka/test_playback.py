@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from cells import cell
+from cells import READY, cell, move
 
 from hw.braking import brake
 from hw.errors import MotionRefused
@@ -15,14 +15,11 @@ from hw.franka.touching import stop_report
 from hw.joint_limits import LIMITS, derivatives
 from hw.types import JointPath
 
-READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 CHANGE = 0.55 * np.array([0.5, -0.3, 0.4, 0.2, 0.5, 0.3, -0.5])
 
 
 def path(duration_s: float = 1.0) -> JointPath:
-    t_s = np.arange(round(duration_s * 1000) + 1) / 1000
-    u = t_s / t_s[-1]
-    return JointPath(t_s, READY + (u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3))[:, None] * CHANGE)
+    return move(CHANGE, duration_s)
 
 
 @dataclass

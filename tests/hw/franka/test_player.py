@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from cells import cell
+from cells import READY, cell, move
 
 from hw.child import Call
 from hw.franka.driver import FAULT, UNAVAILABLE, Failure, Reading, Step
@@ -17,7 +17,6 @@ from hw.franka.messages import PlayOutcome, Rhythm, Timing
 from hw.franka.playback import PlayableMotion, motion_of
 from hw.franka.player import serve
 from hw.franka.settings import FrankaSettings
-from hw.types import JointPath
 from hw.watchdog import ALIVE, ORPHANED, PEDAL, REQUESTED, SILENT, Watchdog
 
 
@@ -86,7 +85,7 @@ class Follower:
     notes = ("the processor may fall asleep",)
 
     def __init__(self, fails_at: int = -1) -> None:
-        self.q = [0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4]
+        self.q = READY.tolist()
         self.mode, self._fails_at = "Idle", fails_at
 
     def reading(self) -> Reading:
@@ -112,10 +111,7 @@ class Follower:
 
 
 def motion(driver: Follower) -> PlayableMotion:
-    t_s = np.arange(501) / 1000
-    u = t_s / t_s[-1]
-    share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
-    return motion_of(JointPath(t_s, np.array(driver.q) + share[:, None] * np.full(7, 0.05)), cell("panda").motion)
+    return motion_of(move(np.full(7, 0.05), 0.5, start_rad=np.array(driver.q)), cell("panda").motion)
 
 
 def answers(driver: Follower, pipe: list[int], *requests: object) -> list[object]:

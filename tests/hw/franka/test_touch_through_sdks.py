@@ -7,21 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cells import cell
 from fr3_process import HandPedal
 from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
-from players import InProcess
+from players import InProcess, arm_of
 from sdk_fake import FakeSdk
 
 from hw.contact import TORQUE_NOISE_NM, began
 from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
-from hw.franka.arm import FrankaArm
-from hw.franka.connection import DRIVES, Connection
-from hw.franka.settings import FrankaSettings, Payload
+from hw.franka.settings import Payload
 from hw.kinematics import forward, jacobian
 from hw.types import Array, Guard
 
-SETTINGS = FrankaSettings("172.16.0.2")
 PATH = down(0.005, 0.008)
 PLANE_M = TOP_M - 0.0025
 STIFFNESS_N_M, ERROR_NM = 4000.0, 0.8
@@ -47,13 +43,6 @@ def plane(
     return feels
 
 
-def arm_of(sdk: FakeSdk, model: str, pedal: HandPedal | None = None) -> FrankaArm:
-    def start() -> InProcess:
-        return InProcess(Connection(model, sdk, DRIVES[model], SETTINGS, realtime=True))
-
-    return FrankaArm(cell(model, TOOL), SETTINGS, start, pedal=pedal)
-
-
 def fake(model: str, **more: Any) -> FakeSdk:
     return FakeSdk(k=model == "panda", q_rad=Q_TOP_RAD.tolist(), **more)
 
@@ -61,7 +50,7 @@ def fake(model: str, **more: Any) -> FakeSdk:
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 @pytest.mark.parametrize("lost", [(), (700, 900, 901, 1000)])
 def test_a_touch_is_found_with_and_without_lost_cycles(model: str, lost: tuple[int, ...]) -> None:
-    with arm_of(fake(model, feels=plane(PLANE_M), lost_cycles=lost), model) as arm:
+    with arm_of(fake(model, feels=plane(PLANE_M), lost_cycles=lost), model, tool=TOOL) as arm:
         contact = arm.execute_until_contact(PATH, GUARD)
         np.testing.assert_allclose(arm.state().q_rad, PATH.q_rad[0], atol=1e-9)
         assert arm.last_stop is not None
@@ -78,7 +67,7 @@ def test_a_touch_is_found_with_and_without_lost_cycles(model: str, lost: tuple[i
 @pytest.mark.long
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_the_air_is_no_contact(model: str) -> None:
-    with arm_of(fake(model, feels=plane(-1.0)), model) as arm:
+    with arm_of(fake(model, feels=plane(-1.0)), model, tool=TOOL) as arm:
         with pytest.raises(NoContact, match=f"{model}: the arm came to the end of its path"):
             arm.execute_until_contact(PATH, GUARD)
         np.testing.assert_allclose(arm.state().q_rad, PATH.q_rad[0], atol=1e-9)
@@ -96,7 +85,7 @@ def test_a_pedal_let_go_there_and_on_the_way_back() -> None:
             felt.append(force_N)
             pedal.held = force_N < low_N if low_N else not (max(felt) > 4.0 and 0.0 < force_N < 1.0)
 
-        with arm_of(fake("panda", feels=plane(PLANE_M, at)), "panda", pedal) as arm:
+        with arm_of(fake("panda", feels=plane(PLANE_M, at)), tool=TOOL, pedal=pedal) as arm:
             with pytest.raises(StoppedByPedal, match="pedal"):
                 arm.execute_until_contact(PATH, GUARD)
             assert max(felt_N) < 4.0 if where == "search" else max(felt_N) > 4.0
@@ -112,7 +101,7 @@ def test_a_reflex_at_the_touch_is_a_fault_that_is_recovered_in_place() -> None:
             sdk.modes.reasons = ("cartesian_reflex",)
 
     sdk.feels = plane(PLANE_M, hard)
-    with arm_of(sdk, "panda") as arm:
+    with arm_of(sdk, "panda", tool=TOOL) as arm:
         with pytest.raises(ArmFault, match="cartesian_reflex"):
             arm.execute_until_contact(PATH, GUARD)
         low_rad = arm.state().q_rad
@@ -124,7 +113,7 @@ def test_a_reflex_at_the_touch_is_a_fault_that_is_recovered_in_place() -> None:
 
 def test_a_way_back_that_the_arm_does_not_hold_leaves_it_there_and_says_so() -> None:
     sdk = fake("panda", feels=plane(PLANE_M))
-    with arm_of(sdk, "panda") as arm:
+    with arm_of(sdk, "panda", tool=TOOL) as arm:
         assert isinstance(arm._player, InProcess)
         robot, control = arm._player.driver._robot, arm._player.driver._robot.control_joint_position
 
@@ -140,7 +129,7 @@ def test_a_way_back_that_the_arm_does_not_hold_leaves_it_there_and_says_so() -> 
 
 def test_what_is_refused_has_not_moved() -> None:
     sdk = fake("panda", feels=plane(PLANE_M))
-    with arm_of(sdk, "panda") as arm:
+    with arm_of(sdk, "panda", tool=TOOL) as arm:
         with pytest.raises(MotionRefused, match="guard's force"):
             arm.execute_until_contact(PATH, Guard(41.0, TIP))
         with pytest.raises(MotionRefused, match="speed"):
@@ -150,7 +139,7 @@ def test_what_is_refused_has_not_moved() -> None:
 
 def test_what_the_hand_holds_reaches_the_arm_and_every_new_connection() -> None:
     sdk = fake("panda")
-    with arm_of(sdk, "panda") as arm:
+    with arm_of(sdk, "panda", tool=TOOL) as arm:
         arm.carry(TOOL, Payload(0.2, np.array([0.0, 0.0, 0.1])))
         arm._drop_player()
         arm.state()

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from cells import cell
-from players import InProcess
+from players import arm_of
 from sdk_fake import FakeSdk
 
 from hw.errors import MotionRefused
-from hw.franka.arm import FrankaArm
-from hw.franka.connection import DRIVES, Connection
 from hw.franka.settings import FrankaSettings, Payload
 from hw.franka.starting import UNDECLARED_KG, undeclared_kg
 from hw.kinematics import jacobian
@@ -28,13 +26,6 @@ def feeling(extra_kg: float, error_Nm: float = 0.0) -> FakeSdk:
     return FakeSdk(k=True, feels=feels)
 
 
-def arm_of(sdk: FakeSdk) -> FrankaArm:
-    drive = DRIVES["panda"]
-    return FrankaArm(
-        cell("panda"), SETTINGS, lambda: InProcess(Connection("panda", sdk, drive, SETTINGS, realtime=True))
-    )
-
-
 def still(q_rad: Array) -> JointPath:
     return JointPath(np.arange(50) / 1e3, np.tile(q_rad, (50, 1)))
 
@@ -42,7 +33,10 @@ def still(q_rad: Array) -> JointPath:
 @pytest.mark.parametrize("extra_kg", [0.6, 1.5, -0.7])
 def test_another_load_than_declared_moves_nothing(extra_kg: float) -> None:
     sdk = feeling(extra_kg)
-    with arm_of(sdk) as arm, pytest.raises(MotionRefused, match=rf"{abs(extra_kg):.2f} kg more or less than the decl"):
+    with (
+        arm_of(sdk, settings=SETTINGS) as arm,
+        pytest.raises(MotionRefused, match=rf"{abs(extra_kg):.2f} kg more or less than the decl"),
+    ):
         arm.execute(still(arm.state().q_rad))
     assert not any(name == "command" for name, _ in sdk.calls)
     loads = [what for name, what in sdk.calls if name == "set_load"]
@@ -51,13 +45,13 @@ def test_another_load_than_declared_moves_nothing(extra_kg: float) -> None:
 
 @pytest.mark.parametrize(("extra_kg", "error_Nm"), [(0.0, 0.8), (0.0, -0.8), (0.2, 0.0)])
 def test_an_arms_own_errors_are_no_load(extra_kg: float, error_Nm: float) -> None:
-    with arm_of(feeling(extra_kg, error_Nm)) as arm:
+    with arm_of(feeling(extra_kg, error_Nm), settings=SETTINGS) as arm:
         arm.execute(still(arm.state().q_rad))
 
 
 def test_the_load_is_felt_once_and_again_for_another_tool() -> None:
     sdk = feeling(0.0)
-    with arm_of(sdk) as arm:
+    with arm_of(sdk, settings=SETTINGS) as arm:
         path = still(arm.state().q_rad)
         arm.execute(path)
         sdk.feels = feeling(1.0).feels  # an arm in contact after its first motion is not weighed

@@ -71,9 +71,8 @@ def _described(node: ast.AnnAssign) -> tuple[str, str]:
                 unit = str(ast.literal_eval(keyword.value)["unit"])
         if isinstance(call.func, ast.Name) and call.func.id in ("said", "maybe"):
             text = str(ast.literal_eval(call.args[0]))
-        if isinstance(call.func, ast.Name) and call.func.id == "_touched":
-            _, what, unit = (ast.literal_eval(a) for a in call.args)
-            text = f"{what}, from the touch-off"
+        if isinstance(call.func, ast.Name) and call.func.id == "key":
+            text, unit = [*map(ast.literal_eval, call.args), ""][:2]
     return text, unit
 
 

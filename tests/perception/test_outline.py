@@ -32,33 +32,33 @@ def series(off_m: Array, pictures: int = 8, contrast: float = 90.0) -> list[Outl
     return seen
 
 
-def test_an_outline_in_its_place_fits() -> None:
-    found = fit(series(np.zeros(3)), CAMERA)
-    assert found is not None
-    assert np.abs(found.shift_px).max() <= 1.0
-    assert found.off_px <= 1.5
-
-
-@pytest.mark.parametrize(("off_m", "px"), [((0.012, 0.0, 0.0), (8, 0)), ((0.0, -0.012, 0.0), (0, -8))])
-def test_one_that_lies_off_is_measured(off_m: tuple[float, ...], px: tuple[int, int]) -> None:
+@pytest.mark.parametrize(
+    ("off_m", "px"), [((0.0, 0.0, 0.0), (0, 0)), ((0.012, 0.0, 0.0), (8, 0)), ((0.0, -0.012, 0.0), (0, -8))]
+)
+def test_an_outline_in_its_place_fits_and_one_that_lies_off_is_measured(
+    off_m: tuple[float, ...], px: tuple[int, int]
+) -> None:
     found = fit(series(np.array(off_m)), CAMERA)
     assert found is not None
     assert np.abs(found.shift_px - px).max() <= 1.0
-    assert found.shift_m == pytest.approx(0.012, abs=0.002)
+    assert found.shift_m == pytest.approx(np.linalg.norm(off_m), abs=0.002)
+    assert found.off_px <= np.linalg.norm(px) + 1.5
 
 
-def test_a_body_that_does_not_stand_out_is_not_measured() -> None:
-    assert fit(series(np.zeros(3), contrast=0.0), CAMERA) is None
+APART = [series(0.012 * np.array([np.cos(turn), np.sin(turn), 0.0])) for turn in (0.0, 2.1, 4.2)]
 
 
-def test_pictures_that_ask_for_different_shifts_are_not_measured() -> None:
-    """As of a hand that a board hides: what is left of its outline fits now here, now there."""
-    apart = [series(0.012 * np.array([np.cos(turn), np.sin(turn), 0.0])) for turn in (0.0, 2.1, 4.2)]
-    assert fit([apart[i % 3][i] for i in range(8)], CAMERA) is None
-
-
-def test_too_few_pictures_are_not_measured() -> None:
-    assert fit(series(np.zeros(3), pictures=4), CAMERA) is None
+@pytest.mark.parametrize(
+    "seen",
+    [
+        pytest.param(series(np.zeros(3), contrast=0.0), id="a body that does not stand out"),
+        pytest.param([APART[i % 3][i] for i in range(8)], id="pictures that ask for different shifts"),
+        pytest.param(series(np.zeros(3), pictures=4), id="too few pictures"),
+    ],
+)
+def test_what_is_not_measured(seen: list[OutlineView]) -> None:
+    """Different shifts: as of a hand that a board hides. What is left of its outline fits now here, now there."""
+    assert fit(seen, CAMERA) is None
 
 
 def test_what_is_behind_the_camera_has_no_outline() -> None:

@@ -26,12 +26,10 @@ Motion = Callable[[float], Array]
 def close_up() -> CameraModel:
     """The lab's camera with its images cut to the work area: 360 x 300 and 220 x 220 pixels."""
     full = kinect_model()
-    return CameraModel(
-        "close-up", _cut(full.colour, 460, 230, 360, 300), _cut(full.depth, 240, 180, 220, 220), full.X_CD
-    )
+    return CameraModel("close-up", cut(full.colour, 460, 230, 360, 300), cut(full.depth, 240, 180, 220, 220), full.X_CD)
 
 
-def _cut(camera: Intrinsics, left: int, top: int, width: int, height: int) -> Intrinsics:
+def cut(camera: Intrinsics, left: int, top: int, width: int, height: int) -> Intrinsics:
     K = camera.K.copy()
     K[:2, 2] -= [left, top]
     return Intrinsics(width, height, K, camera.distortion)

@@ -26,6 +26,7 @@ from pydrake.systems.sensors import CameraInfo
 from hw.types import Array, CameraModel, Intrinsics
 from sim.lab.kinect import default_X_BC
 from sim.render.renderer import Renderer
+from sim.tasks.shared.shapes import box, turned_body
 from sim.types import Visual
 
 WIDTH, HEIGHT = 320, 240
@@ -74,28 +75,15 @@ def by_vtk() -> tuple[Array, Array]:
     return depth.data[..., 0].astype(np.float64), label.data[..., 0].astype(np.int64)
 
 
-def box(body: str, size: tuple[float, ...], rgb: tuple[float, float, float]) -> Visual:
-    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * size
-    quads = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    return Visual(body, corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int32), rgb)
-
-
-def cylinder(body: str, rgb: tuple[float, float, float]) -> Visual:
-    angle = np.linspace(0, 2 * np.pi, SEGMENTS, endpoint=False)
-    ring = R_M * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    ends = [np.c_[ring, np.full(SEGMENTS, z)] for z in (-H_M / 2, H_M / 2)]
-    vertices = np.concatenate([*ends, [[0, 0, -H_M / 2], [0, 0, H_M / 2]]])
-    i, j = np.arange(SEGMENTS), np.roll(np.arange(SEGMENTS), -1)
-    faces = [np.stack([i, j, j + SEGMENTS], 1), np.stack([i, j + SEGMENTS, i + SEGMENTS], 1)]
-    caps = [np.stack([np.full(SEGMENTS, 2 * SEGMENTS + k), i + k * SEGMENTS, j + k * SEGMENTS], 1) for k in (0, 1)]
-    return Visual(body, vertices, np.concatenate([*faces, *caps]).astype(np.int32), rgb)
-
-
 def by_ray_casting() -> tuple[Array, Array]:
     """Depth in metres and the colour image; depth and colour camera are one here."""
-    table = box("world", (1.0, 1.2, 0.04), (0.5, 0.5, 0.5))
-    table = Visual("world", table.vertices_m + POSES["table"][:3, 3], table.triangles, table.rgb)
-    visuals = [table, cylinder("piece", (0.7, 0.02, 0.02)), box("blade", BLADE_M, (0.02, 0.02, 0.7))]
+    table = box(np.array([1.0, 1.2, 0.04]), POSES["table"][:3, 3])
+    piece = turned_body(np.array([[R_M, -H_M / 2], [R_M, H_M / 2]]), SEGMENTS)
+    visuals = [
+        Visual("world", *table, (0.5, 0.5, 0.5)),
+        Visual("piece", *piece, (0.7, 0.02, 0.02)),
+        Visual("blade", *box(np.array(BLADE_M), np.zeros(3)), (0.02, 0.02, 0.7)),
+    ]
     model = CameraModel("pinhole", camera(), camera(), np.eye(4))
     poses = {name: POSES[name][None] for name in ("piece", "blade")}
     colour, depth_mm = Renderer(model, default_X_BC(), visuals).render(poses, None, np.random.default_rng(0))

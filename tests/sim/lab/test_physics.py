@@ -45,11 +45,6 @@ def test_three_worlds_of_each_task_are_mujocos(name: str) -> None:
         assert worlds[world].unmodelled == twin.unmodelled
 
 
-def test_what_a_file_does_not_say_is_drakes(tmp_path: Path) -> None:
-    assert load(tmp_path, FILE).physics == "mujoco"
-    assert load(tmp_path, FILE.replace('physics = "mujoco"\n', "")).physics == "drake"
-
-
 @pytest.mark.parametrize(
     ("more", "why"),
     [
@@ -64,7 +59,9 @@ def test_what_mujoco_does_not_have_is_refused(tmp_path: Path, more: str, why: st
         load(tmp_path, FILE + more)
 
 
-def test_other_physics_and_other_tasks_are_refused(tmp_path: Path) -> None:
+def test_what_a_file_does_not_say_is_drakes_and_other_physics_and_tasks_are_refused(tmp_path: Path) -> None:
+    assert load(tmp_path, FILE).physics == "mujoco"
+    assert load(tmp_path, FILE.replace('physics = "mujoco"\n', "")).physics == "drake"
     with pytest.raises(WorldError, match="'physics' in the top level is 'bullet'"):
         load(tmp_path, FILE.replace('"mujoco"', '"bullet"'))
     pendulum = get_task("pendulum")
@@ -73,6 +70,16 @@ def test_other_physics_and_other_tasks_are_refused(tmp_path: Path) -> None:
     text = f'task = "pendulum"\nphysics = "mujoco"\n[params]\n{params}\n'
     with pytest.raises(WorldError, match="exists for pushing and scooping, not for pendulum"):
         load(tmp_path, text, pendulum)
+
+
+def test_rollouts_in_a_world_take_all_but_context_and_action_from_it() -> None:
+    pendulum = get_task("pendulum")
+    world, action, middle = load_world("ood-1", pendulum), pendulum.action.middle, pendulum.parameters.middle
+    found = rollouts_in(world)(middle, pendulum.reference_context, action, world.nuisance)
+    there = pendulum.simulate(world.parameters, pendulum.reference_context, action, world.nuisance, world.unmodelled)
+    elsewhere = pendulum.simulate(middle, pendulum.reference_context, action, world.nuisance)
+    assert np.array_equal(found.state, there.state)
+    assert not np.array_equal(found.state, elsewhere.state)
 
 
 def test_its_rollouts_are_mujocos_and_travel_to_another_process() -> None:

@@ -123,6 +123,12 @@ def test_liquid_swings_at_the_first_mode_of_a_cylinder():
     assert joint.get_translation(bench.state) == pytest.approx(-0.005 * np.exp(-0.05 * np.pi), rel=0.15)
 
 
+def test_the_hard_base_sinks_in_as_far_as_its_weight_asks():
+    depth_m = sink_m(0.3)
+    assert np.pi * 0.028**2 * 1e7 * depth_m / 0.01 == pytest.approx(0.3 * 9.81)  # pressure e depth / (h / 2)
+    assert depth_m < 1e-5
+
+
 def test_a_patch_that_leaves_the_table_is_refused():
     with pytest.raises(OutOfRange, match="leaves the table"):
         Bench(np.array([MU, E_PA, MU_P, 0.58]))

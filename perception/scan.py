@@ -70,7 +70,7 @@ class Scan:
         depth *= raw > 0
         return depth
 
-    def heights(self, depth_m: Array32, part: Part = WHOLE) -> Array32:
+    def heights(self, depth_m: Array32, part: Part) -> Array32:
         """Heights (m) above the table of readings in `part` of the scan; without a reading, the camera's height."""
         height: Array32 = depth_m * self.along_z[part] + np.float32(self.view.X_BV[2, 3])
         return height
@@ -116,13 +116,13 @@ class TableFit:
     turned_rad: float  # rotation of the pose by the fit
 
 
-def refine(scan: Scan, depth_m: Array32, clear: Mask | None = None) -> TableFit:
+def refine(scan: Scan, depth_m: Array32) -> TableFit:
     """The most probable camera pose and depth error that put the table's readings (h, w) onto z = 0.
 
-    `clear` (h, w) excludes pixels known not to be table. The rotation about the vertical and shifts along the table are
+    The rotation about the vertical and shifts along the table are
     not observable and stay. Raises TableNotFound if too little of the table is seen near z = 0.
     """
-    off_m, rows, columns = _cells(scan, depth_m, clear)
+    off_m, rows, columns = _cells(scan, depth_m)
     ray = scan.view.directions.reshape(*scan.table_m.shape, 3)[rows, columns].astype(np.float64)
     expected = scan.table_m[rows, columns].astype(np.float64)
     up = scan.view.X_BV[2, :3]  # the vertical in the camera's frame
@@ -145,14 +145,12 @@ def refine(scan: Scan, depth_m: Array32, clear: Mask | None = None) -> TableFit:
     return TableFit(X_BV, error, rms_m, float(np.abs(J @ x).max()), float(np.linalg.norm(x[3:])))
 
 
-def _cells(scan: Scan, depth_m: Array32, clear: Mask | None) -> tuple[Array, Array, Array]:
+def _cells(scan: Scan, depth_m: Array32) -> tuple[Array, Array, Array]:
     """Median of measured minus expected depth on the table in cells of the image: (n,), and the cells' middle rows and
     columns.
     """
     off = depth_m - scan.table_m
     use = (depth_m > 0) & (np.abs(off) < _NEAR_M)
-    if clear is not None:
-        use &= clear
     h, w = (size // _CELL_PX for size in off.shape)
     cut = np.s_[: h * _CELL_PX, : w * _CELL_PX]
     blocks = [a[cut].reshape(h, _CELL_PX, w, _CELL_PX).swapaxes(1, 2).reshape(h * w, -1) for a in (off, use)]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 
@@ -58,6 +59,14 @@ class ObjectTrack:
     def at(self, times_s: Array) -> Array:
         """State interpolated at `times_s` (M,) -> (M, d); held constant beyond the ends."""
         return np.stack([np.interp(times_s, self.t_s, column) for column in self.state.T], axis=-1)
+
+
+def in_frames(what: str, which: NDArray[np.bool_], t_s: Array) -> tuple[str, ...]:
+    """The flag that frames at `t_s` (N,) give for which `which` (N,) holds; none if it never does."""
+    if not which.any():
+        return ()
+    first, last = t_s[which][0], t_s[which][-1]
+    return (f"{what} in {which.sum()} of {len(t_s)} frames ({first:.2f} to {last:.2f} s)",)
 
 
 BLADE_LENGTH_M, BLADE_WIDTH_M = 0.10, 0.08

@@ -47,7 +47,7 @@ def _piece(task: Task) -> Tracker:
     """The tracker of a piece of food, which uses the blade's kinematic pose; the context is the piece's near side."""
     from perception import piece
     from perception.overlay import overlay_piece
-    from sim.tasks.tool_mesh import tool_mesh
+    from sim.tasks.shared.direct import tool_mesh
 
     mesh = tool_mesh(task)
     x, y = task.context.dimensions[:2]
@@ -87,20 +87,22 @@ def _bottle(task: Task) -> Tracker:
     from hw.kinematics import link_poses
     from hw.wrist import SEEN
     from perception import bottle
+    from perception.arm_mask import Arm, Capsules, ToolMask
+    from perception.cylinder import Cylinder
     from perception.overlay import overlay_bottle
-    from sim.tasks.tool_mesh import tool_mesh
+    from sim.tasks.shared.direct import tool_mesh
 
     standing, goal_m = task.require_hardware().standing, task.goal_m
     if standing is None or goal_m is None:
         raise ValueError(f"{task.name}: an object that stands on a mark and has a goal needs `standing` and `goal_m`")
-    mark_m, body = standing.mark_m, bottle.Cylinder(standing.radius_m, standing.height_m)
-    tool = bottle.ToolMask(*tool_mesh(task))
+    mark_m, body = standing.mark_m, Cylinder(standing.radius_m, standing.height_m)
+    tool = ToolMask(*tool_mesh(task))
     radii_m = np.array([capsule.radius_m for capsule in SEEN])
 
     def track(request: TrackRequest) -> ObjectTrack:
-        def arm_at(t_s: float) -> bottle.Arm:
+        def arm_at(t_s: float) -> Arm:
             ends_m = segments(link_poses(request.q_at(t_s)), SEEN)
-            return bottle.Arm(bottle.Capsules(ends_m, radii_m), tool, request.X_BT_at(t_s))
+            return Arm(Capsules(ends_m, radii_m), tool, request.X_BT_at(t_s))
 
         return bottle.track_bottle(
             request.frames,

@@ -37,17 +37,22 @@ def detect(image: NDArray[np.uint8] | NDArray[np.uint16], board: Board, camera: 
 
     Raises BoardNotFound, WrongBoard or BoardMirrored, which name what is visible.
     """
-    if image.shape[:2] != (camera.height, camera.width):
-        raise WrongBoard(
-            f"the image is {image.shape[1]} x {image.shape[0]}, the intrinsics are for {camera.width} x "
-            f"{camera.height}: use the intrinsics for this resolution"
-        )
+    require_size(image, camera)
     grey = in_grey(image)
     points, px = _markers(grey, board)
     if len(points) < 4 * _MIN_MARKERS:
         _explain(grey, board, len(points) // 4)
     predicted = _predict(points, px, board, camera)
     return _refine(grey, predicted, board, camera)
+
+
+def require_size(image: NDArray[np.generic], camera: Intrinsics) -> None:
+    """Raises WrongBoard for an image of another size than the camera's."""
+    if image.shape[:2] != (camera.height, camera.width):
+        raise WrongBoard(
+            f"the image is {image.shape[1]} x {image.shape[0]}, the intrinsics are for {camera.width} x "
+            f"{camera.height}: use the intrinsics for this resolution"
+        )
 
 
 def locate(corners: Corners, board: CalibrationTarget, camera: Intrinsics) -> BoardPose:
@@ -137,10 +142,12 @@ def _charuco(board: Board) -> cv2.aruco.CharucoBoard:
     return made
 
 
-def _read(grey: Grey, dictionary: str, scale: int) -> tuple[NDArray[np.int64], Array]:
+def read_markers(
+    grey: Grey, dictionary: str, scale: int, refinement: int = cv2.aruco.CORNER_REFINE_SUBPIX
+) -> tuple[NDArray[np.int64], Array]:
     """Marker ids (N,) and their corners (N, 4, 2) in pixels of `grey`, which is enlarged by `scale` first."""
     parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    parameters.cornerRefinementMethod = refinement
     parameters.minMarkerPerimeterRate = 0.01
     parameters.relativeCornerRefinmentWinSize = 0.2
     big = grey if scale == 1 else cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
@@ -157,7 +164,7 @@ def _markers(grey: Grey, board: Board) -> tuple[Array, Array]:
     for scale in _SCALES:
         if scale > 1 and scale**2 * grey.size > _MAX_PX:
             break
-        ids, px = _read(grey, board.dictionary, scale)
+        ids, px = read_markers(grey, board.dictionary, scale)
         if len(ids) > len(best[0]):
             best = ids, px
         if len(best[0]) >= 0.6 * board.markers:
@@ -179,7 +186,7 @@ def _explain(grey: Grey, board: Board, markers: int) -> None:
     for scale in (1, 2):
         if scale**2 * grey.size > _MAX_PX:
             break
-        if len(_read(np.ascontiguousarray(grey[:, ::-1]), board.dictionary, scale)[0]) >= max(
+        if len(read_markers(np.ascontiguousarray(grey[:, ::-1]), board.dictionary, scale)[0]) >= max(
             _MIN_MARKERS, 2 * markers
         ):
             raise BoardMirrored(
@@ -190,7 +197,7 @@ def _explain(grey: Grey, board: Board, markers: int) -> None:
             same_bits = other.split("_")[0] == board.dictionary.split("_")[0]
             if same_bits or not other.endswith(("_1000", "36h11")):
                 continue
-            read = len(_read(grey, other, scale)[0])
+            read = len(read_markers(grey, other, scale)[0])
             if read >= max(_MIN_MARKERS + 2, 2 * markers):
                 raise WrongBoard(
                     f"{read} markers of the family {other.split('_')[0]} are in the image, the board should have"

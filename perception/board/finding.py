@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
-from perception.board.detection import detect, dictionary_named, in_grey
+from perception.board.detection import detect, in_grey, read_markers, require_size
 from perception.board.targets import Chessboard, Circles, Markers
 from perception.board.types import Board, CalibrationTarget, Corners
-from perception.errors import BoardNotFound, WrongBoard
+from perception.errors import BoardNotFound
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -28,11 +28,7 @@ def find(image: Image, target: CalibrationTarget, camera: Intrinsics) -> Corners
 
     Raises BoardNotFound, WrongBoard or BoardMirrored, which name what is visible.
     """
-    if image.shape[:2] != (camera.height, camera.width):
-        raise WrongBoard(
-            f"the image is {image.shape[1]} x {image.shape[0]}, the intrinsics are for {camera.width} x "
-            f"{camera.height}: use the intrinsics for this resolution"
-        )
+    require_size(image, camera)
     return _find(target, image, camera)
 
 
@@ -67,15 +63,11 @@ def _markers(target: Markers, image: Image, camera: Intrinsics) -> Corners:
 
 def _read(seen: NDArray[np.uint8], target: Markers, scale: int) -> tuple[dict[int, Array], set[int]]:
     """Corners (4, 2) by marker, for markers that appear exactly once, and the ids of other markers."""
-    parameters = cv2.aruco.DetectorParameters()
     # along the edges, not at the corners: corners are often too close to the rim of the paper for a window
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_CONTOUR
-    parameters.minMarkerPerimeterRate = 0.01
-    big = seen if scale == 1 else cv2.resize(seen, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
-    corners, ids, _ = cv2.aruco.ArucoDetector(dictionary_named(target.dictionary), parameters).detectMarkers(big)
-    numbers = [] if ids is None else [int(n) for n in np.ravel(ids)]
+    ids, corners = read_markers(seen, target.dictionary, scale, cv2.aruco.CORNER_REFINE_CONTOUR)
+    numbers = ids.tolist()
     found = {
-        n: along_edges(seen, (np.reshape(px, (4, 2)).astype(np.float64) + 0.5) / scale - 0.5)
+        n: along_edges(seen, px)
         for n, px in zip(numbers, corners, strict=True)
         if n in target.ids and numbers.count(n) == 1
     }

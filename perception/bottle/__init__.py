@@ -2,17 +2,7 @@
 
 from __future__ import annotations
 
-from perception.arm_mask import Arm, Capsules, ToolMask
 from perception.bottle.detection import BottleDetection, find_bottle
 from perception.bottle.tracking import track_bottle
-from perception.cylinder import Cylinder
 
-__all__ = [
-    "Arm",
-    "BottleDetection",
-    "Capsules",
-    "Cylinder",
-    "ToolMask",
-    "find_bottle",
-    "track_bottle",
-]
+__all__ = ["BottleDetection", "find_bottle", "track_bottle"]

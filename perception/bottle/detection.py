@@ -8,7 +8,7 @@ import numpy as np
 
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
-from perception.arm_mask import NO_ARM, Arm
+from perception.arm_mask import NO_ARM
 from perception.bottle.place import ENOUGH_READ, BottleFix, patch, place
 from perception.clutter import Thing, things
 from perception.cylinder import Cylinder, distance_m
@@ -54,7 +54,6 @@ def find_bottle(
     area: Area,
     mark_m: Array,
     within_m: float = 0.005,
-    arm: Arm = NO_ARM,
 ) -> BottleDetection:
     """The one bottle in `area`, which stands within `within_m` of `mark_m` (2,); nothing else may stand there.
 
@@ -64,8 +63,8 @@ def find_bottle(
     scan, raw, table = refine_scan(frame, model, X_BC, area)
     parts: list[_Bottle] = []
     others: list[Thing] = []
-    for thing in things(scan, raw, arm):
-        part = _bottle_in(scan, raw, thing, body, arm)
+    for thing in things(scan, raw, NO_ARM):
+        part = _bottle_in(scan, raw, thing, body)
         if part is None:
             others.append(thing)
         else:
@@ -129,9 +128,9 @@ def _both(one: _Bottle, other: _Bottle) -> _Bottle:
     return _Bottle(thing, BottleFix.better([one.best, other.best]), share)
 
 
-def _bottle_in(scan: Scan, raw: Raw, thing: Thing, body: Cylinder, arm: Arm) -> _Bottle | None:
+def _bottle_in(scan: Scan, raw: Raw, thing: Thing, body: Cylinder) -> _Bottle | None:
     guess = body.upright(thing.centre_m[:2])
-    seen = patch(scan, raw, guess[:3, 3], arm)
+    seen = patch(scan, raw, guess[:3, 3], NO_ARM)
     best = None if seen is None else place(seen, body, guess)
     if best is None or best.fit < _BOTTLE_FIT:
         return None

@@ -18,7 +18,7 @@ from perception.cylinder import Cylinder, distance_m, tilt_rad
 from perception.errors import TrackingFailed
 from perception.geometry import Area, transform
 from perception.scan import Mask, Raw, Scan, scan_of
-from perception.types import ObjectTrack, Outcome
+from perception.types import ObjectTrack, Outcome, in_frames
 
 BEFORE_S = 0.05
 """Frames from this long before the motion (s) are used, and all after it: the recording ends when the bottle rests."""
@@ -184,11 +184,7 @@ def _sight_flags(t_s: Array, sights: Sequence[_Sight], sure: Mask) -> tuple[str,
         (clutter == _Clutter.NEAR, "a hand or another object touches or comes near the bottle"),
         (clutter == _Clutter.APART, "a hand or another object is in the picture"),
     )
-    return tuple(
-        f"{what} in {which.sum()} of {len(t_s)} frames ({t_s[which][0]:.2f} to {t_s[which][-1]:.2f} s)"
-        for which, what in seen
-        if which.any()
-    )
+    return tuple(flag for which, what in seen for flag in in_frames(what, which, t_s))
 
 
 def _end_flags(

@@ -26,6 +26,7 @@ from perception.types import (
     SETTLE_S,
     ObjectTrack,
     Outcome,
+    in_frames,
     is_on_blade,
 )
 
@@ -205,13 +206,10 @@ def _prepare(
 
 
 def _flags(t_s: Array, places: Sequence[PieceFix | None], state: Array, detection: PieceDetection) -> tuple[str, ...]:
-    flags = []
     hidden = np.array([place is not None and place.visible < _HIDDEN for place in places])
     absent = np.array([place is None for place in places])
-    for which, what in ((hidden, f"less than {_HIDDEN:.0%} of the piece visible"), (absent, "piece not located")):
-        if which.any():
-            first, last = t_s[which][0], t_s[which][-1]
-            flags.append(f"{what} in {which.sum()} of {len(t_s)} frames ({first:.2f} to {last:.2f} s)")
+    flags = [*in_frames(f"less than {_HIDDEN:.0%} of the piece visible", hidden, t_s)]
+    flags += in_frames("piece not located", absent, t_s)
     fits = [place.fit for place in places if place is not None and place.visible >= _FREE]
     if fits and np.median(fits) < _POOR_FIT:
         flags.append(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from sim.lab.world import Faults, Sensing, World
 from sim.tasks.task import Task
 from sim.types import Dimension
 
-_TRIED = 4096
+_SAMPLED = 4096  # the first is used; the draws after them, and so the known worlds, depend on their number
 
 
 def drawn_world(task: Task, seed: int, number: int) -> World:
@@ -24,20 +24,16 @@ def draw_world(
     task: Task,
     rng: np.random.Generator,
     *,
-    within: Mapping[str, tuple[float, float]] | None = None,
     effects: Collection[str] | None = None,
     name: str = "drawn",
 ) -> World:
     """Draw a world: parameters from Omega with probability 1/2, else from the margin; each plausible effect with
     probability 1/2.
 
-    `within` narrows the bounds of parameters; `effects` names the only effects that may be present.
+    `effects` names the only effects that may be present.
     """
     space = task.parameters if rng.random() < 0.5 else task.margin
-    parameters = space.sample(rng, _TRIED)
-    for parameter, (low, high) in (within or {}).items():
-        column = parameters[:, space.names.index(parameter)]
-        parameters = parameters[(low <= column) & (column <= high)]
+    parameters = space.sample(rng, _SAMPLED)
     present: dict[str, Any] = {}
     for effect, (low, high) in task.plausible.items():
         if rng.random() < 0.5 or (effects is not None and effect not in effects):

@@ -159,7 +159,7 @@ def task_paths(
     )
 
 
-def vertical(q_from: ArrayLike, rise_m: float, arm: ArmModel, speed_m_s: float = VERTICAL_M_S) -> JointPath:
+def vertical(q_from: ArrayLike, rise_m: float, arm: ArmModel) -> JointPath:
     """Straight up by `rise_m` without rotation; joint 7 moves as far as needed to keep the other joints slow.
 
     Raises NotExecutable if the tool cannot rise that far within the position limits.
@@ -181,7 +181,7 @@ def vertical(q_from: ArrayLike, rise_m: float, arm: ArmModel, speed_m_s: float =
     if not (inside & np.isfinite(travel)).any():
         raise NotExecutable(f"{arm.name}: the tool cannot rise by {rise_m:g} m from where it is; lift it less")
     swing = swings[np.where(inside, travel, np.inf).argmin()]
-    return arm.reported(time_curve(lambda share: along(share, swing)[:, 0], 2.2 * abs(rise_m) / speed_m_s, limits))
+    return arm.reported(time_curve(lambda share: along(share, swing)[:, 0], 2.2 * abs(rise_m) / VERTICAL_M_S, limits))
 
 
 Ways = Callable[[Array], Iterator[JointPath]]

@@ -73,7 +73,6 @@ def held(
     mass_T: Mass,
     capsules_T: tuple[Capsule, ...] = (),
     points_T_m: ArrayLike = ((0.0, 0.0, 0.0),),
-    name: str = "tool",
 ) -> Tool:
     """The hand with a tool at X_FT (4, 4), which has the mass `mass_T` in the tool frame.
 
@@ -86,7 +85,7 @@ def held(
 
     carried = (replace(c, link=FLANGE, start_m=in_flange(c.start_m), end_m=in_flange(c.end_m)) for c in capsules_T)
     mass = HAND_MASS + mass_T.placed(X_FT)
-    return Tool(name, mass, (*HAND, *carried), in_flange(np.atleast_2d(points_T_m)))
+    return Tool("tool", mass, (*HAND, *carried), in_flange(np.atleast_2d(points_T_m)))
 
 
 def tool_of(hardware: Held) -> Tool:

@@ -91,6 +91,11 @@ Array32 = NDArray[np.float32]
 
 _NODES = 32
 NEAR_M = 0.02
+_MARGIN_PX, _BENT_PX = 3, 140.0
+"""Margin around a projection: rays do not pass exactly through the pixel centres, and the lens bends straight edges.
+
+A Kinect bends an edge of `_BENT_PX` pixels by at most 1 px; the bend grows with the square of the length.
+"""
 _FOV_MARGIN = 1.05  # the distortion polynomial is not trusted beyond the corners of the image
 
 
@@ -132,9 +137,7 @@ def pixels(xy: Array, camera: Intrinsics) -> Array:
     return np.asarray(uv.reshape(-1, 2), dtype=np.float64)
 
 
-def image_rectangle(
-    points_m: Array, camera: Intrinsics, fov: tuple[Array, Array], margin_px: int = 3
-) -> tuple[slice, slice]:
+def image_rectangle(points_m: Array, camera: Intrinsics, fov: tuple[Array, Array]) -> Rectangle:
     """Rows and columns that hold the projection of `points_m` (N, 3), given in the camera frame.
 
     `fov` is the `field_of_view` of the camera. A point behind or beside the camera extends the rectangle to the whole
@@ -145,18 +148,11 @@ def image_rectangle(
     if z.min() < NEAR_M:
         return everything
     uv = pixels(np.clip(points_m[:, :2] / z[:, None], *fov), camera)
-    first = np.floor(uv.min(axis=0)).astype(int) - margin_px
-    last = np.ceil(uv.max(axis=0)).astype(int) + margin_px + 1
+    first = np.floor(uv.min(axis=0)).astype(int) - _MARGIN_PX
+    last = np.ceil(uv.max(axis=0)).astype(int) + _MARGIN_PX + 1
     size = np.array([camera.width, camera.height])
     first, last = np.clip(first, 0, size), np.clip(last, 0, size)
     return slice(int(first[1]), int(last[1])), slice(int(first[0]), int(last[0]))
-
-
-_MARGIN_PX, _BENT_PX = 3.0, 140.0
-"""Margin around a hull: rays do not pass exactly through the pixel centres, and the lens bends straight edges.
-
-A Kinect bends an edge of `_BENT_PX` pixels by at most 1 px; the bend grows with the square of the length.
-"""
 
 
 Pixels = tuple[NDArray[np.intp], NDArray[np.intp]]

@@ -11,7 +11,8 @@ import numpy as np
 from table_scenes import TABLE, at, box, solid
 
 from hw.types import Array, CameraModel, Frame
-from perception.bottle import Arm, Cylinder, ToolMask
+from perception.arm_mask import Arm, ToolMask
+from perception.cylinder import Cylinder
 from sim.lab.kinect import default_X_BC, kinect_model
 from sim.render.bodies import Body
 from sim.render.depth import DepthView

@@ -61,7 +61,7 @@ def time_step_s(unmodelled: Unmodelled | None) -> float:
     return effects.dt_s or (BLUNT_STEP_S if effects.lip_m > LIP_M else STEP_S)
 
 
-def piece_of(parameters: Array, nuisance: Array, unmodelled: Unmodelled | None = None) -> Piece:
+def piece_of(parameters: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Piece:
     """The piece for parameters (mu, e, g, h in cm) and nuisance (radius)."""
     scale = (unmodelled or Unmodelled()).semi_axis_scale
     radius_m = float(nuisance[0])

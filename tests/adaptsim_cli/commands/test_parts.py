@@ -16,7 +16,7 @@ from adaptsim_cli.report import parts as sheet
 from hw.types import Array
 from sim.tasks.pushing import TASK as PUSHING
 from sim.tasks.pushing.mount import GRIP_M, PLATE_HEIGHT_M, PLATE_WIDTH_M
-from sim.tasks.tool_mesh import tool_mesh
+from sim.tasks.shared.direct import tool_mesh
 from sim.types import Part
 
 

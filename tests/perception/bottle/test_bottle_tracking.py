@@ -10,7 +10,8 @@ from bottle_scenes import AREA, BODY, GONE, MARK, Pose, Stage, leaning, plate_ar
 from table_scenes import at
 
 from hw.types import Array, Frame
-from perception.bottle import Arm, BottleDetection, find_bottle, track_bottle
+from perception.arm_mask import Arm
+from perception.bottle import BottleDetection, find_bottle, track_bottle
 from perception.errors import TrackingFailed
 from perception.types import ObjectTrack, Outcome
 

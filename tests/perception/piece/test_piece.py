@@ -52,32 +52,37 @@ def test_small_camera_is_enough_to_find_it() -> None:
     assert np.linalg.norm(found.xy_m - [0.67, 0.02]) < 0.003
 
 
-def test_bare_table_is_refused_with_the_area_searched() -> None:
-    scene = studio(food("cylinder", (0.012, 0.012, 0.01)))
-    with pytest.raises(ObjectNotFound, match=r"nothing lies in x 0\.630 to 0\.730, y -0\.050 to 0\.050 m: no spot"):
-        find_piece(scene.still(at(0.68, 0.0, -1.0)), scene.model, scene.X_BC, AREA)
+def moved(visual: Visual, place_m: tuple[float, float, float]) -> Visual:
+    return Visual("world", visual.vertices_m + np.array(place_m), visual.triangles, visual.rgb)
 
 
-def test_a_piece_beside_the_area_is_named() -> None:
-    scene = studio(food("cylinder", (0.012, 0.012, 0.01)))
-    with pytest.raises(ObjectNotFound, match=r"something lies at \(0\.6[78]\d, 0\.06\d\) m; move it into"):
-        find_piece(scene.still(at(0.68, 0.065, 0.01)), scene.model, scene.X_BC, AREA)
+FOOD = food("cylinder", (0.012, 0.012, 0.01))
 
 
-def test_two_pieces_are_refused_with_both_places() -> None:
-    second = food("cylinder", (0.01, 0.01, 0.01), body="world")
-    place = np.array([0.70, 0.03, 0.01])
-    moved = Visual("world", second.vertices_m + place, second.triangles, second.rgb)
-    scene = studio(food("cylinder", (0.012, 0.012, 0.01)), moved)
-    with pytest.raises(ObjectNotFound, match="2 objects lie in"):
-        find_piece(scene.still(at(0.65, -0.03, 0.01)), scene.model, scene.X_BC, AREA)
-
-
-@pytest.mark.long
-def test_something_too_large_is_not_taken_for_a_piece() -> None:
-    scene = studio(box("piece", (-0.035, -0.035, -0.01), (0.035, 0.035, 0.01), (0.55, 0.13, 0.03)))
-    with pytest.raises(ObjectNotFound, match="a piece measures"):
-        find_piece(scene.still(at(0.68, 0.0, 0.01)), scene.model, scene.X_BC, AREA)
+@pytest.mark.parametrize(
+    ("visuals", "place_m", "said"),
+    [
+        ([FOOD], (0.68, 0.0, -1.0), r"nothing lies in x 0\.630 to 0\.730, y -0\.050 to 0\.050 m: no spot"),
+        ([FOOD], (0.68, 0.065, 0.01), r"something lies at \(0\.6[78]\d, 0\.06\d\) m; move it into"),
+        (
+            [FOOD, moved(food("cylinder", (0.01, 0.01, 0.01)), (0.70, 0.03, 0.01))],
+            (0.65, -0.03, 0.01),
+            "2 objects lie in",
+        ),
+        (
+            [box("piece", (-0.035, -0.035, -0.01), (0.035, 0.035, 0.01), FOOD.rgb)],
+            (0.68, 0.0, 0.01),
+            "a piece measures",
+        ),
+    ],
+    ids=["bare table", "beside the area", "two pieces", "too large"],
+)
+def test_what_is_not_one_piece_in_its_area_is_refused_with_what_lies_where(
+    visuals: list[Visual], place_m: tuple[float, float, float], said: str
+) -> None:
+    scene = studio(*visuals)
+    with pytest.raises(ObjectNotFound, match=said):
+        find_piece(scene.still(at(*place_m)), scene.model, scene.X_BC, AREA)
 
 
 @pytest.mark.long

@@ -19,7 +19,7 @@ from hw.types import Array
 from perception.types import Outcome
 from sim.lab.cell import Cell
 from sim.lab.drawn import drawn_world
-from sim.lab.world import Faults, Sensing, World, load_world
+from sim.lab.world import World, load_world
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
@@ -90,21 +90,3 @@ def test_sixty_drawn_worlds_end_alike_in_the_whole_lab(task: Task) -> None:
     assert found["agree"] >= found["itself"] - 0.05
     assert found["apart_mm_median"] < 5.0
     assert found["lost_on_the_way"] == 0
-
-
-@pytest.mark.slow
-def test_nominal_pushes_end_as_in_training() -> None:
-    rng, nothing = np.random.default_rng(0), PUSHING.unmodelled()
-    agree, distance_mm = [], []
-    for _ in range(20):
-        parameters, context, action, nuisance = (
-            space.sample(rng, 1)[0] for space in (PUSHING.parameters, PUSHING.context, PUSHING.action, PUSHING.nuisance)
-        )
-        world = World("nominal", PUSHING.name, "", parameters, nuisance, nothing, Sensing(), Faults())
-        expected = alone(PUSHING, world, context, action)
-        _, X_BO = with_arm(PUSHING, world, context, action)
-        agree.append((X_BO[2, 2] > np.cos(np.deg2rad(30.0))) == (expected.outcome is Outcome.UPRIGHT))
-        if expected.outcome is Outcome.UPRIGHT and agree[-1]:
-            distance_mm.append(1e3 * np.linalg.norm(X_BO[:2, 3] - expected.state[-1, :2]))
-    assert np.mean(agree) >= 0.9
-    assert np.median(distance_mm) < 8.0

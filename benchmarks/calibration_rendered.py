@@ -90,9 +90,8 @@ def calibrated(world: World, seed: int, spoilt: float, folder: Path) -> tuple[Sa
         )  # fmt: skip
         screen = Screen(console=Console(file=io.StringIO()))
         going = visits.Automatic(rig, screen, visits.plan(rig, 25), home_rad, unattended=True)
-        options = flow.Options(fresh=True, unattended=True, created="2024-01-01T00:00:00+00:00", versions={})
         try:
-            record = flow.calibrate(rig, CalibrationStore(folder), going, screen, options)[0].record
+            record = flow.calibrate(rig, CalibrationStore(folder), going, screen, fresh=True, unattended=True)[0].record
         except CalibrationRejected:
             record = solved(folder)
     if not spoilt:
@@ -102,7 +101,7 @@ def calibrated(world: World, seed: int, spoilt: float, folder: Path) -> tuple[Sa
 
 
 def solved(folder: Path) -> SavedCalibration:
-    return solving.solve_folder(folder / "views-0001", hw="fake", created="2024-01-01", versions={}).record
+    return solving.solve_folder(folder / "views-0001", hw="fake").record
 
 
 def spoil(views: Path, share: float, seed: int) -> list[str]:

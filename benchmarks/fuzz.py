@@ -104,7 +104,7 @@ def readers(made: Path) -> list[Reader]:
     """All readers, each with a valid file. What those need besides is written into the folder `made`."""
     folder = real_views.corner_folder(made / "views")
     setup, view = (folder / files.SETUP).read_bytes(), (folder / "view-00.json").read_bytes()
-    calibration = solve_folder(folder, hw="recorded", created="2026-01-01", versions={}).record.content()
+    calibration = solve_folder(folder, created="2026-01-01").record.content()
     log = watching.SessionLog(folder, toy_session.silent())
     for number in range(3):
         log.noted(f"line {number}")

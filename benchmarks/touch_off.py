@@ -18,11 +18,9 @@ import numpy as np
 from rich.console import Console
 
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.touch_off.asking import NoAssistant
-from adaptsim_cli.touch_off.errors import TouchOffFailed
 from adaptsim_cli.touch_off.flow import touch_off
-from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig, plan_of
-from adaptsim_cli.touch_off.solving import Result
+from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchOffFailed, TouchRig, plan_of
+from adaptsim_cli.touch_off.store import SavedTouchOff
 from hw.workcell import Workcell
 from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab
@@ -82,15 +80,15 @@ def rig_of(lab: TouchLab, cell: Workcell, plan: Plan) -> TouchRig:
     )
 
 
-def touched(world: World, seed: int) -> tuple[Result, dict[str, Any]]:
+def touched(world: World, seed: int) -> tuple[SavedTouchOff, dict[str, Any]]:
     cell = cell_as_shipped(HARDWARE, "panda").holding(empty_hand())
     with TouchLab(TASK, world, seed, cell, home_q_rad=READY_RAD) as lab:
         rig = rig_of(lab, cell, plan_of(HARDWARE))
-        found = touch_off(rig, NoAssistant(), Screen(console=Console(file=io.StringIO())))
-        return found.result, lab.truth()
+        found = touch_off(rig, Screen(console=Console(file=io.StringIO())), unattended=True, created="")
+        return found, lab.truth()
 
 
-def score(found: Result, truth: dict[str, Any]) -> Score:
+def score(found: SavedTouchOff, truth: dict[str, Any]) -> Score:
     height_m, slope_x, slope_y = truth["table"]
     at_m = np.array(touchable(HARDWARE).centre_m)
     true_height_m = height_m + slope_x * at_m[0] + slope_y * at_m[1]
@@ -98,9 +96,9 @@ def score(found: Result, truth: dict[str, Any]) -> Score:
         "table height mm": (found.table_height_m, true_height_m, 1e3),
         "tilt x mrad": (found.tilt_x, slope_x, 1e3),
         "tilt y mrad": (found.tilt_y, slope_y, 1e3),
-        "blade height mm": (found.height_m, truth["tool_height_m"], 1e3),
-        "blade pitch deg": (found.pitch_rad, truth["tool_pitch_rad"], float(np.rad2deg(1.0))),
-        "blade roll deg": (found.roll_rad, truth["tool_roll_rad"], float(np.rad2deg(1.0))),
+        "blade height mm": (found.tool_height_m, truth["tool_height_m"], 1e3),
+        "blade pitch deg": (found.tool_pitch_rad, truth["tool_pitch_rad"], float(np.rad2deg(1.0))),
+        "blade roll deg": (found.tool_roll_rad, truth["tool_roll_rad"], float(np.rad2deg(1.0))),
     }
     error = {name: scale * (e.value - true) for name, (e, true, scale) in pairs.items()}
     within = {name: scale * e.within for name, (e, _, scale) in pairs.items()}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from typing import Annotated, Any
 
@@ -32,3 +34,15 @@ class Record(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, from_attributes=True)
+
+
+class StoredRecord(Record):
+    """A record that is the whole of a file."""
+
+    def content(self) -> bytes:
+        """The bytes of its file, as JSON."""
+        return (json.dumps(self.model_dump(), indent=1, allow_nan=False) + "\n").encode()
+
+    def sha256(self) -> str:
+        """SHA-256 of `content`, which a session records."""
+        return hashlib.sha256(self.content()).hexdigest()

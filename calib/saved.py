@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -12,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from calib import timing
-from calib.record import FORMAT, Matrix, Measured, Numbers, Record
+from calib.record import FORMAT, Matrix, Measured, Numbers, Record, StoredRecord
 from calib.records import IntrinsicsRecord
 from calib.target_records import AnyTargetRecord
 from calib.types import Check, ClosedForm, Grade, HandEye, Solution, ViewFit, reasons
@@ -56,7 +54,7 @@ class UncertaintyRecord(Record):
     arm_work_95_mm: Numbers
 
 
-class SavedCalibration(Record):
+class SavedCalibration(StoredRecord):
     """calibration.json: a finished calibration."""
 
     format: int = FORMAT
@@ -102,14 +100,6 @@ class SavedCalibration(Record):
         """(7,) true minus reported joint positions; zeros if not estimated or not adopted."""
         offsets = self.joint_offsets
         return np.array(offsets.offsets_rad) if offsets and offsets.adopted else np.zeros(7)
-
-    def content(self) -> bytes:
-        """The bytes of `FILE`."""
-        return (json.dumps(self.model_dump(), indent=1, allow_nan=False) + "\n").encode()
-
-    def sha256(self) -> str:
-        """SHA-256 of `content`, which a session records."""
-        return hashlib.sha256(self.content()).hexdigest()
 
 
 @dataclass(frozen=True)

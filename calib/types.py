@@ -340,5 +340,5 @@ class Drift:
     moved_deg: float
     sigma_mm: float  # one standard deviation of these
     sigma_deg: float
-    X_AC: Array  # (4, 4) estimated present pose of the camera
+    X_BC_now: Array  # (4, 4) estimated present pose of the camera in its carrier
     message: str

@@ -26,23 +26,15 @@ from adaptsim_cli.screen.views import Readiness, failures
 from adaptsim_cli.storage import durable
 from calib import files, touch
 from calib.coverage import Coverage, coverage
+from calib.drift import MIN_VIEWS, Known, drift
 from calib.errors import CalibrationRejected, TooFewViews, UnusableViews
-from calib.types import Grade
+from calib.saved import SavedCalibration
+from calib.types import Drift, Grade, View
 from hw.types import Array
 from perception.board.types import Corners
 from perception.errors import BoardNotFound
 
 TRIES = 3
-
-
-@dataclass(frozen=True)
-class Options:
-    """The operator's options."""
-
-    fresh: bool  # begin a new series, even if one is unfinished
-    unattended: bool  # nobody answers questions
-    created: str  # ISO 8601, when this run began
-    versions: dict[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,14 +55,24 @@ class Sights:
 
 
 def calibrate(
-    rig: CalibrationRig, store: CalibrationStore, visits: Visits, screen: Screen, options: Options
+    rig: CalibrationRig,
+    store: CalibrationStore,
+    visits: Visits,
+    screen: Screen,
+    *,
+    fresh: bool,
+    unattended: bool,
+    created: str = "",
 ) -> tuple[Solved, Path]:
     """Check, visit, solve, store; return the solution and the folder of the stored calibration.
+
+    `fresh` begins a new series, even if one is unfinished; `unattended`: nobody answers questions; `created` is now or
+    ISO 8601.
 
     Raises PreflightFailed, HardwareError, PerceptionError, StoppedByOperator, CalibrationError, SessionError.
     """
     setup = files.setup_record(rig.camera.model(), rig.board, rig.arm.model, rig.X_FM)
-    series, begun = store.series(setup, fresh=options.fresh)
+    series, begun = store.series(setup, fresh=fresh)
     screen.plain(f"  Views: {series.folder}")
     sights = _seen_before(series, rig, screen) if begun else Sights()
     _ready(rig, screen)
@@ -79,10 +81,40 @@ def calibrate(
         raise TooFewViews(
             "no view shows the board: check that it is in the gripper, with its print towards the camera, and well lit"
         )
-    touching.offer(rig, series, screen, unattended=options.unattended)
+    touching.offer(rig, series, screen, unattended=unattended)
     with screen.busy("Solving"):
-        solved = solve_folder(series.folder, hw=rig.name, created=options.created, versions=options.versions)
+        solved = solve_folder(series.folder, hw=rig.name, created=created)
     return solved, conclude(solved, store, series.folder, screen)
+
+
+def check(rig: CalibrationRig, known: SavedCalibration, visits: Visits, screen: Screen) -> Drift:
+    """`calibrate check`: take three views and compare them with the calibration in use.
+
+    Stores nothing. Raises TooFewViews, HardwareError, PerceptionError, StoppedByOperator.
+    """
+    from perception.board import detect
+
+    camera = rig.camera.model().colour
+    setup = files.as_setup(files.setup_record(rig.camera.model(), rig.board, rig.arm.model))
+    views: list[View] = []
+    visits.begin()
+    for number in visits.numbers(frozenset()):
+        if visits.go(number, None) is not Arrival.THERE:
+            continue
+        try:
+            seen = look(rig)
+            corners = detect(seen.frame.colour, rig.board, camera)
+        except (ViewRefused, BoardNotFound) as error:
+            screen.note(f"  place {number + 1} left out: {error}")
+            continue
+        views.append(View(f"{number + 1:03d}", corners, q_rad=seen.q_rad))
+        screen.show(f"  {len(views)} of {MIN_VIEWS}  {len(corners)} of {rig.board.corners} corners")
+        if len(views) == MIN_VIEWS:
+            break
+    visits.end(lambda: None)
+    joint_rad = float("nan") if known.joint_rad is None else known.joint_rad
+    was = Known(np.array(known.X_AC), np.array(known.X_HM), known.offsets_rad(), joint_rad)
+    return drift(views, setup, rig.flange, was)
 
 
 def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> Sights:

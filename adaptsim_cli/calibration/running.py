@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.text import Text
 
-from adaptsim_cli.calibration import arm_picture, drift, flow, printing, terminal_views, together
+from adaptsim_cli.calibration import arm_picture, flow, printing, terminal_views, together
 from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.parts import CalibrationRig
-from adaptsim_cli.calibration.solving import Solved, Wishes, solve_folder
+from adaptsim_cli.calibration.solving import Wishes, solve_folder
 from adaptsim_cli.calibration.store import REPORT, CalibrationStore
 from adaptsim_cli.calibration.visits import Automatic, HandGuided, Visits, plan
-from adaptsim_cli.config import Config, Places, Resolved
+from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen import console, views
+from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
+from adaptsim_cli.screen.views import badge
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.durable import versions
 from calib import residuals
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
@@ -32,70 +30,61 @@ from perception.board.types import Board
 OpenRig = Callable[[Config, Board, SavedCalibration | None], AbstractContextManager[CalibrationRig]]
 """(settings, the board in the gripper, an earlier calibration) -> the devices, connected."""
 
-Stores = Callable[[Config, Places], CalibrationStore]
-"""(settings) -> the calibrations of the rig."""
-
 RESIDUALS, OVERLAY = "residuals.csv", "overlay"
-Ends = Callable[[Config, Places], Sequence[str]]
-"""Settings -> the open sessions that use the present calibration and touch-off."""
 
 CHECK_PLACES = 6
 """Places planned for a check, which ends with the third view of the board."""
 
 
-@dataclass(frozen=True)
-class CalibrationRequest:
-    """The operator's options on the command line."""
-
-    guide: bool
-    views: int
-    fresh: bool
-    yes: bool
-    as_json: bool
-
-
-def nothing_ends(config: Config, places: Places) -> tuple[str, ...]:
-    """`Ends` without sessions."""
-    return ()
-
-
 def calibrate(
     resolved: Resolved,
-    request: CalibrationRequest,
+    store: CalibrationStore,
+    sessions: Sequence[str],
     open_rig: OpenRig,
-    stores: Stores,
-    ends: Ends = nothing_ends,
-    screen: Screen | None = None,
+    screen: Screen,
+    *,
+    guide: bool = False,
+    views: int = 25,
+    fresh: bool = False,
+    yes: bool = False,
 ) -> None:
-    """The whole calibration. Raises the error that stops it, with the command to continue."""
-    config, screen = resolved.config, screen or Screen(as_json=request.as_json)
-    _need_terminal(resolved, request)
-    store = stores(config, resolved.places)
-    screen.resting("the calibration in use", ends(config, resolved.places))
-    board = board_in_use(resolved, screen, yes=request.yes)
+    """The whole calibration. Raises the error that stops it, with the command to continue.
+
+    `guide`: a person moves the arm; else it visits `views` places. `sessions` are the open ones that use the present
+    calibration. `fresh` begins a new series, even if one is unfinished.
+    """
+    config = resolved.config
+    unattended = _unattended(resolved, yes=yes, guide=guide)
+    screen.resting("the calibration in use", sessions)
+    board = board_in_use(resolved, screen, yes=yes)
     with (
         store.locked(),
         _continued("adaptsim calibrate"),
         open_rig(config, board, store.current()) as rig,
     ):
-        with screen.busy("Choosing where to hold the board"):
-            visits = _visits(rig, screen, request)
-        screen.show(terminal_views.explanation(rig, None if request.guide else request.views))
-        options = flow.Options(request.fresh, _unattended(resolved, request), _now(), versions())
-        solved, folder = flow.calibrate(rig, store, visits, screen, options)
-    screen.next(*_after(config))
-    if request.as_json:
-        screen.data("calibrate", summary(solved.record) | {"folder": str(folder)})
+        visits = _visits(rig, screen, None if guide else views, yes=yes)
+        screen.show(terminal_views.explanation(rig, None if guide else views))
+        solved, folder = flow.calibrate(rig, store, visits, screen, fresh=fresh, unattended=unattended)
+    where = config.same_lab
+    screen.next(
+        (f"adaptsim touch-off {where}", "finds table and tool, if the tool of the task touches the table"),
+        (f"adaptsim run-iteration {where}", "the first trials with this calibration"),
+    )
+    screen.data("calibrate", terminal_views.summary(solved.record) | {"folder": str(folder)})
 
 
 def check(
-    resolved: Resolved, request: CalibrationRequest, open_rig: OpenRig, stores: Stores, screen: Screen | None = None
+    resolved: Resolved,
+    store: CalibrationStore,
+    open_rig: OpenRig,
+    screen: Screen,
+    *,
+    guide: bool = False,
+    yes: bool = False,
 ) -> None:
     """Compare three views with the calibration in use. Raises CalibrationMissing without a calibration."""
-    config, screen = resolved.config, screen or Screen(as_json=request.as_json)
-    _need_terminal(resolved, request)
-    store = stores(config, resolved.places)
-    known = store.current()
+    _unattended(resolved, yes=yes, guide=guide)
+    config, known = resolved.config, store.current()
     if known is None:
         raise CalibrationMissing("there is no calibration of this rig to check; make one: adaptsim calibrate")
     board = known.board.board()
@@ -108,23 +97,20 @@ def check(
         _continued("adaptsim calibrate check"),
         open_rig(config, board, known) as rig,
     ):
-        screen.show(views.badge(rig.name, rig.title))
-        with screen.busy("Choosing where to hold the board"):
-            visits = _visits(rig, screen, request)
-        found = drift.check(rig, known, visits, screen)
+        screen.show(badge(rig.name, rig.title))
+        found = flow.check(rig, known, _visits(rig, screen, None if guide else CHECK_PLACES, yes=yes), screen)
     screen.show(Text(found.message, style="bold red" if found.moved else "green"))
     where = config.same_lab
     again = (f"adaptsim calibrate {where}", "finds the camera's new pose")
     screen.next(again if found.moved else (f"adaptsim run-iteration {where}", "the calibration is still valid"))
-    if request.as_json:
-        screen.data("calibrate check", drift.as_json(found))
+    screen.data("calibrate check", asdict(found) | {"X_BC_now": found.X_BC_now.tolist()})
 
 
 def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> None:
     """Solve views recorded elsewhere. Raises ViewFolderError, CalibrationError, PerceptionError."""
     screen = Screen(as_json=as_json)
     with screen.busy("Finding the board and solving"):
-        solved = solve_folder(folder.absolute(), hw="recorded", created=_now(), versions=versions(), wishes=wishes)
+        solved = solve_folder(folder.absolute(), wishes=wishes)
     for sentence in solved.recognised:
         screen.note(f"  {sentence}")
     for sentence in solved.not_seen:
@@ -138,35 +124,39 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
     durable.make_folder(path.parent)
     durable.replace_file(path, report.render(solved).encode())
     screen.plain(f"Report: {path}")
-    beside = path.stem if out else ""
-    flow.show_arm(solved, path.with_name(_named(beside, arm_picture.PICTURE)), screen)
-    table = path.with_name(_named(beside, RESIDUALS))
+    prefix = f"{path.stem}." if out else ""  # reports with names of their own do not share the files beside them
+    flow.show_arm(solved, path.with_name(prefix + arm_picture.PICTURE), screen)
+    table = path.with_name(prefix + RESIDUALS)
     durable.replace_file(table, residuals.table(solved.residuals).encode())
     if solved.record.accepted:
         screen.next((f"xdg-open {path}", "the place and the residual of every view"))
     left_mm = [view.rms_mm for view in solved.residuals if view.used]
     screen.plain(f"Residual of every point: {table} (on the target {np.median(left_mm):.2f} mm in the middle view)")
-    if as_json:
-        screen.data(
-            "calibrate solve",
-            summary(solved.record)
-            | {"residuals": str(table), "report": str(path), "recognised": solved.recognised, "advice": solved.advice}
-            | _told(solved),
-        )
+    worth = solved.worth
+    screen.data(
+        "calibrate solve",
+        terminal_views.summary(solved.record)
+        | {
+            "residuals": str(table),
+            "report": str(path),
+            "recognised": solved.recognised,
+            "advice": solved.advice,
+            "views_that_help": dict(worth.without),
+            "three_more": {"like": worth.more, "error_left": worth.left, "to_halve": worth.to_halve},
+            "faults": [
+                {"kind": f.kind, "what": f.sentence, "option": f.option, "views": f.views} for f in solved.faults
+            ],
+        },
+    )
     if not solved.record.accepted:
         raise flow.rejected(solved, path, f"Next: {solved.advice}")
-
-
-def _named(report: str, name: str) -> str:
-    """The name of a file beside a report with a name of its own."""
-    return f"{report}.{name}" if report else name
 
 
 def overlay(folder: Path, out: Path | None, *, as_json: bool) -> None:
     """Draw the arm into every picture of a folder. Raises ViewFolderError, CalibrationError, PerceptionError."""
     screen = Screen(as_json=as_json)
     with screen.busy("Finding the board, solving and drawing"):
-        solved = solve_folder(folder.absolute(), hw="recorded", created=_now(), versions=versions())
+        solved = solve_folder(folder.absolute())
         drawn = arm_picture.draw(solved)
     into = (out or folder / OVERLAY).absolute()
     durable.make_folder(into)
@@ -177,9 +167,8 @@ def overlay(folder: Path, out: Path | None, *, as_json: bool) -> None:
     screen.plain(f"Look at {sheet}: the lines must lie on the edges of the arm")
     screen.show(Text(drawn.sentence, style="bold" if drawn.fit is None or drawn.fits else "bold red"))
     screen.next((f"xdg-open {sheet}", "the pictures, side by side"))
-    if as_json:
-        files = {name: str(into / f"{name}.jpg") for name in drawn.by_view}
-        screen.data("calibrate overlay", {"outline": drawn.as_json(), "sheet": str(sheet), "pictures": files})
+    files = {name: str(into / f"{name}.jpg") for name in drawn.by_view}
+    screen.data("calibrate overlay", {"outline": drawn.as_json(), "sheet": str(sheet), "pictures": files})
 
 
 def solve_cameras(
@@ -199,19 +188,9 @@ def solve_cameras(
     screen.plain(f"Written: {path}")
     if found.accepted:
         screen.next((f"adaptsim calibrate solve {folders[0]}", "one camera alone, with every check and a report"))
-    if as_json:
-        screen.data("calibrate together", together.as_json(found) | {"file": str(path)})
+    screen.data("calibrate together", together.as_json(found) | {"file": str(path)})
     if not found.accepted:
         raise together.rejected(found, path)
-
-
-def _told(solved: Solved) -> dict[str, Any]:
-    worth = solved.worth
-    return {
-        "views_that_help": dict(worth.without),
-        "three_more": {"like": worth.more, "error_left": worth.left, "to_halve": worth.to_halve},
-        "faults": [{"kind": f.kind, "what": f.sentence, "option": f.option, "views": f.views} for f in solved.faults],
-    }
 
 
 def board(
@@ -243,38 +222,6 @@ def board(
     screen.data("calibrate board", {"file": str(path), "paper": paper, **kept.model_dump()})
 
 
-def summary(record: SavedCalibration) -> dict[str, Any]:
-    """A calibration for JSON."""
-    u = record.uncertainty
-    return {
-        "accepted": record.accepted,
-        ("X_BC" if record.mounting == "fixed" else "X_FC"): record.X_AC,
-        "sigma_mm": u.sigma_mm,
-        "sigma_deg": u.sigma_deg,
-        "worst_95_mm": u.worst_95_mm,
-        "fit_px": record.fit_px,
-        "held_out_px": record.held_out_px,
-        "views_used": [view.name for view in record.views if view.used],
-        "views_rejected": {view.name: view.reason for view in record.views if not view.used},
-        "joint_offsets_mrad": [1e3 * float(q) for q in record.offsets_rad()],
-        "target": record.board.board().name,
-        "refined_intrinsics": None if record.refined_intrinsics is None else record.refined_intrinsics.model_dump(),
-        "temperatures_C": record.temperatures_C,
-        "uncertainty": u.model_dump(),
-        "checks": [c.model_dump() for c in record.checks],
-        "gates": [c.model_dump() for c in record.gates],
-        "sha256": record.sha256(),
-    }
-
-
-def _after(config: Config) -> tuple[tuple[str, str], ...]:
-    where = config.same_lab
-    return (
-        (f"adaptsim touch-off {where}", "finds table and tool, if the tool of the task touches the table"),
-        (f"adaptsim run-iteration {where}", "the first trials with this calibration"),
-    )
-
-
 def board_in_use(resolved: Resolved, screen: Screen, *, yes: bool) -> Board:
     """The board in use, with its measured size; asks for the size if a person is there."""
     known = printing.known(resolved.places.data)
@@ -294,24 +241,20 @@ def board_in_use(resolved: Resolved, screen: Screen, *, yes: bool) -> Board:
     return printing.remember(resolved.places.data, known.board.board(), width_mm).board.board()
 
 
-def _visits(rig: CalibrationRig, screen: Screen, request: CalibrationRequest) -> Visits:
-    if request.guide:
+def _visits(rig: CalibrationRig, screen: Screen, places: int | None, *, yes: bool) -> Visits:
+    """The arm's visits to so many places; None: a person guides it."""
+    if places is None:
         return HandGuided(screen)
-    home_rad = rig.arm.state().q_rad
-    return Automatic(rig, screen, plan(rig, request.views), home_rad, request.yes)
+    with screen.busy("Choosing where to hold the board"):
+        return Automatic(rig, screen, plan(rig, places), rig.arm.state().q_rad, yes)
 
 
-def _unattended(resolved: Resolved, request: CalibrationRequest) -> bool:
-    return resolved.config.unattended(request.yes) and not request.guide
-
-
-def _need_terminal(resolved: Resolved, request: CalibrationRequest) -> None:
-    if not _unattended(resolved, request):
+def _unattended(resolved: Resolved, *, yes: bool, guide: bool) -> bool:
+    """Whether nobody answers questions. Raises UsageError if somebody must and there is no terminal."""
+    unattended = resolved.config.unattended(yes) and not guide
+    if not unattended:
         console.require_terminal()
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
+    return unattended
 
 
 def _continued(command: str) -> AbstractContextManager[None]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from statistics import median
 
 from adaptsim_cli.calibration import checking, sights
+from adaptsim_cli.storage.durable import versions
 from calib import files
 from calib.errors import UnusableViews
 from calib.foreign import pairing
@@ -53,11 +55,15 @@ class Wishes:
 PLAIN = Wishes()
 
 
-def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, str], wishes: Wishes = PLAIN) -> Solved:
-    """Solve a folder of views. Raises ViewFolderError, PerceptionError if no view shows the board, CalibrationError."""
+def solve_folder(folder: Path, *, hw: str = "recorded", created: str = "", wishes: Wishes = PLAIN) -> Solved:
+    """Solve a folder of views, made now or `created` (ISO 8601).
+
+    Raises ViewFolderError, PerceptionError if no view shows the board, CalibrationError.
+    """
     from calib.foreign.intrinsics_check import check as intrinsics_check
     from calib.gates import judge
 
+    created = created or datetime.now(UTC).isoformat(timespec="seconds")
     stored = files.read_folder(folder, any_arm)
     looked = sights.look(stored)
     seen, forward = _as_wished(looked.views, looked.setup, stored.forward, wishes), stored.forward
@@ -76,7 +82,7 @@ def solve_folder(folder: Path, *, hw: str, created: str, versions: Mapping[str, 
         camera=stored.setup.serial,
         created=created,
         source=_source(hw, created),
-        versions=versions,
+        versions=versions(),
         temperatures_C={device: _median(checking.readings(stored, device)) for device in DEVICES},
     )
     record = record_calibration(

@@ -1,8 +1,9 @@
-"""Everything that a calibration prints for an operator, as rich renderables."""
+"""Everything that a calibration shows: before and while it runs, as JSON, and beside others that are kept."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -10,10 +11,16 @@ from rich.padding import Padding
 from rich.text import Text
 
 from adaptsim_cli.calibration.parts import CalibrationRig
+from adaptsim_cli.calibration.store import REPORT
 from adaptsim_cli.screen import views
+from adaptsim_cli.screen.console import Screen
 from calib.coverage import Coverage
+from calib.geometry import angle_deg, distance_mm
 from calib.saved import SavedCalibration
 from perception.board.types import BoardPose
+
+COLUMNS = ("known to",)
+"""The columns of a list beside name, time and remark."""
 
 
 def explanation(rig: CalibrationRig, places: int | None) -> RenderableType:
@@ -72,3 +79,76 @@ def calibration(record: SavedCalibration) -> RenderableType:
     checked = views.rows(("", "what", "found"), [(c.verdict, c.name, c.message) for c in everything])
     verdict = ("Accepted", "bold green") if record.accepted else ("Not accepted", "bold red")
     return Group(*lines, checked, Text.assemble(verdict))
+
+
+def summary(record: SavedCalibration) -> dict[str, Any]:
+    """A calibration for JSON."""
+    u = record.uncertainty
+    return {
+        "accepted": record.accepted,
+        ("X_BC" if record.mounting == "fixed" else "X_FC"): record.X_AC,
+        "sigma_mm": u.sigma_mm,
+        "sigma_deg": u.sigma_deg,
+        "worst_95_mm": u.worst_95_mm,
+        "fit_px": record.fit_px,
+        "held_out_px": record.held_out_px,
+        "views_used": [view.name for view in record.views if view.used],
+        "views_rejected": {view.name: view.reason for view in record.views if not view.used},
+        "joint_offsets_mrad": [1e3 * float(q) for q in record.offsets_rad()],
+        "target": record.board.board().name,
+        "refined_intrinsics": None if record.refined_intrinsics is None else record.refined_intrinsics.model_dump(),
+        "temperatures_C": record.temperatures_C,
+        "uncertainty": u.model_dump(),
+        "checks": [c.model_dump() for c in record.checks],
+        "gates": [c.model_dump() for c in record.gates],
+        "sha256": record.sha256(),
+    }
+
+
+def show(screen: Screen, known: SavedCalibration, path: Path) -> None:
+    """Show one."""
+    screen.show(calibration(known))
+    screen.plain(f"Report: {path / REPORT}")
+
+
+def told(known: SavedCalibration, path: Path) -> dict[str, Any]:
+    """What a list says of one, for JSON."""
+    report = path / REPORT
+    return {
+        "camera_m": [row[3] for row in known.X_AC[:3]],
+        "sigma_mm": known.uncertainty.sigma_mm,
+        "sigma_deg": known.uncertainty.sigma_deg,
+        "views": sum(view.used for view in known.views),
+        "report": str(report) if report.is_file() else "",
+    }
+
+
+def columns(one: dict[str, Any]) -> tuple[str, ...]:
+    """The values of `COLUMNS`."""
+    return (f"{one['sigma_mm']:.2f} mm, {one['sigma_deg']:.3f}°",)
+
+
+def compared(a: SavedCalibration, b: SavedCalibration) -> dict[str, Any]:
+    """The differences of camera pose and joint zeros from the first to the second, for JSON."""
+    X_A, X_B = np.array(a.X_AC), np.array(b.X_AC)
+    return {
+        "moved_mm": (1e3 * (X_B[:3, 3] - X_A[:3, 3])).tolist(),
+        "distance_mm": distance_mm(X_A, X_B),
+        "turned_deg": angle_deg(X_A, X_B),
+        "known_to_mm": float(np.hypot(a.uncertainty.sigma_mm, b.uncertainty.sigma_mm)),
+        "known_to_deg": float(np.hypot(a.uncertainty.sigma_deg, b.uncertainty.sigma_deg)),
+        "joint_zeros_mrad": (1e3 * (b.offsets_rad() - a.offsets_rad())).tolist(),
+        "camera_late_ms": 1e3 * (b.camera_late_s() - a.camera_late_s()),
+    }
+
+
+def comparison(found: dict[str, Any]) -> str:
+    """A comparison in words: a difference of more than three standard deviations means a moved camera."""
+    apart = found["distance_mm"] > 3.0 * found["known_to_mm"] or found["turned_deg"] > 3.0 * found["known_to_deg"]
+    same = "the difference lies within their uncertainty, so the camera has not moved"
+    said = "the camera has moved" if apart else same
+    return (
+        f"{found['second']} has the camera {found['distance_mm']:.2f} mm and {found['turned_deg']:.3f}° from "
+        f"{found['first']}; the two together are known to {found['known_to_mm']:.2f} mm and "
+        f"{found['known_to_deg']:.3f}°: {said}"
+    )

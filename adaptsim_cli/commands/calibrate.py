@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from adaptsim_cli import options
-from adaptsim_cli.commands.kept import Kind, Rows, add_to
+from adaptsim_cli.commands.kept import Kind, add_to
 
 if TYPE_CHECKING:
     from adaptsim_cli.calibration.store import CalibrationStore
     from adaptsim_cli.config import Resolved
-    from adaptsim_cli.screen.console import Screen
-    from calib.saved import SavedCalibration
 
 app = typer.Typer()
 
@@ -55,9 +53,11 @@ def calibrate(
 
     flags = {"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None}
     resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
-    request = running.CalibrationRequest(guide=guide, views=views, fresh=fresh, yes=yes, as_json=as_json)
     open_rig = partial(wiring.open_calibration_rig, screen=screen)
-    running.calibrate(resolved, request, open_rig, wiring.calibrations, rig_frames.open_sessions, screen)
+    sessions = rig_frames.open_sessions(resolved.config, resolved.places)
+    running.calibrate(
+        resolved, _store(resolved), sessions, open_rig, screen, guide=guide, views=views, fresh=fresh, yes=yes
+    )
 
 
 @app.command()
@@ -110,8 +110,8 @@ def check(
 
     flags = {"task": task, "world": world, "seed": seed, "hw": hw}
     resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
-    request = running.CalibrationRequest(guide=guide, views=running.CHECK_PLACES, fresh=True, yes=yes, as_json=as_json)
-    running.check(resolved, request, partial(wiring.open_calibration_rig, screen=screen), wiring.calibrations, screen)
+    open_rig = partial(wiring.open_calibration_rig, screen=screen)
+    running.check(resolved, _store(resolved), open_rig, screen, guide=guide, yes=yes)
 
 
 @app.command()
@@ -205,28 +205,11 @@ def _store(resolved: Resolved) -> CalibrationStore:
     return wiring.calibrations(resolved.config, resolved.places)
 
 
-def _rows(store: CalibrationStore) -> Rows:
-    from adaptsim_cli.calibration import kept
+def _views() -> Any:
+    from adaptsim_cli.calibration import terminal_views
 
-    return kept.HEAD, store.listed(kept.told), kept.row
-
-
-def _show(screen: Screen, known: SavedCalibration, path: Path) -> None:
-    from adaptsim_cli.calibration import running, terminal_views
-    from adaptsim_cli.calibration.store import REPORT
-
-    if not screen.data("calibrate show", running.summary(known) | {"folder": str(path)}):
-        screen.show(terminal_views.calibration(known))
-        screen.plain(f"Report: {path / REPORT}")
-
-
-def _compare(screen: Screen, store: CalibrationStore, first: str, second: str) -> None:
-    from adaptsim_cli.calibration import kept
-
-    found = kept.compared(store, first, second)
-    if not screen.data("calibrate compare", found):
-        screen.show(kept.sentence(found))
+    return terminal_views
 
 
 _THEN = ("adaptsim calibrate check", "has the camera moved?")
-add_to(app, Kind("calibrate", "calibration", "--hw fr3", _THEN, _store, _rows, _show, _compare))
+add_to(app, Kind("calibrate", "calibration", "--hw fr3", _THEN, _store, _views))

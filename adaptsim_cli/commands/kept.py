@@ -11,13 +11,10 @@ import typer
 from adaptsim_cli import options
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
+    from adaptsim_cli.storage.numbered import NumberedRecords
 
-Rows = tuple[tuple[str, ...], list[dict[str, Any]], Callable[[dict[str, Any]], tuple[str, ...]]]
-"""Head of a table, the entries for JSON (a damaged one has its error), and the row of an entry."""
 Name = Annotated[str, typer.Argument(help="Name or number, as `list` shows it.")]
 
 
@@ -29,10 +26,8 @@ class Kind:
     noun: str  # "calibration"
     example: str  # options that name a rig
     then: tuple[str, str]  # the command after a restoration, and its reason
-    store: Callable[[Resolved], Any]  # the CalibrationStore or TouchOffStore of the rig of these settings
-    rows: Callable[[Any], Rows]  # all of a store, oldest first
-    show: Callable[[Screen, Any, Path], None]  # one
-    compare: Callable[[Screen, Any, str, str], None]  # two, by name
+    store: Callable[[Resolved], NumberedRecords[Any]]  # of the rig of these settings
+    views: Callable[[], Any]  # the module `terminal_views` of the kind: COLUMNS, columns, told, summary, show, ...
 
 
 def add_to(app: typer.Typer, kind: Kind) -> None:
@@ -79,7 +74,9 @@ def add_to(app: typer.Typer, kind: Kind) -> None:
         resolved, screen = _rig(task, world, seed, hw), console.Screen(as_json=as_json)
         store = kind.store(resolved)
         path = store.numbered.named(name)
-        kind.show(screen, store.read(path), path)
+        known, views = store.read(path), kind.views()
+        if not screen.data(f"{kind.command} show", views.summary(known) | {"folder": str(path)}):
+            views.show(screen, known, path)
         screen.next(again(path.name, resolved, "puts it in use again"))
 
     @app.command(
@@ -132,23 +129,39 @@ def add_to(app: typer.Typer, kind: Kind) -> None:
         from adaptsim_cli.screen import console
 
         resolved, screen = _rig(task, world, seed, hw), console.Screen(as_json=as_json)
-        store = kind.store(resolved)
-        kind.compare(screen, store, first, second)
-        screen.next(again(store.numbered.named(first).name, resolved, "puts the first in use again"))
+        store, views = kind.store(resolved), kind.views()
+        paths = [store.numbered.named(name) for name in (first, second)]
+        names = {"first": paths[0].name, "second": paths[1].name}
+        found = names | views.compared(*map(store.read, paths))
+        if not screen.data(f"{kind.command} compare", found):
+            screen.show(views.comparison(found))
+        screen.next(again(paths[0].name, resolved, "puts the first in use again"))
 
 
-def _list(kind: Kind, screen: Screen, store: Any, sessions: Sequence[str]) -> None:
+def _list(kind: Kind, screen: Screen, store: NumberedRecords[Any], sessions: Sequence[str]) -> None:
     """Show all, oldest first, with the open `sessions` that use the current one, and the next command."""
     from adaptsim_cli.screen import views
+    from adaptsim_cli.storage.numbered import remark
 
-    head, found, row = kind.rows(store)
+    kinds = kind.views()
+    found = store.listed(lambda known, path: {"created": known.created} | kinds.told(known, path))
+
+    def row(one: dict[str, Any]) -> tuple[str, ...]:
+        if "error" in one:
+            return one["name"], *("",) * (1 + len(kinds.COLUMNS)), one["error"]
+        return (
+            one["name"],
+            one["created"][:16].replace("T", " "),
+            *kinds.columns(one),
+            remark(one["in_use"], one["restored_from"]),
+        )
+
     listed = f"{kind.noun.replace('-', '_')}s"
     told = {"rig": store.folder.name, listed: found, "open_sessions": list(sessions)}
     if screen.data(f"{kind.command} list", told):
         return
     if found:
-        blank = ("",) * (len(head) - 2)
-        screen.show(views.rows(head, [(o["name"], *blank, o["error"]) if "error" in o else row(o) for o in found]))
+        screen.show(views.rows((kind.noun, "made", *kinds.COLUMNS, ""), [row(one) for one in found]))
     else:
         screen.plain(f"No {kind.noun}s yet in {store.folder}")
     if sessions:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from adaptsim_cli import options
-from adaptsim_cli.commands.kept import Kind, Rows, add_to
+from adaptsim_cli.commands.kept import Kind, add_to
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from adaptsim_cli.config import Resolved
-    from adaptsim_cli.screen.console import Screen
-    from adaptsim_cli.touch_off.store import SavedTouchOff, TouchOffStore
+    from adaptsim_cli.touch_off.store import TouchOffStore
 
 app = typer.Typer()
 
@@ -57,9 +54,15 @@ def touch_off(
 
     flags = {"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None}
     resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
-    request = running.TouchOffRequest(Grasp(1e-3 * handle_mm, grasp_force_N), yes, as_json)
-    open_rig = partial(wiring.open_touch_rig, screen=screen)
-    running.touch_off(resolved, request, open_rig, wiring.touch_offs, rig_frames.open_sessions, screen)
+    running.touch_off(
+        resolved,
+        Grasp(1e-3 * handle_mm, grasp_force_N),
+        _store(resolved),
+        rig_frames.open_sessions(resolved.config, resolved.places),
+        partial(wiring.open_touch_rig, screen=screen),
+        screen,
+        yes=yes,
+    )
 
 
 def _store(resolved: Resolved) -> TouchOffStore:
@@ -68,30 +71,11 @@ def _store(resolved: Resolved) -> TouchOffStore:
     return wiring.touch_offs(resolved.config, resolved.places)
 
 
-def _rows(store: TouchOffStore) -> Rows:
-    from adaptsim_cli.touch_off import kept
+def _views() -> Any:
+    from adaptsim_cli.touch_off import terminal_views
 
-    return kept.HEAD, store.listed(kept.told), kept.row
-
-
-def _show(screen: Screen, known: SavedTouchOff, path: Path) -> None:
-    from adaptsim_cli.screen import views
-    from adaptsim_cli.touch_off import kept, running
-
-    if not screen.data("touch-off show", running.summary(known) | {"folder": str(path)}):
-        screen.plain(f"{path.name}, made {known.created}, with {known.tool}")
-        screen.show(views.rows(("quantity", "value", "95 % within"), kept.values(known), right=(1, 2)))
-
-
-def _compare(screen: Screen, store: TouchOffStore, first: str, second: str) -> None:
-    from adaptsim_cli.screen import views
-    from adaptsim_cli.touch_off import kept
-
-    found = kept.compared(store, first, second)
-    if not screen.data("touch-off compare", found):
-        head = ("quantity", "first", "second", "difference")
-        screen.show(views.rows(head, kept.differences(found), right=(1, 2, 3)))
+    return terminal_views
 
 
 _THEN = ("adaptsim rollout", "one trial with it")
-add_to(app, Kind("touch-off", "touch-off", "--task scooping --hw fr3", _THEN, _store, _rows, _show, _compare))
+add_to(app, Kind("touch-off", "touch-off", "--task scooping --hw fr3", _THEN, _store, _views))

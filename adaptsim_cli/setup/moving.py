@@ -50,11 +50,12 @@ def calibrate(answers: Answers) -> None:
             return
     calibrating.calibrate(
         _slowly(answers, practice=False),
-        calibrating.CalibrationRequest(known is None and not config.is_simulated, 25, False, answers.defaults, False),
+        calibration.calibrations(config, answers.places),
+        rig_frames.open_sessions(config, answers.places),
         partial(calibration.open_calibration_rig, screen=screen),
-        calibration.calibrations,
-        rig_frames.open_sessions,
         screen,
+        guide=known is None and not config.is_simulated,
+        yes=answers.defaults,
     )
 
 
@@ -62,11 +63,12 @@ def touch(answers: Answers) -> None:
     """Find table and tool by touch."""
     touching.touch_off(
         _slowly(answers, practice=False),
-        touching.TouchOffRequest(Grasp(), answers.defaults, False),
+        Grasp(),
+        touch_off.touch_offs(answers.config, answers.places),
+        rig_frames.open_sessions(answers.config, answers.places),
         partial(touch_off.open_touch_rig, screen=answers.screen),
-        touch_off.touch_offs,
-        rig_frames.open_sessions,
         answers.screen,
+        yes=answers.defaults,
     )
 
 

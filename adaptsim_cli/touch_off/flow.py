@@ -5,17 +5,18 @@ Every motion is planned and checked just before it begins. Every descent ends at
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.views import clear_to_move
+from adaptsim_cli.storage.durable import versions
 from adaptsim_cli.touch_off import terminal_views
-from adaptsim_cli.touch_off.asking import Assistant
-from adaptsim_cli.touch_off.errors import TouchOffFailed
-from adaptsim_cli.touch_off.parts import TouchRig
-from adaptsim_cli.touch_off.solving import DIFFER_M, Result, Touched, differ, solve, table_of
+from adaptsim_cli.touch_off.parts import TouchOffFailed, TouchRig
+from adaptsim_cli.touch_off.solving import DIFFER_M, Touched, solve, table_of
+from adaptsim_cli.touch_off.store import SavedTouchOff, SlowTouchRecord
 from hw.collision import Table
 from hw.contact import began
 from hw.errors import HandError, NoContact
@@ -39,62 +40,78 @@ PRESS_BEYOND_M = 0.015
 """How far below the table the slip check may be commanded: a flexible blade needs more."""
 SLOW_TOUCHES = 2
 SLIPPED_M = 0.0004
+"""A larger movement of the tool in the hand is more than the measurement's own error."""
 _OPEN_M = 0.06
+NEVER_CONFIRMS = "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
 
 
-@dataclass(frozen=True, eq=False)
-class Slip:
-    """The first corner's touch before and after it was pressed onto the table."""
-
-    moved_m: float
-    pressed_N: float
-
-    @property
-    def slipped(self) -> bool:
-        """Whether the tool moved in the hand by more than the measurement's own error."""
-        return abs(self.moved_m) > SLIPPED_M
+Wait = Callable[[str, str, str], None]
+"""(request to the operator, what Enter is for, its effect): returns at Enter. Raises StoppedByOperator."""
 
 
-@dataclass(frozen=True, eq=False)
-class TouchOffRun:
-    """The results of a touch-off."""
-
-    result: Result
-    slip: Slip
-    fingers: tuple[Touched, ...]
-    tool: tuple[Touched, ...]
-
-
-def touch_off(rig: TouchRig, operator: Assistant, screen: Screen) -> TouchOffRun:
+def touch_off(rig: TouchRig, screen: Screen, *, unattended: bool, created: str) -> SavedTouchOff:
     """Home the hand, touch the table, take the tool, touch with it, press, touch again, solve.
 
-    Raises TouchOffFailed, HardwareError, NotExecutable, StoppedByOperator.
+    Nobody is asked if `unattended`, in the simulated lab only. `created` is ISO 8601.
+    Raises TouchOffFailed, HardwareError, NotExecutable, StoppedByOperator, UsageError.
     """
-    operator.begin(rig)
-    operator.empty_hand(rig)
+
+    def wait(question: str, does: str, then: str) -> None:
+        if not unattended:
+            screen.go_on(question, does, then=then, kept="nothing was stored")
+
+    def clear(what: str) -> None:
+        wait(f"{clear_to_move(rig.is_real, what)}.", "to start", f"The arm {what}.")
+
+    if rig.is_real:
+        if unattended:
+            raise UsageError(NEVER_CONFIRMS)
+        rig.confirm()
+    wait(
+        f"Take the {rig.tool_name} out of the hand. Keep your own fingers away: the hand opens and closes.",
+        "when it is empty",
+        "The hand opens, closes, and is homed.",
+    )
     rig.tool_there(False)
     rig.hand.home()
     rig.hand.move(0.0)
-    operator.clear(rig, "touches the table with its closed fingers, slowly")
+    clear("touches the table with its closed fingers, slowly")
     fingers = _touch_all(rig, rig.empty, rig.plan.table, rig.empty.cell.table, screen)
     table, _, _ = table_of(fingers)
     _go(rig, rig.home_rad, rig.empty)
-    take_tool(rig, operator)
-    operator.clear(rig, f"touches the table with the {rig.tool_name}, slowly")
+    take_tool(rig, wait)
+    clear(f"touches the table with the {rig.tool_name}, slowly")
     tool = _touch_all(rig, rig.loaded, rig.plan.tool, table, screen)
-    slip = _slip(rig, table, tool, screen)
+    slip_m = _slip_m(rig, table, tool, screen)
     _go(rig, rig.home_rad, rig.loaded)
-    result = solve(fingers, tool, rig.loaded.X_FT, _work(rig.plan.tool))
-    screen.show(terminal_views.result(result, slip.moved_m, slip.pressed_N))
-    if slip.slipped:
+    work_m = np.asarray(np.mean([probe.xy_m for probe in rig.plan.tool], axis=0))
+    result, problems = solve(fingers, tool, rig.loaded.X_FT, work_m)
+    screen.show(terminal_views.result(result, slip_m, PRESS_N))
+    if abs(slip_m) > SLIPPED_M:
         raise TouchOffFailed(
-            f"the tool slipped: pressed with {slip.pressed_N:.0f} N its corner moved by {1e3 * slip.moved_m:+.1f} mm "
+            f"the tool slipped: pressed with {PRESS_N:.0f} N its corner moved by {1e3 * slip_m:+.1f} mm "
             f"(at most {1e3 * SLIPPED_M:.1f}). Grasp harder than {rig.grasp.force_N:g} N (--grasp-force), or roughen "
             "the handle, then run again"
         )
-    if result.problems:
-        raise TouchOffFailed("not accepted: " + "; ".join(result.problems))
-    return TouchOffRun(result, slip, tuple(fingers), tuple(tool))
+    if problems:
+        raise TouchOffFailed("not accepted: " + "; ".join(problems))
+    return SavedTouchOff(
+        **dict(result),
+        created=created,
+        hw=rig.name,
+        arm=rig.arm.model,
+        rig=rig.key,
+        tool=rig.tool_name,
+        source=f"touch-off on {rig.title}",
+        slip_m=slip_m,
+        pressed_N=PRESS_N,
+        grasp_force_N=rig.grasp.force_N,
+        joint_zeros_rad=tuple(float(q) for q in rig.empty.cell.arm.zeros_rad),
+        touches=tuple(
+            SlowTouchRecord(place=touch.probe.name, q_rad=tuple(map(float, touch.q_rad))) for touch in (*fingers, *tool)
+        ),
+        versions=versions(),
+    )
 
 
 def _touch_all(rig: TouchRig, bench: HeldTool, probes: Sequence[Probe], table: Table, screen: Screen) -> list[Touched]:
@@ -115,9 +132,9 @@ def _touch_all(rig: TouchRig, bench: HeldTool, probes: Sequence[Probe], table: T
             )
         slow = [_slowly(rig, bench, probe, here, heights[0]) for _ in range(SLOW_TOUCHES)]
         heights = [_above(bench, q, probe, expected) for q in slow]
-        if differ(heights) > DIFFER_M:
+        if (differ_m := max(heights) - min(heights)) > DIFFER_M:
             raise TouchOffFailed(
-                f"{probe.name}: {len(heights)} touches differ by {1e3 * differ(heights):.2f} mm "
+                f"{probe.name}: {len(heights)} touches differ by {1e3 * differ_m:.2f} mm "
                 f"(at most {1e3 * DIFFER_M:.1f}): the table is soft, or the tool is loose. Fix it and run again"
             )
         lower_m += float(np.mean(heights)) if number == 0 else 0.0
@@ -126,18 +143,18 @@ def _touch_all(rig: TouchRig, bench: HeldTool, probes: Sequence[Probe], table: T
     return found
 
 
-def _slip(rig: TouchRig, table: Table, tool: Sequence[Touched], screen: Screen) -> Slip:
-    """Press the first corner onto the table with the task's force, and touch again: has it moved?"""
+def _slip_m(rig: TouchRig, table: Table, tool: Sequence[Touched], screen: Screen) -> float:
+    """Press the first corner onto the table with the task's force, and touch again: how far has it moved?"""
     probe = rig.plan.tool[0]
     before = [_above(rig.loaded, t.q_rad, probe, table) for t in tool if t.probe is probe]
     expected = Table(table.height_m + float(np.mean(before)), table.slope_x, table.slope_y)
     here = _at(rig, rig.loaded, probe, expected, DEEPER_M)
-    screen.show(terminal_views.pressing(PRESS_N))
+    screen.show(f"  Slip check: pressing with {PRESS_N:.0f} N, then touching again")
     stages = _last_slow(0.0, PRESS_BEYOND_M)
     _feel(rig, rig.loaded, probe, here, stages, PRESS_BEYOND_M, rig.loaded.guard(probe.feeler, PRESS_N))
     again = [_slowly(rig, rig.loaded, probe, here, 0.0) for _ in range(SLOW_TOUCHES)]
     after = [_above(rig.loaded, q, probe, table) for q in again]
-    return Slip(float(np.mean(after) - np.mean(before)), PRESS_N)
+    return float(np.mean(after) - np.mean(before))
 
 
 def _at(rig: TouchRig, bench: HeldTool, probe: Probe, expected: Table, deeper_m: float) -> Array:
@@ -180,10 +197,15 @@ def _feel(
         ) from error
 
 
-def take_tool(rig: TouchRig, operator: Assistant) -> None:
+def take_tool(rig: TouchRig, wait: Wait) -> None:
     """Let the operator put the tool between the fingers, and grasp it. Raises TouchOffFailed, HandError."""
     rig.hand.move(_OPEN_M)
-    operator.hand_over(rig)
+    wait(
+        f"Hold the {rig.tool_name} between the fingers, as its drawing shows. Keep your own fingers clear: "
+        f"the hand closes with {rig.grasp.force_N:g} N.",
+        "to close",
+        f"The hand closes on the {rig.tool_name}.",
+    )
     rig.tool_there(True)
     try:
         rig.hand.grasp(rig.grasp.width_m, rig.grasp.force_N)
@@ -204,7 +226,3 @@ def _above(bench: HeldTool, q_rad: Array, probe: Probe, table: Table) -> float:
     X_BT = forward(q_rad) @ bench.X_FT
     p_m = X_BT[:3, :3] @ probe.feeler.p_T_m + X_BT[:3, 3]
     return float(p_m[2] - probe.feeler.radius_m - table.height_at(p_m))
-
-
-def _work(probes: Sequence[Probe]) -> Array:
-    return np.asarray(np.mean([probe.xy_m for probe in probes], axis=0))

@@ -6,10 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from adaptsim_cli.config import is_simulated
+from adaptsim_cli.errors import PreflightFailed
 from hw.ports import GuardedArm, Hand
 from hw.types import Array
 from sim.panda.tool import Held, touchable
 from sim.panda.touching import HeldTool, Probe, table_probes, tool_probes
+
+
+class TouchOffFailed(PreflightFailed):
+    """The touches contradict each other, or there was none; the previous touch-off stays in use."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,22 +47,20 @@ class MeasuredValue(Record):
     within: float
 
 
-@dataclass(frozen=True, eq=False)
-class Result:
-    """The result of a touch-off."""
+class Result(Record):
+    """The result of a touch-off, in the fields of its file."""
 
-    correction: ToolCorrection
     table_height_m: MeasuredValue  # of the table top under the work area, over z = 0 of the base
     tilt_x: MeasuredValue
     tilt_y: MeasuredValue
-    height_m: MeasuredValue  # of the tool, along its own Z
-    forward_m: MeasuredValue
-    pitch_rad: MeasuredValue
-    roll_rad: MeasuredValue
+    table_origin_m: float  # height of the table's plane at the base's axis
+    tool_height_m: MeasuredValue  # along its own Z
+    tool_forward_m: MeasuredValue
+    tool_pitch_rad: MeasuredValue
+    tool_roll_rad: MeasuredValue
     edge_over_table_m: float  # half width of the 95 % interval of the edge's height over the table
     repeat_m: float  # spread of repeats, one standard deviation
     misfit_m: float  # largest residual of a place
-    problems: tuple[str, ...]  # reasons against its use; empty: none
 
 
 def table_of(touches: Sequence[Touched]) -> tuple[Table, Array, Array]:
@@ -91,8 +89,10 @@ def tool_of(touches: Sequence[Touched], designed: Array, table: Table) -> tuple[
     return correction(fit.x), np.asarray(fit.fun), np.asarray(fit.jac.T @ fit.jac)
 
 
-def solve(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, work_m: Array) -> Result:
-    """The result from all slow touches. `work_m` (2,) is the place for the stated height of the table.
+def solve(
+    fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, work_m: Array
+) -> tuple[Result, tuple[str, ...]]:
+    """The result from all slow touches, and the reasons against its use. `work_m` (2,): place of the stated height.
 
     Needs touches at three places for the table and with both ends of the tool at two pitches; raises ValueError.
     """
@@ -109,29 +109,25 @@ def solve(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, 
     sigma = np.sqrt(np.diag(tool_cov))
     tilt = np.sqrt(np.diag(table_cov))
     height_sigma = float(np.sqrt(sigma[0] ** 2 + table_var))
-    uncertain = _uncertain(max(wide) * height_sigma, wide[1] * float(sigma[2]))
-    misfit_m = float(max(np.abs(table_off).max(), np.abs(tool_off).max()))
-    return Result(
-        correction=correction,
-        table_height_m=MeasuredValue(
-            value=float(table.height_at(np.asarray(work_m))), within=wide[0] * float(np.sqrt(table_var))
-        ),
-        tilt_x=MeasuredValue(value=table.slope_x, within=wide[0] * float(tilt[1])),
-        tilt_y=MeasuredValue(value=table.slope_y, within=wide[0] * float(tilt[2])),
-        height_m=MeasuredValue(value=correction.height_m, within=max(wide) * height_sigma),
-        forward_m=MeasuredValue(value=correction.forward_m, within=wide[1] * float(sigma[1])),
-        pitch_rad=MeasuredValue(value=correction.pitch_rad, within=wide[1] * float(sigma[2])),
-        roll_rad=MeasuredValue(value=correction.roll_rad, within=wide[1] * float(sigma[3])),
+
+    def known(value: float, half_width: float) -> MeasuredValue:
+        return MeasuredValue(value=value, within=half_width)
+
+    result = Result(
+        table_height_m=known(float(table.height_at(np.asarray(work_m))), wide[0] * float(np.sqrt(table_var))),
+        tilt_x=known(table.slope_x, wide[0] * float(tilt[1])),
+        tilt_y=known(table.slope_y, wide[0] * float(tilt[2])),
+        table_origin_m=table.height_m,
+        tool_height_m=known(correction.height_m, max(wide) * height_sigma),
+        tool_forward_m=known(correction.forward_m, wide[1] * float(sigma[1])),
+        tool_pitch_rad=known(correction.pitch_rad, wide[1] * float(sigma[2])),
+        tool_roll_rad=known(correction.roll_rad, wide[1] * float(sigma[3])),
         edge_over_table_m=wide[1] * float(sigma[0]),
         repeat_m=repeat_m,
-        misfit_m=misfit_m,
-        problems=(*_misfits(fingers, table_off), *_misfits(tool, tool_off), *uncertain, *_implausible(correction)),
+        misfit_m=float(max(np.abs(table_off).max(), np.abs(tool_off).max())),
     )
-
-
-def differ(heights_m: Sequence[float]) -> float:
-    """Largest difference between repeats at one place, m."""
-    return max(heights_m) - min(heights_m)
+    uncertain = _uncertain(result.tool_height_m.within, result.tool_pitch_rad.within)
+    return result, (*_misfits(fingers, table_off), *_misfits(tool, tool_off), *uncertain, *_implausible(correction))
 
 
 def _lowest(X_BT: Array, probe: Probe) -> Array:

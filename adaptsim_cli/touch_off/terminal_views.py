@@ -1,8 +1,10 @@
-"""Everything that a touch-off prints for an operator, as rich renderables."""
+"""Everything that a touch-off shows: before and while it runs, as JSON, and beside others that are kept."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -10,8 +12,29 @@ from rich.padding import Padding
 from rich.text import Text
 
 from adaptsim_cli.screen import views
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.parts import TouchRig
-from adaptsim_cli.touch_off.solving import MeasuredValue, Result
+from adaptsim_cli.touch_off.solving import Result
+from adaptsim_cli.touch_off.store import SavedTouchOff
+
+_DEG = float(np.rad2deg(1.0))
+LISTED = (
+    ("table_height_m", "table_height_mm", "table height under the work area", 1e3, "mm"),
+    ("tool_height_m", "tool_height_mm", "tool sits higher by", 1e3, "mm"),
+    ("tool_forward_m", "tool_forward_mm", "tool sits forward by", 1e3, "mm"),
+    ("tool_pitch_rad", "tool_pitch_deg", "tool pitch (edge down)", _DEG, "°"),
+    ("tool_roll_rad", "tool_roll_deg", "tool roll (left side up)", _DEG, "°"),
+)
+QUANTITIES = (
+    LISTED[0],
+    ("tilt_x", "table_tilt_x_mm_m", "table rises along X", 1e3, "mm/m"),
+    ("tilt_y", "table_tilt_y_mm_m", "table rises along Y", 1e3, "mm/m"),
+    *LISTED[1:],
+)
+"""Field, name in JSON, name for a person, factor to its unit, unit."""
+
+COLUMNS = ("table", "tool higher", "pitch")
+"""The columns of a list beside name, time and remark."""
 
 
 def explanation(rig: TouchRig) -> RenderableType:
@@ -36,21 +59,11 @@ def touched(number: int, of: int, name: str, heights_m: Sequence[float]) -> Rend
     return Text.assemble((f"  {number:2d} of {of}", "bold"), f"  {name}: {seen} mm from the expected height")
 
 
-def pressing(force_N: float) -> RenderableType:
-    """The line before the tool is pressed on the table."""
-    return Text(f"  Slip check: pressing with {force_N:.0f} N, then touching again")
-
-
-def result(found: Result, slipped_m: float, pressed_N: float) -> RenderableType:
+def result(found: Result | SavedTouchOff, slipped_m: float, pressed_N: float) -> RenderableType:
     """The results with their intervals."""
+    values = [(words, getattr(found, field), factor, unit) for field, _, words, factor, unit in QUANTITIES]
     rows = [
-        _row("table height under the work area", found.table_height_m, 1e3, "mm"),
-        _row("table rises along X", found.tilt_x, 1e3, "mm/m"),
-        _row("table rises along Y", found.tilt_y, 1e3, "mm/m"),
-        _row("tool sits higher by", found.height_m, 1e3, "mm"),
-        _row("tool sits forward by", found.forward_m, 1e3, "mm"),
-        _row("tool pitch (edge down)", found.pitch_rad, float(np.rad2deg(1.0)), "°"),
-        _row("tool roll (left side up)", found.roll_rad, float(np.rad2deg(1.0)), "°"),
+        *((words, f"{k * v.value:+.2f} {unit}", f"± {k * v.within:.2f} {unit}") for words, v, k, unit in values),
         ("edge against table", "", f"± {1e3 * found.edge_over_table_m:.2f} mm"),
         ("repeats differ by (one sigma)", "", f"{1e3 * found.repeat_m:.2f} mm"),
         (f"moved when pressed with {pressed_N:.0f} N", f"{1e3 * slipped_m:+.2f} mm", ""),
@@ -58,5 +71,67 @@ def result(found: Result, slipped_m: float, pressed_N: float) -> RenderableType:
     return Group(Text(""), views.rows(("quantity", "value", "95 % within"), rows))
 
 
-def _row(name: str, found: MeasuredValue, scale: float, unit: str) -> tuple[str, str, str]:
-    return name, f"{scale * found.value:+.2f} {unit}", f"± {scale * found.within:.2f} {unit}"
+def summary(saved: SavedTouchOff) -> dict[str, Any]:
+    """A touch-off for JSON: values in mm and degrees, each with its 95 % half width."""
+    values = {name: (getattr(saved, field), factor) for field, name, _, factor, _ in QUANTITIES}
+    return {
+        **{name: {"value": k * e.value, "within_95": k * e.within} for name, (e, k) in values.items()},
+        "edge_over_table_within_95_mm": 1e3 * saved.edge_over_table_m,
+        "repeat_mm": 1e3 * saved.repeat_m,
+        "misfit_mm": 1e3 * saved.misfit_m,
+        "slip_mm": 1e3 * saved.slip_m,
+        "touches": len(saved.touches),
+        "sha256": saved.sha256(),
+    }
+
+
+def show(screen: Screen, known: SavedTouchOff, path: Path) -> None:
+    """Show one."""
+    screen.plain(f"{path.name}, made {known.created}, with {known.tool}")
+    screen.show(result(known, known.slip_m, known.pressed_N))
+
+
+def told(known: SavedTouchOff, path: Path) -> dict[str, Any]:
+    """What a list says of one, for JSON."""
+    values = {name: round(factor * getattr(known, field).value, 4) for field, name, _, factor, _ in LISTED}
+    return {**values, "touches": len(known.touches)}
+
+
+def columns(one: dict[str, Any]) -> tuple[str, ...]:
+    """The values of `COLUMNS`."""
+    return (
+        f"{one['table_height_mm']:+.2f} mm",
+        f"{one['tool_height_mm']:+.2f} mm",
+        f"{one['tool_pitch_deg']:+.2f}°",
+    )
+
+
+def compared(a: SavedTouchOff, b: SavedTouchOff) -> dict[str, Any]:
+    """Every quantity of both, and second minus first with the 95 % half width of the difference, for JSON."""
+    pairs = [(words, getattr(a, field), getattr(b, field), k, unit) for field, _, words, k, unit in LISTED]
+    quantities = [
+        {
+            "quantity": words,
+            "unit": unit,
+            "first": k * was.value,
+            "second": k * now.value,
+            "difference": k * (now.value - was.value),
+            "within_95": k * float(np.hypot(was.within, now.within)),
+        }
+        for words, was, now, k, unit in pairs
+    ]
+    return {"quantities": quantities}
+
+
+def comparison(found: dict[str, Any]) -> RenderableType:
+    """A comparison for a person."""
+    rows = [
+        (
+            q["quantity"],
+            f"{q['first']:+.2f} {q['unit']}",
+            f"{q['second']:+.2f} {q['unit']}",
+            f"{q['difference']:+.2f} ± {q['within_95']:.2f} {q['unit']}",
+        )
+        for q in found["quantities"]
+    ]
+    return views.rows(("quantity", "first", "second", "difference"), rows, right=(1, 2, 3))

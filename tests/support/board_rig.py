@@ -231,10 +231,8 @@ def run(
     the_rig, screen = rig(bench, **options), screen or quiet()
     q = places(COUNT) if q_rad is None else q_rad
     going = visits.Automatic(the_rig, screen, q, np.array(NEAR_RAD), unattended=True)
-    made = flow.Options(
-        fresh=False, unattended=unattended, created="2024-05-01T10:00:00+00:00", versions={"adaptsim": "0"}
-    )
-    return flow.calibrate(the_rig, store(tmp_path), going, screen, made)
+    made = "2024-05-01T10:00:00+00:00"
+    return flow.calibrate(the_rig, store(tmp_path), going, screen, fresh=False, unattended=unattended, created=made)
 
 
 def store(tmp_path: Path) -> CalibrationStore:

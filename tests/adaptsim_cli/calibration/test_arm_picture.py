@@ -25,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def solved(folder: Path) -> Solved:
-    return solve_folder(folder, hw="recorded", created="2026-01-01T00:00:00+00:00", versions={})
+    return solve_folder(folder)
 
 
 def moved(solved: Solved, *mm: float) -> Solved:

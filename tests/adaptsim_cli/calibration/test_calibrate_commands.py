@@ -18,7 +18,7 @@ from board_rig import COUNT, X_BC, ToyBench, places, rig, run
 from real_lab import quiet, said
 
 from adaptsim_cli import app, config
-from adaptsim_cli.calibration import drift, printing, running
+from adaptsim_cli.calibration import flow, printing, running
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.visits import Automatic, HandGuided
 from adaptsim_cli.config import Config
@@ -180,7 +180,7 @@ def test_drift_uses_three_views_and_skips_those_without_a_board(tmp_path: Path) 
     bench.paint = lambda image: np.full_like(image, 120) if next(seen, False) else real(image)
     the_rig = rig(bench)
     going = Automatic(the_rig, screen, places(COUNT)[:6], bench.q_rad, unattended=True)
-    found = drift.check(the_rig, solved.record, going, screen)
+    found = flow.check(the_rig, solved.record, going, screen)
     assert not found.moved
     assert "place 1 left out" in said(screen)
     assert bench.motions == 5, "four places and the way back"

@@ -49,7 +49,7 @@ def copied(done: Done, tmp_path: Path) -> Path:
 
 
 def solve(folder: Path) -> solving.Solved:
-    return solving.solve_folder(folder, hw="recorded", created="2024-05-01T10:00:00+00:00", versions={})
+    return solving.solve_folder(folder)
 
 
 @pytest.mark.long

@@ -23,7 +23,7 @@ Pose = Callable[[int], dict[str, Any]]
 
 
 def solved(folder: Path) -> Solved:
-    return solve_folder(folder, hw="recorded", created="2024-05-01T10:00:00+00:00", versions={})
+    return solve_folder(folder)
 
 
 @pytest.fixture(scope="module")

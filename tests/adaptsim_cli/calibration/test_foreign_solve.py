@@ -41,16 +41,16 @@ def test_swapped_views_are_said_and_mended(tmp_path: Path, capsys: pytest.Captur
 
 def test_views_outside_of_the_wished_ones_take_no_part(tmp_path: Path) -> None:
     folder = real_views.corner_folder(tmp_path)
-    found = solve_folder(folder, hw="recorded", created="", versions={}, wishes=Wishes(first="03", last="16"))
+    found = solve_folder(folder, wishes=Wishes(first="03", last="16"))
     assert [view.name for view in found.record.views] == [f"{i:02d}" for i in range(3, 17)]
     with pytest.raises(UnusableViews, match=r"--until.*99"):
-        solve_folder(folder, hw="recorded", created="", versions={}, wishes=Wishes(last="99"))
+        solve_folder(folder, wishes=Wishes(last="99"))
 
 
 def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The factory states no distortion for this camera, and the views ask for k1 of about +0.1."""
     folder = real_views.corner_folder(tmp_path)
-    plain = solve_folder(folder, hw="recorded", created="", versions={}).record
+    plain = solve_folder(folder).record
     (said,) = [check.message for check in plain.checks if check.name == "intrinsics"]
     assert "k1 = +0.1" in said
     assert plain.refined_intrinsics is None
@@ -101,16 +101,16 @@ def test_together_judges_names_what_it_drops_and_mends_an_exchange(
 
 
 def test_the_last_line_names_one_step(tmp_path: Path) -> None:
-    plain = solve_folder(real_views.corner_folder(tmp_path / "a"), hw="recorded", created="", versions={})
+    plain = solve_folder(real_views.corner_folder(tmp_path / "a"))
     assert "--refine-intrinsics" in plain.advice
-    swapped = solve_folder(folder_with_swapped_views(tmp_path / "b"), hw="recorded", created="", versions={})
+    swapped = solve_folder(folder_with_swapped_views(tmp_path / "b"))
     assert swapped.advice.endswith("Solve again with --exchange 05:12")
 
 
 def test_one_repeated_pose_is_refused_in_words(tmp_path: Path) -> None:
     folder = real_views.corner_folder(tmp_path, pose=lambda _: real_views.as_told(real_views.X_BF[0]))
     with pytest.raises(DegenerateViews, match="poses hardly turn"):
-        solve_folder(folder, hw="recorded", created="", versions={})
+        solve_folder(folder)
 
 
 def test_reports_with_names_of_their_own_do_not_share_a_table(tmp_path: Path) -> None:
@@ -135,4 +135,4 @@ def test_too_little_tilt_is_said_of_poses_whose_order_is_not_stated(tmp_path: Pa
         record["corners_px"] = [[u + 3.0 * int(path.stem[-2:]), v] for u, v in first]
         path.write_text(json.dumps(record))
     with pytest.raises(DegenerateViews, match="same tilt"):
-        solve_folder(folder, hw="recorded", created="", versions={})
+        solve_folder(folder)

@@ -212,8 +212,8 @@ def test_the_first_calibration_of_a_real_lab_is_guided_by_hand_and_later_ones_ar
 ) -> None:
     asked: list[tuple[bool, float]] = []
 
-    def calibrate(resolved: config.Resolved, request: calibrating.CalibrationRequest, *_: object) -> None:
-        asked.append((request.guide, resolved.config.pace))
+    def calibrate(resolved: config.Resolved, *_: object, guide: bool, yes: bool) -> None:
+        asked.append((guide, resolved.config.pace))
 
     monkeypatch.setattr(calibrating, "calibrate", calibrate)
     answers.config = answers.config.model_copy(update={"rig": str(answers.file)})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -31,10 +31,10 @@ from adaptsim_cli.devices.attended import PersonBeside
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.touch_off.asking import HumanAssistant
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.flow import touch_off
 from adaptsim_cli.touch_off.parts import Grasp, TouchRig
-from adaptsim_cli.touch_off.store import record
+from adaptsim_cli.touch_off.store import SavedTouchOff
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from adaptsim_cli.wiring.session import open_trials
 from adaptsim_cli.wiring.touch_off import open_touch_rig, touch_offs
@@ -70,15 +70,15 @@ def opened(there: Resolved, devices: ToyDevices) -> Iterator[TouchRig]:
         yield rig
 
 
-@dataclass(frozen=True)
-class HandingOver(HumanAssistant):
-    """A person who really holds the tool between the fingers."""
+def asked(rig: TouchRig, screen: Screen, hand: FakeHand | None = None) -> SavedTouchOff:
+    """A touch-off at few places; the person really holds the tool between the fingers of `hand`."""
 
-    hand: FakeHand
+    def offer(there: bool) -> None:
+        if there and hand is not None:
+            hand.between_m = rig.grasp.width_m
 
-    def hand_over(self, rig: TouchRig) -> None:
-        super().hand_over(rig)
-        self.hand.between_m = rig.grasp.width_m
+    few_places = replace(rig, plan=few(), tool_there=offer)
+    return touch_off(few_places, screen, unattended=False, created="2026-01-01T00:00:00+00:00")
 
 
 @pytest.mark.long
@@ -95,12 +95,11 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, mo
         assert devices.opened["arm"]["cell"].table == rig.empty.cell.table == Table(-0.002)
         assert devices.opened["arm"]["pedal"] is devices.pedal
         assert rig.is_real
-        found = touch_off(replace(rig, plan=few()), HandingOver(quiet(), devices.hand), quiet())
-        saved = record(found, rig, "2026-01-01T00:00:00+00:00", {"adaptsim": "test"})
+        saved = asked(rig, quiet(), devices.hand)
     assert devices.feeling is not None
     assert [payload.mass_kg for payload in devices.feeling.carried] == [0.0, 0.12], "empty, then with the tool"
     assert devices.hand.commands == ["home", "move", "move", "grasp"]
-    c = found.result.correction
+    c = saved.correction()
     assert c.table.height_m == pytest.approx(TRUE.height_m, abs=5e-4)
     assert c.table.slope_x == pytest.approx(TRUE.slope_x, abs=1e-3)
     assert (c.height_m, c.pitch_rad) == (pytest.approx(0.0, abs=3e-4), pytest.approx(0.0, abs=5e-3))
@@ -135,22 +134,22 @@ def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place: Path, monk
     there, devices, screen = resolved(place), ToyDevices(hand=FakeHand(), plane=TRUE), quiet()
     typing(monkeypatch, "panda", "", "no", "q")
     with opened(there, devices) as rig, pytest.raises(StoppedByOperator):
-        touch_off(replace(rig, plan=few()), HandingOver(screen, devices.hand), screen)
+        asked(rig, screen, devices.hand)
     assert devices.arm is not None
     assert devices.hand.commands == ["home", "move"]
     assert devices.arm.executed == []
     assert "Enter when it is empty, q to stop" in said(screen)
-    asked = "nobody within reach? THE REAL ROBOT then touches the table with"
-    assert said(screen).count(f"{asked} its closed fingers, slowly. Enter to start, q to stop, ? explains:") == 2
+    question = "nobody within reach? THE REAL ROBOT then touches the table with"
+    assert said(screen).count(f"{question} its closed fingers, slowly. Enter to start, q to stop, ? explains:") == 2
 
     devices, screen = ToyDevices(hand=FakeHand(), plane=TRUE), quiet()
     typing(monkeypatch, "panda", "", "", "", "q")
     with opened(there, devices) as rig:
         with pytest.raises(StoppedByOperator):
-            touch_off(replace(rig, plan=few()), HandingOver(screen, devices.hand), screen)
+            asked(rig, screen, devices.hand)
         assert devices.hand.commands[-1] == "grasp"
         assert rig.arm.state().q_rad == pytest.approx(rig.home_rad), "where the tool was handed over"
-    assert f"{asked} the scooping tool, slowly" in said(screen)
+    assert f"{question} the scooping tool, slowly" in said(screen)
 
 
 def test_the_joint_zeros_of_the_calibration_are_used(place: Path) -> None:
@@ -170,7 +169,7 @@ def test_nothing_moves_unless_the_model_is_typed(place: Path, monkeypatch: pytes
     there, devices = resolved(place), ToyDevices(hand=FakeHand(), plane=TRUE)
     typing(monkeypatch, "clear", "q")
     with opened(there, devices) as rig, pytest.raises(StoppedByOperator, match="nothing has moved"):
-        touch_off(rig, HumanAssistant(quiet()), quiet())
+        asked(rig, quiet())
     assert devices.arm is not None
     assert devices.arm.executed == []
     assert devices.hand.commands == []
@@ -186,7 +185,7 @@ def test_a_fault_is_cleared_on_a_word_or_stays(place: Path, monkeypatch: pytest.
             assert rig.arm.state().fault == fault
             if fault:
                 with pytest.raises(ArmFault, match="recover"):
-                    touch_off(rig, HumanAssistant(quiet()), quiet())
+                    asked(rig, quiet())
 
 
 def test_what_is_refused_before_any_device_is_touched(place: Path) -> None:

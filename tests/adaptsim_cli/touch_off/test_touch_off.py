@@ -18,12 +18,10 @@ from adaptsim_cli import config
 from adaptsim_cli.app import app
 from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.touch_off.asking import HumanAssistant, NoAssistant
-from adaptsim_cli.touch_off.errors import TouchOffFailed
-from adaptsim_cli.touch_off.flow import take_tool, touch_off
-from adaptsim_cli.touch_off.parts import TouchRig
+from adaptsim_cli.touch_off import flow
+from adaptsim_cli.touch_off.parts import TouchOffFailed, TouchRig
 from adaptsim_cli.touch_off.solving import Result, Touched, solve
-from adaptsim_cli.touch_off.store import SavedTouchOff, record
+from adaptsim_cli.touch_off.store import SavedTouchOff
 from adaptsim_cli.wiring.touch_off import touch_off_of, touch_offs
 from hw.collision import KeepOut, Table
 from hw.errors import StoppedByPedal
@@ -60,7 +58,11 @@ def touches(
     return made
 
 
-def solved(seed: int, std_m: float) -> Result:
+def touch_off(rig: TouchRig, out: Screen | None = None, *, unattended: bool = True) -> SavedTouchOff:
+    return flow.touch_off(rig, out or screen(), unattended=unattended, created="2026-01-01T00:00:00+00:00")
+
+
+def solved(seed: int, std_m: float) -> tuple[Result, tuple[str, ...]]:
     rng = np.random.default_rng(seed)
     fingers = touches(table_probes(CENTRE_M), np.eye(4), np.eye(4), rng, std_m)
     tool = touches(
@@ -70,11 +72,11 @@ def solved(seed: int, std_m: float) -> Result:
 
 
 def test_perfect_touches_give_everything_back() -> None:
-    found = solved(0, 0.0)
-    assert found.problems == ()
+    found, problems = solved(0, 0.0)
+    assert problems == ()
     for name in ("height_m", "forward_m", "pitch_rad", "roll_rad"):
-        assert getattr(found.correction, name) == pytest.approx(getattr(TRUE, name), abs=1e-6)
-    assert found.correction.table.height_m == pytest.approx(TRUE.table.height_m, abs=1e-9)
+        assert getattr(found, f"tool_{name}").value == pytest.approx(getattr(TRUE, name), abs=1e-6)
+    assert found.table_origin_m == pytest.approx(TRUE.table.height_m, abs=1e-9)
     assert found.table_height_m.value == pytest.approx(float(TRUE.table.height_at(CENTRE_M)), abs=1e-9)
 
 
@@ -82,18 +84,18 @@ def test_the_stated_intervals_hold() -> None:
     """With the arm's repeatability: each of six quantities within its interval 19 times of 20, and small enough."""
     inside: list[bool] = []
     for seed in range(40):
-        found = solved(seed, 1e-4)
-        c = found.correction
-        inside += [
-            abs(found.table_height_m.value - float(TRUE.table.height_at(CENTRE_M))) <= found.table_height_m.within,
-            abs(c.table.slope_x - TRUE.table.slope_x) <= found.tilt_x.within,
-            abs(c.height_m - TRUE.height_m) <= found.height_m.within,
-            abs(c.forward_m - TRUE.forward_m) <= found.forward_m.within,
-            abs(c.pitch_rad - TRUE.pitch_rad) <= found.pitch_rad.within,
-            abs(c.roll_rad - TRUE.roll_rad) <= found.roll_rad.within,
-        ]
-        assert found.height_m.within < 5e-4
-        assert found.pitch_rad.within < np.deg2rad(0.3)
+        found, _ = solved(seed, 1e-4)
+        pairs = (
+            (found.table_height_m, float(TRUE.table.height_at(CENTRE_M))),
+            (found.tilt_x, TRUE.table.slope_x),
+            (found.tool_height_m, TRUE.height_m),
+            (found.tool_forward_m, TRUE.forward_m),
+            (found.tool_pitch_rad, TRUE.pitch_rad),
+            (found.tool_roll_rad, TRUE.roll_rad),
+        )
+        inside += [abs(measured.value - true) <= measured.within for measured, true in pairs]
+        assert found.tool_height_m.within < 5e-4
+        assert found.tool_pitch_rad.within < np.deg2rad(0.3)
     assert 0.90 < np.mean(inside) <= 1.0
 
 
@@ -102,16 +104,16 @@ def test_what_does_not_fit_together_is_a_problem() -> None:
     probes = tool_probes(touchable(HARDWARE).feelers, CENTRE_M)
     fingers = touches(table_probes(CENTRE_M), np.eye(4), np.eye(4), rng, 1e-4)
     steep = replace(TRUE, pitch_rad=0.12)
-    found = solve(
+    _, problems = solve(
         fingers, touches(probes, HARDWARE.X_FT, steep.X_FT(HARDWARE.X_FT), rng, 1e-4), HARDWARE.X_FT, CENTRE_M
     )
-    assert any("pitch" in problem for problem in found.problems)
+    assert any("pitch" in problem for problem in problems)
     lifted = np.eye(4)
     lifted[2, 3] = -0.006  # something 6 mm thick lies under one place: the finger is held up
     crumb = touches(table_probes(CENTRE_M)[4:], np.eye(4), lifted, rng, 1e-4)
     tool = touches(probes, HARDWARE.X_FT, TRUE.X_FT(HARDWARE.X_FT), rng, 1e-4)
-    found = solve([*fingers[:8], *crumb], tool, HARDWARE.X_FT, CENTRE_M)
-    assert any("table place" in problem and "nothing lies there" in problem for problem in found.problems)
+    _, problems = solve([*fingers[:8], *crumb], tool, HARDWARE.X_FT, CENTRE_M)
+    assert any("table place" in problem and "nothing lies there" in problem for problem in problems)
     with pytest.raises(ValueError, match="3 places"):
         solve(fingers[:4], tool, HARDWARE.X_FT, CENTRE_M)
 
@@ -127,19 +129,17 @@ def latest(resolved: config.Resolved, zeros_rad: Array) -> SavedTouchOff | None:
 
 @pytest.mark.long
 def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved: config.Resolved) -> None:
-    out = screen()
     with on_lab(world()) as (rig, lab):
-        found = touch_off(rig, NoAssistant(), out)
+        saved = touch_off(rig)
         truth = lab.truth()
-        saved = record(found, rig, "2026-01-01T00:00:00+00:00", {"adaptsim": "test"})
-    c = found.result.correction
+    c = saved.correction()
     height_m, slope_x, slope_y = truth["table"]
     table_m = height_m + slope_x * CENTRE_M[0] + slope_y * CENTRE_M[1]
-    assert found.result.table_height_m.value == pytest.approx(table_m, abs=5e-4)
+    assert saved.table_height_m.value == pytest.approx(table_m, abs=5e-4)
     assert c.height_m == pytest.approx(1e-3 * MOUNT.tool_height_mm, abs=7e-4)
     assert c.pitch_rad == pytest.approx(PITCH_RAD, abs=np.deg2rad(0.4))
     assert c.roll_rad == pytest.approx(1e-3 * MOUNT.tool_roll_mrad, abs=np.deg2rad(0.4))
-    assert not found.slip.slipped
+    assert abs(saved.slip_m) <= flow.SLIPPED_M
 
     store = touch_offs(resolved.config, resolved.places)
     zeros_rad = np.array(saved.joint_zeros_rad)
@@ -162,42 +162,46 @@ def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved: config.Resolv
 
 def test_a_missing_table_and_a_forgotten_book_are_named() -> None:
     with on_lab(world(Mount(table_height_mm=-45.0))) as (rig, _), pytest.raises(TouchOffFailed, match="nothing was"):
-        touch_off(rig, NoAssistant(), screen())
+        touch_off(rig)
     book = KeepOut("book", np.array([0.5, -0.25, 0.0]), np.array([0.62, -0.07, 0.018]))
     with (
         on_lab(world(Mount()), (book,)) as (rig, _),
         pytest.raises(TouchOffFailed, match="Clear away anything"),
     ):
-        touch_off(rig, NoAssistant(), screen())
+        touch_off(rig)
 
 
 def test_a_released_pedal_stops_it() -> None:
     with on_lab(world(faults=Faults(pedal_release=(2,)))) as (rig, _), pytest.raises(StoppedByPedal):
-        touch_off(rig, NoAssistant(), screen())
+        touch_off(rig)
 
 
 def test_a_tool_that_nobody_holds_is_not_grasped() -> None:
     with on_lab(world()) as (rig, _):
         rig.hand.home()
         with pytest.raises(TouchOffFailed, match="does not hold the tool"):
-            take_tool(replace(rig, tool_there=lambda there: None), NoAssistant())
+            flow.take_tool(replace(rig, tool_there=lambda there: None), lambda *_: None)
 
 
 @pytest.mark.slow
 def test_a_weak_grip_is_found_out() -> None:
     weak = world(replace(MOUNT, grip_Nm_per_N=0.04))
     with on_lab(weak) as (rig, _), pytest.raises(TouchOffFailed, match="slipped: pressed with 15 N"):
-        touch_off(rig, NoAssistant(), screen())
+        touch_off(rig)
 
 
-def test_a_real_arm_is_never_confirmed_by_nobody_and_a_person_is_asked_by_the_arm_itself() -> None:
+def test_a_real_arm_is_never_confirmed_by_nobody_and_a_person_is_asked_by_the_arm_itself(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     asked: list[str] = []
+    monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
     with on_lab(world()) as (lab_rig, _):
         real: TouchRig = replace(lab_rig, name="panda", confirm=lambda: asked.append("typed"))
         with pytest.raises(UsageError, match="never confirms"):
-            NoAssistant().begin(real)
+            touch_off(real)
         assert asked == []
-        HumanAssistant(screen()).begin(real)
+        with pytest.raises(StoppedByOperator):
+            touch_off(real, unattended=False)
     assert asked == ["typed"]
 
 
@@ -207,7 +211,7 @@ def test_whoever_stands_beside_the_simulated_arm_is_asked_as_beside_a_real_one(m
     with on_lab(world()) as (rig, lab):
         before = lab.arm.state().q_rad
         with pytest.raises(StoppedByOperator, match="nothing was stored"):
-            touch_off(rig, HumanAssistant(out), out)
+            touch_off(rig, out, unattended=False)
         assert rig.hand.state().homed
         assert np.array_equal(lab.arm.state().q_rad, before)
     assert isinstance(out._console.file, io.StringIO)

@@ -4,7 +4,8 @@
 left out.
 2. A closed form on random subsets gives a start that a minority of spoilt views cannot distort.
 3. Views that disagree are rejected, with joint offsets and board size free, so that no view is rejected because of
-those. A view that says little about its own tilt (one small marker) is condensed again about the fit.
+those. Views that say little about their own tilt (one small marker) are fitted by all their corners together first, and
+condensed again about the fit.
 4. The final fit (`calib.estimate`) uses all kept views, held-out ones included, because a fifth more views lower the
 error. The stated held-out error belongs to the fit without them, so it is on the safe side.
 """
@@ -16,13 +17,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
-from calib.bundle import CondensedViews, Model, Unknowns, joint_spread, motion_of, observable_joints, predict
+from calib.bundle import ArmViews, CondensedViews, Model, Unknowns, joint_spread, motion_of, observable_joints, predict
 from calib.closed_form import cross_check, robust_start
-from calib.condense import about, condense, unusable
+from calib.condense import PoseCandidates, about, condense, unusable
 from calib.errors import BoardDisagrees, DegenerateViews, TooFewViews, UnusableViews, determined
 from calib.estimate import Data, Estimate, estimate
-from calib.geometry import rotation_vector
+from calib.geometry import move, rotation_vector
+from calib.projection import project
 from calib.rejection import LIMIT, MARGIN, MIN_TO_FREE, chosen, reject
 from calib.types import Forward, Noise, Setup, Solution, View, ViewFit
 from calib.uncertainty import jackknife, uncertainty
@@ -36,6 +39,9 @@ VAGUE_RAD = 0.03
 
 Our board at 1 m has a tenth of it, a 4 cm marker ten times as much.
 """
+_MISLED = 0.5
+"""Times the cost over all corners: a fit to them below it shows that the views' own poses mislead (errors common to the
+corners of a small target, which turn it)."""
 _JUDGED_AGAIN = 3
 _TURNED_DEG = 80.0
 _MEETS = 0.02  # of the image's width
@@ -109,7 +115,11 @@ def _agreeing(views: Sequence[View], setup: Setup, forward: Forward | None) -> _
     kept, side, now, far = reject(moved, both, Unknowns(X_AC[None], X_HM, np.zeros(n)), flexible)
     seen, distance2 = chosen(both, side), far[side, np.arange(len(side))]
     mirrored, own_X_CM = (side == 1) & (far[0] - far[1] > _PLAIN), seen.X_CM
-    state, vague = now.state, _vague(seen)
+    state = now.state
+    corners, first = _AllCorners(sight, moved, scale=not setup.size_known), Unknowns(X_AC[None], X_HM, np.zeros(n))
+    together = min((corners.fit(one) for one in (state, first)), key=corners.cost)
+    if vague := _vague(seen) or corners.cost(together) < _MISLED * corners.cost(state):
+        state = together
     for _ in range(_JUDGED_AGAIN if vague else 0):
         # by their corners around the prediction instead of by their own poses
         seen, before = about(sight, predict(state, moved)), kept
@@ -127,6 +137,30 @@ def _agreeing(views: Sequence[View], setup: Setup, forward: Forward | None) -> _
     demand_variety(seen.X_CM[rows])
     start = Unknowns(state.X_AC, state.X_HM, np.zeros(n))
     return _Agreed(Data((sight,), moved, seen, rows, vague), start, distance2, mirrored, own_X_CM)
+
+
+@dataclass(frozen=True)
+class _AllCorners:
+    """All corners of all views, outlying ones counting less, without joint offsets."""
+
+    sight: PoseCandidates
+    moved: ArmViews
+    scale: bool  # the board's size is free
+
+    def cost(self, state: Unknowns) -> float:
+        return float(np.sum(np.sqrt(1 + self._off_px(state) ** 2) - 1))
+
+    def fit(self, start: Unknowns) -> Unknowns:
+        def stepped(x: Array) -> Unknowns:
+            X_AC, X_HM = move(start.X_AC, x[None, :6]), move(start.X_HM, x[6:12])
+            return Unknowns(X_AC, X_HM, np.zeros(self.moved.joints), start.scale * float(np.exp(np.sum(x[12:]))))
+
+        none = np.zeros(13 if self.scale else 12)
+        return stepped(least_squares(lambda x: self._off_px(stepped(x)), none, x_scale=1e-3, loss="soft_l1").x)
+
+    def _off_px(self, state: Unknowns) -> Array:
+        off = project(self.sight.camera, predict(state, self.moved), self.sight.p_M_m) - self.sight.px
+        return np.asarray(off[self.sight.weight > 0].ravel())
 
 
 def _vague(seen: CondensedViews) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -65,25 +64,25 @@ def track_bottle(
         )
     table = detection.table
     scan = scan_of(model, table.X_BV @ inverse(model.X_CD), area, HEIGHT_M, table.error)
-    sights = _follow(scan, chosen, detection, arm_at)
+    places, clutter = _follow(scan, chosen, detection, arm_at)
     t_s = np.array([f.t_s - t_start_s for f in chosen])
-    sure = np.array([s.place.confidence >= _SEEN for s in sights])
+    sure = np.array([p.confidence >= _SEEN for p in places])
     if not sure.any():
         raise TrackingFailed(
             f"the bottle that stood at ({detection.xy_m[0]:.3f}, {detection.xy_m[1]:+.3f}) m is in none of "
             f"{len(chosen)} frames; find it again before the trial"
         )
-    centres = np.array([s.place.centre_m for s in sights])
+    centres = np.array([p.centre_m for p in places])
     state = np.stack([np.interp(t_s, t_s[sure], column[sure]) for column in centres.T], axis=1)
-    confidence = np.where(sure, [s.place.confidence for s in sights], 0.0)
-    tilt_deg = np.array([s.place.tilt_deg for s in sights])
+    confidence = np.where(sure, [p.confidence for p in places], 0.0)
+    tilt_deg = np.array([p.tilt_deg for p in places])
     X_BT = arm_at(chosen[-1].t_s).X_BT
     end = np.full(3, np.nan) if X_BT is None else transform(inverse(X_BT), state[-1])
     outcome = _outcome(t_s, state, sure, tilt_deg)
     if outcome is Outcome.TIPPED:
         fell, where_m = _fell(t_s, sure, tilt_deg, state)
         state[fell:] = where_m
-    flags = (*_sight_flags(t_s, sights, sure), *_end_flags(t_s, state, sure, tilt_deg, detection, outcome))
+    flags = (*_sight_flags(t_s, places, clutter, sure), *_end_flags(t_s, state, sure, tilt_deg, detection, outcome))
     return ObjectTrack(t_s, state, outcome, end, confidence, flags)
 
 
@@ -95,19 +94,12 @@ class _Clutter(StrEnum):
     APART = "apart from it"
 
 
-@dataclass(frozen=True, eq=False)
-class _Sight:
-    """The interpretation of one frame."""
-
-    place: BottleFix  # confidence 0: the bottle was not located
-    clutter: _Clutter
-
-
 def _follow(
     scan: Scan, frames: Sequence[Frame], detection: BottleDetection, arm_at: Callable[[float], Arm]
-) -> list[_Sight]:
+) -> tuple[list[BottleFix], list[_Clutter]]:
+    """The bottle in each frame (confidence 0: not located), and other objects there."""
     known = [(frames[0].t_s - 1 / 30, detection.X_BO)]
-    sights = []
+    places, clutter = [], []
     for frame in frames:
         arm, raw = arm_at(frame.t_s), scan.raw(frame)
         best = BottleFix(known[-1][1], 0.0, 0.0, 0.0, 0.0)
@@ -120,8 +112,9 @@ def _follow(
                 break
         if best.confidence >= _SEEN:
             known = [known[-1], (frame.t_s, best.X_BO)]
-        sights.append(_Sight(best, _clutter(scan, raw, arm, known[-1][1], detection.body)))
-    return sights
+        places.append(best)
+        clutter.append(_clutter(scan, raw, arm, known[-1][1], detection.body))
+    return places, clutter
 
 
 def _guesses(known: list[tuple[float, Array]], t_s: float) -> list[Array]:
@@ -171,18 +164,18 @@ def _fell(t_s: Array, sure: Mask, tilt_deg: Array, state: Array) -> tuple[int, A
     return fell, state[last] + min(share, 1.0) * (state[fell] - state[last])
 
 
-def _sight_flags(t_s: Array, sights: Sequence[_Sight], sure: Mask) -> tuple[str, ...]:
-    inside = np.array([s.place.in_picture >= _WHOLE for s in sights])
-    visible = np.array([s.place.visible >= _VISIBLE for s in sights])
-    fits = np.array([s.place.fit >= _FIT for s in sights])
-    clutter = np.array([s.clutter for s in sights])
+def _sight_flags(t_s: Array, places: Sequence[BottleFix], clutter: Sequence[_Clutter], sure: Mask) -> tuple[str, ...]:
+    inside = np.array([p.in_picture >= _WHOLE for p in places])
+    visible = np.array([p.visible >= _VISIBLE for p in places])
+    fits = np.array([p.fit >= _FIT for p in places])
+    others = np.array(clutter)
     seen = (
         (~sure, "the bottle is not located"),
         (sure & ~inside, "the bottle is at the edge of the image"),
         (sure & inside & ~visible, "much of the bottle is hidden"),
         (sure & ~fits, "the tracked object does not have the bottle's shape"),
-        (clutter == _Clutter.NEAR, "a hand or another object touches or comes near the bottle"),
-        (clutter == _Clutter.APART, "a hand or another object is in the picture"),
+        (others == _Clutter.NEAR, "a hand or another object touches or comes near the bottle"),
+        (others == _Clutter.APART, "a hand or another object is in the picture"),
     )
     return tuple(flag for which, what in seen for flag in in_frames(what, which, t_s))
 

@@ -239,8 +239,7 @@ class _BoardCamera:
     @cached_property
     def _renderer(self) -> Renderer:
         still = [v for v in Cell(self._task, self._arm.world).bodies.visuals if v.body == WORLD]
-        moving = visuals(frozenset({*_LINKS, _HAND}))
-        return Renderer(self.model(), self._X_BC, [*still, *moving, *self._hands.board.visuals()])
+        return Renderer(self.model(), self._X_BC, [*still, *visuals(), *self._hands.board.visuals()])
 
     @cached_property
     def _noise(self) -> SensorNoise:

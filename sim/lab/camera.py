@@ -12,7 +12,7 @@ from sim.lab.film import Filming
 from sim.lab.kinect import kinect_model
 from sim.lab.rng_streams import camera_stream
 from sim.lab.room import Room
-from sim.render.pool import Moment, ProcessPool, RenderPool, Scene, ThreadPool
+from sim.render.pool import ProcessPool, RenderPool, Scene, ThreadPool
 from sim.render.sensor import SensorNoise
 
 STILL_S = 0.3  # duration of a recording without any motion
@@ -45,7 +45,7 @@ class LabCamera:
         """See `hw.ports.Camera`."""
         room = self._room
         poses = room.cell.poses(room.cell.positions[None])
-        picture = self._connected().render(Moment(poses, room.chance.snapshot_stream(room.t_s)))
+        picture = self._connected().render(poses, room.chance.snapshot_stream(room.t_s))
         return Frame(room.world.sensing.stamped(room.t_s), *picture.result())
 
     def start_recording(self) -> None:

@@ -14,7 +14,7 @@ from sim.lab.cell import Cell, PlantMotion
 from sim.lab.kinect import EXPOSURE_S
 from sim.lab.rng_streams import RngStreams
 from sim.lab.world import Sensing
-from sim.render.pool import Moment, Picture, RenderPool
+from sim.render.pool import Picture, RenderPool
 from sim.render.rays import held_still
 
 FRAME_RATE_HZ = 30.0
@@ -67,8 +67,8 @@ class Filming:
         for number in seen:
             if not self._dropped(number):
                 self._times_s.append(self._time_s(number))
-                moment = Moment(self._poses(self._times_s[-1]), self.chance.frame_stream(number))
-                self._pictures.append(self.studio.render(moment))
+                poses = self._poses(self._times_s[-1])
+                self._pictures.append(self.studio.render(poses, self.chance.frame_stream(number)))
 
     def film(self) -> Film:
         """The frames so far, on the camera's own clock."""

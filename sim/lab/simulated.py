@@ -76,11 +76,6 @@ class SimulatedLab:
         """Its name for an operator."""
         return f"world {self._world.name}"
 
-    @property
-    def home_q_rad(self) -> Array:
-        """(7,) the first posture of paths from home."""
-        return self._room.home_q_rad
-
     def picture(self) -> Frame:
         """The camera's picture with the arm at home and the object at the task's reference context."""
         with self:

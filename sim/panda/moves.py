@@ -122,7 +122,7 @@ def free_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, cell: Workcell, speed:
         still = cell.check(JointPath(np.array([0.0, 1e-3]), np.stack([q, q])))
         if not still.ok:
             raise NotExecutable(f"{model}: the arm is not clear {name}: {still.worst}; choose another posture")
-    corners = _Space(cell).way(q_from, q_to)
+    corners = _way(q_from, q_to, cell)
     if corners is not None:
         path = join_paths(*(move_path(a, b, limits, speed) for a, b in pairwise(corners)))
         around = cell.check(path, q_from)
@@ -132,57 +132,53 @@ def free_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, cell: Workcell, speed:
     raise NotExecutable(f"{model}: no way around: {report.worst}; clear the workspace or choose another posture")
 
 
-class _Space:
-    """The free space of one scene, checked piece by piece."""
+def _way(q_from: Array, q_to: Array, cell: Workcell) -> list[Array] | None:
+    """The corners of a free way, ends included; None if the roadmap has no way."""
+    vias = _postures(cell.arm.name)
+    nodes = np.concatenate([[q_from, q_to], vias[_clear(vias, cell, ROOM_M, TIP_M)]])
+    ways = _neighbours(nodes)
+    known: dict[tuple[int, int], bool] = {}
+    while (found := _shortest(ways)) is not None:
+        for a, b in pairwise(found):
+            key = (min(a, b), max(a, b))
+            if key not in known:
+                known[key] = _piece(nodes[a], nodes[b], cell)
+            if not known[key]:
+                del ways[a][b], ways[b][a]
+                break
+        else:
+            return _shortened([nodes[i] for i in found], cell)
+    return None
 
-    def __init__(self, cell: Workcell) -> None:
-        self._cell = cell
 
-    def way(self, q_from: Array, q_to: Array) -> list[Array] | None:
-        """The corners of a free way, ends included; None if the roadmap has no way."""
-        vias = _postures(self._cell.arm.name)
-        nodes = np.concatenate([[q_from, q_to], vias[self._clear(vias, ROOM_M, TIP_M)]])
-        ways = _neighbours(nodes)
-        known: dict[tuple[int, int], bool] = {}
-        while (found := _shortest(ways)) is not None:
-            for a, b in pairwise(found):
-                key = (min(a, b), max(a, b))
-                if key not in known:
-                    known[key] = self._piece(nodes[a], nodes[b])
-                if not known[key]:
-                    del ways[a][b], ways[b][a]
-                    break
-            else:
-                return self._shortened([nodes[i] for i in found])
-        return None
+def _shortened(corners: list[Array], cell: Workcell) -> list[Array]:
+    """The corners without superfluous ones."""
+    at = 0
+    while at < len(corners) - 2:
+        last = len(corners) - 1
+        while last > at + 1 and not _piece(corners[at], corners[last], cell):
+            last -= 1
+        corners = [*corners[: at + 1], *corners[last:]]
+        at += 1
+    return corners
 
-    def _shortened(self, corners: list[Array]) -> list[Array]:
-        """The corners without superfluous ones."""
-        at = 0
-        while at < len(corners) - 2:
-            last = len(corners) - 1
-            while last > at + 1 and not self._piece(corners[at], corners[last]):
-                last -= 1
-            corners = [*corners[: at + 1], *corners[last:]]
-            at += 1
-        return corners
 
-    def _piece(self, a: Array, b: Array) -> bool:
-        """Whether the straight piece is free; at its ends it may be as near as `hw.limits` allows, not nearer."""
-        count = max(2, int(np.ceil(np.abs(b - a).max() / STEP_RAD)) + 1)
-        return bool(self._clear(np.linspace(a, b, count), _SLIM_M, 0.0).all())
+def _piece(a: Array, b: Array, cell: Workcell) -> bool:
+    """Whether the straight piece is free; at its ends it may be as near as `hw.limits` allows, not nearer."""
+    count = max(2, int(np.ceil(np.abs(b - a).max() / STEP_RAD)) + 1)
+    return bool(_clear(np.linspace(a, b, count), cell, _SLIM_M, 0.0).all())
 
-    def _clear(self, q_rad: Array, room_m: float, tip_m: float) -> Array:
-        """Postures (N, 7) -> (N,) whether each keeps its distance from itself, the table and the boxes."""
-        cell = self._cell
-        tool, poses = cell.tool, link_poses(cell.arm.true_rad(q_rad))
-        free = np.asarray(self_clearance(poses, tool)[0].min(axis=1) > SELF_CLEARANCE_M + _SLIM_M)
-        free &= table_clearance(poses, tool, cell.table)[0].min(axis=1) > TABLE_CLEARANCE_M + room_m
-        for box in cell.keep_out:
-            free &= box_clearance(poses, tool, box)[0].min(axis=1) > KEEP_OUT_CLEARANCE_M + room_m
-        if len(tool.points_F_m):
-            free &= point_heights(poses, tool, cell.table).min(axis=1) >= tip_m
-        return free
+
+def _clear(q_rad: Array, cell: Workcell, room_m: float, tip_m: float) -> Array:
+    """Postures (N, 7) -> (N,) whether each keeps its distance from itself, the table and the boxes."""
+    tool, poses = cell.tool, link_poses(cell.arm.true_rad(q_rad))
+    free = np.asarray(self_clearance(poses, tool)[0].min(axis=1) > SELF_CLEARANCE_M + _SLIM_M)
+    free &= table_clearance(poses, tool, cell.table)[0].min(axis=1) > TABLE_CLEARANCE_M + room_m
+    for box in cell.keep_out:
+        free &= box_clearance(poses, tool, box)[0].min(axis=1) > KEEP_OUT_CLEARANCE_M + room_m
+    if len(tool.points_F_m):
+        free &= point_heights(poses, tool, cell.table).min(axis=1) >= tip_m
+    return free
 
 
 @lru_cache(maxsize=2)

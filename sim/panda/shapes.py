@@ -84,12 +84,11 @@ PRIMITIVES: tuple[Primitive, ...] = (
 )
 
 
-def visuals(links: frozenset[str] | None = None) -> tuple[Visual, ...]:
-    """The arm as a camera sees it: one mesh for each link and colour; `links` keeps only those."""
+def visuals() -> tuple[Visual, ...]:
+    """The arm as a camera sees it: one mesh for each link and colour."""
     groups: dict[tuple[str, Rgb], list[tuple[Array, NDArray[np.int32]]]] = {}
     for primitive in PRIMITIVES:
-        if links is None or primitive.link in links:
-            groups.setdefault((primitive.link, primitive.rgb), []).append(mesh(primitive))
+        groups.setdefault((primitive.link, primitive.rgb), []).append(mesh(primitive))
     return tuple(Visual(link, *merged(parts), rgb) for (link, rgb), parts in groups.items())
 
 

@@ -27,6 +27,8 @@ from sim.types import Visual
 
 Picture = tuple[NDArray[np.uint8], NDArray[np.uint16]]
 """Colour and depth, as `Renderer.render` returns them."""
+Poses = Mapping[str, Array]
+"""(S, 4, 4) of every moving body, as `Renderer.render` takes them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,22 +45,16 @@ class Scene:
         return Renderer(self.model, self.X_BC, self.visuals)
 
 
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """One exposure."""
-
-    poses: Mapping[str, Array]  # (S, 4, 4) of every moving body, as `Renderer.render` takes them
-    rng: np.random.Generator  # of its noise
-
-
 def serve(program: Connection) -> None:
-    """Receive a scene, then answer each moment with its picture, until the program hangs up."""
+    """Receive a scene, then answer the poses and the generator of each exposure with its picture, until the program
+    hangs up.
+    """
     with suppress(EOFError, OSError):
         scene: Scene = program.recv()
         renderer = scene.renderer()
         while True:
-            moment: Moment = program.recv()
-            program.send(renderer.render(moment.poses, scene.noise, moment.rng))
+            poses, rng = program.recv()
+            program.send(renderer.render(poses, scene.noise, rng))
 
 
 if __name__ == "__main__":
@@ -69,8 +65,8 @@ if __name__ == "__main__":
 class RenderPool(Protocol):
     """Renders pictures of one scene in the background."""
 
-    def render(self, moment: Moment) -> Future[Picture]:
-        """The picture, soon. Its result may raise CameraError."""
+    def render(self, poses: Poses, rng: np.random.Generator) -> Future[Picture]:
+        """The picture of one exposure, soon; `rng` is of its noise. Its result may raise CameraError."""
         ...
 
     def close(self, *, finish: bool) -> None:
@@ -86,17 +82,17 @@ class ThreadPool:
         self._make = scene
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="rendering")
 
-    def render(self, moment: Moment) -> Future[Picture]:
+    def render(self, poses: Poses, rng: np.random.Generator) -> Future[Picture]:
         """See `RenderPool`."""
-        return self._thread.submit(self._render, moment)
+        return self._thread.submit(self._render, poses, rng)
 
     def close(self, *, finish: bool) -> None:
         """See `RenderPool`."""
         self._thread.shutdown(cancel_futures=not finish)
 
-    def _render(self, moment: Moment) -> Picture:
+    def _render(self, poses: Poses, rng: np.random.Generator) -> Picture:
         scene, renderer = self._built
-        return renderer.render(moment.poses, scene.noise, moment.rng)
+        return renderer.render(poses, scene.noise, rng)
 
     @cached_property
     def _built(self) -> tuple[Scene, Renderer]:
@@ -115,9 +111,9 @@ class ProcessPool:
         for _ in range(processes):
             self._threads.submit(self._open, self._started())
 
-    def render(self, moment: Moment) -> Future[Picture]:
+    def render(self, poses: Poses, rng: np.random.Generator) -> Future[Picture]:
         """See `RenderPool`."""
-        return self._threads.submit(self._render, moment)
+        return self._threads.submit(self._render, poses, rng)
 
     def close(self, *, finish: bool) -> None:
         """See `RenderPool`."""
@@ -136,10 +132,10 @@ class ProcessPool:
             child.send(self._scene)
         self._idle.put(child)
 
-    def _render(self, moment: Moment) -> Picture:
+    def _render(self, poses: Poses, rng: np.random.Generator) -> Picture:
         child = self._idle.get()
         try:
-            child.send(moment)
+            child.send((poses, rng))
             picture: Picture = child.receive()
         except ChildGone as error:
             self._children.discard(child)

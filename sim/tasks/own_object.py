@@ -21,6 +21,7 @@ import difflib
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -177,18 +178,12 @@ def _require_tried(task: Task, own: OwnObject, effects: Mapping[str, Any]) -> No
             )
 
 
-@dataclass(frozen=True, eq=False)
-class _InScene:
-    """A function of a task for which no unmodelled effects means those of an object."""
-
-    function: Callable[..., Any]
-    effects: Any
-
-    def __call__(self, *arguments: Any, **named: Any) -> Any:
-        given = inspect.signature(self.function).bind(*arguments, **named)
-        if given.arguments.get("unmodelled") is None:
-            given.arguments["unmodelled"] = self.effects
-        return self.function(*given.args, **given.kwargs)
+def _with_effects(function: Callable[..., Any], effects: Any, *arguments: Any, **named: Any) -> Any:
+    """A function of a task, called so that no unmodelled effects mean those of an object."""
+    given = inspect.signature(function).bind(*arguments, **named)
+    if given.arguments.get("unmodelled") is None:
+        given.arguments["unmodelled"] = effects
+    return function(*given.args, **given.kwargs)
 
 
 def _in_scene(task: Task, effects: Any) -> Task:
@@ -196,11 +191,10 @@ def _in_scene(task: Task, effects: Any) -> Task:
     hardware = task.hardware
     if hardware is not None:
         names = [n for n in ("build_scene", "time_step_s", "rest_pose", "course") if getattr(hardware, n) is not None]
-        changed: dict[str, Any] = {name: _InScene(getattr(hardware, name), effects) for name in names}
+        changed: dict[str, Any] = {name: partial(_with_effects, getattr(hardware, name), effects) for name in names}
         hardware = replace(hardware, **changed)
-    return replace(
-        task, simulate=_InScene(task.simulate, effects), simulate_many=None, hardware=hardware, scene=effects
-    )
+    simulate = partial(_with_effects, task.simulate, effects)
+    return replace(task, simulate=simulate, simulate_many=None, hardware=hardware, scene=effects)
 
 
 def _narrowed(usual: Dimension, tried: Dimension, own: OwnObject) -> tuple[Dimension, Dimension]:

@@ -17,19 +17,19 @@ from sim.lab.rng_streams import RngStreams
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing
 from sim.panda.moves import move_path
-from sim.render.pool import Moment, Picture, ThreadPool
+from sim.render.pool import Picture, Poses, ThreadPool
 
 T_PLACED_S, T_START_S = 1000.0, 1003.21
 
 
 @dataclass
 class Notes:
-    """A studio that renders nothing and remembers the moments."""
+    """A studio that renders nothing and remembers the poses and generators."""
 
-    moments: list[Moment] = field(default_factory=list)
+    moments: list[tuple[Poses, np.random.Generator]] = field(default_factory=list)
 
-    def render(self, moment: Moment) -> Future[Picture]:
-        self.moments.append(moment)
+    def render(self, poses: Poses, rng: np.random.Generator) -> Future[Picture]:
+        self.moments.append((poses, rng))
         done: Future[Picture] = Future()
         done.set_result((np.zeros((1, 1, 3), np.uint8), np.zeros((1, 1), np.uint16)))
         return done
@@ -60,7 +60,7 @@ def until(motion: PlantMotion, end_s: float) -> PlantMotion:
 
 
 def stacked(notes: Notes) -> dict[str, Array]:
-    return {name: np.array([moment.poses[name] for moment in notes.moments]) for name in notes.moments[0].poses}
+    return {name: np.array([poses[name] for poses, _ in notes.moments]) for name in notes.moments[0][0]}
 
 
 @pytest.mark.parametrize("sensing", [Sensing(), Sensing(frame_drop=0.4, clock_offset_ms=20.0)])
@@ -78,7 +78,7 @@ def test_a_film_of_a_growing_motion_is_that_of_the_whole_one(cell: Cell, sensing
     for name, poses in stacked(whole).items():
         assert poses.shape[1:] == (SLICES, 4, 4)
         np.testing.assert_array_equal(stacked(piecewise)[name], poses)
-    drawn = [[moment.rng.random() for moment in notes.moments] for notes in (whole, piecewise)]
+    drawn = [[rng.random() for _, rng in notes.moments] for notes in (whole, piecewise)]
     assert drawn[0] == drawn[1]
 
 
@@ -105,11 +105,11 @@ def test_a_simulation_tells_of_its_motion_while_it_goes_on() -> None:
 
 
 def test_the_camera_asks_for_pictures_during_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, render = list[Moment](), ThreadPool.render
+    asked, render = list[Poses](), ThreadPool.render
 
-    def noted(studio: ThreadPool, moment: Moment) -> Future[Picture]:
-        asked.append(moment)
-        return render(studio, moment)
+    def noted(studio: ThreadPool, poses: Poses, rng: np.random.Generator) -> Future[Picture]:
+        asked.append(poses)
+        return render(studio, poses, rng)
 
     with SimulatedLab(TASK, world(), 7, CELL) as lab:
         path = shove()

@@ -19,7 +19,7 @@ from sim.render.rays import field_of_view, outline, pixel_rays
 def test_no_pixel_of_a_body_is_missed(which: str, near_m: float) -> None:
     camera = getattr(kinect_model("small"), which)
     rays, rng = pixel_rays(camera), np.random.default_rng(3)
-    fov, body = field_of_view(rays), Body(visuals(frozenset({"panda_link5"})))
+    fov, body = field_of_view(rays), body_of("panda_link5")
     sent = 0
     for _ in range(25):
         X_CO = np.eye(4)
@@ -36,7 +36,7 @@ def test_no_pixel_of_a_body_is_missed(which: str, near_m: float) -> None:
 
 def test_a_body_behind_the_camera_may_be_anywhere_and_one_out_of_view_is_nowhere() -> None:
     camera = kinect_model("small").depth
-    fov, body = field_of_view(pixel_rays(camera)), Body(visuals(frozenset({"panda_link5"})))
+    fov, body = field_of_view(pixel_rays(camera)), body_of("panda_link5")
     around, beside = np.eye(4), np.eye(4)
     beside[:3, 3] = 5.0, 0.0, 1.0
     assert len(outline(_placed(body, around), body.parts, camera, fov)[0]) == camera.width * camera.height
@@ -44,9 +44,13 @@ def test_a_body_behind_the_camera_may_be_anywhere_and_one_out_of_view_is_nowhere
 
 
 def test_parts_hang_together() -> None:
-    body = Body(visuals(frozenset({"panda_link6"})))
+    body = body_of("panda_link6")
     assert len(body.parts) == 4  # a sphere and three cylinders
     assert [part.stop for part in body.parts][-1] == len(body.points_m)
+
+
+def body_of(link: str) -> Body:
+    return Body([visual for visual in visuals() if visual.body == link])
 
 
 def _placed(body: Body, X_CO: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 
 from hw.errors import CameraError
 from hw.types import CameraModel, Intrinsics
-from sim.render.pool import Moment, Picture, ProcessPool, RenderPool, Scene, ThreadPool
+from sim.render.pool import Picture, ProcessPool, RenderPool, Scene, ThreadPool
 from sim.render.sensor import SensorNoise
 from sim.types import Visual
 
@@ -28,14 +29,14 @@ def scene() -> Scene:
     return Scene(CameraModel("tiny", TINY, TINY, np.eye(4)), X_BC, [TILE], SensorNoise())
 
 
-def moment(number: int) -> Moment:
+def ask(studio: RenderPool, number: int = 0) -> Future[Picture]:
     X = np.eye(4)
     X[0, 3] = 0.01 * number
-    return Moment({"tile": X[None]}, np.random.default_rng(number))
+    return studio.render({"tile": X[None]}, np.random.default_rng(number))
 
 
 def film(studio: RenderPool, count: int = 6) -> list[Picture]:
-    return [soon.result() for soon in [studio.render(moment(i)) for i in range(count)]]
+    return [soon.result() for soon in [ask(studio, i) for i in range(count)]]
 
 
 @pytest.fixture
@@ -66,7 +67,7 @@ def test_a_lost_process_costs_a_picture_and_the_next_one_is_rendered(processes: 
         os.kill(pid, signal.SIGKILL)
     for _ in lost:
         with pytest.raises(CameraError, match=r"was lost: killed by SIGKILL; redo the trial"):
-            processes.render(moment(0)).result()
+            ask(processes).result()
     assert len(film(processes)) == 6
     assert not set(pids(processes)) & set(lost)
 
@@ -76,11 +77,11 @@ def test_a_lost_process_costs_a_picture_and_the_next_one_is_rendered(processes: 
 )
 def test_closing_finishes_what_was_asked_for_or_cancels_it(make) -> None:
     studio = make(scene)
-    asked = [studio.render(moment(i)) for i in range(4)]
+    asked = [ask(studio, i) for i in range(4)]
     studio.close(finish=True)
     assert all(soon.done() and not soon.cancelled() for soon in asked)
     studio = make(scene)
-    asked = [studio.render(moment(i)) for i in range(200)]
+    asked = [ask(studio, i) for i in range(200)]
     studio.close(finish=False)
     assert asked[-1].cancelled()
 

@@ -63,7 +63,7 @@ from hw.errors import ArmFault, CameraError, HardwareError, StoppedByPedal
 from hw.franka import player
 from hw.franka.arm import FrankaArm
 from hw.franka.connection import DRIVES, Connection
-from hw.franka.messages import PlayOutcome
+from hw.franka.playback import PlayOutcome
 from hw.franka.settings import FrankaSettings
 from hw.grasping import FakeHand
 from hw.ports import Pedal

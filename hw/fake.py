@@ -14,17 +14,25 @@ from hw.errors import ArmFault, DeviceUnavailable, NoContact
 from hw.franka.settings import Payload
 from hw.guarding import require_guarded
 from hw.kinematics import jacobian, link_poses
-from hw.ports import AroundArm
 from hw.types import ArmState, Array, Contact, Execution, Guard, JointPath, Placing, frozen_array
 from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped
 
+STIFFNESS_N_M = 4000.0
+"""Of what the fake arm touches."""
+
 
 class FakeArm:
-    """Refuses what its `cell` refuses; else it jumps to the end of the path and advances its clock by the duration.
+    """`hw.ports.GuardedArm`: refuses what its `cell` refuses; else it jumps to the end of the path.
 
-    `executed` holds the paths that were begun, oldest first. `faults` maps the number of an execution (from 1)
-    to the fault that stops it half way. To change the tool, replace `cell`.
+    Its clock advances by the duration of each motion.
+
+    `executed` holds the paths that were begun, `carried` all loads, oldest first. `faults` maps the number of an
+    execution (from 1) to the fault that stops it half way. Its tool meets a table at `plane` (None: there is nothing to
+    touch), and measured joints equal the commanded ones. `torque_Nm`, (7,) or (N, 7) for paths of N samples, is added
+    to the torque of the contact: noise, spikes, a push by somebody's hand.
     """
+
+    notes: tuple[str, ...] = ()
 
     def __init__(
         self,
@@ -33,12 +41,16 @@ class FakeArm:
         cell: Workcell,
         *,
         faults: Mapping[int, ArmFault] | None = None,
+        plane: Table | None = None,
+        torque_Nm: Array | None = None,
     ) -> None:
         self._q_rad, self._clock = frozen_array(q_rad, (7,), "q_rad"), clock
         self.cell, self._faults = cell, dict(faults or {})
         self._connected = False
         self._fault: str | None = None
+        self._plane, self._torque_Nm = plane, np.zeros(7) if torque_Nm is None else torque_Nm
         self.executed: list[JointPath] = []
+        self.carried: list[Payload] = []
 
     @property
     def model(self) -> str:
@@ -72,10 +84,45 @@ class FakeArm:
             raise fault
         return Execution(t_start_s, path.t_s, path.q_rad, path.q_rad, 1.0)
 
+    def carry(self, tool: Tool, payload: Payload) -> None:
+        """Set the load on the flange from now on."""
+        self.cell = self.cell.holding(tool)
+        self.carried.append(payload)
+
+    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
+        """See `hw.ports.GuardedArm`."""
+        self._need_connection()
+        refuse_while_stopped(self._fault)
+        require_guarded(path, guard, self.cell, self._q_rad)
+        torque_Nm = self._torque(path, guard)
+        detector = Detector(guard)
+        at = detector.feed(path.t_s, path.q_rad, torque_Nm)
+        if at is None:
+            raise NoContact("the arm came down to the end of its path and touched nothing; it is back at the start")
+        felt = slice(0, at + 1)
+        return Contact(
+            float(path.t_s[at]),
+            frozen_array(path.q_rad[at]),
+            detector.largest_N,
+            path.t_s[felt],
+            path.q_rad[felt],
+            path.q_rad[felt],
+            torque_Nm[felt],
+        )
+
     def recover(self) -> None:
         """See `hw.ports.Arm`."""
         self._need_connection()
         self._fault = None
+
+    def _torque(self, path: JointPath, guard: Guard) -> Array:
+        torque = np.zeros((len(path.t_s), 7)) + self._torque_Nm
+        if self._plane is None:
+            return torque
+        q_rad = self.cell.arm.true_rad(path.q_rad)
+        deep_m = np.maximum(-point_heights(link_poses(q_rad), self.cell.tool, self._plane).min(axis=1), 0.0)
+        J = jacobian(q_rad, guard.p_F_m)
+        return np.asarray(torque + STIFFNESS_N_M * deep_m[:, None] * J[:, 2])
 
     def _need_connection(self) -> None:
         if not self._connected:
@@ -108,71 +155,3 @@ class FakeBench:
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
         """See `hw.ports.ObjectPlacer`."""
         self.placed.append(Placing(xy_m, trial, attempt))
-
-
-STIFFNESS_N_M = 4000.0
-
-
-class FakeGuardedArm(AroundArm[FakeArm]):
-    """`arm` with a table that its tool meets at `plane`; measured joints equal the commanded ones.
-
-    `torque_Nm(path)` (N, 7) is added to the torque of the contact: noise, spikes, a push by somebody's hand.
-    """
-
-    def __init__(
-        self,
-        arm: FakeArm,
-        plane: Table | None,
-        *,
-        torque_Nm: Array | None = None,
-    ) -> None:
-        """`plane` None: there is nothing to touch. `torque_Nm` (7,) or (N, 7) for paths of N samples."""
-        super().__init__(arm)
-        self._plane = plane
-        self.carried: list[Payload] = []
-        self._torque_Nm = np.zeros(7) if torque_Nm is None else torque_Nm
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Nothing is missing."""
-        return ()
-
-    def execute(self, path: JointPath) -> Execution:
-        """See `hw.ports.Arm`."""
-        return self._arm.execute(path)
-
-    def carry(self, tool: Tool, payload: Payload) -> None:
-        """Set the load on the flange from now on; `carried` records all loads."""
-        self._arm.cell = self._arm.cell.holding(tool)
-        self.carried.append(payload)
-
-    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
-        """See `hw.ports.GuardedArm`."""
-        state = self._arm.state()
-        refuse_while_stopped(state.fault)
-        require_guarded(path, guard, self._arm.cell, state.q_rad)
-        torque_Nm = self._torque(path, guard)
-        detector = Detector(guard)
-        at = detector.feed(path.t_s, path.q_rad, torque_Nm)
-        if at is None:
-            raise NoContact("the arm came down to the end of its path and touched nothing; it is back at the start")
-        felt = slice(0, at + 1)
-        return Contact(
-            float(path.t_s[at]),
-            frozen_array(path.q_rad[at]),
-            detector.largest_N,
-            path.t_s[felt],
-            path.q_rad[felt],
-            path.q_rad[felt],
-            torque_Nm[felt],
-        )
-
-    def _torque(self, path: JointPath, guard: Guard) -> Array:
-        torque = np.zeros((len(path.t_s), 7)) + self._torque_Nm
-        if self._plane is None:
-            return torque
-        cell = self._arm.cell
-        q_rad = cell.arm.true_rad(path.q_rad)
-        deep_m = np.maximum(-point_heights(link_poses(q_rad), cell.tool, self._plane).min(axis=1), 0.0)
-        J = jacobian(q_rad, guard.p_F_m)
-        return np.asarray(torque + STIFFNESS_N_M * deep_m[:, None] * J[:, 2])

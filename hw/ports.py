@@ -18,22 +18,18 @@ class Arm(Protocol):
     @property
     def model(self) -> str:
         """The row of `hw.joint_limits.LIMITS` that applies: "panda" or "fr3"."""
-        ...
 
     def __enter__(self) -> Self: ...
     def __exit__(self, *exc: object) -> None: ...
 
     def state(self) -> ArmState:
         """The present state. Raises DeviceUnavailable."""
-        ...
 
     def execute(self, path: JointPath) -> Execution:
         """Play `path` and return at rest. Raises MotionRefused (nothing moved) or ArmFault (stopped)."""
-        ...
 
     def recover(self) -> None:
         """Clear a fault. Never resumes a motion."""
-        ...
 
 
 class GuardedArm(Arm, Protocol):
@@ -46,7 +42,6 @@ class GuardedArm(Arm, Protocol):
         surface. Raises NoContact if the path ends without a touch (the arm is back at its start), MotionRefused
         (nothing moved) or ArmFault (stopped where it is).
         """
-        ...
 
 
 class Hand(Protocol):
@@ -57,22 +52,18 @@ class Hand(Protocol):
 
     def state(self) -> HandState:
         """The present state. Raises DeviceUnavailable."""
-        ...
 
     def home(self) -> None:
         """Find the fingers' ends of travel; the hand must be empty. Raises HandError."""
-        ...
 
     def move(self, width_m: float) -> None:
         """Move the fingers slowly, with almost no force, to `width_m`. Raises HandError."""
-        ...
 
     def grasp(self, width_m: float, force_N: float) -> None:
         """Close on an object about `width_m` wide and hold it with `force_N`.
 
         Raises HandError if nothing of that width is between the fingers.
         """
-        ...
 
 
 class Camera(Protocol):
@@ -83,22 +74,18 @@ class Camera(Protocol):
 
     def model(self) -> CameraModel:
         """The factory calibration, known once the camera was entered."""
-        ...
 
     def snapshot(self) -> Frame:
         """One frame, now. Raises CameraError."""
-        ...
 
     def start_recording(self) -> None:
         """Keep every frame from now on. Raises CameraError if a recording runs."""
-        ...
 
     def stop_recording(self) -> Sequence[Frame]:
         """All frames since `start_recording`, in time order.
 
         Raises CameraError if no recording runs, or too many images were lost; the recording is over either way.
         """
-        ...
 
 
 class ObjectPlacer(Protocol):
@@ -111,7 +98,6 @@ class ObjectPlacer(Protocol):
         where. A simulated bench derives all its randomness from (seed, trial, attempt). Raises ValueError for a trial
         under 1, an attempt under 0, or a place that is not two finite numbers.
         """
-        ...
 
 
 class Pedal(Protocol):
@@ -122,15 +108,12 @@ class Pedal(Protocol):
 
     def enabled(self) -> bool:
         """Whether the arm may move now."""
-        ...
 
     def pressed(self) -> bool | None:
         """Whether it is held, or known to be up; None if nobody can tell, or the press was not seen to begin."""
-        ...
 
     def why_not(self) -> str:
         """Why it does not enable, in words for a person."""
-        ...
 
 
 class Balance(Protocol):
@@ -141,7 +124,6 @@ class Balance(Protocol):
 
     def mass_kg(self) -> float:
         """The mass on the pan, at rest. Raises BalanceError."""
-        ...
 
 
 Inner = TypeVar("Inner", bound=Arm)
@@ -176,4 +158,3 @@ class AroundArm(ABC, Generic[Inner]):
     @abstractmethod
     def execute(self, path: JointPath) -> Execution:
         """See `hw.ports.Arm`."""
-        ...

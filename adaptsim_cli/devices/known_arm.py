@@ -6,12 +6,13 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from adaptsim_cli.config import Places
 from adaptsim_cli.devices.rig_file.description import RigDescription
@@ -61,13 +62,11 @@ class KnownArm:
         """The content; empty without a file."""
         try:
             found = read_table(self.folder / "known.json")
-            setups = {str(setup): str(at) for setup, at in dict(found["setups"]).items()}
-            steps = tuple(str(step) for step in found["steps"])
-            known = ArmFacts(str(found["stop_button"]), str(found["stop_button_by"]), setups, steps)
+            known = TypeAdapter(ArmFacts).validate_python(found)
             known.stop_button_is_due(datetime.now(UTC))
-        except (FileNotFoundError, Unreadable, KeyError, TypeError, ValueError):
+        except (FileNotFoundError, Unreadable, TypeError, ValueError):
             return ArmFacts()
-        return known
+        return known if found.keys() == asdict(known).keys() else ArmFacts()
 
     def stop_button_checked(self, operator: str) -> None:
         """Remember that it stopped the arm just now. Raises SessionError."""
@@ -83,14 +82,8 @@ class KnownArm:
         self._write(replace(self.read(), steps=tuple(steps)))
 
     def _write(self, known: ArmFacts) -> None:
-        content = {
-            "stop_button": known.stop_button,
-            "stop_button_by": known.stop_button_by,
-            "setups": dict(known.setups),
-            "steps": list(known.steps),
-        }
         durable.make_folder(self.folder)
-        durable.replace_file(self.folder / "known.json", (json.dumps(content, indent=1) + "\n").encode())
+        durable.replace_file(self.folder / "known.json", (json.dumps(asdict(known), indent=1) + "\n").encode())
 
     @contextmanager
     def moving(self) -> Iterator[None]:

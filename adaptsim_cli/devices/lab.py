@@ -40,40 +40,32 @@ class Lab(Protocol):
     @property
     def rig(self) -> RigDescription:
         """The content of the rig file; the simulated lab has one too."""
-        ...
 
     @property
     def title(self) -> str:
         """Its name for an operator."""
-        ...
 
     @property
     def nominal(self) -> HandEye | None:
         """The camera's pose before any calibration; None: unknown."""
-        ...
 
     def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
         """Further keep-out boxes for trials, with the camera at X_BC (4, 4)."""
-        ...
 
     def note(self, message: str) -> None:
         """Show a message to the person beside the arm, if there is one."""
-        ...
 
     def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
         """Devices for trials.
 
         `hand_eye` is the camera's pose over the table; a calibration older than `days` gives a warning.
         """
-        ...
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
         """Arm and camera, connected, with `held` in the gripper; `cell` decides which motions are allowed."""
-        ...
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """`cell` is with the empty hand, `loaded` the hand with the tool."""
-        ...
 
 
 class RealArm(GuardedArm, Protocol):
@@ -82,11 +74,9 @@ class RealArm(GuardedArm, Protocol):
     @property
     def notes(self) -> tuple[str, ...]:
         """Real-time properties that the computer denies its process, one sentence each; known once it is connected."""
-        ...
 
     def carry(self, tool: Tool, payload: Payload) -> None:
         """Set the load, for the checks and for the arm's weight compensation. Nothing moves. Raises HardwareError."""
-        ...
 
 
 @dataclass(frozen=True)

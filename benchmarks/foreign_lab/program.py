@@ -22,7 +22,7 @@ from adaptsim_cli import app
 from adaptsim_cli.devices import lab
 from hw.errors import DeviceUnavailable
 from hw.franka.arm import FrankaArm, franka
-from hw.franka.messages import Timing
+from hw.franka.playback import Timing
 from hw.types import CameraModel, Frame, Intrinsics
 from hw.workcell import Workcell
 

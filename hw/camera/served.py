@@ -37,27 +37,21 @@ class Device(Protocol):
 
     def open(self, serial: str | None) -> None:
         """Open the camera with this serial number, or the only one."""
-        ...
 
     def model(self) -> CameraModel:
         """The factory calibration, for the modes in use."""
-        ...
 
     def set_colour(self, wanted: ColourSettings) -> ColourSettings:
         """Fix exposure, white balance and gain; return the values that the device then reports."""
-        ...
 
     def start(self, *, infrared: bool) -> None:
         """Colour and depth at 30 FPS, exposed together."""
-        ...
 
     def next_capture(self) -> Captured | None:
         """The next capture with all images; None if none came within half a second, or an image is missing."""
-        ...
 
     def close(self) -> None:
         """Stop and close; safe to call again."""
-        ...
 
 
 Make = Callable[[Callable[[], float]], Device]

@@ -16,8 +16,7 @@ import numpy as np
 from hw.collision import Tool
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
 from hw.franka.driver import LOST, UNAVAILABLE, UNMOVED, Failure, Reading
-from hw.franka.messages import Timing
-from hw.franka.playback import TOUCH, PlayableMotion, Played, motion_of
+from hw.franka.playback import TOUCH, PlayableMotion, Played, Timing, motion_of
 from hw.franka.process import Player, PlayerProcess
 from hw.franka.settings import FrankaSettings, Payload
 from hw.franka.starting import FADE_S, READINGS, SLOW_FADE_S, PathCheck, back_from, from_held, require_declared, until

@@ -14,7 +14,7 @@ from typing import Any
 
 from hw.franka import reflexes
 from hw.franka.driver import LOST, UNMOVED, Failure, Reading, SdkState, Step, error_names, failure, mode_name
-from hw.franka.messages import Rhythm
+from hw.franka.playback import Rhythm
 from hw.franka.settings import FrankaSettings, Payload
 
 NO_FILTER_HZ = 1000.0

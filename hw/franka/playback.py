@@ -18,11 +18,11 @@ import numpy as np
 from hw.braking import check_braking, joint_spline
 from hw.contact import Detector
 from hw.errors import MotionRefused
-from hw.franka.driver import SdkState
+from hw.franka.driver import Failure, SdkState
 from hw.limits import START_TOLERANCE_RAD
 from hw.motion_limits import MotionLimits
 from hw.types import PATH_RATE_HZ, Array, JointPath
-from hw.watchdog import since_boot_s
+from hw.watchdog import SILENCE_S, since_boot_s
 
 STOPS_EVERY_S = 0.01
 STALE_RAD = 3e-6
@@ -229,3 +229,33 @@ class _Between:
             return self._end
         u = sample - piece
         return [((a * u + b) * u + c) * u + d for a, b, c, d in self._pieces[piece]]
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How strict the player is with time. Only tests change the defaults."""
+
+    realtime: bool = True  # demand a real-time kernel and priority
+    silence_s: float = SILENCE_S  # longest silence of the program during a motion, as of the pedal
+    start_s: float = START_S  # longest time from the check of a motion to its first cycle
+    overrun_s: float = 5.0  # how long after its end a motion may go unanswered
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """How evenly the arm's states arrived."""
+
+    states: int
+    missed: int  # milliseconds of the arm's clock without one
+    longest_gap_s: float  # on the computer's clock
+    interface: (
+        int | None
+    )  # version of the arm's server; None: the SDK does not report it, and has refused any but its own
+
+
+@dataclass(frozen=True, eq=False)
+class PlayOutcome:
+    """What came of a motion: the log, and the failure that ended it, if one did."""
+
+    played: Played
+    failure: Failure | None = None

@@ -23,8 +23,7 @@ from hw.errors import DeviceUnavailable
 from hw.franka import connection, realtime, versions
 from hw.franka.connection import DRIVES
 from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Failure
-from hw.franka.messages import PlayOutcome, Timing
-from hw.franka.playback import START_S, STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback
+from hw.franka.playback import START_S, STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback, PlayOutcome, Timing
 from hw.franka.settings import FrankaSettings
 from hw.types import Guard
 from hw.watchdog import Watchdog

@@ -9,8 +9,7 @@ from typing import Any, Protocol, TypeVar
 from hw.child import Call, Child, ChildGone
 from hw.errors import DeviceUnavailable
 from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
-from hw.franka.messages import PlayOutcome, Rhythm, Timing
-from hw.franka.playback import HOLD_S, PlayableMotion
+from hw.franka.playback import HOLD_S, PlayableMotion, PlayOutcome, Rhythm, Timing
 from hw.franka.player import CONNECT, PLAY
 from hw.franka.settings import FrankaSettings, Payload
 from hw.types import Guard
@@ -28,32 +27,25 @@ class Player(Protocol):
     @property
     def alive(self) -> bool:
         """Whether its process runs."""
-        ...
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What the computer does not give its process: a sentence each."""
-        ...
 
     def reading(self) -> Reading:
         """What the arm reports now."""
-        ...
 
     def recover(self) -> Reading:
         """Clear a fault; what the arm reports then."""
-        ...
 
     def carry(self, payload: Payload) -> Reading:
         """Set what the hand holds; what the arm reports then."""
-        ...
 
     def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
         """Play `motion`; `word` is asked every few milliseconds whether it may go on, `guard` ends it at a contact."""
-        ...
 
     def close(self) -> None:
         """End the process; the arm stops if it moves."""
-        ...
 
 
 class PlayerProcess:

@@ -14,7 +14,7 @@ from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
 from hw.collision import Table
 from hw.contact import began, predicted_force_N
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact
-from hw.fake import FakeArm, FakeClock, FakeGuardedArm
+from hw.fake import FakeArm, FakeClock
 from hw.kinematics import forward
 from hw.ports import GuardedArm
 from hw.types import Array, Guard
@@ -40,14 +40,14 @@ class Kind:
 
 def fake(height_m: float) -> GuardedArm:
     noise = 0.15 * np.random.default_rng(0).standard_normal((len(PATH.t_s), 7))
-    return FakeGuardedArm(FakeArm(Q_TOP_RAD, FakeClock(), CELL), Table(height_m), torque_Nm=noise)
+    return FakeArm(Q_TOP_RAD, FakeClock(), CELL, plane=Table(height_m), torque_Nm=noise)
 
 
 def stopped_fake() -> GuardedArm:
     """The fake arm knows faults of free motions alone: it stops before the search."""
     arm = FakeArm(Q_TOP_RAD, FakeClock(), CELL)
     arm._fault = "reflex"
-    return FakeGuardedArm(arm, None)
+    return arm
 
 
 def lab(height_m: float, faults: Faults | None = None) -> GuardedArm:

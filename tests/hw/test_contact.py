@@ -12,7 +12,7 @@ from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, down, over
 from hw.collision import LEVEL, KeepOut, Table
 from hw.contact import Detector, began, contact_force, predicted_force_N, vertical_force_N
 from hw.errors import ArmFault, MotionRefused, NoContact
-from hw.fake import FakeArm, FakeClock, FakeGuardedArm
+from hw.fake import FakeArm, FakeClock
 from hw.guarding import DEPTH_M, SPEED_M_S, check_guarded, require_guarded, withdrawal
 from hw.kinematics import forward, jacobian
 from hw.types import ContactWindow, Guard, JointPath
@@ -29,8 +29,8 @@ def noise(path: JointPath, std_Nm: float, seed: int = 0) -> np.ndarray:
     return std_Nm * np.random.default_rng(seed).standard_normal(path.q_rad.shape)
 
 
-def arm(plane: Table | None, torque_Nm: np.ndarray | None = None) -> FakeGuardedArm:
-    return FakeGuardedArm(FakeArm(Q_TOP_RAD, FakeClock(), CELL), plane, torque_Nm=torque_Nm)
+def arm(plane: Table | None, torque_Nm: np.ndarray | None = None) -> FakeArm:
+    return FakeArm(Q_TOP_RAD, FakeClock(), CELL, plane=plane, torque_Nm=torque_Nm)
 
 
 def test_a_force_on_the_point_is_found_from_the_torques() -> None:
@@ -183,9 +183,7 @@ def test_a_guard_and_boxes_are_checked() -> None:
 
 
 def test_a_stopped_arm_feels_nothing() -> None:
-    fault = ArmFault("reflex")
-    inner = FakeArm(Q_TOP_RAD, FakeClock(), CELL, faults={1: fault})
-    with FakeGuardedArm(inner, LEVEL) as feeling:
+    with FakeArm(Q_TOP_RAD, FakeClock(), CELL, faults={1: ArmFault("reflex")}, plane=LEVEL) as feeling:
         still = JointPath(np.array([0.0, 1e-3]), np.stack([Q_TOP_RAD, Q_TOP_RAD]))
         with pytest.raises(ArmFault):
             feeling.execute(still)

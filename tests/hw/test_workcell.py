@@ -11,7 +11,7 @@ from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
 
 from hw.collision import BARE_HAND, HAND_MASS, Table
 from hw.errors import MotionRefused
-from hw.fake import FakeArm, FakeClock, FakeGuardedArm
+from hw.fake import FakeArm, FakeClock
 from hw.guarding import require_guarded
 from hw.kinematics import forward
 from hw.mass import NOTHING, Mass, bar, box
@@ -57,7 +57,7 @@ def test_a_guarded_motion_and_what_it_feels_count_for_true_joints_too() -> None:
     off = cell(tool=TOOL, zeros_rad=ZEROS_RAD)
     path = off.arm.reported(down())
     assert require_guarded(path, GUARD, off).ok
-    with FakeGuardedArm(FakeArm(path.q_rad[0], FakeClock(), off), Table(PLANE_M)) as arm:
+    with FakeArm(path.q_rad[0], FakeClock(), off, plane=Table(PLANE_M)) as arm:
         contact = arm.execute_until_contact(path, GUARD)
     X_BF = forward(off.arm.true_rad(contact.q_rad))
     tip_m = X_BF[:3, :3] @ TIP + X_BF[:3, 3]

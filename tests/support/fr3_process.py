@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from hw.collision import BARE_HAND, Tool
 from hw.franka.arm import FrankaArm, Pedal, franka
-from hw.franka.messages import Timing
+from hw.franka.playback import Timing
 from hw.franka.settings import FrankaSettings
 from hw.types import Array
 

@@ -24,7 +24,7 @@ from adaptsim_cli import app
 from adaptsim_cli.devices import lab, real
 from hw.errors import CameraError
 from hw.franka.arm import FrankaArm, franka
-from hw.franka.messages import Timing
+from hw.franka.playback import Timing
 from hw.ports import AroundArm
 from hw.serial import pedal_protocol
 from hw.types import CameraModel, Execution, Frame, JointPath

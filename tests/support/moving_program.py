@@ -18,8 +18,7 @@ from fr3_process import READY_RAD, RELAXED
 
 from hw.errors import HardwareError
 from hw.franka.arm import franka
-from hw.franka.messages import Timing
-from hw.franka.playback import motion_of
+from hw.franka.playback import Timing, motion_of
 from hw.franka.settings import FrankaSettings
 from hw.serial.enable_pedal import EnablePedal
 from hw.types import JointPath

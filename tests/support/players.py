@@ -14,8 +14,7 @@ from hw.collision import BARE_HAND, Tool
 from hw.franka import connection, player
 from hw.franka.arm import FrankaArm
 from hw.franka.driver import Reading
-from hw.franka.messages import PlayOutcome
-from hw.franka.playback import PlayableMotion, Played
+from hw.franka.playback import PlayableMotion, Played, PlayOutcome
 from hw.franka.settings import FrankaSettings, Payload
 from hw.ports import Pedal
 from hw.types import Array, Guard

@@ -22,7 +22,7 @@ from calib.target_records import BoardRecord
 from hw.camera.replay import RecordedCamera, Take
 from hw.collision import Table
 from hw.errors import BalanceError, DeviceUnavailable
-from hw.fake import FakeArm, FakeClock, FakeGuardedArm
+from hw.fake import FakeArm, FakeClock
 from hw.grasping import FakeHand
 from hw.types import CameraModel, Frame, Intrinsics
 from hw.workcell import Workcell
@@ -176,7 +176,6 @@ class ToyDevices:
     plane: Table | None = None  # where the arm truly meets the table; None: nowhere
     hand: FakeHand = field(default_factory=lambda: FakeHand(HANDLE_M, holds=True))
     arm: FakeArm | None = None
-    feeling: FakeGuardedArm | None = None  # the one around it
 
     def drivers(self) -> Drivers:
         return Drivers(self._arm, self._camera, self._pedal, self._balance, self._hand)
@@ -184,19 +183,17 @@ class ToyDevices:
     def drivers_of_a_stopped_arm(self) -> Drivers:
         """Its arm was stopped by a reflex before it is connected."""
 
-        def stopped(*args: Any, **given: Any) -> FakeGuardedArm:
-            feeling = self._arm(*args, **given)
-            assert self.arm is not None
-            self.arm._fault = "cartesian_reflex"
-            return feeling
+        def stopped(*args: Any, **given: Any) -> FakeArm:
+            arm = self._arm(*args, **given)
+            arm._fault = "cartesian_reflex"
+            return arm
 
         return replace(self.drivers(), arm=stopped)
 
-    def _arm(self, cell: Workcell, settings: Any, pedal: Any) -> FakeGuardedArm:
+    def _arm(self, cell: Workcell, settings: Any, pedal: Any) -> FakeArm:
         self._open("arm", cell=cell, settings=settings, pedal=pedal)
-        self.arm = FakeArm(self.q_rad, FakeClock(), cell)
-        self.feeling = FakeGuardedArm(self.arm, self.plane)
-        return self.feeling
+        self.arm = FakeArm(self.q_rad, FakeClock(), cell, plane=self.plane)
+        return self.arm
 
     def _hand(self, model: str, host: str, pedal: Any) -> FakeHand:
         self._open("hand", model=model, host=host, pedal=pedal)

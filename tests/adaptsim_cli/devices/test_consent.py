@@ -27,8 +27,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.watching import SessionLog
 from adaptsim_cli.session.watching import read as read_log
 from adaptsim_cli.wiring.session import open_trials
-from hw.collision import LEVEL
-from hw.fake import FakeArm, FakeClock, FakeGuardedArm
+from hw.fake import FakeArm, FakeClock
 from hw.types import ArmState, JointPath
 from sim.tasks import get_task
 
@@ -38,7 +37,7 @@ NOW = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
 
 def arm_with(consent: Consent) -> tuple[ConfirmedArm, FakeArm]:
     bare = FakeArm(READY_RAD, FakeClock(), cell())
-    return ConfirmedArm(FakeGuardedArm(bare, LEVEL), consent, None), bare
+    return ConfirmedArm(bare, consent, None), bare
 
 
 def test_every_question_answer_and_rate_is_in_the_log_with_the_operators_name(

@@ -14,7 +14,7 @@ from adaptsim_cli.devices.pacing import PacedArm
 from adaptsim_cli.errors import UsageError
 from hw.collision import Table
 from hw.errors import ArmFault
-from hw.fake import FakeArm, FakeClock, FakeGuardedArm
+from hw.fake import FakeArm, FakeClock
 from hw.types import Contact, Execution, Guard, JointPath
 from sim.panda.moves import move_path
 from sim.tasks import get_task
@@ -33,12 +33,12 @@ class SlowArm(FakeArm):
         return super().execute(path)
 
 
-class FeelingArm(FakeGuardedArm):
+class FeelingArm(FakeArm):
     """Its way to the table and back takes 2.5 s."""
 
     def __init__(self) -> None:
         self.clock = FakeClock()
-        super().__init__(FakeArm(Q_TOP_RAD, self.clock, CELL), Table(0.0))
+        super().__init__(Q_TOP_RAD, self.clock, CELL, plane=Table(0.0))
 
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
         self.clock.sleep(2.5)

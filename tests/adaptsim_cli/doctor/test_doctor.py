@@ -20,7 +20,6 @@ from rich.console import Console
 
 from adaptsim_cli import app, config
 from adaptsim_cli.devices.rig_file.description import BalancePart, CameraPart, PedalPart, RigDescription
-from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.doctor import checks, readings, table
 from adaptsim_cli.doctor.checks import CHECKS
 from adaptsim_cli.doctor.table import Examined, Finding, Severity, ok
@@ -30,7 +29,7 @@ from hw.camera.probe import FoundDevice, ProbeReport
 from hw.camera.process import CameraProcess, served
 from hw.errors import DeviceUnavailable
 from hw.franka.driver import Reading
-from hw.franka.messages import Rhythm
+from hw.franka.playback import Rhythm
 from hw.franka.process import Inspection
 from hw.serial.pedal_protocol import PERIOD_S, line_for
 
@@ -378,7 +377,3 @@ def test_remedies_stand_whole_below_a_table_that_fits_the_screen(place: Path) ->
     with pytest.raises(PreflightFailed, match="not ready: driver"):
         table.require(found)
     table.require(found[:1])
-
-
-def test_the_rig_file_of_these_tests_is_one(tmp_path: Path) -> None:
-    assert read(write_rig(tmp_path)).name == "lab-1"

@@ -20,7 +20,7 @@ from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import PAUSE_S, SHORT_S, Key, Presses, enter, stop
 from hw.errors import MotionRefused
-from hw.fake import FakeArm, FakeClock, FakeGuardedArm
+from hw.fake import FakeArm, FakeClock
 from hw.serial.pedal_protocol import PERIOD_S, PedalState, line_for
 
 LOOK_S = 0.02
@@ -139,7 +139,7 @@ def test_the_press_that_answered_starts_no_motion(keyboard: int, monkeypatch: py
         foot = Foot(pedal, (False, 0.2), (True, 0.2), (False, 0.1))
         consent = Consent(screen, "the arm", operator="Kim", pedal=True, each="motion")
         consent.given = "2026-01-01T00:00:00+00:00"
-        arm = ConfirmedArm(FakeGuardedArm(FakeArm(READY_RAD, FakeClock(), cell("fr3")), None), consent, pedal)
+        arm = ConfirmedArm(FakeArm(READY_RAD, FakeClock(), cell("fr3")), consent, pedal)
         with pytest.raises(MotionRefused, match="the pedal was not held"):
             arm.await_enabled()
         foot.join()

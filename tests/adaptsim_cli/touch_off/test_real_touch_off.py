@@ -42,7 +42,7 @@ from calib.errors import CalibrationMissing
 from calib.saved import OffsetsRecord
 from hw.collision import LEVEL, Table
 from hw.errors import ArmFault
-from hw.fake import FakeArm, FakeClock, FakeGuardedArm
+from hw.fake import FakeArm, FakeClock
 from hw.franka.settings import Payload
 from hw.grasping import FakeHand
 from sim.errors import NotExecutable, UnknownName
@@ -96,8 +96,8 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, mo
         assert devices.opened["arm"]["pedal"] is devices.pedal
         assert rig.is_real
         saved = asked(rig, quiet(), devices.hand)
-    assert devices.feeling is not None
-    assert [payload.mass_kg for payload in devices.feeling.carried] == [0.0, 0.12], "empty, then with the tool"
+    assert devices.arm is not None
+    assert [payload.mass_kg for payload in devices.arm.carried] == [0.0, 0.12], "empty, then with the tool"
     assert devices.hand.commands == ["home", "move", "move", "grasp"]
     c = saved.correction()
     assert c.table.height_m == pytest.approx(TRUE.height_m, abs=5e-4)
@@ -113,10 +113,9 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, mo
 
 
 def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    bare, clock, screen = FakeArm(Q_TOP_RAD, FakeClock(), cell(tool=TOOL)), FakeClock(), quiet()
+    bare, clock, screen = FakeArm(Q_TOP_RAD, FakeClock(), cell(tool=TOOL), plane=LEVEL), FakeClock(), quiet()
     pedal = ToyPedal([False, True]).__enter__()
-    feeling = FakeGuardedArm(bare, LEVEL)
-    arm = ConfirmedArm(feeling, Consent(screen, "panda", "empty", "Kim"), pedal, now_s=clock.now_s, pause=clock.sleep)
+    arm = ConfirmedArm(bare, Consent(screen, "panda", "empty", "Kim"), pedal, now_s=clock.now_s, pause=clock.sleep)
     with arm:
         typing(monkeypatch, "q")
         with pytest.raises(StoppedByOperator):
@@ -127,7 +126,7 @@ def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch: 
     assert contact.force_N >= GUARD.force_N
     assert "nobody within its reach, empty, a hand on" in said(screen)
     assert "Hold the pedal" in said(screen)
-    assert [payload.mass_kg for payload in feeling.carried] == [0.3]
+    assert [payload.mass_kg for payload in bare.carried] == [0.3]
 
 
 def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

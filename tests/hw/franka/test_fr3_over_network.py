@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import cell, move
-from fr3_process import READY_RAD, RELAXED, Fr3Process, HandPedal, arm_at, fr3
+from fr3_process import READY_RAD, RELAXED, Fr3Process, HandPedal, arm_at, fr3, own_host
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, StoppedByPedal
 from hw.franka.arm import FrankaArm, franka, open_franka
-from hw.franka.process import PlayerProcess
+from hw.franka.process import PlayerProcess, inspect
 from hw.franka.settings import FrankaSettings, Payload
 from hw.joint_limits import LIMITS, derivatives
 from hw.types import Array, JointPath
@@ -61,6 +61,11 @@ def pause(pid: int, seconds: float) -> None:
     os.kill(pid, signal.SIGSTOP)
     threading.Event().wait(seconds)
     os.kill(pid, signal.SIGCONT)
+
+
+def pid_of_player(arm: FrankaArm) -> int:
+    assert isinstance(arm._player, PlayerProcess)
+    return arm._player.pid
 
 
 def recovers_and_moves_only_when_told(arm: FrankaArm, reason: str) -> None:
@@ -170,33 +175,23 @@ def test_nothing_moves_unless_the_pedal_is_held(server: Fr3Process) -> None:
 
 @pytest.mark.long
 def test_a_player_killed_half_way_is_a_fault_and_a_new_one_takes_over(server: Fr3Process) -> None:
-    players: list[PlayerProcess] = []
-
-    def start() -> PlayerProcess:
-        players.append(PlayerProcess("fr3", FrankaSettings(server.host), RELAXED))
-        return players[-1]
-
-    with FrankaArm(cell("fr3"), FrankaSettings(server.host), start) as arm:
-        timer = server.at(0.6, lambda: os.kill(players[0].pid, signal.SIGKILL))
+    with arm_at(server) as arm:
+        player = pid_of_player(arm)
+        timer = server.at(0.6, lambda: os.kill(player, signal.SIGKILL))
         with pytest.raises(ArmFault, match="SIGKILL"):
             arm.execute(path_from(READY_RAD))
         timer.join()
         assert np.abs(arm.state().q_rad - READY_RAD).max() > 1e-3
         recovers_and_moves_only_when_told(arm, "killed by SIGKILL")
-        assert len(players) == 2
+        assert pid_of_player(arm) != player
 
 
 @pytest.mark.long
 def test_a_player_that_stalls_is_stopped_by_the_arm_and_the_reason_is_the_computer(server: Fr3Process) -> None:
-    players: list[PlayerProcess] = []
-
-    def start() -> PlayerProcess:
-        players.append(PlayerProcess("fr3", FrankaSettings(server.host), RELAXED))
-        return players[-1]
-
     server.tell("strict 5")
-    with FrankaArm(cell("fr3"), FrankaSettings(server.host), start) as arm:
-        timer = server.at(0.6, lambda: pause(players[0].pid, 2.5))
+    with arm_at(server) as arm:
+        player = pid_of_player(arm)
+        timer = server.at(0.6, lambda: pause(player, 2.5))
         with pytest.raises(ArmFault, match="communication_constraints_violation"):
             arm.execute(path_from(READY_RAD))
         timer.join()
@@ -321,3 +316,23 @@ def test_without_a_real_time_kernel_a_real_arm_is_not_driven(server: Fr3Process)
     settings = FrankaSettings(server.host, Payload(0.2, np.array([0.0, 0.0, 0.1])))
     with pytest.raises(DeviceUnavailable, match=r"not a real-time one.*linux-image-rt-amd64"):
         open_franka(cell("fr3"), settings).__enter__()
+
+
+@pytest.mark.long
+def test_mode_joints_and_states_are_read_and_nothing_is_set() -> None:
+    with fr3(READY_RAD) as server:
+        reading, rhythm, _ = inspect("fr3", FrankaSettings(server.host), realtime=False, states=200)
+        assert reading.mode == "Idle"
+        np.testing.assert_allclose(reading.q_rad, READY_RAD, atol=0.01)
+        assert rhythm.states == 200
+        assert rhythm.missed >= 0
+        assert 0.0 < rhythm.longest_gap_s < 10.0
+        assert server.configured() == []
+        server.tell("press")
+        stopped, _, _ = inspect("fr3", FrankaSettings(server.host), realtime=False, states=50)
+        assert "the stop button is pressed" in str(stopped.unwilling)
+
+
+def test_an_arm_that_is_not_there_is_said() -> None:
+    with pytest.raises(DeviceUnavailable, match=r"answer|refuses"):
+        inspect("fr3", FrankaSettings(own_host()), realtime=False)

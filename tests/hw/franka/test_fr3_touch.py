@@ -11,11 +11,11 @@ from fr3_process import Fr3Process, HandPedal, arm_at, fr3
 from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
 
 from hw.contact import began, predicted_force_N
-from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
+from hw.errors import ArmFault, DeviceUnavailable, StoppedByPedal
 from hw.franka.arm import FrankaArm
 from hw.joint_limits import LIMITS, derivatives
 from hw.kinematics import forward
-from hw.types import Array, Guard
+from hw.types import Array
 
 WAY_M, SPEED_M_S = 0.005, 0.008
 PATH = down(WAY_M, SPEED_M_S)
@@ -96,18 +96,6 @@ def test_all_that_is_commanded_keeps_the_limits_there_and_back(server: Fr3Proces
 
 
 @pytest.mark.long
-def test_no_contact_ends_where_it_began(server: Fr3Process) -> None:
-    server.plane(AIR_M, TIP)
-    with arm_at(server, tool=TOOL) as arm:
-        before = arm.state()
-        with pytest.raises(NoContact, match="nothing"):
-            arm.execute_until_contact(PATH, GUARD)
-        after = arm.state()
-    assert after.fault is None
-    np.testing.assert_allclose(after.q_rad, before.q_rad, atol=1e-3)
-
-
-@pytest.mark.long
 def test_the_pedal_let_go_during_the_search(server: Fr3Process) -> None:
     pedal = HandPedal()
     server.plane(AIR_M, TIP)
@@ -168,17 +156,6 @@ def test_a_reflex_while_touching_is_a_fault(server: Fr3Process) -> None:
             arm.execute_until_contact(PATH, GUARD)
         server.tell("threshold inf")
         stopped_on_the_way(arm, "cartesian_reflex")
-
-
-def test_a_guard_that_is_too_strong_is_refused(server: Fr3Process) -> None:
-    with arm_at(server, tool=TOOL) as arm:
-        before = arm.state()
-        with pytest.raises(MotionRefused, match=r"guard's force .* is 41 N, limit 40 N"):
-            arm.execute_until_contact(PATH, Guard(41.0, TIP))
-        with pytest.raises(MotionRefused, match="speed"):
-            arm.execute_until_contact(down(WAY_M, 0.03), GUARD)
-        np.testing.assert_allclose(arm.state().q_rad, before.q_rad, atol=1e-4)
-        assert arm.state().fault is None
 
 
 @pytest.mark.long

@@ -19,8 +19,7 @@ from sdk_fake import FakeRobot, FakeSdk, JointPositions
 from hw.errors import ArmFault, DeviceUnavailable
 from hw.franka.arm import franka
 from hw.franka.driver import UNMOVED, Failure, Reading
-from hw.franka.messages import PlayOutcome
-from hw.franka.playback import Playback, motion_of
+from hw.franka.playback import Playback, PlayOutcome, motion_of
 from hw.franka.settings import FrankaSettings
 from hw.types import JointPath
 

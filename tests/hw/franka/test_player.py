@@ -13,8 +13,7 @@ from cells import READY, cell, move
 
 from hw.child import Call
 from hw.franka.driver import FAULT, UNAVAILABLE, Failure, Reading, Step
-from hw.franka.messages import PlayOutcome, Rhythm, Timing
-from hw.franka.playback import PlayableMotion, motion_of
+from hw.franka.playback import PlayableMotion, PlayOutcome, Rhythm, Timing, motion_of
 from hw.franka.player import serve
 from hw.franka.settings import FrankaSettings
 from hw.watchdog import ALIVE, ORPHANED, PEDAL, REQUESTED, SILENT, Watchdog

@@ -10,12 +10,14 @@ was wrong. `--out` keeps a line for each block; the same command skips those and
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections import Counter
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from hard_paths import Found, hunt
+from kept import Kept
 
 BLOCK = 250
 
@@ -26,16 +28,10 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=2)
     parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
-    lines = asked.out.read_text().splitlines() if asked.out and asked.out.exists() else []
-    known = {done.pop("seed"): done for done in map(json.loads, lines)}
-    total = Found()
+    kept, total = Kept(asked.out), Found()
     for block in range(-(-asked.count // BLOCK)):
-        seed = asked.seed + block
-        if (done := known.get(seed)) is None:
-            done = vars(hunt(("panda", "fr3")[block % 2], min(BLOCK, asked.count - block * BLOCK), seed))
-            if asked.out:
-                with asked.out.open("a") as out:
-                    out.write(json.dumps({"seed": seed, **done}) + "\n")
+        seed, model, count = asked.seed + block, ("panda", "fr3")[block % 2], min(BLOCK, asked.count - block * BLOCK)
+        done = kept.row(model, seed, partial(hunted, model, count, seed))
         total.reached.update(done["reached"])
         total.refused.update(done["refused"])
         total.stops += done["stops"]
@@ -48,6 +44,10 @@ def main() -> int:
     for kind in kinds:
         sys.stdout.write(f"{kind}: {total.reached[kind]} of {kinds[kind]} accepted\n")
     return 1 if total.wrong else 0
+
+
+def hunted(model: str, count: int, seed: int) -> dict[str, Any]:
+    return vars(hunt(model, count, seed))
 
 
 def tell(total: Found) -> None:

@@ -12,57 +12,32 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import pty
 import threading
 import time
-import tty
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import numpy as np
 from fr3_process import RELAXED, Fr3Process, arm_at, fr3
+from serial_lines import Box, boxed, plugged_in
 
 from hw.collision import Tool
 from hw.errors import MotionRefused, StoppedByPedal
 from hw.kinematics import forward
 from hw.serial.enable_pedal import EnablePedal
-from hw.serial.pedal_protocol import PERIOD_S, line_for
+from hw.serial.pedal_protocol import PERIOD_S
 from hw.types import Array, JointPath
 from sim.panda.planning import home, trial_paths
 from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
 
-class Box:
-    """The pedal's box on a serial line: a line every 20 ms; released between two lines, like a foot does."""
-
-    def __init__(self) -> None:
-        self._device, self._program = pty.openpty()
-        for end in (self._device, self._program):
-            tty.setraw(end)
-        self.port = os.ttyname(self._program)
-        self.pressed, self.released_s = False, 0.0
-        self._ended = threading.Event()
-        threading.Thread(target=self._talk, daemon=True).start()
-
-    def _talk(self) -> None:
-        counter = 0
-        while not self._ended.wait(PERIOD_S):
-            os.write(self._device, line_for(counter, self.pressed))
-            counter += 1
-
-    def release(self) -> None:
-        self.pressed, self.released_s = False, time.monotonic()
-
-    def press(self, pedal: EnablePedal) -> None:
-        while not pedal.enabled():  # it has to be seen released first
-            self.pressed = False
-            time.sleep(2 * PERIOD_S)
-            self.pressed = True
-            time.sleep(2 * PERIOD_S)
-
-    def end(self) -> None:
-        self._ended.set()
+def press(box: Box, pedal: EnablePedal) -> None:
+    while not pedal.enabled():  # it has to be seen released first
+        box.pressed = False
+        time.sleep(2 * PERIOD_S)
+        box.pressed = True
+        time.sleep(2 * PERIOD_S)
 
 
 def trial(name: str) -> tuple[tuple[JointPath, ...], Array, Tool]:
@@ -106,26 +81,32 @@ def track(server: Fr3Process, name: str) -> dict[str, object]:
 def stop(server: Fr3Process, name: str, trials: int) -> dict[str, object]:
     """Release the pedal at moments spread over the task path."""
     (_, path, _), _, tool = trial(name)
-    box, reports, to_brake_s, silent = Box(), [], [], 0
-    threading.Timer(0.1, lambda: setattr(box, "pressed", True)).start()
-    with EnablePedal(box.port) as pedal, arm_at(server, tool=tool, pedal=pedal) as arm:
+    reports, to_brake_s, silent, released_s = [], [], 0, 0.0
+    with plugged_in() as line, boxed(line) as box, ExitStack() as stack:
+
+        def release() -> None:
+            nonlocal released_s
+            box.pressed, released_s = False, time.monotonic()
+
+        threading.Timer(0.1, lambda: setattr(box, "pressed", True)).start()
+        pedal = stack.enter_context(EnablePedal(line.port))
+        arm = stack.enter_context(arm_at(server, tool=tool, pedal=pedal))
         moments_s = list(np.linspace(0.25, 0.75, trials) * path.duration_s)
         while moments_s:
             arm.recover()
             server.place(path.q_rad[0])
-            server.at(float(moments_s[0]), box.release)
-            box.released_s = 0.0
-            box.press(pedal)
+            server.at(float(moments_s[0]), release)
+            released_s = 0.0
+            press(box, pedal)
             with suppress(StoppedByPedal, MotionRefused):
                 arm.execute(path)
             report = arm.last_stop
-            if report is None or not 0.0 < box.released_s < report.braked_clock_s:
+            if report is None or not 0.0 < released_s < report.braked_clock_s:
                 silent += 1  # this computer was too busy for a line every 20 ms: the pedal fell silent by itself
                 continue
             moments_s.pop(0)
             reports.append(report)
-            to_brake_s.append(report.braked_clock_s - box.released_s)
-    box.end()
+            to_brake_s.append(report.braked_clock_s - released_s)
     to_still_s = [b - r.braking_after_s + r.still_after_s for b, r in zip(to_brake_s, reports, strict=True)]
     return {
         "task": name,

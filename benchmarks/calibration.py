@@ -15,7 +15,7 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,17 @@ import numpy as np
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
 from kept import Kept
-from simulated_views import Quality, Truth, example_setup, example_truth, random_poses, seen, spoilt, work_error_mm
+from simulated_views import (
+    BOUNDS,
+    Quality,
+    Truth,
+    example_setup,
+    example_truth,
+    random_poses,
+    seen,
+    spoilt,
+    work_error_mm,
+)
 
 from calib.bundle import motion_of
 from calib.closed_form import opencv_methods
@@ -34,14 +44,13 @@ from calib.errors import CalibrationError
 from calib.geometry import angle_deg, distance_mm, move
 from calib.solve import solve
 from calib.types import Setup, Solution, View
-from hw.joint_limits import LIMITS
 from hw.kinematics import forward
 from hw.types import Array
 
 VIEWS = 20
 CHECK_VIEWS = 3
 CORNER_PX = 0.1
-BOUNDS = (0.9 * LIMITS["panda"].q_min_rad, 0.9 * LIMITS["panda"].q_max_rad)
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -61,37 +70,8 @@ CASES = (
 )
 
 
-@dataclass(frozen=True)
-class Row:
-    """One calibration."""
-
-    mm: float
-    deg: float
-    work_mm: float
-    arm_work_mm: float
-    position_95_mm: float
-    rotation_95_deg: float
-    worst_95_mm: float
-    arm_worst_95_mm: float
-    adopted: bool
-    missed: int
-    lost: int
-    good: int
-    held_out_px: float
-    solve_s: float
-    opencv_s: float
-    others: dict[str, tuple[float, float, float]]  # mm, deg, work mm by method
-    untouched: tuple[bool, float]  # moved?, px
-    shifted: tuple[bool, float]
-    turned: tuple[bool, float]
-
-
-def made(seed: int, case: Case) -> dict[str, Any]:
-    """A row as it is kept."""
-    return asdict(one(seed, case))
-
-
 def one(seed: int, case: Case) -> Row:
+    """One calibration; `others` has mm, degrees and mm in the work volume by method, the checks (moved?, px)."""
     rng = np.random.default_rng(seed)
     setup = example_setup()
     eye = example_truth(rng)
@@ -107,7 +87,7 @@ def one(seed: int, case: Case) -> Row:
     others, opencv_s = _others(views, setup, truth)
     wrong, dropped = {views[i].name for i in bad}, {view.name for view in solution.rejected}
     u = solution.uncertainty
-    return Row(
+    return dict(
         mm=distance_mm(solution.X_AC, truth.X_AC),
         deg=angle_deg(solution.X_AC, truth.X_AC),
         work_mm=_worst(solution.X_AC, truth.X_AC, setup),
@@ -123,7 +103,7 @@ def one(seed: int, case: Case) -> Row:
         held_out_px=solution.held_out_px,
         solve_s=solve_s,
         opencv_s=opencv_s,
-        others=others,
+        others=others,  # mm, degrees, work mm by method
         **_drift(setup, truth, quality, solution, q[VIEWS:], rng),
     )
 
@@ -171,36 +151,42 @@ def _turned(angle_rad: float) -> Array:
     return X
 
 
-def summary(case: Case, rows: Sequence[Row]) -> dict[str, object]:
+def summary(case: Case, rows: Sequence[Row]) -> dict[str, Any]:
     """Figures of one case; pairs are median and 95th percentile."""
 
-    def pair(values: Sequence[float]) -> list[float]:
+    def column(name: str) -> Array:
+        return np.array([row[name] for row in rows])
+
+    def pair(values: Array | Sequence[float]) -> list[float]:
         return [round(float(np.median(values)), 4), round(float(np.percentile(values, 95)), 4)]
 
+    def share(values: Any) -> float:
+        return round(float(np.mean(values)), 3)
+
     def covered(stated: str, true: str) -> dict[str, float]:
-        s, t = (np.array([getattr(row, name) for row in rows]) for name in (stated, true))
+        s, t = column(stated), column(true)
         return {
-            "coverage": round(float(np.mean(t <= s)), 3),
+            "coverage": share(t <= s),
             "stated_median": round(float(np.median(s)), 4),
             "stated_over_true_median": round(float(np.median(s) / np.median(t)), 2),
             "least_possible": round(float(np.percentile(t, 95) / np.median(t)), 2),
             "stated_p95_over_its_median": round(float(np.percentile(s, 95) / np.median(s)), 2),
         }
 
-    methods = {
-        name: [[m[k] for row in rows for n, m in row.others.items() if n == name] for k in range(3)]
-        for name in rows[0].others
-    }
+    measures = ("mm", "deg", "work_mm")
+    checked = {name: list(zip(*column(name).tolist(), strict=True)) for name in ("untouched", "shifted", "turned")}
     return {
         "case": case.name,
         "seeds": len(rows),
-        "ours": {
-            "mm": pair([r.mm for r in rows]),
-            "deg": pair([r.deg for r in rows]),
-            "work_mm": pair([r.work_mm for r in rows]),
+        "ours": {name: pair(column(name)) for name in measures},
+        "ours_arms_own": {"work_mm": pair(column("arm_work_mm"))},
+        "opencv": {
+            method: {
+                name: pair([row["others"][method][k] for row in rows if method in row["others"]])
+                for k, name in enumerate(measures)
+            }
+            for method in rows[0]["others"]
         },
-        "ours_arms_own": {"work_mm": pair([r.arm_work_mm for r in rows])},
-        "opencv": {n: {"mm": pair(v[0]), "deg": pair(v[1]), "work_mm": pair(v[2])} for n, v in methods.items()},
         "bar_p95": {"mm": case.bar_mm, "deg": case.bar_deg},
         "stated": {
             "position": covered("position_95_mm", "mm"),
@@ -208,51 +194,36 @@ def summary(case: Case, rows: Sequence[Row]) -> dict[str, object]:
             "work volume": covered("worst_95_mm", "work_mm"),
             "work volume, arm's own": covered("arm_worst_95_mm", "arm_work_mm"),
         },
-        "held_out_px": pair([r.held_out_px for r in rows]),
-        "offsets_adopted": round(float(np.mean([r.adopted for r in rows])), 3),
-        "outliers_missed": sum(r.missed for r in rows),
+        "held_out_px": pair(column("held_out_px")),
+        "offsets_adopted": share(column("adopted")),
+        "outliers_missed": sum(row["missed"] for row in rows),
         "outliers": case.spoilt * len(rows),
-        "good_lost_share": round(sum(r.lost for r in rows) / sum(r.good for r in rows), 4),
-        "solve_cpu_s": pair([r.solve_s for r in rows]),
-        "solve_over_opencv_five": round(
-            float(np.median([r.solve_s for r in rows]) / np.median([r.opencv_s for r in rows])), 1
-        ),
+        "good_lost_share": round(sum(row["lost"] for row in rows) / sum(row["good"] for row in rows), 4),
+        "solve_cpu_s": pair(column("solve_s")),
+        "solve_over_opencv_five": round(float(np.median(column("solve_s")) / np.median(column("opencv_s"))), 1),
         "check": {
-            "false_alarms": round(float(np.mean([r.untouched[0] for r in rows])), 3),
-            "caught_2mm": round(float(np.mean([r.shifted[0] for r in rows])), 3),
-            "caught_0.2deg": round(float(np.mean([r.turned[0] for r in rows])), 3),
-            "px_untouched": pair([r.untouched[1] for r in rows]),
-            "px_2mm": pair([r.shifted[1] for r in rows]),
-            "px_0.2deg": pair([r.turned[1] for r in rows]),
+            "false_alarms": share(checked["untouched"][0]),
+            "caught_2mm": share(checked["shifted"][0]),
+            "caught_0.2deg": share(checked["turned"][0]),
+            "px_untouched": pair(checked["untouched"][1]),
+            "px_2mm": pair(checked["shifted"][1]),
+            "px_0.2deg": pair(checked["turned"][1]),
         },
     }
 
 
-def show(found: dict[str, object]) -> None:
+def show(found: dict[str, Any]) -> None:
     """The table of one case."""
     print(f"\n{found['case']}, {found['seeds']} seeds; median / p95, bar on p95: {found['bar_p95']}")
     print(f"{'method':<12}{'mm':>18}{'degrees':>18}{'work volume mm':>20}")
-    rows = [*found["opencv"].items(), ("ours", found["ours"])]  # type: ignore[attr-defined]
-    for name, row in rows:
-        print(
-            f"{name:<12}"
-            + "".join(
-                f"{row[k][0]:>{w - 9}.3f} / {row[k][1]:<6.3f}" for k, w in (("mm", 18), ("deg", 18), ("work_mm", 20))
-            )
+    for name, row in {**found["opencv"], "ours": found["ours"]}.items():
+        columns = (
+            f"{row[k][0]:>{w - 9}.3f} / {row[k][1]:<6.3f}" for k, w in (("mm", 18), ("deg", 18), ("work_mm", 20))
         )
-    for key in (
-        "ours_arms_own",
-        "held_out_px",
-        "offsets_adopted",
-        "outliers_missed",
-        "outliers",
-        "good_lost_share",
-        "solve_cpu_s",
-        "solve_over_opencv_five",
-        "check",
-    ):
+        print(f"{name:<12}{''.join(columns)}")
+    for key in sorted(found.keys() - {"case", "seeds", "ours", "opencv", "bar_p95", "stated"}, key=list(found).index):
         print(f"  {key}: {found[key]}")
-    for name, row in found["stated"].items():  # type: ignore[attr-defined]
+    for name, row in found["stated"].items():
         print(f"  stated error, {name}: {row}")
 
 
@@ -268,7 +239,7 @@ def main() -> None:
         rows = []
         for seed in range(options.first_seed, options.first_seed + options.seeds):
             try:
-                rows.append(Row(**kept.row(case.name, seed, partial(made, seed, case))))
+                rows.append(kept.row(case.name, seed, partial(one, seed, case)))
             except CalibrationError as error:
                 print(f"{case.name}, seed {seed}: {error}", file=sys.stderr)
         show(summary(case, rows))

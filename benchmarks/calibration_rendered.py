@@ -16,7 +16,7 @@ import io
 import json
 import tempfile
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -59,21 +59,7 @@ TASK = get_task("scooping")
 HARDWARE = TASK.require_hardware()
 
 
-@dataclass(frozen=True)
-class Row:
-    """One seed."""
-
-    mm: float
-    deg: float
-    worst_95_mm: float
-    worst_mm: float  # true error at the worst corner of the work volume
-    held_out_px: float
-    dropped: float  # share of the spoilt views
-    lost: float  # share of the good ones
-    before_mm: float
-    after_mm: float
-    offsets: bool  # joint offsets adopted
-    seconds: float
+Row = dict[str, Any]
 
 
 def calibrated(world: World, seed: int, spoilt: float, folder: Path) -> tuple[SavedCalibration, list[str]]:
@@ -132,12 +118,8 @@ def found_off_mm(world: World, seed: int, X_BC: Array) -> float:
     return float(np.mean(off)) if off else float("nan")
 
 
-def made(case: str, seed: int) -> dict[str, Any]:
-    """A row as it is kept."""
-    return asdict(one(case, seed))
-
-
 def one(case: str, seed: int) -> Row:
+    """One calibration, and where the object is found before and after it."""
     world, started = replace(load_world("wd", TASK), sensing=CASES[case]), time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         record, spoilt = calibrated(world, seed, SPOILT[case], Path(folder))
@@ -149,19 +131,19 @@ def one(case: str, seed: int) -> Row:
     used = {view.name for view in record.views if view.used}
     good = {view.name for view in record.views} - set(spoilt)
     nominal = nominal_X_BC(world, seed)
-    return Row(
-        mm=distance_mm(truth, X),
-        deg=angle_deg(truth, X),
-        worst_95_mm=record.uncertainty.worst_95_mm,
-        worst_mm=float(worst_mm),
-        held_out_px=record.held_out_px if record.held_out_px is not None else float("nan"),
-        dropped=1.0 if not spoilt else 1 - len(used & set(spoilt)) / len(spoilt),
-        lost=len(good - used) / len(good),
-        before_mm=found_off_mm(world, seed, nominal),
-        after_mm=found_off_mm(world, seed, X),
-        offsets=bool(record.joint_offsets and record.joint_offsets.adopted),
-        seconds=seconds,
-    )
+    return {
+        "mm": distance_mm(truth, X),
+        "deg": angle_deg(truth, X),
+        "worst_95_mm": record.uncertainty.worst_95_mm,
+        "worst_mm": float(worst_mm),  # true error at the worst corner of the work volume
+        "held_out_px": record.held_out_px if record.held_out_px is not None else float("nan"),
+        "dropped": 1.0 if not spoilt else 1 - len(used & set(spoilt)) / len(spoilt),
+        "lost": len(good - used) / len(good),
+        "before_mm": found_off_mm(world, seed, nominal),
+        "after_mm": found_off_mm(world, seed, X),
+        "offsets": bool(record.joint_offsets and record.joint_offsets.adopted),
+        "seconds": seconds,
+    }
 
 
 def main() -> None:
@@ -172,15 +154,15 @@ def main() -> None:
     parser.add_argument("--case", choices=list(CASES), default="noise")
     args = parser.parse_args()
     kept = Kept(args.keep)
-    rows = []
+    rows = list[Row]()
     for seed in range(args.first, args.first + args.seeds):
-        row = Row(**kept.row(args.case, seed, partial(made, args.case, seed)))
+        row = kept.row(args.case, seed, partial(one, args.case, seed))
         rows.append(row)
         print(f"seed {seed}: {told(row)}", flush=True)
-    p95 = {name: float(np.percentile([getattr(r, name) for r in rows], 95)) for name in ("mm", "deg", "held_out_px")}
-    mean = {name: 100 * float(np.mean([getattr(r, name) for r in rows])) for name in ("dropped", "lost")}
-    covered = 100 * float(np.mean([r.worst_mm <= r.worst_95_mm for r in rows]))
-    before, after = (np.nanmean([getattr(r, name) for r in rows]) for name in ("before_mm", "after_mm"))
+    p95 = {name: float(np.percentile([r[name] for r in rows], 95)) for name in ("mm", "deg", "held_out_px")}
+    mean = {name: 100 * float(np.mean([r[name] for r in rows])) for name in ("dropped", "lost")}
+    covered = 100 * float(np.mean([r["worst_mm"] <= r["worst_95_mm"] for r in rows]))
+    before, after = (np.nanmean([r[name] for r in rows]) for name in ("before_mm", "after_mm"))
     print(f"\n{args.case}, {len(rows)} seeds")
     print(f"p95 {p95['mm']:.3f} mm, {p95['deg']:.4f}°, held out {p95['held_out_px']:.2f} px")
     print(f"stated error covers the true one in {covered:.0f} %")
@@ -189,12 +171,12 @@ def main() -> None:
 
 
 def told(row: Row) -> str:
+    adopted = "adopted" if row["offsets"] else "not adopted"
     return (
-        f"{row.mm:.3f} mm {row.deg:.4f}°, worst corner {row.worst_mm:.2f} mm, stated {row.worst_95_mm:.2f}, "
-        f"held out {row.held_out_px:.2f} px, spoilt dropped {100 * row.dropped:.0f} %, "
-        f"good lost {100 * row.lost:.0f} %, joint offsets {'adopted' if row.offsets else 'not adopted'}, "
-        f"object {row.before_mm:.2f} -> {row.after_mm:.2f} mm, {row.seconds:.0f} s"
-    )
+        "{mm:.3f} mm {deg:.4f}°, worst corner {worst_mm:.2f} mm, stated {worst_95_mm:.2f}, "
+        "held out {held_out_px:.2f} px, spoilt dropped {dropped:.0%}, good lost {lost:.0%}, "
+        "joint offsets {adopted}, object {before_mm:.2f} -> {after_mm:.2f} mm, {seconds:.0f} s"
+    ).format(**row, adopted=adopted)
 
 
 if __name__ == "__main__":

@@ -19,54 +19,44 @@ from __future__ import annotations
 
 import argparse
 import sys
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
 from kept import Kept
-from pushes import GONE, DepthEye, Push, Result, judged
-from simulated_views import Quality, Truth, random_poses, seen
+from pushes import GONE, DepthEye, Push, Result, judged, pushed
+from simulated_views import BOUNDS, Quality, Truth, random_poses, seen
 
 from adaptsim_cli.devices.trackers import tracker_of
 from calib.solve import solve
 from calib.types import Mounting, Setup
-from hw.joint_limits import LIMITS
 from hw.kinematics import forward
 from hw.types import Array
 from perception.board import draw
 from perception.board.types import Board
-from sim.errors import NotExecutable
 from sim.lab.board import HeldBoard
 from sim.lab.calibrating import nominal_X_BC
 from sim.lab.kinect import default_X_BC, kinect_model
 from sim.lab.rng_streams import joint_zeros
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
-from sim.panda.planning import home, trial_paths
+from sim.panda.planning import home
 from sim.panda.tool import cell_as_shipped
 from sim.render.sensor import SensorNoise
 from sim.tasks.pushing import HARDWARE, TASK
-from sim.tasks.pushing.params import START_M
 
 SENSING = Sensing(
     extrinsic_error_mm=3.0, extrinsic_error_deg=0.3, encoder_noise_mrad=0.1, joint_offset_mrad=0.5
 )  # fmt: skip
-VIEWS, PUSHES, TRIES = 25, 2, 30
-BOUNDS = (0.9 * LIMITS["panda"].q_min_rad, 0.9 * LIMITS["panda"].q_max_rad)
-NAN = float("nan")
+VIEWS, PUSHES, TRIES = 25, 2, 29
 
 
-@dataclass(frozen=True)
-class Row:
-    """One push with one camera pose; NaN where it was refused."""
-
-    found_mm: float
-    relative_mm: float
-    tracked_mm: float
-    rest_mm: float
+NAMES = ("found_mm", "relative_mm", "tracked_mm", "rest_mm")
+"""Of one push with one camera pose; NaN where it was refused."""
 
 
 def calibrated(seed: int) -> tuple[Array, Array]:
@@ -85,32 +75,22 @@ def pushes(seed: int) -> list[Push]:
     """Random executable actions in the lab of that seed."""
     rng, cell = np.random.default_rng(seed), cell_as_shipped(HARDWARE, "panda")
     q_home, world = home(HARDWARE.X_FT, cell), replace(load_world("wd", TASK), sensing=SENSING)
-    out: list[Push] = []
     with SimulatedLab(TASK, world, seed, cell, home_q_rad=q_home) as lab:
-        for trial in range(1, TRIES):
-            context, action = TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0]
-            try:
-                approach, path, _ = trial_paths(HARDWARE.plan(context, action), HARDWARE.X_FT, cell, q_home)
-            except NotExecutable:
-                continue
-            lab.bench.place(START_M, trial, 0)
-            lab.arm.execute(approach)
-            execution = lab.arm.execute(path)
-            truth = lab.truth()["trials"][-1]["motions"][-1]
-            out.append(Push(execution, np.array(truth["t_s"]) + truth["t_start_s"], np.array(truth["X_BO"])))
-            if len(out) == PUSHES:
-                return out
-    raise RuntimeError(f"seed {seed}: {len(out)} of {PUSHES} pushes were executable in {TRIES} tries")
+        out = list(islice(pushed(lab, cell, rng, TRIES), PUSHES))
+    if len(out) < PUSHES:
+        raise RuntimeError(f"seed {seed}: {len(out)} of {PUSHES} pushes were executable in {TRIES} tries")
+    return out
 
 
-def row(result: Result | None, push: Push, offsets_rad: Array, zeros_rad: Array, found_m: Array) -> Row:
+def row(result: Result | None, push: Push, offsets_rad: Array, zeros_rad: Array, found_m: Array) -> dict[str, float]:
     if result is None:
-        return Row(NAN, NAN, NAN, NAN)
+        return dict.fromkeys(NAMES, float("nan"))
     q_rad = push.q_at(push.execution.t_start_s)
     tool_m, believed_m = ((forward(q_rad + extra) @ HARDWARE.X_FT)[:2, 3] for extra in (zeros_rad, offsets_rad))
     bottle_m = push.bottle(push.execution.t_start_s)[:2, 3]
     relative_mm = 1e3 * float(np.linalg.norm((tool_m - bottle_m) - (believed_m - found_m)))
-    return Row(result.found_mm, relative_mm, float(result.xy_mm.mean()), result.rest_mm)
+    values = (result.found_mm, relative_mm, float(result.xy_mm.mean()), result.rest_mm)
+    return dict(zip(NAMES, values, strict=True))
 
 
 def one(seed: int) -> dict[str, list[dict[str, float]]]:
@@ -124,7 +104,7 @@ def one(seed: int) -> dict[str, list[dict[str, float]]]:
         for name, (X_BC, offsets_rad) in (("before", (nominal, np.zeros(7))), ("after", calibrated(seed))):
             result = judged(tracker, eye.model, X_BC, push, film, 1)
             found_m = np.zeros(2) if result is None else np.asarray(tracker.find(film[0], eye.model, X_BC).xy_m)
-            rows[name].append(asdict(row(result, push, offsets_rad, zeros_rad, found_m)))
+            rows[name].append(row(result, push, offsets_rad, zeros_rad, found_m))
     return rows
 
 
@@ -135,18 +115,18 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="JSON lines, written as it goes and read on resuming")
     args = parser.parse_args()
     kept = Kept(args.keep)
-    rows: dict[str, list[Row]] = {"before": [], "after": []}
+    rows: dict[str, list[dict[str, float]]] = {"before": [], "after": []}
     for seed in range(args.first, args.first + args.seeds):
         made = kept.row("use", seed, partial(one, seed))
         for name, all_rows in rows.items():
-            all_rows += [Row(**values) for values in made[name]]
+            all_rows.extend(made[name])
         print(f"seed {seed}: {told(made['before'])}  ->  {told(made['after'])}", flush=True)
     print(f"\n{args.seeds} labs, {PUSHES} pushes each; mm: median / 95th percentile")
-    print(f"{'':<10}" + "".join(f"{name:>18}" for name in Row.__dataclass_fields__) + f"{'refused':>12}")
+    print(f"{'':<10}" + "".join(f"{name:>18}" for name in NAMES) + f"{'refused':>12}")
     for name, all_rows in rows.items():
-        columns = (np.array([getattr(r, key) for r in all_rows]) for key in Row.__dataclass_fields__)
+        columns = (np.array([r[key] for r in all_rows]) for key in NAMES)
         cells = "".join(f"{np.nanmedian(c):>10.2f} / {np.nanpercentile(c, 95):<5.2f}" for c in columns)
-        print(f"{name:<10}{cells}{sum(np.isnan(r.found_mm) for r in all_rows):>9} of {len(all_rows)}")
+        print(f"{name:<10}{cells}{sum(np.isnan(r['found_mm']) for r in all_rows):>9} of {len(all_rows)}")
 
 
 def told(rows: list[dict[str, float]]) -> str:

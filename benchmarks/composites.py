@@ -15,6 +15,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,9 +26,10 @@ import real_views
 from calib.foreign.sizing import solve_any_size
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
-from perception.errors import ObjectNotFound, TrackingFailed
+from perception.errors import PerceptionError, TrackingFailed
 from perception.geometry import on_plane, project
 from perception.piece import find_piece, track_piece
+from perception.types import ObjectTrack
 
 HALF_M = (0.013, 0.012, 0.010)
 FROM_PX, TO_PX = (90.0, 330.0), (150.0, 338.0)
@@ -242,25 +244,34 @@ def judge(room: Room, effects: Effects, seed: int = 0) -> Result:
     step_px = np.subtract(TO_PX, FROM_PX) / FRAMES
     frames = [composite(room, xy, effects, step_px, i, rng) for i, xy in enumerate(way)]
     area = (start[0] - 0.03, start[0] + 0.03, start[1] - 0.03, start[1] + 0.03)
+    model, X_BC, last_s = room.model, room.X_BC, FRAMES / RATE_HZ
+    return judged(
+        lambda: find_piece(frames[0], model, X_BC, area),
+        lambda found: track_piece(frames[1:], model, X_BC, found, TOOL, lambda _: AWAY, 1 / RATE_HZ, last_s),
+        lambda track: np.array(way[1:]),
+    )
+
+
+def judged(
+    find: Callable[[], Any], follow: Callable[[Any], ObjectTrack], places: Callable[[ObjectTrack], Array]
+) -> Result:
+    """Find something, follow it, and compare with the places (N, 2) where it was."""
     try:
-        found = find_piece(frames[0], room.model, room.X_BC, area)
-    except ObjectNotFound as error:
+        found = find()
+    except PerceptionError as error:
         return Result(0.0, 0.0, 1.0, 0.0, 0.0, (), f"not found: {error}")
     try:
-        track = track_piece(
-            frames[1:], room.model, room.X_BC, found, TOOL, lambda _: AWAY, 1 / RATE_HZ, FRAMES / RATE_HZ
-        )
+        track = follow(found)
     except TrackingFailed as error:
         return Result(0.0, 0.0, 1.0, found.confidence, 0.0, (), f"not tracked: {error}")
-    off_mm = 1e3 * np.linalg.norm(track.state[:, :2] - np.array(way[1:]), axis=1)
-    flags = tuple(flag for flag in track.flags if not flag.startswith(ALWAYS))
+    off_mm = 1e3 * np.linalg.norm(track.state[:, :2] - places(track), axis=1)
     return Result(
         middle_mm=float(np.median(off_mm)),
         worst_mm=float(off_mm.max()),
         lost=float((track.confidence <= 0).mean()),
         found=found.confidence,
         sure=float(np.median(track.confidence)),
-        flags=flags,
+        flags=tuple(flag for flag in track.flags if not flag.startswith(ALWAYS)),
     )
 
 

@@ -17,14 +17,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from composites import Result, tell
+from composites import Result, judged, tell
 
 from adaptsim_cli.devices.trackers import BOTTLE_AREA
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import NO_ARM
 from perception.bottle import find_bottle, track_bottle
 from perception.cylinder import Cylinder
-from perception.errors import PerceptionError, TrackingFailed
 from perception.scan import Mask
 from sim.lab.kinect import default_X_BC, kinect_model
 from sim.tasks.pushing.params import BOTTLE_HEIGHT_M, BOTTLE_RADIUS_M, START_M
@@ -139,26 +138,12 @@ def judge(room: Room, effects: Effects, seed: int = 0) -> Result:
     """Find the bottle, follow it, and compare with where it was."""
     rng = np.random.default_rng(seed)
     first = composite(room, START_M, -1.0, effects, rng)
-    try:
-        found = find_bottle(first, room.model, room.X_BC, BODY, BOTTLE_AREA, START_M, within_m=0.02)
-    except PerceptionError as error:
-        return Result(0.0, 0.0, 1.0, 0.0, 0.0, (), f"not found: {error}")
-    times = np.arange(0.0, LAST_S, 1 / RATE_HZ)
-    frames = [composite(room, place(t), t, effects, rng) for t in times]
-    try:
-        track = track_bottle(
-            frames, room.model, room.X_BC, found, lambda _: NO_ARM, 0.0, START_S + PUSHED_S, BOTTLE_AREA
-        )
-    except TrackingFailed as error:
-        return Result(0.0, 0.0, 1.0, found.confidence, 0.0, (), f"not tracked: {error}")
-    off_mm = 1e3 * np.linalg.norm(track.state[:, :2] - np.array([place(t) for t in track.t_s]), axis=1)
-    return Result(
-        middle_mm=float(np.median(off_mm)),
-        worst_mm=float(off_mm.max()),
-        lost=float((track.confidence <= 0).mean()),
-        found=found.confidence,
-        sure=float(np.median(track.confidence)),
-        flags=track.flags,
+    frames = (composite(room, place(t), t, effects, rng) for t in np.arange(0.0, LAST_S, 1 / RATE_HZ))
+    model, X_BC, end_s = room.model, room.X_BC, START_S + PUSHED_S
+    return judged(
+        lambda: find_bottle(first, model, X_BC, BODY, BOTTLE_AREA, START_M, within_m=0.02),
+        lambda found: track_bottle(list(frames), model, X_BC, found, lambda _: NO_ARM, 0.0, end_s, BOTTLE_AREA),
+        lambda track: np.array([place(t) for t in track.t_s]),
     )
 
 

@@ -24,13 +24,11 @@ from __future__ import annotations
 import argparse
 import errno
 import io
-import json
 import os
 import signal
 import sys
 import tempfile
-from collections import Counter
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -44,6 +42,7 @@ import toy_session
 from cells import cell
 from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, running
 from hard_paths import LOADED, SCENE, smooth
+from kept import Kept
 from own_judge import wrong
 from players import InProcess
 from rich.console import Console
@@ -568,31 +567,27 @@ def completed(home: Path) -> dict[str, bytes]:
     return {str(p.relative_to(root)): p.read_bytes() for record in records for p in sorted(record.parent.iterdir())}
 
 
-def faults(asked: argparse.Namespace) -> Generator[Callable[[], Outcome], Outcome, None]:
-    """The faults of the three campaigns in turn, each with a seed of its own."""
-    kinds = [*((k, 1) for k in IN_MOTION), *((k, -1) for k in BEFORE), *((k, 0) for k in BEFORE if k != "arm: heavier")]
-    kinds += [(k, -1) for k in (*TYPED, *HANDS, *DISKS)]
-    session_kinds = (*SESSION_ERRORS, "session: killed")
-
-    def one(campaign: str, number: int) -> Outcome:
-        rng = np.random.default_rng([asked.seed, CAMPAIGNS.index(campaign), number])
-        with tempfile.TemporaryDirectory() as folder:
-            if campaign == "cameras":
-                return one_camera(CAMERAS[number % len(CAMERAS)], rng)
-            if campaign == "sessions":
-                return one_session(session_kinds[number % len(session_kinds)], rng, Path(folder))
-            kind, when = kinds[number % len(kinds)]
-            at = int(rng.integers(1, 650)) if when > 0 else when
-            return one_motion(kind, at, ("panda", "fr3")[int(rng.integers(2))], rng, Path(folder))
-
-    for campaign in CAMPAIGNS:
-        effective = number = 0
-        while effective < getattr(asked, campaign):
-            outcome = yield partial(one, campaign, number)
-            effective, number = effective + outcome.effective, number + 1
-
-
 CAMPAIGNS = ("cameras", "sessions", "motions")
+MOTIONS = [
+    *((kind, 1) for kind in IN_MOTION),
+    *((kind, -1) for kind in BEFORE),
+    *((kind, 0) for kind in BEFORE if kind != "arm: heavier"),
+    *((kind, -1) for kind in (*TYPED, *HANDS, *DISKS)),
+]
+SESSIONS = (*SESSION_ERRORS, "session: killed")
+
+
+def one(campaign: str, number: int, seed: int) -> dict[str, Any]:
+    """What the fault of that number did: the kinds of a campaign in turn, each with a seed of its own."""
+    rng = np.random.default_rng([seed, CAMPAIGNS.index(campaign), number])
+    with tempfile.TemporaryDirectory() as folder:
+        if campaign == "cameras":
+            return asdict(one_camera(CAMERAS[number % len(CAMERAS)], rng))
+        if campaign == "sessions":
+            return asdict(one_session(SESSIONS[number % len(SESSIONS)], rng, Path(folder)))
+        kind, when = MOTIONS[number % len(MOTIONS)]
+        at = int(rng.integers(1, 650)) if when > 0 else when
+        return asdict(one_motion(kind, at, ("panda", "fr3")[int(rng.integers(2))], rng, Path(folder)))
 
 
 def main() -> int:
@@ -603,31 +598,20 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
-    lines = asked.out.read_text().splitlines() if asked.out and asked.out.exists() else []
-    known, found = [Outcome(**json.loads(line)) for line in lines], list[Outcome]()
-    coming = faults(asked)
-    inject = next(coming, None)
-    while inject is not None:
-        if len(found) < len(known):
-            outcome = known[len(found)]
-        else:
-            outcome = inject()
-            if asked.out:
-                with asked.out.open("a") as out:
-                    out.write(json.dumps(asdict(outcome)) + "\n")
-            if len(found) % 50 == 49:
-                tell([*found, outcome])
-        found.append(outcome)
-        try:
-            inject = coming.send(outcome)
-        except StopIteration:
-            inject = None
+    kept, found = Kept(asked.out), list[Outcome]()
+    for campaign in CAMPAIGNS:
+        effective = number = 0
+        while effective < getattr(asked, campaign):
+            found.append(Outcome(**kept.row(campaign, number, partial(one, campaign, number, asked.seed))))
+            effective, number = effective + found[-1].effective, number + 1
+            if len(found) % 50 == 0:
+                tell(found)
     tell(found)
-    effective, injected = Counter(o.kind for o in found if o.effective), Counter(o.kind for o in found)
-    for kind in injected:
-        slowest = max(o.stop_s for o in found if o.kind == kind)
+    for kind in dict.fromkeys(outcome.kind for outcome in found):
+        mine = [outcome for outcome in found if outcome.kind == kind]
+        slowest = max(outcome.stop_s for outcome in mine)
         rest = f", at rest within {slowest:.3f} s" if slowest else ""
-        sys.stdout.write(f"{kind}: {effective[kind]} of {injected[kind]} effective{rest}\n")
+        sys.stdout.write(f"{kind}: {sum(o.effective for o in mine)} of {len(mine)} effective{rest}\n")
     broken = [f"{one.kind}: {note}" for one in found for note in one.wrong]
     sys.stdout.write("".join(f"WRONG {text}\n" for text in broken))
     return 1 if broken else 0

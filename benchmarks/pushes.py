@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from adaptsim_cli.devices.trackers import BOTTLE_AREA, tracker_of
 from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.kinematics import FLANGE, forward, link_poses
-from hw.types import Array, CameraModel, Execution, Frame
+from hw.types import Array, CameraModel, Execution, Frame, JointPath
+from hw.workcell import Workcell
 from perception.errors import PerceptionError
 from perception.types import Outcome
 from sim.errors import NotExecutable
@@ -39,6 +41,7 @@ from sim.tasks.pushing.params import START_M
 from sim.tasks.pushing.scene import bottle_visual
 from sim.tasks.shared.readings import READ_EVERY_S
 from sim.tasks.shared.shapes import box, table_visual
+from sim.tasks.task import Task
 from sim.types import Visual
 
 WORLDS = ("wd", "ood-2")
@@ -118,22 +121,33 @@ def pushes(count: int, seed: int) -> Iterator[Push]:
     q_home = home(HARDWARE.X_FT, cell)
     for i, name in enumerate(WORLDS):
         wanted = count // len(WORLDS) + (i < count % len(WORLDS))
-        made = 0
         with SimulatedLab(TASK, load_world(name, TASK), seed, cell, home_q_rad=q_home) as lab:
-            for trial in range(1, 1 + TRIES * wanted):
-                if made == wanted:
-                    break
-                context, action = TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0]
-                try:
-                    approach, path, _ = trial_paths(HARDWARE.plan(context, action), HARDWARE.X_FT, cell, q_home)
-                except NotExecutable:
-                    continue
-                lab.bench.place(START_M, trial, 0)
-                lab.arm.execute(approach)
-                execution = lab.arm.execute(path)
-                truth = lab.truth()["trials"][-1]["motions"][-1]
-                made += 1
-                yield Push(execution, np.array(truth["t_s"]) + truth["t_start_s"], np.array(truth["X_BO"]))
+            yield from islice(pushed(lab, cell, rng, TRIES * wanted), wanted)
+
+
+def pushed(lab: SimulatedLab, cell: Workcell, rng: np.random.Generator, tries: int) -> Iterator[Push]:
+    """A push of the bottle at its mark by every executable action of so many random ones."""
+    for trial, _, approach, path in executable(TASK, cell, rng, tries):
+        lab.bench.place(START_M, trial, 0)
+        lab.arm.execute(approach)
+        execution = lab.arm.execute(path)
+        truth = lab.truth()["trials"][-1]["motions"][-1]
+        yield Push(execution, np.array(truth["t_s"]) + truth["t_start_s"], np.array(truth["X_BO"]))
+
+
+def executable(
+    task: Task, cell: Workcell, rng: np.random.Generator, tries: int
+) -> Iterator[tuple[int, Array, JointPath, JointPath]]:
+    """(number from 1, context, approach, path) of those random actions of a task that an arm in `cell` can execute."""
+    hardware = task.require_hardware()
+    q_home = home(hardware.X_FT, cell)
+    for trial in range(1, 1 + tries):
+        context, action = task.context.sample(rng, 1)[0], task.action.sample(rng, 1)[0]
+        try:
+            approach, path, _ = trial_paths(hardware.plan(context, action), hardware.X_FT, cell, q_home)
+        except NotExecutable:
+            continue
+        yield trial, context, approach, path
 
 
 class DepthEye:

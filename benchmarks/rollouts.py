@@ -5,20 +5,22 @@
 Draws parameters, actions and nuisance over their ranges, runs each with the step of training and with a quarter of it
 (same mesh, same contact model), and prints how often the outcome agrees, how far the object's XY lies apart at the
 observed times and at the end, what a rollout costs on one core, and how much more the same rollout costs with a whole
-arm. Both steps take turns at each few draws, so that a busy computer slows both alike. Finished rollouts are kept in
-the cache; a stopped run goes on.
+arm. Both steps take turns, so that a busy computer slows both alike. Finished rollouts are kept in the cache; a stopped
+run goes on.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from kept import Kept
 from scipy.stats import qmc
 
 from hw.types import Array
@@ -27,8 +29,6 @@ from sim.tasks.fingerprint import scene_key
 from sim.tasks.task import Task
 
 FINER = 4
-TURN = 10
-"""Draws that one step runs before the other has its turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,9 @@ def main() -> None:
     task = get_task(arguments.task)
     draws = draw(task, arguments.count)
     step_s = task.require_hardware().time_step_s(None)
-    coarse, fine = measure(task, draws, (step_s, step_s / FINER), Path(arguments.cache) / scene_key(task))
+    coarse, fine = measure(
+        task, draws, (step_s, step_s / FINER), Path(arguments.cache) / f"{task.name}-{scene_key(task)}.jsonl"
+    )
     print(f"{task.name}: {arguments.count} rollouts over the ranges, {1e3 * step_s:g} ms against a quarter of it")
     print(
         "outcome agrees | success (quarter) | XY apart, mm: median of all times, end median / p90, "
@@ -76,35 +78,29 @@ def measure(
     task: Task, draws: Sequence[tuple[Array, Array, Array]], steps_s: Sequence[float], cache: Path
 ) -> list[Measured]:
     """Every draw with each step, from the cache as far as it goes."""
-    cache.mkdir(parents=True, exist_ok=True)
-    files = {step_s: cache / f"{task.name}-{1e6 * step_s:.0f}us.jsonl" for step_s in steps_s}
-    for first in range(0, len(draws), TURN):
-        for step_s, file in files.items():
-            done = len(file.read_text().splitlines()) if file.exists() else 0
-            _add(task, draws[max(done, first) : first + TURN], step_s, file)
-    return [_measured(task, file, len(draws)) for file in files.values()]
+    cache.parent.mkdir(parents=True, exist_ok=True)
+    kept, rows = Kept(cache), [list[dict[str, Any]]() for _ in steps_s]
+    for number, draw in enumerate(draws):
+        for step_s, done in zip(steps_s, rows, strict=True):
+            done.append(kept.row(f"{1e6 * step_s:.0f} us", number, partial(rolled, task, draw, step_s)))
+    return [_measured(task, done) for done in rows]
 
 
-def _add(task: Task, draws: Sequence[tuple[Array, Array, Array]], step_s: float, file: Path) -> None:
-    """Run the draws and add them to a file of the cache."""
-    unmodelled = task.unmodelled(dt_s=step_s)
-    with file.open("a") as out:
-        for parameters, action, nuisance in draws:
-            before_s = time.process_time()
-            track = task.simulate(parameters, task.reference_context, action, nuisance, unmodelled)
-            row = {
-                "cpu_s": time.process_time() - before_s,
-                "outcome": track.outcome.value,
-                "succeeded": float(task.succeeded(track)),
-                "state": track.at(task.observation.times_s).tolist(),
-                "end": track.state[-1].tolist(),
-            }
-            out.write(json.dumps(row) + "\n")
-            out.flush()
+def rolled(task: Task, draw: tuple[Array, Array, Array], step_s: float) -> dict[str, Any]:
+    """One rollout."""
+    parameters, action, nuisance = draw
+    before_s = time.process_time()
+    track = task.simulate(parameters, task.reference_context, action, nuisance, task.unmodelled(dt_s=step_s))
+    return {
+        "cpu_s": time.process_time() - before_s,
+        "outcome": track.outcome.value,
+        "succeeded": float(task.succeeded(track)),
+        "state": track.at(task.observation.times_s).tolist(),
+        "end": track.state[-1].tolist(),
+    }
 
 
-def _measured(task: Task, file: Path, count: int) -> Measured:
-    rows = [json.loads(line) for line in file.read_text().splitlines()[:count]]
+def _measured(task: Task, rows: Sequence[dict[str, Any]]) -> Measured:
     columns = list(task.observation.columns)
     xy_m = np.array([row["state"] for row in rows])[:, :, columns]
     succeeded, end_m, cpu_s = (np.array([row[name] for row in rows]) for name in ("succeeded", "end", "cpu_s"))

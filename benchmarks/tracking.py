@@ -23,12 +23,11 @@ from numpy.typing import NDArray
 from hw.kinematics import forward
 from hw.types import Array, CameraModel, Execution, Frame
 from perception.piece import find_piece, track_piece
-from sim.errors import NotExecutable
 from sim.lab.calibrating import with_extrinsic_error
 from sim.lab.kinect import default_X_BC, kinect_model
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world
-from sim.panda.planning import home, trial_paths
+from sim.panda.planning import home
 from sim.panda.tool import cell_as_shipped
 from sim.render.renderer import Renderer
 from sim.render.sensor import SensorNoise
@@ -73,12 +72,7 @@ def scoops(count: int, seed: int, world: str) -> None:
     exact: list[Result] = []
     nominal: list[Result] = []
     with SimulatedLab(TASK, load_world(world, TASK), seed, cell, home_q_rad=q_home) as lab:
-        for trial in range(1, 1 + TRIES * count):
-            context, action = TASK.context.sample(rng, 1)[0], TASK.action.sample(rng, 1)[0]
-            try:
-                approach, path, _ = trial_paths(HARDWARE.plan(context, action), HARDWARE.X_FT, cell, q_home)
-            except NotExecutable:
-                continue
+        for trial, context, approach, path in pushes.executable(TASK, cell, rng, TRIES * count):
             lab.bench.place(context, trial, 0)
             before = lab.camera.snapshot()
             lab.arm.execute(approach)

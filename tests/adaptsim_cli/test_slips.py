@@ -8,12 +8,12 @@ import os
 import shutil
 import socket
 import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+from lab_session import ADAPTSIM, environment
 from toy_rig import ToyLab, opener
 
 from adaptsim_cli import app
@@ -165,11 +165,9 @@ def test_a_trial_done_again_is_not_lost(
 
 
 def run(home: Path, *line: str, **env: str) -> subprocess.Popen[str]:
-    program = [sys.executable, "-c", "from adaptsim_cli.app import main; main()", *line]
-    known = {name: value for name, value in os.environ.items() if not name.startswith("ADAPTSIM_")}
     return subprocess.Popen(
-        program,
-        env={**known, "ADAPTSIM_HOME": str(home), **env},
+        [*ADAPTSIM, *line],
+        env=environment(home, **env),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

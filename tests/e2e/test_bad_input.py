@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -15,7 +14,7 @@ from typing import Self
 
 import numpy as np
 import pytest
-from lab_session import environment
+from lab_session import ADAPTSIM, environment
 
 from adaptsim_cli import app
 from adaptsim_cli.config import Config
@@ -369,8 +368,7 @@ def test_a_camera_that_was_moved_stops_the_whole_lab_before_the_arm_moves(tmp_pa
         'task = "pushing"\ndescription = "a camera that was pushed aside"\n[params]\nmu = 0.1\ne = 1e5\nmu_p = 0.4\n'
         "y_p = 0.0\n[sensing]\nextrinsic_error_mm = 60.0\n"
     )
-    program = [sys.executable, "-c", "from adaptsim_cli.app import main; main()"]
-    command = [*program, "run-iteration", "--task", "pushing", "--world", str(world), "--yes", "--json"]
+    command = [*ADAPTSIM, "run-iteration", "--task", "pushing", "--world", str(world), "--yes", "--json"]
     for _ in range(2):
         done = subprocess.run(
             command, env=environment(tmp_path / "home"), capture_output=True, text=True, check=False, cwd=tmp_path

@@ -7,11 +7,9 @@ A call of a real arm is executed too: without one it is refused.
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import subprocess
-import sys
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,6 +18,7 @@ import pytest
 import real_views
 import typer
 from documents import PAGES, ROOT, commands, read
+from lab_session import ADAPTSIM, environment
 
 from adaptsim_cli import app
 
@@ -126,11 +125,9 @@ def run(line: str, place: Path) -> str:
         words.append("--yes")  # there is nobody to ask
     if "html" in has and "--html" not in words:
         words += ["--html", "page.html"]  # instead of a server
-    kept = {name: value for name, value in os.environ.items() if not name.startswith("ADAPTSIM_")}
-    lab = {"ADAPTSIM_HOME": str(place / "home"), "ADAPTSIM_WORLD": "ood-1", "OMP_NUM_THREADS": "1", "COLUMNS": "100"}
-    program = [sys.executable, "-c", "from adaptsim_cli.app import main; main()"]
+    lab = environment(place / "home", ADAPTSIM_WORLD="ood-1", COLUMNS="100")
     done = subprocess.run(
-        [*program, *words[1:]], env=kept | lab, cwd=place, stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        [*ADAPTSIM, *words[1:]], env=lab, cwd=place, stdin=subprocess.DEVNULL, capture_output=True, text=True,
         check=False,
     )  # fmt: skip
     extra = next((package for option, package in NEEDS_EXTRA.items() if option in line), "sys")

@@ -8,11 +8,9 @@ shortened: every line of it must be printed, numbers aside; `…` stands for any
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import subprocess
-import sys
 import tempfile
 import tomllib
 from collections.abc import Iterator
@@ -20,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from lab_session import ADAPTSIM, environment
 
 ROOT = Path(__file__).parents[2]
 GUIDE, WORLDS = ROOT / "docs/guide/operators-guide.md", ROOT / "sim/worlds/scooping"
@@ -87,13 +86,12 @@ def pattern(line: str) -> re.Pattern[str]:
 
 
 def run(command: str, place: Path) -> subprocess.CompletedProcess[str]:
-    kept = {name: value for name, value in os.environ.items() if not name.startswith("ADAPTSIM_")}
-    home = {"ADAPTSIM_HOME": str(place / "home"), "COLUMNS": "100", "NO_COLOR": "1", "OMP_NUM_THREADS": "1"}
+    home = environment(place / "home", COLUMNS="100", NO_COLOR="1")
     program, *arguments = shlex.split(command, comments=True)
     assert program == "adaptsim"
-    line = [sys.executable, "-c", "from adaptsim_cli.app import main; main()", *arguments]
+    line = [*ADAPTSIM, *arguments]
     return subprocess.run(
-        line, env=kept | home, cwd=place, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+        line, env=home, cwd=place, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
     )
 
 

@@ -9,7 +9,6 @@ import re
 import select
 import signal
 import struct
-import sys
 import termios
 import time
 from collections.abc import Mapping
@@ -17,11 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from lab_session import environment
+from lab_session import ADAPTSIM, environment
 
 from adaptsim_cli.devices.rig_file.reading import read
 
-COMMAND = [sys.executable, "-c", "from adaptsim_cli.app import main; main()", "setup", "--world", "cucumber"]
+COMMAND = [*ADAPTSIM, "setup", "--world", "cucumber"]
 PATIENCE_S = 600.0
 QUIET_S = 0.5
 """After so long without output a line that ends with a colon is a question, and typing is heard."""
@@ -42,7 +41,7 @@ class Terminal:
         process, screen = pty.fork()
         if process == 0:
             os.chdir(self.folder)
-            os.execve(COMMAND[0], COMMAND, {**environment(self.folder / "home"), "TERM": "xterm-256color"})
+            os.execve(COMMAND[0], COMMAND, environment(self.folder / "home", TERM="xterm-256color"))
         fcntl.ioctl(screen, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
         answered = 0
         while True:

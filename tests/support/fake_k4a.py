@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
@@ -39,6 +40,14 @@ DELAY_S = 0.030  # from the middle of an exposure to its arrival, at least
 PERIOD_S = 1.0 / 30.0
 PADDING = 4  # pixels that follow each row of depth and infrared
 Answer = TypeVar("Answer")
+IMAGES = {f"capture_get_{kind}_image": name for kind, name in
+          (("color", "colour"), ("depth", "depth"), ("ir", "infrared"))}  # fmt: skip
+FACTS = {
+    f"image_get_{fact}": fact.removesuffix("_pixels").removesuffix("_bytes").replace("timestamp_", "")
+    for fact in ("size", "format", "width_pixels", "height_pixels", "stride_bytes", "device_timestamp_usec",
+                 "system_timestamp_nsec", "exposure_usec")
+}  # fmt: skip
+"""Functions of the library that read one field of an image."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +141,18 @@ class FakeK4a:
 
     def _callback(self, name: str) -> Any:
         result, arguments = PROTOTYPES[name]
-        return ctypes.CFUNCTYPE(result, *arguments)(getattr(self, f"_{name.removeprefix('k4a_')}"))
+        short = name.removeprefix("k4a_")
+        answer: Any = getattr(type(self), f"_{short}", None)
+        if answer is not None:
+            answer = partial(answer, self)
+        elif short in IMAGES:
+            answer = partial(self._image_of, name=IMAGES[short])
+        else:
+            answer = partial(self._fact_of, name=FACTS[short])
+        return ctypes.CFUNCTYPE(result, *arguments)(answer)
+
+    def _fact_of(self, image: int, name: str) -> int:
+        return int(getattr(self.handles[image], name))
 
     def _set_debug_message_handler(self, handler: Any, context: Any, level: int) -> int:
         self._handler = handler if handler else None
@@ -245,41 +265,8 @@ class FakeK4a:
         image = self.handles[capture].get(name)
         return None if image is None else self._hand_out(image)
 
-    def _capture_get_color_image(self, capture: int) -> int | None:
-        return self._image_of(capture, "colour")
-
-    def _capture_get_depth_image(self, capture: int) -> int | None:
-        return self._image_of(capture, "depth")
-
-    def _capture_get_ir_image(self, capture: int) -> int | None:
-        return self._image_of(capture, "infrared")
-
     def _image_get_buffer(self, image: int) -> int:
         return ctypes.addressof(self.handles[image].content)
-
-    def _image_get_size(self, image: int) -> int:
-        return int(self.handles[image].size)
-
-    def _image_get_format(self, image: int) -> int:
-        return int(self.handles[image].format)
-
-    def _image_get_width_pixels(self, image: int) -> int:
-        return int(self.handles[image].width)
-
-    def _image_get_height_pixels(self, image: int) -> int:
-        return int(self.handles[image].height)
-
-    def _image_get_stride_bytes(self, image: int) -> int:
-        return int(self.handles[image].stride)
-
-    def _image_get_device_timestamp_usec(self, image: int) -> int:
-        return int(self.handles[image].device_usec)
-
-    def _image_get_system_timestamp_nsec(self, image: int) -> int:
-        return int(self.handles[image].system_nsec)
-
-    def _image_get_exposure_usec(self, image: int) -> int:
-        return int(self.handles[image].exposure_usec)
 
     def _image_get_white_balance(self, image: int) -> int:
         return self.controls[k4a.WHITEBALANCE][1]

@@ -16,7 +16,6 @@ import sys
 import termios
 import threading
 import time
-import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -27,10 +26,10 @@ from fr3_process import Fr3Process, own_host
 from gripper_server import GripperServer
 from lab_session import WORLD, environment
 from real_lab import HANDLE_M, calibration
+from serial_lines import Box, Line
 
 from adaptsim_cli import config
 from adaptsim_cli.wiring import calibration as wiring_calibration
-from hw.serial.pedal_protocol import PERIOD_S, line_for
 from hw.types import Array
 from sim.panda.planning import home
 from sim.panda.tool import cell_as_shipped
@@ -67,59 +66,41 @@ ANSWERS = {
 """What a person who wants to go on types, by how the question ends."""
 
 
-class Pedal(threading.Thread):
+class Pedal(Box):
     """The pedal's box at its end of a serial line; `port` stays the same when it is plugged in again."""
 
     def __init__(self, port: Path) -> None:
-        super().__init__(daemon=True)
         self.port = port
-        self.pressed, self.silent = True, False
-        self._ended, self._ends = threading.Event(), (-1, -1)
-        self._press_in = 0  # lines from now, where the foot was lifted to press again
-        self.plug_in()
+        super().__init__(self._new_line())
+        self.pressed = True
+
+    def _new_line(self) -> Line:
+        line = Line()
+        os.set_blocking(line.device, False)  # what nobody reads is lost, as on a real line
+        self.port.unlink(missing_ok=True)
+        self.port.symlink_to(line.port)
+        return line
 
     def plug_in(self) -> None:
-        device, program = pty.openpty()
-        tty.setraw(device)
-        tty.setraw(program)
-        os.set_blocking(device, False)  # what nobody reads is lost, as on a real line
-        self.port.unlink(missing_ok=True)
-        self.port.symlink_to(os.ttyname(program))
-        self.pressed, self.silent, self._ends = True, False, (device, program)
+        self.pressed, self.silent, self.line = True, False, self._new_line()
 
     def unplug(self) -> None:
-        ends, self._ends = self._ends, (-1, -1)
         self.port.unlink(missing_ok=True)
-        for end in ends:
-            os.close(end)
+        self.line.unplug()
 
     def release(self) -> None:
         self.pressed = False
 
     def press_anew(self) -> None:
         """Lift the foot, then press: what was held before a motion was asked for does not count."""
-        self.pressed, self._press_in = False, LIFTED_LINES
+        self.pressed, self.lifted = False, LIFTED_LINES
 
     def fall_silent(self) -> None:
         self.silent = True
 
-    def run(self) -> None:
-        counter = 0
-        while not self._ended.wait(PERIOD_S):
-            self._press_in = max(0, self._press_in - 1)
-            self.pressed = self.pressed or self._press_in == 1
-            if not self.silent and self._ends[0] >= 0:
-                try:
-                    os.write(self._ends[0], line_for(counter, self.pressed))
-                except OSError:  # pulled out between two looks, or nobody reads
-                    continue
-            counter += 1
-
     def end(self) -> None:
-        self._ended.set()
-        self.join()
-        if self._ends[0] >= 0:
-            self.unplug()
+        self.stop()
+        self.unplug()
 
 
 @dataclass(frozen=True)
@@ -215,7 +196,7 @@ class Command:
             stdin=ours,
             stdout=subprocess.PIPE,
             stderr=ours,
-            env={**environment(drill.home), **wide},
+            env=environment(drill.home, **wide),
             cwd=drill.world.parent,
             pass_fds=[theirs.fileno()],
             start_new_session=True,

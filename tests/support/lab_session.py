@@ -12,6 +12,7 @@ from pathlib import Path
 
 VOLATILE = {"timing_s", "proposal_s", "started", "created", "at", "checksums", "summary_sha256", "sealed"}
 
+ADAPTSIM = (sys.executable, "-c", "from adaptsim_cli.app import main; main()")
 WORLD = """\
 task = "scooping"
 description = "the paper's OOD-2, seen by a small camera"
@@ -26,14 +27,14 @@ camera = "small"
 
 
 def command(world: Path, *more: str) -> list[str]:
-    program = "from adaptsim_cli.app import main; main()"
     run = ["run-iteration", "--task", "scooping", "--world", str(world), "--seed", "0", "--session", "s", "--yes"]
-    return [sys.executable, "-c", program, *run, "--json", *more]
+    return [*ADAPTSIM, *run, "--json", *more]
 
 
-def environment(home: Path) -> dict[str, str]:
+def environment(home: Path, **more: str) -> dict[str, str]:
+    """Of a process that has this home and none of the user's settings."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("ADAPTSIM_")}
-    return {**kept, "ADAPTSIM_HOME": str(home), "OMP_NUM_THREADS": "1"}
+    return {**kept, "ADAPTSIM_HOME": str(home), "OMP_NUM_THREADS": "1", **more}
 
 
 def run(home: Path, world: Path, *more: str) -> subprocess.CompletedProcess[str]:

@@ -8,7 +8,7 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from hw.serial.pedal_protocol import PERIOD_S, line_for
 
@@ -25,10 +25,10 @@ class Line:
         self.port = os.ttyname(self.program)
 
     def unplug(self) -> None:
-        for end in (self.device, self.program):
+        ends, self.device, self.program = (self.device, self.program), -1, -1
+        for end in ends:
             if end >= 0:
                 os.close(end)
-        self.device = self.program = -1
 
 
 @contextmanager
@@ -45,16 +45,20 @@ class Box(threading.Thread):
 
     def __init__(self, line: Line) -> None:
         super().__init__(daemon=True)
-        self._line, self._ended = line, threading.Event()
+        self.line, self._ended = line, threading.Event()
+        self.lifted = 0  # lines from now at which the foot presses again; 0: it does what it does
         self.pressed, self.silent = False, False
         self.last_s = 0.0  # time.monotonic of the last line
 
     def run(self) -> None:
         counter = 0
         while not self._ended.wait(PERIOD_S):
+            self.lifted = max(0, self.lifted - 1)
+            self.pressed = self.pressed or self.lifted == 1
             if not self.silent:
-                os.write(self._line.device, line_for(counter, self.pressed))
-                self.last_s = time.monotonic()
+                with suppress(OSError):  # pulled out between two looks, or nobody reads
+                    os.write(self.line.device, line_for(counter, self.pressed))
+                    self.last_s = time.monotonic()
             counter += 1
 
     def stop(self) -> None:

@@ -21,11 +21,9 @@ import numpy as np
 
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from sim.research.methods.q_policy import tensors_of
-from sim.research.pretraining.acting import EmulatedRolls, fill_library
-from sim.research.pretraining.episodes import Simulator
-from sim.research.pretraining.gate import Gate, learning_gate
+from sim.research.pretraining.episodes import EmulatedRolls, Simulator, fill_library
 from sim.research.pretraining.logs import silent
-from sim.research.pretraining.meta_training import MetaSettings, train_adaptation
+from sim.research.pretraining.meta_training import Gate, MetaSettings, learning_gate, train_adaptation
 from sim.research.pretraining.pipeline import stage_seeds
 from sim.storage.files import read_toml, write_toml
 from sim.tasks import get_task
@@ -69,7 +67,7 @@ def trained(task: Task, shipped: Checkpoint, seed: int, folder: Path) -> dict[st
     simulator = Simulator(shipped.solver, acting, EmulatedRolls(emulator, np.random.default_rng(of_trials)))
     network, curve, _ = train_adaptation(simulator, settings, of_training, "iteration", _quiet, silent)
     gate: Gate = learning_gate(simulator, network, "iteration", of_training + 1, settings.targets)
-    found = {"gate": asdict(gate), "reward": np.round(curve.reward, 4).tolist()}
+    found = {"gate": asdict(gate), "reward": np.round(curve[:, 0], 4).tolist()}
     facts: dict[str, Any] = {"seed": seed, "simulations": shipped.card.simulations}
     facts |= {"emulator": shipped.card.facts()["emulator"], "policy": {"iteration": found}}
     save_checkpoint(task, folder, emulator, tensors_of({"iteration": network}), facts, shipped.prospects)

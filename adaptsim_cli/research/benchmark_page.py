@@ -6,20 +6,20 @@ import csv
 import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from rich.table import Table
 
 from adaptsim_cli.report.svg import Canvas, Scale
+from adaptsim_cli.research.benchmarking import PAGE, Comparison
 from adaptsim_cli.storage import durable
-from sim.research.benchmark.jobs import UDR, Row
+from sim.research.benchmark.jobs import UDR
 from sim.research.benchmark.sessions import UDR_POLICIES
 from sim.research.benchmark.summary import LEAST_GAP, WORSE_BY, Interval, MethodSummary, SetSummary
 
-PAGE, TABLE, DATA = "report.html", "rows.csv", "benchmark.json"
+TABLE, DATA = "rows.csv", "benchmark.json"
 COLUMNS = ("task", "set", "target", "method", "seed", "reward", "ci95_low", "ci95_high", "real_trials", "simulations")
 """Columns of the CSV, before `wall_s`."""
 
@@ -35,41 +35,13 @@ class SetView:
     with_gap: str  # names; empty if there are none, or they are unknown
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """A comparison and its results."""
-
-    folder: Path
-    task_title: str
-    plan: Mapping[str, Any]  # task, conditions, checkpoints
-    targets: tuple[str, ...]
-    seeds: int
-    tabled: bool  # whether trials were looked up in world tables
-    left_out: tuple[tuple[str, str], ...]  # methods missing from these checkpoints, and why
-    rows: tuple[Row, ...]
-    summaries: tuple[SetSummary, ...]
-
-    def as_json(self) -> dict[str, Any]:
-        """The whole comparison, with one row per world, method and seed."""
-        return {
-            "trials": "tables" if self.tabled else "simulated",
-            **self.plan,
-            "targets": list(self.targets),
-            "seeds": self.seeds,
-            "left_out": dict(self.left_out),
-            "rows": [asdict(row) for row in self.rows],
-            "summary": [asdict(summary) for summary in self.summaries],
-            "report": str(self.folder / PAGE),
-        }
-
-
 def write(found: Comparison) -> Path:
     """Write page, CSV and JSON into the folder and return the path of the page. Raises SessionError."""
-    content = json.dumps(found.as_json(), allow_nan=False, indent=1) + "\n"
-    durable.replace_file(found.folder / TABLE, table(found).encode())
-    durable.replace_file(found.folder / DATA, content.encode())
-    durable.replace_file(found.folder / PAGE, render(found).encode())
-    return found.folder / PAGE
+    folder, content = found.asked.folder, json.dumps(found.as_json(), allow_nan=False, indent=1) + "\n"
+    durable.replace_file(folder / TABLE, table(found).encode())
+    durable.replace_file(folder / DATA, content.encode())
+    durable.replace_file(folder / PAGE, render(found).encode())
+    return folder / PAGE
 
 
 def table(found: Comparison) -> str:
@@ -92,7 +64,7 @@ def render(found: Comparison) -> str:
     template = environment.from_string((folder / "benchmark.html.j2").read_text(encoding="utf-8"))
     return template.render(
         found=found,
-        conditions=found.plan["conditions"],
+        plan=found.asked.plan,
         style=(shared / "style.css").read_text(encoding="utf-8"),
         sets=[_view(summary) for summary in found.summaries],
         least_gap=LEAST_GAP,

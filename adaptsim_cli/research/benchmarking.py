@@ -7,30 +7,28 @@ import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen.console import how_to_continue
-from adaptsim_cli.storage.durable import locked, make_folder
+from adaptsim_cli.research.pretraining import StageProgress, working_in
 
 if TYPE_CHECKING:
-    from adaptsim_cli.research.benchmark_page import Comparison
     from sim.adaptation.checkpoint import Checkpoint
     from sim.lab.physics import Physics
     from sim.research.benchmark.jobs import Job, Row
-    from sim.research.benchmark.recorded import RecordedJob
     from sim.research.benchmark.sessions import Conditions
+    from sim.research.benchmark.summary import SetSummary
     from sim.research.benchmark.tables import WorldTable
     from sim.research.benchmark.worlds import BenchmarkWorld
     from sim.rollouts.recorded import RecordedTrials
     from sim.tasks.task import Task
 
-StageProgress = Callable[[str, int, int], None]
-
 FORMAT = 1
 DEFAULT = "default"
+PAGE = "report.html"
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,23 +50,20 @@ class Asked:
     @property
     def plan(self) -> dict[str, Any]:
         """Everything that results depend on, and that may not change while they are gathered."""
-        return {
+        from adaptsim_cli.wiring.recorded.folder import digest
+
+        plan = {
             "format": FORMAT,
             "task": self.task.name,
             "conditions": asdict(self.conditions),
             "checkpoints": [checkpoint.sha256 for _, checkpoint in self.checkpoints],
-            **({"trials": "lab"} if self.in_lab else {"trials": "simulated"} if self.conditions.fresh else {}),
-            **self._recorded_plan,
         }
-
-    @property
-    def _recorded_plan(self) -> dict[str, Any]:
-        from adaptsim_cli.wiring.recorded.folder import digest
-
-        if self.recorded is None:
-            return {}
-        share = self.resolved.config.held_out
-        return {"trials": "recorded", "recorded": digest(self.recorded), "held_out": share}
+        if self.recorded is not None:
+            share = self.resolved.config.held_out
+            return plan | {"trials": "recorded", "recorded": digest(self.recorded), "held_out": share}
+        if self.in_lab or self.conditions.fresh:
+            plan["trials"] = "lab" if self.in_lab else "simulated"
+        return plan
 
     @property
     def folder(self) -> Path:
@@ -78,6 +73,40 @@ class Asked:
         digest = hashlib.sha256(json.dumps(self.plan, sort_keys=True).encode()).hexdigest()[:8]
         name = f"{self.task.name}-budget{self.conditions.budget}-{digest}"
         return (self.resolved.places.benchmarks / name).absolute()
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A comparison and its results."""
+
+    asked: Asked
+    tabled: bool  # whether trials were looked up in world tables
+    rows: tuple[Row, ...]
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """The names of the worlds, or of the recordings."""
+        return tuple(dict.fromkeys(row.target for row in self.rows))
+
+    @cached_property
+    def summaries(self) -> tuple[SetSummary, ...]:
+        """One for each set of worlds."""
+        from sim.research.benchmark.summary import summarise
+
+        return summarise(self.rows)
+
+    def as_json(self) -> dict[str, Any]:
+        """The whole comparison, with one row per world, method and seed."""
+        return {
+            "trials": "tables" if self.tabled else "simulated",
+            **self.asked.plan,
+            "targets": list(self.targets),
+            "seeds": self.asked.seeds,
+            "left_out": dict(self.asked.left_out),
+            "rows": [asdict(row) for row in self.rows],
+            "summary": [asdict(summary) for summary in self.summaries],
+            "report": str(self.asked.folder / PAGE),
+        }
 
 
 def asked(
@@ -100,8 +129,7 @@ def asked(
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.adaptation.methods import METHODS, make_method
     from sim.errors import CheckpointError
-    from sim.research.benchmark.jobs import BEST_ACTION, COMPARED
-    from sim.research.benchmark.recorded import CONTROLS
+    from sim.research.benchmark.jobs import BEST_ACTION, COMPARED, CONTROLS
     from sim.research.benchmark.sessions import Conditions
     from sim.research.benchmark.worlds import targets_of
     from sim.tasks import get_task
@@ -128,56 +156,37 @@ def asked(
     chosen = tuple(name for name in chosen if name not in left_out)
     conditions = Conditions(budget, config.particles, fresh=fresh)
     conditions.iterations(task)
+    found: tuple[BenchmarkWorld, ...] = ()
+    trials = None
     if config.recorded:
         if in_lab or fresh:
             raise UsageError("--recorded: trials are neither simulated nor run in the lab; leave out --lab and --fresh")
         trials = read_recorded(task, Path(config.recorded))
-        rest = tuple(left_out.items())
-        return Asked(resolved, task, (), chosen, conditions, seeds, loaded, out, recorded=trials, left_out=rest)
-    found = targets_of(task, _words(targets))
-    if in_lab:
-        _require_lab(task, found)
+    else:
+        found = targets_of(task, _words(targets))
+        if in_lab:
+            _require_lab(task, found)
     rest = tuple(left_out.items())
-    return Asked(resolved, task, found, chosen, conditions, seeds, loaded, out, in_lab, left_out=rest)
+    return Asked(resolved, task, found, chosen, conditions, seeds, loaded, out, in_lab, trials, rest)
 
 
 def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comparison:
     """Run the missing sessions. Raises DatasetError if a table is missing, SimError, SessionError."""
-    from adaptsim_cli.research.benchmark_page import Comparison
-    from sim.research.benchmark.recorded import run_recorded
     from sim.research.benchmark.run import Results, run_jobs
-    from sim.research.benchmark.summary import summarise
     from sim.rollouts.executors import serial_executor
 
-    tables = [] if asked.recorded else _tables(asked)
-    make_folder(asked.folder)
-    busy = f"another benchmark is running in {asked.folder}: wait for it, or give another --out"
+    tables = _tables(asked)
+    jobs = _jobs(asked, tables) if asked.recorded is None else _recorded_jobs(asked, asked.recorded)
     with (
-        locked(asked.folder, busy),
-        how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
+        working_in(asked.folder, "another benchmark is running in {}: wait for it, or give another --out"),
+        serial_executor() as here,
     ):
         results = Results(asked.folder)
         results.agree(asked.plan)
-
-        def told(done: int, total: int) -> None:
-            progress("sessions", done, total)
-
-        if asked.recorded is None:
-            rows = run_jobs(_jobs(asked, tables), results, executor, told, _runner(asked))
-        else:  # a recording is read once, and its sessions cost little: all run in this process
-            with serial_executor() as here:
-                rows = run_jobs(_recorded_jobs(asked, asked.recorded), results, here, told, run_recorded)
-    return Comparison(
-        folder=asked.folder,
-        task_title=asked.task.title,
-        plan=asked.plan,
-        targets=tuple(dict.fromkeys(row.target for row in rows)),
-        seeds=asked.seeds,
-        tabled=any(table is not None for table in tables),
-        left_out=asked.left_out,
-        rows=tuple(rows),
-        summaries=summarise(rows),
-    )
+        # A recording is read once, and its sessions cost little: all run in this process.
+        crew = executor if asked.recorded is None else here
+        rows = run_jobs(jobs, results, crew, lambda done, total: progress("sessions", done, total), _runner(asked))
+    return Comparison(asked, any(table is not None for table in tables), tuple(rows))
 
 
 def tables_folder(resolved: Resolved) -> Path:
@@ -205,12 +214,7 @@ def make_tables(
     chosen = targets_of(task, _words(targets))
     scenes = _scenes(task, chosen)
     folder, made, total = tables_folder(resolved), list[dict[str, Any]](), len(chosen) * rollouts
-    make_folder(folder)
-    busy = f"another process is making tables in {folder}: wait for it"
-    with (
-        locked(folder, busy),
-        how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
-    ):
+    with working_in(folder, "another process is making tables in {}: wait for it"):
         for i, target in enumerate(chosen):
             place = folder / target.set / target.name
 
@@ -281,39 +285,48 @@ def _scenes(task: Task, targets: Sequence[BenchmarkWorld]) -> dict[Physics, str]
 def _jobs(asked: Asked, tables: Sequence[WorldTable | None]) -> list[Job]:
     """The jobs world by world, so that partial results are complete worlds."""
     from sim.research.benchmark.jobs import Job
+    from sim.research.benchmark.tables import world_digest
 
+    answers = [
+        world_digest(asked.task, target.world) if table is None else table.digest
+        for target, table in zip(asked.targets, tables, strict=True)
+    ]
     return [
         Job(
             task=asked.task.name,
             checkpoint=_found_again(*asked.checkpoints[seed % len(asked.checkpoints)]),
             set=target.set,
-            world=target.world,
-            table=table,
+            target=target.name,
+            answers=answer,
             method=method,
             seed=seed,
             conditions=asked.conditions,
+            world=target.world,
+            table=table,
         )
-        for target, table in zip(asked.targets, tables, strict=True)
+        for target, table, answer in zip(asked.targets, tables, answers, strict=True)
         for method in asked.methods
         for seed in range(asked.seeds)
     ]
 
 
-def _recorded_jobs(asked: Asked, trials: RecordedTrials) -> list[RecordedJob]:
+def _recorded_jobs(asked: Asked, trials: RecordedTrials) -> list[Job]:
     from adaptsim_cli.wiring.recorded.folder import digest
-    from sim.research.benchmark.recorded import RecordedJob
+    from sim.research.benchmark.jobs import Job
 
     config, answers = asked.resolved.config, digest(trials)[:16]
     return [
-        RecordedJob(
-            checkpoint=asked.checkpoints[seed % len(asked.checkpoints)][1],
-            trials=trials,
-            answers=f"{answers}-{config.held_out:g}",
+        Job(
+            task=asked.task.name,
+            checkpoint=_found_again(*asked.checkpoints[seed % len(asked.checkpoints)]),
+            set="recorded",
             target=Path(config.recorded).absolute().name,
-            held_out=config.held_out,
+            answers=f"{answers}-{config.held_out:g}",
             method=method,
             seed=seed,
             conditions=asked.conditions,
+            recorded=trials,
+            held_out=config.held_out,
         )
         for method in asked.methods
         for seed in range(asked.seeds)

@@ -114,9 +114,9 @@ def run_in_lab(job: Job) -> Row:
 @contextmanager
 def in_lab(job: Job) -> Iterator[InLab]:
     """The place of a job's trials."""
-    task, world = get_task(job.task), job.world
-    assert job.table is not None, "only a task without hardware has no table"
-    with rig_in_lab(task, world, job.seed) as (_, rig):
+    task = get_task(job.task)
+    assert job.world is not None and job.table is not None, "only a task without hardware has no table"
+    with rig_in_lab(task, job.world, job.seed) as (_, rig):
         yield InLab(rig, Tabled(task, job.table), executable_on(rig.hardware, rig.planner))
 
 

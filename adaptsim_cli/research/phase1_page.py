@@ -14,11 +14,10 @@ import numpy as np
 
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.research.pretraining.evaluation import LEAST_GAP
-from sim.research.pretraining.gate import GATE_TARGETS
-from sim.research.pretraining.verification.emulator import EmulatorHeldOut
+from sim.research.pretraining.meta_training import GATE_TARGETS
 from sim.research.pretraining.verification.policies import Pairs
 from sim.research.pretraining.verification.statistics import RankCorrelation
-from sim.research.pretraining.verification.verify import Verification
+from sim.research.pretraining.verification.verify import EmulatorHeldOut, Verification
 from sim.storage.files import whole_file
 from sim.tasks import TASKS
 from sim.tasks.task import Task

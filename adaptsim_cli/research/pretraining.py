@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -19,6 +19,9 @@ from adaptsim_cli.wiring.settings import SOLVERS, checkpoint_of, task_of
 
 if TYPE_CHECKING:
     from sim.research.pretraining.pipeline import PretrainBudget, Wanted
+
+StageProgress = Callable[[str, int, int], None]
+"""(stage, done, total)"""
 
 ROLLOUTS, QUICK = 240, 96
 """True rollouts of a verification: half a minute of one core, and about ten seconds."""
@@ -66,7 +69,7 @@ def pretrain(
     targets: str,
     sizes: Sizes,
     executor: Executor,
-    progress: Callable[[str, int, int], None],
+    progress: StageProgress,
     wanted: Wanted,
 ) -> Path:
     """Run Phase 1 with the settings' task, solver and seed; return the checkpoint's folder. Resumes a run in `out`.
@@ -97,17 +100,11 @@ def pretrain(
     )
     parts = (task.name, *(part for part in unusual if part), f"seed{config.seed}")
     folder = (out or resolved.places.pretraining / "-".join(parts)).absolute()
-    make_folder(folder)
-    with (
-        locked(folder, f"another pretraining is running in {folder}: wait for it, or give another --out"),
-        how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
-    ):
+    with working_in(folder, "another pretraining is running in {}: wait for it, or give another --out"):
         return pretrain(task, folder, chosen, config.seed, executor, progress, solver, wanted)
 
 
-def object_ready(
-    resolved: Resolved, config: Config, rollouts: int | None, progress: Callable[[str, int, int], None]
-) -> dict[str, Any]:
+def object_ready(resolved: Resolved, config: Config, rollouts: int | None, progress: StageProgress) -> dict[str, Any]:
     """Make the checkpoint of the settings' object; what `adaptsim object` says of it, for JSON.
 
     Raises SimError, SessionError.
@@ -118,10 +115,8 @@ def object_ready(
 
     task, usual = task_of(config), get_task(config.task)
     folder = (resolved.places.pretraining / f"{task.name}-{Path(config.object).stem}-object").absolute()
-    make_folder(folder)
     with (
-        locked(folder, f"another command works on this object in {folder}: wait for it"),
-        how_to_continue("Simulated rollouts are kept: the same command continues", "interrupted"),
+        working_in(folder, "another command works on this object in {}: wait for it"),
         open_executor(config, "processes", "") as crew,
     ):
         path, found = make_ready(task, load_checkpoint(usual), folder, config.seed, crew, progress, rollouts)
@@ -132,6 +127,20 @@ def object_ready(
         "held_out": None if found is None else asdict(found),
         "parameters": told["parameters"],
     }
+
+
+@contextmanager
+def working_in(folder: Path, busy: str) -> Iterator[None]:
+    """Inside, this process alone writes into `folder`; an interruption says how to continue.
+
+    Raises SessionError with the sentence `busy`, which holds {} for the folder, if another process is there.
+    """
+    make_folder(folder)
+    with (
+        locked(folder, busy.format(folder)),
+        how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
+    ):
+        yield
 
 
 def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextManager[Executor]:

@@ -58,9 +58,7 @@ class Hindsight:
 
     @cached_property
     def _of_udr(self) -> tuple[SolvedPolicy, ...]:
-        from sim.adaptation.posterior import policies_of_udr
-
-        return policies_of_udr(self.checkpoint)
+        return _of_udr(self.checkpoint)
 
     def posterior(self, store: SessionStore, iterations: int | None = None) -> Posterior:
         """The posterior after `iterations` iterations; by default after all trials. Raises SessionError."""
@@ -71,7 +69,8 @@ class Hindsight:
 
     def judge(self, store: SessionStore) -> Judgement:
         """The judgement that a report shows. Raises SessionError without trials."""
-        from sim.adaptation.posterior import policies_of, posterior_after_each, prospect
+        from sim.adaptation.posterior import posterior_after_each, prospect
+        from sim.solvers.solver import policy_for
 
         checkpoint, trials = self.checkpoint, trials_of(store)
         if not trials:
@@ -87,7 +86,7 @@ class Hindsight:
         return Judgement(
             posteriors=posteriors,
             predictions=self._predictions(trials, known),
-            first=expected(policies_of(checkpoint, particles_of(store, 0))),
+            first=expected([policy_for(checkpoint.solver, one.samples) for one in particles_of(store, 0)]),
             adapted=expected([self._final(store, history[: results[-1].iteration])]) if results else None,
             udr=expected(self._of_udr),
             unit=_unit(checkpoint.solver.task),
@@ -108,7 +107,7 @@ class Hindsight:
         """The scores by the recordings that the session never saw. Raises RecordingsRefused."""
         from sim.adaptation.judging import final_policy
         from sim.adaptation.methods import make_method
-        from sim.adaptation.posterior import policies_of_udr, predicted
+        from sim.adaptation.posterior import predicted
 
         facts, recordings = store.facts, recordings_of(self.checkpoint, store.facts)
         held, known = recordings.held_out, recordings.of_held_out
@@ -138,7 +137,7 @@ class Hindsight:
             trials=len(held),
             contexts=JUDGED,
             final=earned([final]),
-            udr=earned(policies_of_udr(known)),
+            udr=earned(_of_udr(known)),
             best=float(np.mean(best)),
             before=error(posteriors[0]),
             after=error(posteriors[-1]),
@@ -161,6 +160,13 @@ class Hindsight:
             trial.trial: Prediction(seen.times_s, seen.columns, expected[0], expected[1:])
             for trial, expected in zip(trials, states, strict=True)
         }
+
+
+def _of_udr(checkpoint: Checkpoint) -> tuple[SolvedPolicy, ...]:
+    """Policies for all of Omega; always the same."""
+    from sim.adaptation.methods.udr import udr_policies
+
+    return udr_policies(checkpoint.solver, np.random.default_rng(0))
 
 
 def believed(stores: Sequence[SessionStore]) -> tuple[ParameterBelief, ...]:

@@ -236,6 +236,17 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     )
 
 
+def prospects_of(method: str, task: Task, checkpoint: Checkpoint | None) -> RewardTable:
+    """The prospects that `method` needs. Raises CheckpointError if there are none."""
+    if checkpoint is None or checkpoint.prospects is None:
+        why = "there is none" if checkpoint is None else f"{checkpoint.path} holds no prospects"
+        raise CheckpointError(
+            f"{method} needs the prospects of the emulator or of an exact task, and {why}: make a checkpoint with "
+            f"`adaptsim pretrain --task {task.name}`"
+        )
+    return checkpoint.prospects
+
+
 def add_self_test(folder: Path) -> bool:
     """Write the self-test into the card of a checkpoint made without one; False if it has no emulator.
 

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 from sim.adaptation.checkpoint import Checkpoint
-from sim.adaptation.method import Iteration, Particle
+from sim.adaptation.method import Iteration
 from sim.adaptation.methods.belief import Belief
-from sim.adaptation.methods.udr import udr_policies
-from sim.solvers.solver import Expectations, SolvedPolicy, policy_for
+from sim.solvers.solver import Expectations, SolvedPolicy
 from sim.types import Space
 
 TARGETS, CONTEXTS = 128, 8
@@ -112,16 +111,6 @@ def prospect(
     rewards = np.mean([_earned(solver, targets, contexts, policy, drawn) for policy in policies], axis=0)
     low, high = np.quantile(rewards, (0.025, 0.975))
     return RewardEstimate(float(rewards.mean()), float(low), float(high))
-
-
-def policies_of(checkpoint: Checkpoint, particles: Sequence[Particle]) -> tuple[SolvedPolicy, ...]:
-    """The simulator's task policy of each particle."""
-    return tuple(policy_for(checkpoint.solver, particle.samples) for particle in particles)
-
-
-def policies_of_udr(checkpoint: Checkpoint) -> tuple[SolvedPolicy, ...]:
-    """Policies for all of Omega; always the same."""
-    return udr_policies(checkpoint.solver, np.random.default_rng(0))
 
 
 def _earned(expectations: Expectations, targets: Array, contexts: Array, policy: SolvedPolicy, seed: int) -> Array:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
+from sim.adaptation.method import Particle
 from sim.errors import CheckpointError
 from sim.rollouts.draws import cover
 from sim.solvers.solver import Solver
@@ -21,6 +22,12 @@ from sim.tasks.task import Task
 
 UNSURE = 0.1
 """Share of the original truths that stay in prospects weighed by another session: its object may differ."""
+
+APART = 0.15
+"""Least distance between the particles of an iteration, in fractions of the ranges."""
+
+OPTIMISM = 1.0
+"""Optimism of exploring particles, in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +47,20 @@ class RewardTable:
     candidates: Array  # (C, p) in Omega, in units
     truths: Array  # (T, p) in Omega and its margin, in units
     rewards: Array  # (C, T)
+
+    def nearest(self, task: Task, particle: Particle) -> int:
+        """The candidate nearest to a particle, in fractions of the ranges."""
+        gaps = task.parameters.normalise(self.candidates) - task.parameters.normalise(particle.mean)
+        return int(np.linalg.norm(gaps, axis=1).argmin())
+
+    def spread_out(self, task: Task, mean: Array, std: Array, n: int) -> tuple[Particle, ...]:
+        """The candidate with the highest mean reward (C,), and others, `APART` from each other, that may earn more."""
+        unit = task.parameters.normalise(self.candidates)
+        chosen = [int(np.argmax(mean))]
+        while len(chosen) < n:
+            gaps = np.linalg.norm(unit[:, None] - unit[chosen][None], axis=-1).min(axis=1)
+            chosen.append(int(np.argmax(np.where(gaps < APART, -np.inf, mean + OPTIMISM * std))))
+        return tuple(Particle(self.candidates[i][None]) for i in chosen)
 
     @property
     def tensors(self) -> dict[str, NDArray[Any]]:

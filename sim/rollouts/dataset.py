@@ -10,9 +10,9 @@ rows come from further along the same sequence, are chosen with the help of the 
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from functools import reduce
 from pathlib import Path
 from typing import Any
@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from hw.types import Array
 from sim.errors import DatasetError
 from sim.rollouts.draws import at_reference, sobol
-from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many, run_parts
-from sim.rollouts.shards import columns_digest, read_manifest, read_rollouts, write_rollouts
+from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
+from sim.rollouts.shards import columns_digest, read_manifest, read_rollouts, simulate_missing, split
 from sim.storage.files import whole_file, write_toml
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
@@ -47,20 +47,26 @@ FLOOR = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Rollouts at the task's reference context. All arrays are read-only, in units."""
+    """Rollouts at the task's reference context, without camera noise; parameters lie over the task's margin, actions
+    over their space and the noise around it.
+    """
 
-    parameters: Array  # (N, p) over the task's margin
-    action: Array  # (N, a) executed: over the action space and the noise around it
-    nuisance: Array  # (N, n)
-    observation: Array  # (N, size) normalised, without camera noise
-    end_state: Array  # (N, k); nan: no end state
-    succeeded: NDArray[np.bool_]  # (N,)
-    outcome: NDArray[np.int8]  # (N,) position in sim.rollouts.run.OUTCOMES
+    requests: Requests
+    rollouts: Rollouts
     uniform: int  # how many of the first ones fill the space evenly; the others are denser somewhere
-    identity: str  # hash of all of the above
 
     def __len__(self) -> int:
-        return len(self.succeeded)
+        return len(self.rollouts)
+
+    @property
+    def identity(self) -> str:
+        """A hash of everything but the context."""
+        columns = {name: getattr(self.requests, name) for name in ("parameters", "action", "nuisance")}
+        return columns_digest(columns | {f.name: getattr(self.rollouts, f.name) for f in fields(Rollouts)})[:16]
+
+    def select(self, rows: NDArray[np.intp]) -> tuple[Requests, Rollouts]:
+        """Some of them."""
+        return self.requests[rows], self.rollouts[rows]
 
 
 @dataclass(frozen=True)
@@ -110,26 +116,18 @@ def build_dataset(
     Raises DatasetError if the folder holds a dataset of another task, seed or scene.
     """
     more = 0 if denser is None else denser.count
-    _agree_on_manifest(task, folder, _Sizes(size, more), seed, executor)
+    _agree_on_manifest(task, folder, size, more, seed, executor)
 
     def simulate(requests: Requests, kind: str, before: int) -> Rollouts:
-        shards = dict(_shards(folder, requests, kind))
-        there = {path: read_rollouts(path, part) for path, part in shards.items()}
-        missing = {path: part for path, part in shards.items() if there[path] is None}
-        before += len(requests) - sum(map(len, missing.values()))
         show = _offset(progress, before, size + more)
-        show(0, 0)
-        for path, rollouts in zip(missing, run_parts(task, list(missing.values()), executor, show), strict=True):
-            write_rollouts(path, missing[path], rollouts)
-            there[path] = rollouts
-        return concatenate(rollouts for rollouts in there.values() if rollouts is not None)
+        return simulate_missing(task, _shards(folder, requests, kind), executor, show)
 
     requests = dataset_requests(task, seed, size)
     results = simulate(requests, "shard", 0)
     if denser is not None:
         pool = _pool(task, seed, size, more)
         if not (folder / DENSER).exists():
-            variance = denser.variance(_joined(requests, results, size), pool)
+            variance = denser.variance(Dataset(requests, results, size), pool)
             rows = choose(variance, more, np.random.default_rng([seed, size]))
             with whole_file(folder / DENSER) as temporary, temporary.open("wb") as file:
                 np.savez(file, rows=rows)
@@ -142,16 +140,8 @@ def _pool(task: Task, seed: int, size: int, count: int) -> Requests:
     return dataset_requests(task, seed, size + POOL * count)[size:]
 
 
-def _joined(requests: Requests, results: Rollouts, uniform: int) -> Dataset:
-    """The rollouts as a dataset: `uniform` ones, then denser ones."""
-    columns = {name: getattr(requests, name) for name in ("parameters", "action", "nuisance")}
-    columns |= {f.name: getattr(results, f.name) for f in fields(Rollouts)}
-    return Dataset(**columns, uniform=uniform, identity=columns_digest(columns)[:16])
-
-
-def _shards(folder: Path, requests: Requests, kind: str) -> Iterator[tuple[Path, Requests]]:
-    for start in range(0, len(requests), SHARD):
-        yield folder / f"{kind}-{start // SHARD:05d}.npz", requests[start : start + SHARD]
+def _shards(folder: Path, requests: Requests, kind: str) -> dict[Path, Requests]:
+    return split(requests, SHARD, lambda number: folder / f"{kind}-{number:05d}.npz")
 
 
 def _read_rows(path: Path, count: int, pool: int) -> NDArray[np.int64]:
@@ -175,19 +165,18 @@ def load_dataset(folder: Path, task: Task) -> Dataset:
             f"the dataset in {folder} was made for {manifest['task']} with other ranges "
             f"({manifest['interface']}, now {fingerprint(task)}): build one in a new folder"
         )
-    sizes, seed = _Sizes.of(manifest), int(manifest["seed"])
-    parts = [(dataset_requests(task, seed, sizes.size), "shard")]
-    if sizes.denser > 0:
-        pool = _pool(task, seed, sizes.size, sizes.denser)
-        parts.append((pool[_read_rows(folder / DENSER, sizes.denser, len(pool))], "denser"))
+    size, more, seed = (int(manifest[key]) for key in ("size", "denser", "seed"))
+    parts = [(dataset_requests(task, seed, size), "shard")]
+    if more > 0:
+        pool = _pool(task, seed, size, more)
+        parts.append((pool[_read_rows(folder / DENSER, more, len(pool))], "denser"))
     requests = reduce(Requests.followed_by, (part for part, _ in parts))
-    results = concatenate(_loaded(folder, part, kind) for part, kind in parts)
-    return _joined(requests, results, sizes.size)
+    return Dataset(requests, concatenate(_loaded(folder, part, kind) for part, kind in parts), size)
 
 
 def _loaded(folder: Path, requests: Requests, kind: str) -> Rollouts:
     parts = []
-    for path, part in _shards(folder, requests, kind):
+    for path, part in _shards(folder, requests, kind).items():
         rows = read_rollouts(path, part)
         if rows is None:
             raise DatasetError(
@@ -198,20 +187,7 @@ def _loaded(folder: Path, requests: Requests, kind: str) -> Rollouts:
     return concatenate(parts)
 
 
-@dataclass(frozen=True)
-class _Sizes:
-    """Rollouts of each part."""
-
-    size: int
-    denser: int
-
-    @classmethod
-    def of(cls, manifest: Mapping[str, Any]) -> _Sizes:
-        """The sizes in a manifest."""
-        return cls(int(manifest["size"]), int(manifest["denser"]))
-
-
-def _agree_on_manifest(task: Task, folder: Path, sizes: _Sizes, seed: int, executor: Executor) -> None:
+def _agree_on_manifest(task: Task, folder: Path, size: int, more: int, seed: int, executor: Executor) -> None:
     """Write the manifest of a new dataset; compare an old one with the request and with the scene."""
     probe = run_many(task, _probe_requests(task), executor).observation
     manifest = _read_manifest(folder)
@@ -227,13 +203,13 @@ def _agree_on_manifest(task: Task, folder: Path, sizes: _Sizes, seed: int, execu
                 f"the scene of {task.name} has changed since the dataset in {folder} was begun (its probe rollouts end "
                 "differently): use a new folder"
             )
-        have = _Sizes.of(manifest)
-        if (folder / DENSER).exists() and have != sizes:
+        have = int(manifest["size"]), int(manifest["denser"])
+        if (folder / DENSER).exists() and have != (size, more):
             raise DatasetError(
-                f"the dataset in {folder} has {have.size} rollouts and {have.denser} chosen by those; wanted "
-                f"{sizes.size} and {sizes.denser}: use a new folder"
+                f"the dataset in {folder} has {have[0]} rollouts and {have[1]} chosen by those; wanted "
+                f"{size} and {more}: use a new folder"
             )
-    made = {"task": task.name, "interface": fingerprint(task), "seed": seed, **asdict(sizes)}
+    made = {"task": task.name, "interface": fingerprint(task), "seed": seed, "size": size, "denser": more}
     write_toml(folder / MANIFEST, {**made, "probe": probe.tolist()})
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -15,7 +15,7 @@ import numpy as np
 
 from hw.bounded import Unreadable
 from sim.errors import DatasetError
-from sim.rollouts.run import Requests, Rollouts, run_many
+from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many, run_parts
 from sim.storage.files import read_toml, whole_file
 from sim.tasks.fingerprint import scene_key
 from sim.tasks.task import Task
@@ -81,6 +81,28 @@ def read_shard(path: Path) -> tuple[Requests, Rollouts] | None:
         return None
     requests, results = ({name: columns[name] for name in names} for names in (_REQUEST_FIELDS, _RESULT_FIELDS))
     return Requests(**requests), Rollouts(**results)
+
+
+def split(requests: Requests, size: int, path_of: Callable[[int], Path]) -> dict[Path, Requests]:
+    """The requests as shards of at most `size`, by the paths that their numbers have."""
+    return {path_of(start // size): requests[start : start + size] for start in range(0, len(requests), size)}
+
+
+def simulate_missing(task: Task, shards: Mapping[Path, Requests], executor: Executor, progress: Progress) -> Rollouts:
+    """All rollouts of `shards`, in their order; missing and damaged ones are simulated and stored.
+
+    `progress` counts the stored ones too. Raises as `run_parts`.
+    """
+    there = {path: read_rollouts(path, part) for path, part in shards.items()}
+    missing = {path: part for path, part in shards.items() if there[path] is None}
+    total = sum(map(len, shards.values()))
+    stored = total - sum(map(len, missing.values()))
+    progress(stored, total)
+    simulated = run_parts(task, list(missing.values()), executor, lambda done, _: progress(stored + done, total))
+    for path, rollouts in zip(missing, simulated, strict=True):
+        write_rollouts(path, missing[path], rollouts)
+        there[path] = rollouts
+    return concatenate(rollouts for rollouts in there.values() if rollouts is not None)
 
 
 def stored_count(path: Path) -> int:

@@ -29,7 +29,7 @@ from sim.adaptation.reality import Simulators
 from sim.adaptation.reward_table import RewardTable
 from sim.research.benchmark.sessions import Conditions, judge, judged_contexts, run_iterations, udr_policies
 from sim.research.benchmark.trial_sources import FromRecordings
-from sim.research.methods.random_search import RandomSearch
+from sim.research.methods.search import RandomSearch
 from sim.rollouts.draws import cover
 from sim.rollouts.recorded import RecordedTrials
 from sim.rollouts.run import Requests, observed
@@ -138,7 +138,7 @@ class Split:
 
 
 def _bo(half: Half) -> Method:
-    from sim.research.methods.bo import BayesianOptimisation  # noqa: PLC0415 - torch, an extra
+    from sim.research.methods.search import BayesianOptimisation  # noqa: PLC0415 - torch, an extra
 
     return BayesianOptimisation(TASK)
 

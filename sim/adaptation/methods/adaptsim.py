@@ -16,35 +16,26 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.checkpoint import Checkpoint, prospects_of
 from sim.adaptation.expected_gain import CAUTION, outlook
 from sim.adaptation.method import Best, ExpectedGain, Iteration, Particle
 from sim.adaptation.reality import Reality, RealityPolicy, Simulators
-from sim.errors import CheckpointError
+from sim.adaptation.reward_table import OPTIMISM
 from sim.solvers.solver import Executable, SolvedPolicy, policy_for
 from sim.tasks.task import Task
 
-OPTIMISM, FADES_OVER = 1.0, 4
-"""Optimism of exploring particles in the first iteration, in standard deviations, and the number of iterations until it
-is 0.
-"""
+FADES_OVER = 4
+"""Number of iterations until exploring particles have no more optimism."""
 
 DESPERATE = 0.5
 """Optimism of the first particle while every trial has failed."""
 
-APART = 0.15
-"""Least distance between the E of an iteration, in fractions of their ranges."""
-
 
 def create(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
     """The method's entry in `METHODS`. Raises CheckpointError if the checkpoint cannot predict."""
-    if checkpoint is None or checkpoint.prospects is None or checkpoint.naf:
-        why = "there is none" if checkpoint is None else f"{checkpoint.path} holds no emulator with prospects"
-        raise CheckpointError(
-            f"adaptsim needs a checkpoint of the emulator or of an exact task, and {why}: make one with "
-            f"`adaptsim pretrain --task {task.name}`"
-        )
-    return AdaptSim(Simulators(checkpoint.solver, checkpoint.prospects))
+    prospects = prospects_of("adaptsim", task, checkpoint)
+    assert checkpoint is not None  # it holds the prospects
+    return AdaptSim(Simulators(checkpoint.solver, prospects))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,12 +90,7 @@ class AdaptSim:
         earned = prospects.rewards[:, : len(weights)]
         mean = earned @ weights
         std = np.sqrt(np.maximum((earned - mean[:, None]) ** 2 @ weights, 0.0))
-        unit = self.simulators.task.parameters.normalise(prospects.candidates)
-        chosen = [int(np.argmax(mean))]
-        while len(chosen) < n:
-            gaps = np.linalg.norm(unit[:, None] - unit[chosen][None], axis=-1).min(axis=1)
-            chosen.append(int(np.argmax(np.where(gaps < APART, -np.inf, mean + OPTIMISM * std))))
-        return tuple(Particle(prospects.candidates[i][None]) for i in chosen)
+        return prospects.spread_out(self.simulators.task, mean, std, n)
 
 
 def outlook_after(reality: Reality, for_e: SolvedPolicy, iterations: int, particles: int) -> ExpectedGain:

@@ -20,10 +20,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.checkpoint import Checkpoint, prospects_of
 from sim.adaptation.method import Iteration, Particle, Trial
 from sim.adaptation.reward_table import RewardTable
-from sim.errors import CheckpointError
 from sim.rollouts.draws import Disturbances, varies
 from sim.solvers.misfit import log_likelihood, squares
 from sim.solvers.solver import Expectations
@@ -37,30 +36,12 @@ LEVEL_STD, REALITY_STD, LENGTH = 0.1, 0.15, 0.3
 length `LENGTH`, in fractions of the ranges.
 """
 
-APART = 0.15
-"""Least distance between the particles of an iteration, in the same unit."""
-
-OPTIMISM = 1.0
-"""Optimism of exploring particles, in standard deviations."""
-
 
 def create(task: Task, checkpoint: Checkpoint | None) -> Belief:
     """The method's entry in `METHODS`. Raises CheckpointError if the checkpoint has no parts for inference."""
-    if checkpoint is None or checkpoint.prospects is None:
-        why = "there is none" if checkpoint is None else f"{checkpoint.path} holds no prospects"
-        raise CheckpointError(
-            f"adaptsim-belief needs a checkpoint of the emulator or of an exact task, and {why}: make one with "
-            f"`adaptsim pretrain --task {task.name}`"
-        )
-    return Belief(checkpoint.solver, checkpoint.prospects)
-
-
-@dataclass(frozen=True, eq=False)
-class CandidateRewards:
-    """The expected reward of each candidate E on the real target."""
-
-    mean: Array  # (C,)
-    std: Array  # (C,)
+    prospects = prospects_of("adaptsim-belief", task, checkpoint)
+    assert checkpoint is not None  # it holds the prospects
+    return Belief(checkpoint.solver, prospects)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,35 +74,28 @@ class Belief:
             found.append(np.asarray(likely / likely.sum()))
         return found
 
-    def estimate(self, history: Sequence[Iteration]) -> CandidateRewards:
-        """The estimate for all candidates: Rasmussen & Williams 2006, eq.
-
-        2.25, with the prospects as mean and covariance.
+    def estimate(self, history: Sequence[Iteration]) -> tuple[Array, Array]:
+        """(C,) mean and (C,) standard deviation of the real reward of each candidate E: Rasmussen & Williams 2006,
+        eq. 2.25, with the prospects as mean and covariance.
         """
         weights, earned = self.weights(history), self.prospects.rewards
-        mean = earned @ weights
+        task, mean = self.expectations.task, earned @ weights
         off = earned - mean[:, None]
         tried = [(seen.particle, [t.reward for t in seen.trials]) for it in history for seen in it if seen.trials]
-        at = np.array([self._nearest(particle) for particle, _ in tried], dtype=np.intp)
-        unit = self._unit
+        at = np.array([self.prospects.nearest(task, particle) for particle, _ in tried], dtype=np.intp)
+        unit = task.parameters.normalise(self.prospects.candidates)
         squared = ((unit[:, None] - unit[at][None]) ** 2).sum(axis=-1)
         shared = (off * weights) @ off[at].T + LEVEL_STD**2 + REALITY_STD**2 * np.exp(-0.5 * squared / LENGTH**2)
         variance = (off**2) @ weights + LEVEL_STD**2 + REALITY_STD**2
         if tried:
-            noise = self.expectations.task.adaptation.trial_std**2 / np.array([len(r) for _, r in tried])
+            noise = task.adaptation.trial_std**2 / np.array([len(r) for _, r in tried])
             gain = np.linalg.solve(shared[at] + np.diag(noise), shared.T).T
             mean = mean + gain @ (np.array([np.mean(r) for _, r in tried]) - mean[at])
             variance = variance - (gain * shared).sum(axis=1)
-        return CandidateRewards(mean, np.sqrt(np.maximum(variance, 0.0)))
+        return mean, np.sqrt(np.maximum(variance, 0.0))
 
     def _best(self, history: Sequence[Iteration], n: int) -> tuple[Particle, ...]:
-        expected, unit = self.estimate(history), self._unit
-        chosen = [int(np.argmax(expected.mean))]
-        while len(chosen) < n:
-            gaps = np.linalg.norm(unit[:, None] - unit[chosen][None], axis=-1).min(axis=1)
-            hoped = np.where(gaps < APART, -np.inf, expected.mean + OPTIMISM * expected.std)
-            chosen.append(int(np.argmax(hoped)))
-        return tuple(Particle(self.prospects.candidates[i][None]) for i in chosen)
+        return self.prospects.spread_out(self.expectations.task, *self.estimate(history), n)
 
     def _log_likelihood(self, trial: Trial) -> Array:
         """(T,) log-likelihoods of its trajectory, up to a constant."""
@@ -140,12 +114,3 @@ class Belief:
         )
         squared = squares(self.expectations, trial.context, trial.observation, paths)
         return log_likelihood(squared.reshape(len(truths), draws))
-
-    def _nearest(self, particle: Particle) -> int:
-        unit = self.expectations.task.parameters.normalise(particle.mean)
-        return int(np.linalg.norm(self._unit - unit, axis=1).argmin())
-
-    @property
-    def _unit(self) -> Array:
-        """(C, p) the candidates in fractions of the ranges."""
-        return self.expectations.task.parameters.normalise(self.prospects.candidates)

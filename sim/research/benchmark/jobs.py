@@ -1,4 +1,10 @@
-"""The job for a worker: one method in one world with one seed, described only by names and values."""
+"""A job of a benchmark: one method in one place with one seed, described by names and values, so that a worker can run
+it.
+
+With recorded trials, sessions take one part of them, and scores come from the part held out. A control runs the default
+method on trials whose outcomes are shuffled. There nothing can be gained: `permuted` must earn what `permuted-udr`
+earns.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
+from sim.adaptation.judging import final_policy
 from sim.adaptation.methods import METHODS, make_method
 from sim.lab.world import World
 from sim.research.benchmark.sessions import (
@@ -17,12 +24,15 @@ from sim.research.benchmark.sessions import (
     choose_oracle,
     judge,
     mean_of,
+    run_iterations,
     run_session,
     shown,
     udr_policies,
 )
-from sim.research.benchmark.tables import WorldTable, world_digest
-from sim.research.benchmark.trial_sources import SimulatedTrials, Tabled, TrialSource
+from sim.research.benchmark.tables import WorldTable
+from sim.research.benchmark.trial_sources import FromRecordings, SimulatedTrials, Tabled, TrialSource
+from sim.rollouts.recorded import RecordedTrials
+from sim.solvers.candidates import among
 from sim.tasks import get_task
 
 UDR, ORACLE, BEST_ACTION = "udr", "oracle", "best-action"
@@ -35,6 +45,12 @@ WITHOUT_SIMULATION = ("learn-in-target",)
 LEARNT_FROM_EPISODES = ("adaptsim-iteration", "adaptsim-state", "adaptsim-history")
 
 
+DEFAULT = "adaptsim"
+PERMUTED, PERMUTED_UDR = "permuted", "permuted-udr"
+CONTROLS = (PERMUTED, PERMUTED_UDR)
+"""Of the default method and of UDR, with the outcomes of recorded trials shuffled."""
+
+
 @dataclass(frozen=True, eq=False)
 class Job:
     """Everything that determines a result; it can be sent to another machine with the same checkpoints."""
@@ -42,21 +58,15 @@ class Job:
     task: str
     checkpoint: str  # name or folder
     set: str
-    world: World
-    table: WorldTable | None  # None: the world is simulated
+    target: str  # name of the world, or of the folder of recorded trials
+    answers: str  # digest of the world's answers, or of the trials
     method: str
     seed: int
     conditions: Conditions
-
-    @property
-    def target(self) -> str:
-        """The world's name."""
-        return self.world.name
-
-    @property
-    def answers(self) -> str:
-        """Digest of the world's answers: of its table, or of the inputs of its simulation."""
-        return world_digest(get_task(self.task), self.world) if self.table is None else self.table.digest
+    world: World | None = None  # None: trials are recorded
+    table: WorldTable | None = None  # None: the world is simulated
+    recorded: RecordedTrials | None = None
+    held_out: float = 0.0  # share of the recorded trials
 
 
 @dataclass(frozen=True)
@@ -83,12 +93,14 @@ def run_job(job: Job, trials: TrialSource | None = None) -> Row:
     With `Conditions.fresh`, the trials and the final score are true rollouts, but the curve comes from the table.
     Raises SimError.
     """
+    if job.recorded is not None:
+        return _run_recorded(job, job.recorded)
+    assert job.world is not None, "a job has a world or recorded trials"
     began, checkpoint = time.perf_counter(), _loaded(job.task, job.checkpoint)
     solver, conditions = checkpoint.solver, job.conditions
     task, seen = solver.task, None
     simulated = SimulatedTrials(solver, job.world)
     place: TrialSource = simulated if job.table is None else Tabled(task, job.table)
-    each = conditions.particles * task.adaptation.trials_per_iteration
 
     def final(act: Commands, policies: int = 1) -> Judged:
         """Judge by fresh rollouts, divided among `policies`, if they are requested."""
@@ -99,31 +111,55 @@ def run_job(job: Job, trials: TrialSource | None = None) -> Row:
 
     if job.method == UDR:
         policies = udr_policies(solver, job.seed)
-        several = [final(policy.actions, len(policies)) for policy in policies]
-        last = mean_of(several)
+        last = mean_of([final(policy.actions, len(policies)) for policy in policies])
         seen = sum(shown(task, p.actions, place, conditions.judged, job.seed) for p in policies) / len(policies)
-        return _row(job, checkpoint, last, [last], 0, began, seen)
+        return _row(job, checkpoint, last, None, began, seen)
     if job.method in LIMITS:
         act: Commands = place.best_actions
         if job.method == ORACLE:
             best, seen = choose_oracle(solver, place, conditions, job.seed)
             act = best.actions
-        last = final(act)
-        return _row(job, checkpoint, last, [last], 0, began, seen)
+        return _row(job, checkpoint, final(act), None, began, seen)
     method = make_method(job.method, task, checkpoint)
     lived = trials or (simulated if conditions.fresh else place)
     chosen = run_session(solver, method, lived, conditions, job.seed)
     curve = [judge(task, policy.actions, place, conditions, job.seed) for policy in chosen]
-    return _row(job, checkpoint, final(chosen[-1].actions), curve, each, began, None)
+    return _row(job, checkpoint, final(chosen[-1].actions), curve, began, None)
+
+
+def _run_recorded(job: Job, recorded: RecordedTrials) -> Row:
+    """Run the session and judge its policies by the trials held out."""
+    began, checkpoint = time.perf_counter(), _loaded(job.task, job.checkpoint)
+    task, seed, name = recorded.task, job.seed, job.method
+    shown, held = (recorded.permuted(seed) if name in CONTROLS else recorded).split(job.held_out, seed)
+    place = FromRecordings(shown, held)
+    session, scores = (replace(checkpoint, solver=among(checkpoint.solver, half.actions)) for half in (shown, held))
+
+    def judged(act: Commands) -> Judged:
+        return judge(task, act, place, job.conditions, seed)
+
+    if name in (UDR, PERMUTED_UDR):
+        last = mean_of([judged(policy.actions) for policy in udr_policies(scores.solver, seed)])
+        return _row(job, checkpoint, last, None, began, None)
+    if name == BEST_ACTION:
+        return _row(job, checkpoint, judged(place.best_actions), None, began, None)
+    method, final = (make_method(DEFAULT if name == PERMUTED else name, task, one) for one in (session, scores))
+    histories = run_iterations(session.solver, method, place, job.conditions, seed)
+    curve = [judged(final_policy(final, scores.solver, task, history).actions) for history in histories]
+    return _row(job, checkpoint, curve[-1], curve, began, None)
 
 
 def _row(
-    job: Job, checkpoint: Checkpoint, last: Judged, curve: Sequence[Judged], each: int, began: float, seen: float | None
+    job: Job, checkpoint: Checkpoint, last: Judged, curve: Sequence[Judged] | None, began: float, seen: float | None
 ) -> Row:
+    """`curve` is None without trials: the reward stays the same."""
+    adaptation = checkpoint.solver.task.adaptation
+    each = 0 if curve is None else job.conditions.particles * adaptation.trials_per_iteration
+    curve = curve or [last]
     return Row(
         task=job.task,
         set=job.set,
-        target=job.world.name,
+        target=job.target,
         method=job.method,
         seed=job.seed,
         reward=last.reward,

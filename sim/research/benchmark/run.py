@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 from sim.errors import ClusterUnavailable, DatasetError, RolloutError
-from sim.research.benchmark.jobs import Row
+from sim.research.benchmark.jobs import Job, Row
 from sim.rollouts.executors import LOST
 from sim.rollouts.run import Progress
 from sim.storage.files import read_toml, whole_file, write_toml
@@ -19,38 +19,6 @@ from sim.storage.files import read_toml, whole_file, write_toml
 PLAN = "benchmark.toml"
 IN_FLIGHT = 64
 """Jobs in the executor's queue at a time."""
-
-
-class Work(Protocol):
-    """A job: what its row is stored under."""
-
-    @property
-    def set(self) -> str:
-        """The set of its target."""
-        ...
-
-    @property
-    def target(self) -> str:
-        """The name of its world, or of its recorded trials."""
-        ...
-
-    @property
-    def answers(self) -> str:
-        """The digest of the target's answers."""
-        ...
-
-    @property
-    def method(self) -> str:
-        """The compared method."""
-        ...
-
-    @property
-    def seed(self) -> int:
-        """The seed of its session."""
-        ...
-
-
-W = TypeVar("W", bound=Work)
 
 
 @dataclass(frozen=True)
@@ -71,7 +39,7 @@ class Results:
                 f"{self.folder} holds results with a different {', '.join(different)}: give another --out"
             )
 
-    def row(self, job: Work) -> Row | None:
+    def row(self, job: Job) -> Row | None:
         """The stored row of a job; None if there is none or it is unreadable, so that the job runs again."""
         try:
             stored = json.loads(self._path(job).read_text(encoding="utf-8"))
@@ -82,21 +50,21 @@ class Results:
         except (OSError, ValueError, TypeError):
             return None
 
-    def keep(self, job: Work, row: Row) -> None:
+    def keep(self, job: Job, row: Row) -> None:
         """Store the row of a job, whole or not at all."""
         with whole_file(self._path(job)) as temporary:
             temporary.write_text(json.dumps(asdict(row), allow_nan=False) + "\n", encoding="utf-8")
 
-    def _path(self, job: Work) -> Path:
+    def _path(self, job: Job) -> Path:
         return self.folder / "rows" / job.set / f"{job.target}-{job.answers}" / f"{job.method}-{job.seed}.json"
 
 
 def run_jobs(
-    jobs: Sequence[W],
+    jobs: Sequence[Job],
     results: Results,
     executor: Executor,
     progress: Progress,
-    run: Callable[[W], Row],
+    run: Callable[[Job], Row],
 ) -> list[Row]:
     """The rows of all jobs, in order; stored ones are not run again. `run` can be sent to a worker.
 

@@ -11,9 +11,9 @@ A table is a folder with `table.toml` (world, scene, policies) and shards with d
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +24,8 @@ from sim.errors import DatasetError
 from sim.lab.drawn import as_toml
 from sim.lab.world import World, rollouts_in
 from sim.rollouts.draws import cover, sobol
-from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_parts
-from sim.rollouts.shards import read_manifest, read_rollouts, read_shard, write_rollouts
+from sim.rollouts.run import Progress, Requests, Rollouts, concatenate
+from sim.rollouts.shards import read_manifest, read_shard, simulate_missing, split
 from sim.solvers.solver import Solver
 from sim.storage.files import write_toml
 from sim.tasks.task import Task
@@ -58,8 +58,7 @@ class WorldTable:
     def half(self, odd: bool) -> tuple[Array, Rollouts]:
         """The rows for scores (odd) or those for everything else."""
         rows = slice(1 if odd else 0, None, 2)
-        r = self.rollouts
-        return self.actions[rows], Rollouts(r.observation[rows], r.end_state[rows], r.succeeded[rows], r.outcome[rows])
+        return self.actions[rows], self.rollouts[rows]
 
 
 def build_table(
@@ -93,14 +92,8 @@ def build_table(
         raise DatasetError(
             f"{folder} holds a table with a different {', '.join(different)}: remove it and run the same command again"
         )
-    there, shards = replace(task, simulate=rollouts_in(world)), _shards(folder, table_requests(solver, world, size))
-    missing = {path: part for path, part in shards if read_rollouts(path, part) is None}
-    done = size - sum(map(len, missing.values()))
-    progress(done, size)
-    for path, rollouts in zip(missing, run_parts(there, list(missing.values()), executor), strict=True):
-        write_rollouts(path, missing[path], rollouts)
-        done += len(rollouts)
-        progress(done, size)
+    shards = split(table_requests(solver, world, size), SHARD, partial(_shard, folder))
+    simulate_missing(replace(task, simulate=rollouts_in(world)), shards, executor, progress)
     table = _read(folder, world, size)
     write_toml(folder / MANIFEST, {**plan, "digest": table.digest})
     return table
@@ -153,16 +146,15 @@ def world_digest(task: Task, world: World) -> str:
     return hashlib.sha256(as_toml(task, world).encode() + values).hexdigest()[:16]
 
 
-def _shards(folder: Path, requests: Requests) -> Iterator[tuple[Path, Requests]]:
-    for start in range(0, len(requests), SHARD):
-        yield folder / f"shard-{start // SHARD:04d}.npz", requests[start : start + SHARD]
+def _shard(folder: Path, number: int) -> Path:
+    return folder / f"shard-{number:04d}.npz"
 
 
 def _read(folder: Path, world: World, size: int) -> WorldTable:
     """Read all shards, and verify each digest."""
     actions, parts, total = [], [], hashlib.sha256()
     for start in range(0, size, SHARD):
-        path = folder / f"shard-{start // SHARD:04d}.npz"
+        path = _shard(folder, start // SHARD)
         found = read_shard(path)
         if found is None:
             raise DatasetError(f"{path} is missing or damaged: run `adaptsim world-tables` again, which makes it again")

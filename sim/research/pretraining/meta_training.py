@@ -1,13 +1,14 @@
-"""Training of the adaptation policy in Phase 1: double Q-learning over episodes of adapting to random targets.
+"""Training of the adaptation policy in Phase 1: double Q-learning over episodes of adapting to random targets; and the
+learning gate.
 
 As in the paper, K counts episodes: its 10,000 are ten times as many steps. Their observations would be 200,000 true
-rollouts. So they come from the emulator's ensemble (`sim.research.pretraining.acting`), and task policies are reused
-(`sim.research.pretraining.acting`); a task with an exact solver needs neither.
+rollouts. So they come from the emulator's ensemble, and task policies are reused (`sim.research.pretraining.episodes`);
+a task with an exact solver needs neither.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import get_args
 
@@ -18,13 +19,22 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Targets
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import MemoryName, new_policy
-from sim.research.pretraining.episodes import Episodes, Running, Simulator, join_episodes, sparse
+from sim.research.pretraining.episodes import Episodes, Running, Simulator, join_episodes, sparse, visit
 from sim.research.pretraining.logs import Log, silent
 from sim.research.pretraining.q_training import DoubleQLearner, ReplayBuffer, Transitions
 from sim.tasks.task import Task
 
 BATCH = 64
 EPSILON_FIRST, EPSILON_LAST = 1.0, 0.1
+
+GATE_TARGETS = 512
+"""Unseen targets, one particle each."""
+
+_ENDS = 3
+"""The last distributions of the policy, of staying and of drifting are visited once more, under equal conditions."""
+
+CURVE = ("reward", "epsilon", "loss")
+"""Columns of a learning curve."""
 
 TARGETS: tuple[Targets, ...] = get_args(Targets)
 
@@ -49,15 +59,6 @@ class MetaSettings:
         return self.parallel * self.steps(task) * (task.adaptation.horizon + 1) // task.adaptation.horizon
 
 
-@dataclass(frozen=True, eq=False)
-class MetaCurve:
-    """The learning curve: means over the steps of each round of parallel episodes."""
-
-    reward: Array  # (n,) expected reward of the distributions visited, not sparse
-    epsilon: Array  # (n,)
-    loss: Array  # (n,)
-
-
 def sample_targets(task: Task, kind: Targets, n: int, rng: np.random.Generator) -> Array:
     """(n, p) random targets, never those of a benchmark."""
     return (task.parameters if kind == "paper" else task.margin).sample(rng, n)
@@ -70,14 +71,18 @@ def train_adaptation(
     memory: MemoryName = "iteration",
     progress: Callable[[int, int], None] | None = None,
     log: Log = silent,
-) -> tuple[QNetwork, MetaCurve, Episodes]:
-    """An adaptation policy, by default the paper's, with its episodes. The same seed gives the same network."""
+) -> tuple[QNetwork, Array, Episodes]:
+    """An adaptation policy, by default the paper's, with its learning curve and its episodes.
+
+    The curve (n, 3) holds means over the steps of each round of parallel episodes: the expected reward of the
+    distributions visited (not sparse), epsilon, and the loss. The same seed gives the same network.
+    """
     task, rng = simulator.solver.task, np.random.default_rng(seed)
     learner = DoubleQLearner(
         new_policy(task, memory, int(rng.integers(2**31))), task.adaptation.learning_rate, task.adaptation.discount
     )
     replay = ReplayBuffer(learner.online.slots * learner.online.inputs, learner.online.branches)
-    curve, parts = _Curve(log), []
+    curve, parts = list[Array](), []
     for now in np.linspace(EPSILON_FIRST, EPSILON_LAST, settings.steps(task)).reshape(-1, task.adaptation.horizon):
         targets = sample_targets(task, settings.targets, settings.parallel // settings.particles, rng)
         running = Running(simulator, targets, settings.particles, rng)
@@ -90,28 +95,68 @@ def train_adaptation(
             loss = learner.learn(replay, settings.updates * len(directions), BATCH, rng)
             rows.append((float(rewards.mean()), float(epsilon), loss))
         parts.append(running.episodes())
-        curve.add(rows)
+        curve.append(np.mean(rows, axis=0))
+        for name, value in zip(CURVE, curve[-1], strict=True):
+            log(f"adaptation/{name}", float(value), len(curve) - 1)
         if progress is not None:
-            progress(min(len(curve.rows) * settings.parallel, settings.episodes), settings.episodes)
-    return learner.online, curve.done(), join_episodes(parts)
-
-
-class _Curve:
-    def __init__(self, log: Log) -> None:
-        self.rows: list[Array] = []
-        self._log = log
-
-    def add(self, steps: Sequence[tuple[float, float, float]]) -> None:
-        mean = np.mean(steps, axis=0)
-        for name, value in zip(("reward", "epsilon", "loss"), mean, strict=True):
-            self._log(f"adaptation/{name}", float(value), len(self.rows))
-        self.rows.append(mean)
-
-    def done(self) -> MetaCurve:
-        return MetaCurve(*np.array(self.rows).T)
+            progress(min(len(curve) * settings.parallel, settings.episodes), settings.episodes)
+    return learner.online, np.array(curve), join_episodes(parts)
 
 
 def explore(directions: NDArray[np.int_], epsilon: float, rng: np.random.Generator) -> NDArray[np.int_]:
     """(B, p): every row is replaced by a random one with probability `epsilon`."""
     random = rng.integers(-1, 2, directions.shape)
     return np.asarray(np.where(rng.random((len(directions), 1)) < epsilon, random, directions), dtype=np.int_)
+
+
+def gate_visits(task: Task) -> int:
+    """Number of distributions visited by the gate."""
+    return GATE_TARGETS * (task.adaptation.horizon + 1 + _ENDS)
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Mean expected rewards of the last distributions of whole sessions from the same starts."""
+
+    policy: float
+    stay: float
+    drift: float  # always the policy's own mean direction
+    above_ci95: tuple[float, float]  # of the policy - the better of the other two, paired by target
+    passed: bool  # the whole interval lies above zero
+
+
+def learning_gate(
+    simulator: Simulator,
+    network: QNetwork,
+    memory: MemoryName,
+    seed: int,
+    kind: Targets = "paper",
+    count: int = GATE_TARGETS,
+) -> Gate:
+    """Whether an adaptation policy uses what it sees, in `count` unseen targets of the simulator of its training.
+
+    It must earn more than staying where it starts, and more than its own mean drift, in which the observations play no
+    part.
+    """
+    task, rng = simulator.solver.task, np.random.default_rng(seed)
+    targets = sample_targets(task, kind, count, rng)
+    running = Running(simulator, targets, 1, rng)
+    for _ in range(task.adaptation.horizon):
+        running.step(network.directions(running.state(memory)))
+    ran, final = running.episodes(), int(rng.integers(2**31))
+    mean = np.round(ran.directions.mean(axis=(0, 1, 2))).astype(np.int_)
+    start = drifted = ran.means[:, 0, 0]
+    for _ in range(task.adaptation.horizon):
+        drifted = task.parameters.step(drifted, mean, task.adaptation.delta)
+
+    def earned(means: Array) -> Array:
+        """(count,) with the same random draws for all three."""
+        return visit(simulator, means, targets, np.random.default_rng(final)).rewards
+
+    policy, stay, drift = (earned(means) for means in (ran.means[:, 0, -1], start, drifted))
+    better = stay if stay.mean() >= drift.mean() else drift
+    drawn = rng.integers(count, size=(2000, count))
+    low, high = np.quantile((policy - better)[drawn].mean(axis=1), [0.025, 0.975])
+    return Gate(
+        float(policy.mean()), float(stay.mean()), float(drift.mean()), (float(low), float(high)), bool(low > 0.0)
+    )

@@ -22,6 +22,7 @@ from typing import Any, get_args
 import numpy as np
 
 from hw.bounded import Unreadable
+from hw.types import Array
 from sim.adaptation.checkpoint import CARD, Targets, save_checkpoint
 from sim.adaptation.method import Method
 from sim.adaptation.methods.belief import Belief
@@ -30,15 +31,20 @@ from sim.adaptation.reward_table import ProspectSettings, RewardTable, look_ahea
 from sim.errors import DatasetError
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import MemoryName, QPolicy, restore_policy, tensors_of
-from sim.research.methods.random_search import RandomSearch
+from sim.research.methods.search import RandomSearch
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
-from sim.research.pretraining.acting import Acting, EmulatedRolls, Solved, fill_library
-from sim.research.pretraining.episodes import Episodes, Simulator
+from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, Solved, fill_library
 from sim.research.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
-from sim.research.pretraining.gate import Gate, gate_visits, learning_gate
 from sim.research.pretraining.logs import Log, Stopwatch, tensorboard
-from sim.research.pretraining.meta_training import MetaCurve, MetaSettings, train_adaptation
+from sim.research.pretraining.meta_training import (
+    CURVE,
+    Gate,
+    MetaSettings,
+    gate_visits,
+    learning_gate,
+    train_adaptation,
+)
 from sim.rollouts.dataset import Denser, build_dataset
 from sim.rollouts.run import Roll, run_many
 from sim.rollouts.shards import CachedRollouts
@@ -361,13 +367,12 @@ def _has_policies(evaluation: Mapping[str, Any]) -> bool:
     return bool({score["name"] for score in evaluation["methods"]} & set(NETWORKS.values()))
 
 
-def _summary(curve: MetaCurve, gate: Gate) -> dict[str, Any]:
-    quarter = max(1, len(curve.reward) // 4)
+def _summary(curve: Array, gate: Gate) -> dict[str, Any]:
+    rewards, quarter = curve[:, 0], max(1, len(curve) // 4)
+    digits = zip(CURVE, curve.T, (4, 4, 6), strict=True)
     return {
         "gate": asdict(gate),
-        "first_quarter_reward": float(curve.reward[:quarter].mean()),
-        "last_quarter_reward": float(curve.reward[-quarter:].mean()),
-        "reward": np.round(curve.reward, 4).tolist(),
-        "epsilon": np.round(curve.epsilon, 4).tolist(),
-        "loss": np.round(curve.loss, 6).tolist(),
+        "first_quarter_reward": float(rewards[:quarter].mean()),
+        "last_quarter_reward": float(rewards[-quarter:].mean()),
+        **{name: np.round(values, n).tolist() for name, values, n in digits},
     }

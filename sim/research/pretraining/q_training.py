@@ -5,7 +5,7 @@ The target takes the online argmax and the target network's value, averaged over
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,30 +25,19 @@ LONGEST = 1.0
 class Transitions:
     """Steps of meta-episodes, one per row."""
 
-    state: Array  # (N, inputs)
-    directions: NDArray[np.int_]  # (N, branches)
-    reward: Array  # (N,)
-    next_state: Array  # (N, inputs)
-
-
-@dataclass(frozen=True, eq=False)
-class Batch:
-    """Sampled transitions."""
-
-    state: Weights  # (B, inputs)
-    choice: NDArray[np.int64]  # (B, branches) 0 to 2
-    reward: Weights  # (B,)
-    following: Weights  # (B, inputs)
+    state: Array | Weights  # (N, inputs)
+    directions: NDArray[np.int_]  # (N, branches) in {-1, 0, 1}
+    reward: Array | Weights  # (N,)
+    next_state: Array | Weights  # (N, inputs)
 
 
 class ReplayBuffer:
     """The last `capacity` transitions."""
 
     def __init__(self, inputs: int, branches: int, capacity: int = 10_000) -> None:
-        self._state = np.zeros((capacity, inputs), dtype=np.float32)
-        self._choice = np.zeros((capacity, branches), dtype=np.int64)
-        self._reward = np.zeros(capacity, dtype=np.float32)
-        self._following = np.zeros((capacity, inputs), dtype=np.float32)
+        state, following = (np.zeros((capacity, inputs), dtype=np.float32) for _ in range(2))
+        directions = np.zeros((capacity, branches), dtype=np.int64)
+        self._kept = Transitions(state, directions, np.zeros(capacity, dtype=np.float32), following)
         self._capacity, self._next, self._size = capacity, 0, 0
 
     def __len__(self) -> int:
@@ -57,15 +46,15 @@ class ReplayBuffer:
     def add(self, steps: Transitions) -> None:
         """Add steps; the oldest ones are dropped."""
         rows = (self._next + np.arange(len(steps.reward))) % self._capacity
-        self._state[rows], self._following[rows] = steps.state, steps.next_state
-        self._choice[rows], self._reward[rows] = steps.directions + 1, steps.reward
+        for field in fields(Transitions):
+            getattr(self._kept, field.name)[rows] = getattr(steps, field.name)
         self._next = int((self._next + len(rows)) % self._capacity)
         self._size = min(self._size + len(rows), self._capacity)
 
-    def sample(self, n: int, rng: np.random.Generator) -> Batch:
+    def sample(self, n: int, rng: np.random.Generator) -> Transitions:
         """`n` transitions with replacement."""
         rows = rng.integers(self._size, size=n)
-        return Batch(self._state[rows], self._choice[rows], self._reward[rows], self._following[rows])
+        return Transitions(*(getattr(self._kept, field.name)[rows] for field in fields(Transitions)))
 
 
 class DoubleQLearner:
@@ -83,10 +72,10 @@ class DoubleQLearner:
         with one_blas_thread():
             return float(np.mean([self._update(replay.sample(batch, rng)) for _ in range(steps)]))
 
-    def _update(self, batch: Batch) -> float:
-        target = branching_target(self.online, self._target, batch.reward, batch.following, self._discount)
+    def _update(self, batch: Transitions) -> float:
+        target = branching_target(self.online, self._target, batch.reward, batch.next_state, self._discount)
         q, made = self.online.values(batch.state)
-        choice = batch.choice[..., None]
+        choice = batch.directions[..., None] + 1
         error = np.take_along_axis(q, choice, axis=-1) - target[:, None, None]
         slope = np.zeros_like(q)
         np.put_along_axis(slope, choice, error * (2.0 / error.size), axis=-1)

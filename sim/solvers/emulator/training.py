@@ -5,8 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -18,8 +17,7 @@ from hw.types import Array
 from perception.types import Outcome
 from sim.errors import DatasetError
 from sim.rollouts.dataset import Dataset
-from sim.rollouts.draws import at_reference
-from sim.rollouts.run import OUTCOMES, Requests, Rollouts
+from sim.rollouts.run import OUTCOMES, Requests, Rollouts, concatenate
 from sim.solvers.emulator.network import PRIOR_SCALE, Emulator, EmulatorReport, encode
 from sim.solvers.misfit import misfit
 from sim.solvers.threads import one_thread
@@ -36,20 +34,16 @@ def with_mirror_images(task: Task, dataset: Dataset) -> Dataset:
     mirror = task.mirror
     if mirror is None:
         return dataset
-    observed = task.observation.denormalise(dataset.observation) * mirror.observed
-    mirrored: dict[str, Any] = {
-        "parameters": dataset.parameters * mirror.parameters,
-        "action": dataset.action * mirror.action,
-        "nuisance": dataset.nuisance * mirror.nuisance,
-        "observation": task.observation.normalise(observed),
-        "end_state": dataset.end_state * mirror.end_state,
-    }
-    both: dict[str, Any] = {}
-    for field in fields(dataset):
-        column = getattr(dataset, field.name)
-        if isinstance(column, np.ndarray):
-            both[field.name] = np.concatenate([column, mirrored.get(field.name, column)])
-    return replace(dataset, **both)
+    asked, done = dataset.requests, dataset.rollouts
+    mirrored = Requests(
+        asked.parameters * mirror.parameters,
+        asked.context,
+        asked.action * mirror.action,
+        asked.nuisance * mirror.nuisance,
+    )
+    observed = task.observation.normalise(task.observation.denormalise(done.observation) * mirror.observed)
+    again = replace(done, observation=observed, end_state=done.end_state * mirror.end_state)
+    return replace(dataset, requests=asked.followed_by(mirrored), rollouts=concatenate([done, again]))
 
 
 Rows = NDArray[np.intp]
@@ -106,10 +100,10 @@ def train_emulator(
     else:
         y_mean, y_std = (before[name][:-1].astype(np.float64) for name in ("y_mean", "y_std"))
     data = _Data(
-        x=torch.from_numpy(encode(task, learnt.parameters, learnt.action, learnt.nuisance)),
+        x=torch.from_numpy(encode(task, *_inputs(learnt.requests))),
         y=torch.from_numpy(np.where(targets.known, (targets.y - y_mean) / y_std, 0.0)).float(),
         known=torch.from_numpy(targets.known).float(),
-        success=torch.from_numpy(learnt.succeeded.copy()).float(),
+        success=torch.from_numpy(learnt.rollouts.succeeded.copy()).float(),
     )
     with one_thread():
         weights = _fit(data, rows, calibrate, settings, rng, progress, before)
@@ -123,14 +117,14 @@ def train_emulator(
         "misfit_limit": np.array(np.inf, dtype=np.float32),
     }
     tensors["temperature"] = np.array(_temperature(Emulator(task, tensors), dataset, calibrate), dtype=np.float32)
-    predicted = Emulator(task, tensors).predict(*_inputs(dataset, calibrate))
-    residual = np.abs(predicted.observation - dataset.observation[calibrate])[targets.known[calibrate, 0]]
+    predicted = Emulator(task, tensors).predict(*_inputs(dataset.requests[calibrate]))
+    residual = np.abs(predicted.observation - dataset.rollouts.observation[calibrate])[targets.known[calibrate, 0]]
     # From the median, as for a Gaussian: a few outliers must not widen the tolerance.
     tensors["residual_std"] = (np.median(residual, axis=0) / 0.6745 + 1e-4).astype(np.float32)
     limit = _misfit_limit(Emulator(task, tensors), task, dataset, calibrate, rng)
     tensors["misfit_limit"] = np.array(limit, dtype=np.float32)
     emulator = Emulator(task, tensors)
-    return emulator, _judge(emulator, task, dataset, judge, len(train))
+    return emulator, _judge(emulator, dataset, judge, len(train))
 
 
 def split(dataset: Dataset, rng: np.random.Generator, settings: EmulatorSettings) -> tuple[Rows, Rows, Rows]:
@@ -144,7 +138,7 @@ def split(dataset: Dataset, rng: np.random.Generator, settings: EmulatorSettings
 def outcome_variance(task: Task, seed: int, dataset: Dataset, candidates: Requests) -> Array:
     """(N,) variance of the predicted outcome of each candidate, by an emulator of `dataset`: at most .25."""
     draft, _ = train_emulator(task, dataset, seed)
-    predicted = draft.predict(candidates.parameters, candidates.action, candidates.nuisance)
+    predicted = draft.predict(*_inputs(candidates))
     return predicted.success * (1.0 - predicted.success)
 
 
@@ -163,11 +157,12 @@ class _Data:
 
 
 def _targets(task: Task, dataset: Dataset) -> _Targets:
-    size, k = task.observation.size, dataset.end_state.shape[1]
-    solved = dataset.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
+    done = dataset.rollouts
+    size, k = task.observation.size, done.end_state.shape[1]
+    solved = done.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
     known = np.repeat(solved[:, None], size + k, axis=1)
-    known[:, size:] = dataset.succeeded[:, None]
-    return _Targets(np.concatenate([dataset.observation, np.nan_to_num(dataset.end_state)], axis=1), known)
+    known[:, size:] = done.succeeded[:, None]
+    return _Targets(np.concatenate([done.observation, np.nan_to_num(done.end_state)], axis=1), known)
 
 
 def _scaling(y: Array, known: Array) -> tuple[Array, Array]:
@@ -247,33 +242,31 @@ def _loss(tensors: dict[str, Tensor], depth: int, data: _Data, rows: Tensor) -> 
     return squared + binary_cross_entropy_with_logits(raw[..., -1], data.success[rows])
 
 
-def _inputs(dataset: Dataset, rows: Rows) -> tuple[Array, Array, Array]:
-    return dataset.parameters[rows], dataset.action[rows], dataset.nuisance[rows]
+def _inputs(requests: Requests) -> tuple[Array, Array, Array]:
+    return requests.parameters, requests.action, requests.nuisance
 
 
 def _temperature(emulator: Emulator, dataset: Dataset, rows: Rows) -> float:
     """The softening of the logits that is most probable, given the held-out outcomes and a prior about 1."""
-    success, _ = emulator.outcomes(*_inputs(dataset, rows))
+    success, _ = emulator.outcomes(*_inputs(dataset.requests[rows]))
     clipped = np.clip(success, 1e-12, 1.0 - 1e-12)
     logit = np.log(clipped / (1.0 - clipped))
     candidates = np.geomspace(0.1, 8.0, 81)
     posterior = -0.5 * (np.log(candidates) / TEMPERATURE_SPREAD) ** 2
     for i, temperature in enumerate(candidates):
         p = np.clip((1.0 / (1.0 + np.exp(-logit / temperature))).mean(axis=0), 1e-4, 1.0 - 1e-4)
-        posterior[i] += np.where(dataset.succeeded[rows], np.log(p), np.log(1.0 - p)).sum()
+        posterior[i] += np.where(dataset.rollouts.succeeded[rows], np.log(p), np.log(1.0 - p)).sum()
     return float(candidates[int(np.argmax(posterior))])
 
 
 def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, rng: np.random.Generator) -> float:
     """95th percentile of the distance to the nearest prediction, for trajectories that the simulator can express."""
-    inside = [i for i in rows if task.parameters.contains(dataset.parameters[i])][:200]
+    inside = [i for i in rows if task.parameters.contains(dataset.requests.parameters[i])][:200]
     if len(inside) < 10:
         return 3.0
     context = np.asarray(task.reference_context, dtype=np.float64)
-    values = [
-        misfit(emulator, context, dataset.action[i], task.observation.with_noise(dataset.observation[i], rng))
-        for i in inside
-    ]
+    actions, seen = dataset.requests.action, dataset.rollouts.observation
+    values = [misfit(emulator, context, actions[i], task.observation.with_noise(seen[i], rng)) for i in inside]
     return float(np.quantile(values, 0.95))
 
 
@@ -283,7 +276,7 @@ def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> d
     Positions only if the simulator found a solution, end states only for successes.
     """
     seen = emulator.task.observation
-    said = emulator.predict(requests.parameters, requests.action, requests.nuisance)
+    said = emulator.predict(*_inputs(requests))
     solved = true.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
     apart = seen.denormalise(said.observation)[:, -1] - seen.denormalise(true.observation)[:, -1]
     return {
@@ -294,20 +287,11 @@ def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> d
     }
 
 
-def select_rows(task: Task, dataset: Dataset, rows: Rows) -> tuple[Requests, Rollouts]:
-    """Some rollouts of a dataset: requests and results."""
-    context = at_reference(task, len(rows))
-    return (
-        Requests(dataset.parameters[rows], context, dataset.action[rows], dataset.nuisance[rows]),
-        Rollouts(dataset.observation[rows], dataset.end_state[rows], dataset.succeeded[rows], dataset.outcome[rows]),
-    )
-
-
-def _judge(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, trained: int) -> EmulatorReport:
-    requests, true = select_rows(task, dataset, rows)
+def _judge(emulator: Emulator, dataset: Dataset, rows: Rows, trained: int) -> EmulatorReport:
+    requests, true = dataset.select(rows)
     errors = held_out_errors(emulator, requests, true)
     position, end = errors["position_error_median"], errors["end_state_error_median"]
-    said = emulator.predict(requests.parameters, requests.action, requests.nuisance).success
+    said = emulator.predict(*_inputs(requests)).success
     return EmulatorReport(
         rollouts=trained,
         held_out=len(rows),

@@ -18,11 +18,18 @@ from sim.adaptation.reward_table import ProspectSettings
 from sim.research.pretraining.evaluation import EvaluationSettings
 from sim.research.pretraining.meta_training import MetaSettings
 from sim.research.pretraining.pipeline import PretrainBudget, pretrain
-from sim.research.pretraining.verification.emulator import EmulatorHeldOut, Errors, reliability_bins
 from sim.research.pretraining.verification.policies import Pairs
 from sim.research.pretraining.verification.replays import Agreement
 from sim.research.pretraining.verification.statistics import Estimate, rank_correlation
-from sim.research.pretraining.verification.verify import Verification, VerificationSettings, load_pretrained, verify
+from sim.research.pretraining.verification.verify import (
+    EmulatorHeldOut,
+    Errors,
+    Verification,
+    VerificationSettings,
+    load_pretrained,
+    reliability_bins,
+    verify,
+)
 from sim.rollouts import serial_executor
 from sim.tasks import get_task
 

@@ -27,7 +27,8 @@ PUSHING = get_task("pushing")
 def job(method: str = "adaptsim") -> Job:
     """Its table is never asked here."""
     table: Any = object()
-    return Job("pushing", "default", "named", load_world("wd", PUSHING), table, method, 0, Conditions(budget=4))
+    world = load_world("wd", PUSHING)
+    return Job("pushing", "default", "named", "wd", "0" * 16, method, 0, Conditions(budget=4), world, table)
 
 
 @pytest.mark.long

@@ -10,10 +10,10 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, best_action, simulate
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.methods import make_method
-from sim.adaptation.methods.belief import APART, Belief, CandidateRewards
-from sim.adaptation.reward_table import ProspectSettings, look_ahead, restore_prospects
+from sim.adaptation.methods.belief import Belief
+from sim.adaptation.reward_table import APART, ProspectSettings, look_ahead, restore_prospects
 from sim.errors import CheckpointError
-from sim.research.methods.random_search import RandomSearch
+from sim.research.methods.search import RandomSearch
 from sim.research.pretraining.evaluation import EvaluationSettings, run_session
 
 TARGET = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))
@@ -131,15 +131,13 @@ def test_particles_are_candidates_that_lie_apart_and_nothing_is_random():
     assert (np.linalg.norm(unit[:, None] - unit[None], axis=-1) + np.eye(3)).min() >= APART
     after = method.next([*history, *history], np.random.default_rng(0))
     assert len(after) == 1
-    estimate = method.estimate(history)
-    assert isinstance(estimate, CandidateRewards)
-    assert (estimate.std < method.estimate([]).std).mean() > 0.9
+    assert (method.estimate(history)[1] < method.estimate([])[1]).mean() > 0.9
 
 
 def test_a_checkpoint_without_prospects_says_so(tmp_path):
     emulator, _ = trained()
     without = load_checkpoint(TOY, str(save_checkpoint(TOY, tmp_path / "b", emulator, {}, {})))
-    with pytest.raises(CheckpointError, match="holds no prospects: make one with `adaptsim pretrain --task toy`"):
+    with pytest.raises(CheckpointError, match=r"holds no prospects: make .* with `adaptsim pretrain --task toy`"):
         make_method("adaptsim-belief", TOY, without)
     with pytest.raises(CheckpointError, match="there is none"):
         make_method("adaptsim-belief", TOY, None)

@@ -6,7 +6,8 @@ import pytest
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import Particle, ParticleTrials, Trial
 from sim.adaptation.methods.belief import create
-from sim.adaptation.posterior import Posterior, policies_of, policies_of_udr, posterior, predicted, prospect
+from sim.adaptation.methods.udr import udr_policies
+from sim.adaptation.posterior import Posterior, posterior, predicted, prospect
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 from sim.types import Dimension, Space
@@ -68,8 +69,10 @@ def test_a_trajectory_tells_which_parameters_predict_it() -> None:
     assert states.shape == (2, *seen.shape)
     assert np.abs(states[0] - seen).max() < 0.05 * np.abs(states[1] - seen).max()
 
-    udr = prospect(checkpoint, after, policies_of_udr(checkpoint), np.random.default_rng(0))
-    best = policies_of(checkpoint, [Particle(after.mean[None])])
+    udr = prospect(
+        checkpoint, after, udr_policies(checkpoint.solver, np.random.default_rng(0)), np.random.default_rng(0)
+    )
+    best = [policy_for(checkpoint.solver, after.mean[None])]
     adapted = prospect(checkpoint, after, best, np.random.default_rng(0))
     assert 0.0 <= udr.low <= udr.mean <= udr.high <= 1.0
     assert adapted.mean > udr.mean

@@ -11,8 +11,7 @@ from sim.research.methods.q_policy import QPolicy, new_policy, tensors_of
 from sim.research.naf.memory import RECORD, NafMemory
 from sim.research.naf.policy import NafPolicy, naf_training, train_together
 from sim.research.naf.solver import NafSolver, in_session, measure_misfit_limit, naf_facts, rules_of
-from sim.research.pretraining.acting import Solved
-from sim.research.pretraining.episodes import Simulator
+from sim.research.pretraining.episodes import Simulator, Solved
 from sim.research.pretraining.evaluation import EvaluationSettings, evaluate
 from sim.research.pretraining.meta_training import MetaSettings, train_adaptation
 from sim.rollouts import Requests
@@ -191,8 +190,8 @@ def test_phase_1_runs_on_it():
     solver = solver_with(QUICK)
     simulator = Simulator(solver, Solved(solver), roll)
     network, curve, _ = train_adaptation(simulator, MetaSettings(episodes=2, parallel=2), 0)
-    assert len(curve.reward) == 1
-    assert curve.reward.min() > 0.0
+    assert len(curve[:, 0]) == 1
+    assert curve[:, 0].min() > 0.0
     settings = EvaluationSettings(targets=1, particles=1, iterations=1, rollouts=8, oracle=2)
     report = evaluate(solver, {"adaptsim": QPolicy(TOY, network)}, roll, settings, 0)
     assert report.emulator_correlation == pytest.approx(1.0)  # the same rollouts

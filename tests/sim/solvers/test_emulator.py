@@ -32,8 +32,9 @@ def test_it_learns_the_toy_and_says_how_well():
 def test_few_held_out_rollouts_do_not_make_it_certain():
     """All of them may happen to be predicted well: the likelihood alone then asks for the sharpest temperature."""
     emulator, _ = trained()
-    said = emulator.predict(*(getattr(dataset(), name) for name in ("parameters", "action", "nuisance"))).success
-    well = np.flatnonzero(np.abs(said - dataset().succeeded) < 0.2)[:150]
+    asked = dataset().requests
+    said = emulator.predict(asked.parameters, asked.action, asked.nuisance).success
+    well = np.flatnonzero(np.abs(said - dataset().rollouts.succeeded) < 0.2)[:150]
     assert 0.3 < _temperature(emulator, dataset(), well) < 1.0
 
 
@@ -114,6 +115,6 @@ def test_whole_parameters_are_one_hot_and_blend_in_between():
 
 
 def test_too_little_data_is_refused():
-    few = dataclasses.replace(dataset(), succeeded=dataset().succeeded[:10])
+    few = dataclasses.replace(dataset(), rollouts=dataset().rollouts[:10])
     with pytest.raises(DatasetError, match="10 rollouts are too few"):
         train_emulator(TOY, few, 0)

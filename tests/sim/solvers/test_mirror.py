@@ -21,7 +21,6 @@ MIRROR = Mirror(
     end_state=np.array([-1.0]),
 )
 MIRRORED = dataclasses.replace(TOY, mirror=MIRROR)
-ROWS = [field.name for field in dataclasses.fields(Dataset) if field.name not in ("uniform", "identity")]
 
 
 def test_a_task_without_symmetry_learns_from_its_rollouts_alone():
@@ -32,13 +31,14 @@ def test_mirror_images_follow_in_the_same_order():
     given = dataset()
     both, n = with_mirror_images(MIRRORED, given), len(given)
     assert len(both) == 2 * n
-    for name in ROWS:
-        assert np.array_equal(getattr(both, name)[:n], getattr(given, name), equal_nan=True)
-    for name in ("parameters", "action", "succeeded", "outcome"):
-        assert np.array_equal(getattr(both, name)[n:], getattr(given, name))
-    assert np.array_equal(both.nuisance[n:], -given.nuisance)
-    assert np.array_equal(both.end_state[n:], -given.end_state, equal_nan=True)
-    seen, mirrored = (TOY.observation.denormalise(both.observation[rows]) for rows in (slice(n), slice(n, None)))
+    assert np.array_equal(both.requests.nuisance, np.concatenate([given.requests.nuisance, -given.requests.nuisance]))
+    for name in ("parameters", "action"):
+        assert np.array_equal(getattr(both.requests, name), np.tile(getattr(given.requests, name), (2, 1)))
+    for name in ("succeeded", "outcome"):
+        assert np.array_equal(getattr(both.rollouts, name), np.tile(getattr(given.rollouts, name), 2))
+    ends = given.rollouts.end_state
+    assert np.array_equal(both.rollouts.end_state, np.concatenate([ends, -ends]), equal_nan=True)
+    seen, mirrored = (TOY.observation.denormalise(half) for half in np.split(both.rollouts.observation, 2))
     assert np.allclose(mirrored, seen * [1.0, -1.0])
 
 
@@ -47,28 +47,28 @@ def test_the_mirror_image_of_a_mirror_image_is_the_rollout(signs):
     mirror = dataclasses.replace(MIRROR, observed=np.array(signs))
     task, given, n = dataclasses.replace(TOY, mirror=mirror), dataset(), len(dataset())
     once = with_mirror_images(task, given)
-    images = dataclasses.replace(given, **{name: getattr(once, name)[n:] for name in ROWS})
-    again = with_mirror_images(task, images)
-    assert np.allclose(again.observation[n:], given.observation)
-    assert np.allclose(again.nuisance[n:], given.nuisance)
+    again = with_mirror_images(task, Dataset(once.requests[n:], once.rollouts[n:], n))
+    assert np.allclose(again.rollouts.observation[n:], given.rollouts.observation)
+    assert np.allclose(again.requests.nuisance[n:], given.requests.nuisance)
 
 
 def test_an_emulator_knows_the_other_side_from_one_side_alone():
     """It learns from rollouts of one side, and is judged on the other."""
     task = dataclasses.replace(TOY, mirror=dataclasses.replace(MIRROR, end_state=np.array([1.0])))
-    data = dataset()
-    observation = TOY.observation.denormalise(data.observation)
-    observation[..., 1] = 0.08 * data.nuisance  # (N, M): it moves towards the side
-    data = dataclasses.replace(data, observation=TOY.observation.normalise(observation))
-    left = data.nuisance[:, 0] > 0.0
-    half = dataclasses.replace(data, **{name: getattr(data, name)[left] for name in ROWS}, uniform=int(left.sum()))
+    asked, done = dataset().requests, dataset().rollouts
+    observation = TOY.observation.denormalise(done.observation)
+    observation[..., 1] = 0.08 * asked.nuisance  # (N, M): it moves towards the side
+    done = dataclasses.replace(done, observation=TOY.observation.normalise(observation))
+    left = asked.nuisance[:, 0] > 0.0
+    rows = np.flatnonzero(left)
+    half = Dataset(asked[rows], done[rows], len(rows))
 
     def error(task):
         emulator, report = train_emulator(task, half, 0, SETTINGS)
         assert report.rollouts < len(half)  # mirror images are not counted
         right = ~left
-        said = emulator.predict(data.parameters[right], data.action[right], data.nuisance[right]).observation
-        return np.abs(said - data.observation[right]).mean()
+        said = emulator.predict(asked.parameters[right], asked.action[right], asked.nuisance[right]).observation
+        return np.abs(said - done.observation[right]).mean()
 
     assert error(task) < 0.4 * error(dataclasses.replace(task, mirror=None))
 

@@ -14,8 +14,7 @@ import numpy as np
 from hw.types import Array
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import MemoryName
-from sim.research.pretraining.acting import LIBRARY, EmulatedRolls
-from sim.research.pretraining.episodes import Episodes, sparse
+from sim.research.pretraining.episodes import LIBRARY, EmulatedRolls, Episodes, sparse
 from sim.research.pretraining.verification.statistics import Estimate, clustered
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Requests, Roll, Rollouts

@@ -13,24 +13,25 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from hw.types import Array
 from sim.adaptation.checkpoint import CARD, Card, EvaluationReport, read_card
 from sim.errors import DatasetError
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import MemoryName, restore_policy
 from sim.research.pretraining.episodes import Episodes
-from sim.research.pretraining.gate import gate_visits
 from sim.research.pretraining.logs import wall_times_s
-from sim.research.pretraining.meta_training import MetaSettings
+from sim.research.pretraining.meta_training import MetaSettings, gate_visits
 from sim.research.pretraining.pipeline import MEMORIES, STAGES, policy_files, read_report, stage_seeds
-from sim.research.pretraining.verification.emulator import EmulatorHeldOut, held_out
 from sim.research.pretraining.verification.policies import Pairs, PairSettings, compare_policies
 from sim.research.pretraining.verification.replays import Replays, replay
+from sim.research.pretraining.verification.statistics import wilson
 from sim.rollouts.dataset import Dataset, load_dataset
-from sim.rollouts.run import Roll, roll_in_parts, run_many
+from sim.rollouts.run import Roll, Rollouts, roll_in_parts, run_many
 from sim.rollouts.shards import CachedRollouts
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.training import EmulatorSettings
+from sim.solvers.emulator.training import EmulatorSettings, held_out_errors, split
 from sim.solvers.solver import Solver
 from sim.storage.files import load_tensors
 from sim.tasks.fingerprint import fingerprint
@@ -41,6 +42,8 @@ AT_ONCE = 128
 
 STREAM = 1000
 """Offset to the pretraining's seed, far from those of its stages."""
+
+BINS = 10
 
 PARTS = ("policies in pairs", "episodes replayed")
 
@@ -100,6 +103,41 @@ class Pretrained:
     def wide(self) -> bool:
         """Whether the training targets also lay outside Omega."""
         return bool(self.plan["budget"]["meta"]["targets"] == "wide")
+
+
+@dataclass(frozen=True, eq=False)
+class Reliability:
+    """Held-out rollouts by the emulator's probability of success, in bins of a tenth."""
+
+    predicted: Array  # (BINS,) mean probability; nan in an empty bin, like the next three
+    observed: Array  # (BINS,) share that succeeded
+    low: Array  # (BINS,) of its 95 % interval
+    high: Array  # (BINS,)
+    count: NDArray[np.int_]  # (BINS,)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors on some of the held-out rollouts."""
+
+    rollouts: int
+    base_rate: float  # accuracy of guessing the commoner outcome
+    accuracy: float
+    brier: float
+    position_median: float  # of the last observed position, in state units (m)
+    position_p90: float
+
+
+@dataclass(frozen=True, eq=False)
+class EmulatorHeldOut:
+    """The emulator on its held-out rollouts."""
+
+    trained_on: int
+    everywhere: Errors  # over the margin, as the dataset
+    inside: Errors | None  # only those inside Omega; None if there are none
+    calibration_error: float  # expected, ten bins, everywhere
+    reliability: Reliability
+    position_errors: Array  # (n,) in state units, everywhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,6 +238,62 @@ def _held_out(made: Pretrained) -> EmulatorHeldOut | None:
     seeds = stage_seeds(int(made.plan["seed"]))
     settings = _known(EmulatorSettings, made.plan["budget"]["emulator"])
     return held_out(made.emulator, made.dataset, seeds[1], settings, read_report(made.folder / "emulator.toml"))
+
+
+def held_out(
+    emulator: Emulator, dataset: Dataset, seed: int, settings: EmulatorSettings, stored: Mapping[str, Any]
+) -> EmulatorHeldOut:
+    """Judge the emulator again on the rollouts behind its report `stored`.
+
+    Raises DatasetError if the figures differ from the report: then emulator, dataset and report do not belong together.
+    """
+    task, (_, rows, _) = emulator.task, split(dataset, np.random.default_rng(seed), settings)
+    requests, true = dataset.select(rows)
+    errors = held_out_errors(emulator, requests, true)
+    everywhere = _errors(errors, true)
+    if abs(everywhere.brier - float(stored["brier"])) > 1e-3:
+        raise DatasetError(
+            f"on the held-out rollouts the emulator has a Brier score of {everywhere.brier:.4f}, its report says "
+            f"{float(stored['brier']):.4f}: dataset, emulator and report do not come from the same pretraining. Remove "
+            "emulator.safetensors and what follows, and run the same `adaptsim pretrain` again"
+        )
+    within = rows[[task.parameters.contains(parameters) for parameters in requests.parameters]]
+    inside = None
+    if len(within):
+        asked, some = dataset.select(within)
+        inside = _errors(held_out_errors(emulator, asked, some), some)
+    said = emulator.predict(requests.parameters, requests.action, requests.nuisance).success
+    return EmulatorHeldOut(
+        trained_on=int(stored["rollouts"]),
+        everywhere=everywhere,
+        inside=inside,
+        calibration_error=float(stored["calibration_error"]),
+        reliability=reliability_bins(said, true.succeeded),
+        position_errors=errors["position_error_median"],
+    )
+
+
+def reliability_bins(probability: Array, succeeded: NDArray[np.bool_]) -> Reliability:
+    """Predicted against observed successes of (N,) rollouts."""
+    bins = np.minimum((probability * BINS).astype(int), BINS - 1)
+    count = np.bincount(bins, minlength=BINS)
+    n = np.where(count > 0, count, np.nan)
+    hits = np.bincount(bins, weights=succeeded, minlength=BINS).astype(int)
+    low, high = wilson(hits, count)
+    return Reliability(np.bincount(bins, weights=probability, minlength=BINS) / n, hits / n, low, high, count)
+
+
+def _errors(errors: Mapping[str, Array], true: Rollouts) -> Errors:
+    share, apart = float(true.succeeded.mean()), errors["position_error_median"]
+    quantiles = np.quantile(apart, [0.5, 0.9]) if len(apart) else (np.nan, np.nan)
+    return Errors(
+        rollouts=len(true),
+        base_rate=max(share, 1.0 - share),
+        accuracy=float(errors["accuracy"].mean()),
+        brier=float(errors["brier"].mean()),
+        position_median=float(quantiles[0]),
+        position_p90=float(quantiles[1]),
+    )
 
 
 def _replayed(made: Pretrained, settings: VerificationSettings) -> int:

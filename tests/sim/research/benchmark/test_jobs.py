@@ -26,7 +26,8 @@ CONDITIONS = Conditions(budget=5, candidates=16)
 
 
 def job(method, seed=0, world="wd", conditions=CONDITIONS):
-    return Job("pendulum", "default", "named", load_world(world, PENDULUM), None, method, seed, conditions)
+    found = load_world(world, PENDULUM)
+    return Job("pendulum", "default", "named", world, "0" * 16, method, seed, conditions, found)
 
 
 class Recorded:
@@ -106,6 +107,8 @@ def test_with_fresh_rollouts_no_trial_is_looked_up(monkeypatch):
         task="pushing",
         checkpoint="default",
         set="named",
+        target="wd",
+        answers="0" * 16,
         world=load_world("wd", task),
         table=table,
         method="random",

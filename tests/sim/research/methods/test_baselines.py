@@ -14,10 +14,9 @@ from sim.adaptation.method import OwnPolicies, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import make_method
 from sim.adaptation.reward_table import ProspectSettings, look_ahead
 from sim.errors import CheckpointError, ExtraMissing, NotExecutable
-from sim.research.methods import bo, extras, sysid
-from sim.research.methods.bo import BayesianOptimisation
-from sim.research.methods.bo_prior import BoPrior
+from sim.research.methods import extras, search, sysid
 from sim.research.methods.learn_in_target import LearnInTarget
+from sim.research.methods.search import BayesianOptimisation, BoPrior
 from sim.research.methods.sysid import SysId
 from sim.solvers.misfit import squares
 from sim.tasks import get_task
@@ -145,7 +144,7 @@ def test_torch_draws_as_if_nothing_had_happened():
     torch.manual_seed(3)
     expected = torch.rand(2)
     torch.manual_seed(3)
-    bo._maximise(np.array([[0.5] * 4]), np.array([0.3]), 0.4, np.random.default_rng(0).random((8, 4)), 1, 5)
+    search._maximise(np.array([[0.5] * 4]), np.array([0.3]), 0.4, np.random.default_rng(0).random((8, 4)), 1, 5)
     assert torch.equal(torch.rand(2), expected)
 
 

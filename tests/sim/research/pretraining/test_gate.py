@@ -8,9 +8,8 @@ from toy_learning import trained
 from toy_task import TOY
 
 from sim.research.methods.q_network import QNetwork
-from sim.research.pretraining.acting import EmulatedRolls, Solved
-from sim.research.pretraining.episodes import Simulator
-from sim.research.pretraining.gate import learning_gate
+from sim.research.pretraining.episodes import EmulatedRolls, Simulator, Solved
+from sim.research.pretraining.meta_training import learning_gate
 from sim.solvers.solver import SolverSettings
 
 

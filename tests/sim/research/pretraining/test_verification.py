@@ -17,13 +17,13 @@ from sim.research.pretraining.evaluation import EvaluationSettings
 from sim.research.pretraining.logs import TIMINGS
 from sim.research.pretraining.meta_training import MetaSettings
 from sim.research.pretraining.pipeline import STAGES, PretrainBudget, pretrain
-from sim.research.pretraining.verification.emulator import reliability_bins
 from sim.research.pretraining.verification.policies import PairSettings, compare_policies, search_policies
 from sim.research.pretraining.verification.verify import (
     PARTS,
     VerificationSettings,
     is_finished,
     load_pretrained,
+    reliability_bins,
     stage_costs,
     verify,
 )

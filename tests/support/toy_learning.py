@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import functools
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from toy_task import TOY
+from toy_task import PARAMETERS, TOY, Unmodelled, simulate
 
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
+from sim.adaptation.reward_table import ProspectSettings, RewardTable, look_ahead
 from sim.research.naf.policy import NafPolicy, naf_training, train_together
 from sim.rollouts import Dataset, Requests, Rollouts, build_dataset, run_many, serial_executor
 from sim.rollouts.run import Roll
@@ -36,6 +38,29 @@ def dataset() -> Dataset:
 @functools.cache
 def trained() -> tuple[Emulator, EmulatorReport]:
     return train_emulator(TOY, dataset(), 0, SETTINGS)
+
+
+@functools.cache
+def prospects() -> RewardTable:
+    return look_ahead(trained()[0], 3, ProspectSettings(64, 512, 4))
+
+
+TARGET = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))
+
+
+def trial(
+    action: np.ndarray,
+    effects: Unmodelled | None = None,
+    seed: int = 0,
+    where: Sequence[float] = (0.62, 0.01),
+    reward: float | None = None,
+    parameters: np.ndarray = TARGET,
+) -> Trial:
+    """A real trial of the toy, with the camera's noise of `seed`."""
+    context = np.array(where)
+    track = simulate(parameters, context, action, np.zeros(1), effects)
+    seen = TOY.observation.with_noise(TOY.observation(track), np.random.default_rng(seed))
+    return Trial(context, action, seen, TOY.score(track, context) if reward is None else reward, TOY.end_of(track))
 
 
 def train_one(

@@ -6,7 +6,8 @@ import functools
 import numpy as np
 import pytest
 from scipy.stats import multivariate_t
-from toy_learning import trained
+from toy_learning import TARGET, prospects, trained
+from toy_learning import trial as one_trial
 from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint
@@ -15,8 +16,7 @@ from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Particle, Parti
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.adaptsim import AdaptSim, outlook_after
 from sim.adaptation.reality import KEPT, Reality, RealityPolicy, Simulators
-from sim.adaptation.reward_table import ProspectSettings, look_ahead
-from sim.errors import CheckpointError, NotExecutable
+from sim.errors import NotExecutable
 from sim.lab.drawn import drawn_world
 from sim.lab.world import load_world
 from sim.research.benchmark.sessions import Conditions, judge, run_session, udr_policies
@@ -26,7 +26,6 @@ from sim.rollouts.draws import cover
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 
-TARGET = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))
 FAR_TASK = get_task("pendulum")
 FAR = drawn_world(FAR_TASK, seed=1, number=34)
 CONTEXTS = TOY.context.sample(np.random.default_rng(5), 16)
@@ -34,14 +33,11 @@ CONTEXTS = TOY.context.sample(np.random.default_rng(5), 16)
 
 @functools.cache
 def simulators() -> Simulators:
-    solver = trained()[0]
-    return Simulators(solver, look_ahead(solver, 3, ProspectSettings(64, 512, 4)))
+    return Simulators(trained()[0], prospects())
 
 
-def trial(action, effects=None, seed=0, context=CONTEXTS[0]):
-    track = simulate(TARGET, context, action, np.zeros(1), effects)
-    seen = TOY.observation.with_noise(TOY.observation(track), np.random.default_rng(seed))
-    return Trial(context, action, seen, TOY.score(track, context), TOY.end_of(track))
+def trial(action, effects=None, seed=0):
+    return one_trial(action, effects, seed, CONTEXTS[0])
 
 
 def trials(n, effects=None):
@@ -225,11 +221,6 @@ def test_in_the_pendulum_it_ends_far_above_udr_and_every_session_is_the_same():
     assert np.array_equal(runs[0], runs[1])
     udr = np.mean([judge(task, p.actions, place, conditions, 0).reward for p in udr_policies(checkpoint.solver, 0)])
     assert judge(task, lambda c: np.tile(runs[0], (len(c), 1)), place, conditions, 0).reward > udr + 0.3
-
-
-def test_it_needs_prospects():
-    with pytest.raises(CheckpointError, match="pretrain --task toy"):
-        make_method("adaptsim", TOY, None)
 
 
 @pytest.mark.long

@@ -52,14 +52,14 @@ def test_the_draws_fill_margin_action_and_nuisance_evenly():
 def test_a_larger_dataset_extends_a_smaller_one(tmp_path):
     small = build(tmp_path, 300)
     large = build(tmp_path, 700)
-    assert np.array_equal(large.observation[:300], small.observation)
+    assert np.array_equal(large.rollouts.observation[:300], small.rollouts.observation)
     assert len(large) == 700
 
 
 def test_the_same_seed_gives_the_same_dataset_and_another_does_not(tmp_path):
     one, two, three = build(tmp_path / "a"), build(tmp_path / "b"), build(tmp_path / "c", seed=1)
     assert one.identity == two.identity != three.identity
-    assert not one.observation.flags.writeable
+    assert not one.rollouts.observation.flags.writeable
 
 
 def test_a_killed_build_goes_on_where_it_was(tmp_path):

@@ -3,16 +3,18 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
+from threadpoolctl import threadpool_info, threadpool_limits
 from toy_learning import SETTINGS, dataset, trained
 from toy_task import TOY
 
+from sim.adaptation.checkpoint import load_checkpoint
 from sim.errors import CheckpointError, DatasetError
-from sim.rollouts import Dataset
-from sim.solvers.emulator.network import Emulator, encode
+from sim.solvers.emulator.network import Emulator, adopted, encode
 from sim.solvers.emulator.training import _temperature, forward, train_emulator
+from sim.solvers.threads import one_blas_thread
+from sim.tasks import get_task
+from sim.tasks.own_object import OwnObject, with_ranges
 from sim.types import Dimension, Space
-
-COLUMNS = [field.name for field in dataclasses.fields(Dataset) if field.name not in ("uniform", "identity")]
 
 
 def draws(n, seed=0):
@@ -36,19 +38,6 @@ def test_few_held_out_rollouts_do_not_make_it_certain():
     said = emulator.predict(asked.parameters, asked.action, asked.nuisance).success
     well = np.flatnonzero(np.abs(said - dataset().rollouts.succeeded) < 0.2)[:150]
     assert 0.3 < _temperature(emulator, dataset(), well) < 1.0
-
-
-def test_its_predictions_agree_with_fresh_rollouts():
-    emulator, _ = trained()
-    parameters, action, nuisance = draws(200, seed=9)
-    predicted = emulator.predict(parameters, action, nuisance)
-    tracks = [
-        TOY.simulate(p, TOY.reference_context, a, n) for p, a, n in zip(parameters, action, nuisance, strict=True)
-    ]
-    succeeded = np.array([TOY.succeeded(t) for t in tracks])
-    assert ((predicted.success > 0.5) == succeeded).mean() > 0.9
-    error = predicted.observation - np.stack([TOY.observation(t) for t in tracks])
-    assert np.abs(error).mean() < 0.05
 
 
 def test_disagreement_grows_outside_of_the_data():
@@ -118,3 +107,48 @@ def test_too_little_data_is_refused():
     few = dataclasses.replace(dataset(), rollouts=dataset().rollouts[:10])
     with pytest.raises(DatasetError, match="10 rollouts are too few"):
         train_emulator(TOY, few, 0)
+
+
+OBJECTS = {
+    "pushing": OwnObject("pushing", "milk", {"mu": (0.08, 0.16), "e": (1e5, 1e6)}),
+    "scooping": OwnObject("scooping", "tofu", {"h": (2.0, 2.6), "g": (1, 2)}, {"radius": (0.012, 0.02)}),
+}
+
+
+def emulator_of(name: str) -> Emulator:
+    found = load_checkpoint(get_task(name)).emulator
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_the_networks_of_an_object_predict_what_they_predicted_for_the_task(name: str) -> None:
+    shipped, task = emulator_of(name), with_ranges(get_task(name), OBJECTS[name])
+    own, rng = adopted(shipped, task), np.random.default_rng(0)
+    given = [space.sample(rng, 200) for space in (task.margin, task.action, task.nuisance)]
+    before, after = shipped.predict(*given), own.predict(*given)
+    assert own.task is task
+    assert np.allclose(after.observation, before.observation, atol=2e-5)
+    assert np.allclose(after.success, before.success, atol=2e-4)
+    assert not np.array_equal(own.tensors["w0"], shipped.tensors["w0"])
+
+
+def test_other_whole_numbers_are_refused() -> None:
+    task = get_task("scooping")
+    g = task.margin.names.index("g")
+    fewer = [dataclasses.replace(d, high=1) if i == g else d for i, d in enumerate(task.margin.dimensions)]
+    with pytest.raises(CheckpointError, match="other whole numbers"):
+        adopted(emulator_of("scooping"), dataclasses.replace(task, margin=Space(tuple(fewer))))
+
+
+def threads() -> set[int]:
+    assert np.eye(3) @ np.eye(3) is not None  # its library is loaded
+    return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+
+def test_small_matrices_are_multiplied_on_one_thread_inside_and_as_many_as_before_outside() -> None:
+    with threadpool_limits(2, user_api="blas"):
+        before = threads()
+        with one_blas_thread():
+            assert threads() == {1}
+        assert threads() == before

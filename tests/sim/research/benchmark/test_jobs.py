@@ -12,7 +12,7 @@ from sim.adaptation.methods import make_method
 from sim.errors import DatasetError, OutOfRange
 from sim.lab.world import load_world
 from sim.research.benchmark import run
-from sim.research.benchmark.jobs import COMPARED, Job, run_job
+from sim.research.benchmark.jobs import Job, run_job
 from sim.research.benchmark.run import Results, run_jobs
 from sim.research.benchmark.sessions import Conditions, choose_oracle, judge, run_session
 from sim.research.benchmark.tables import WorldTable
@@ -169,8 +169,3 @@ def test_what_a_job_raises_ends_the_benchmark_and_keeps_the_rest(tmp_path, monke
     with pytest.raises(DatasetError, match="gone"):
         run_jobs(jobs, Results(tmp_path), Failing(), lambda done, total: None, run_job)
     assert run.Results(tmp_path).row(jobs[0]).method == "udr"
-
-
-def test_all_that_can_be_compared_is_made_somewhere():
-    assert {"oracle", "best-action", "udr", "adaptsim", "sysid-bayes-point", "bo"} <= set(COMPARED)
-    assert len(COMPARED) == len(set(COMPARED))

@@ -1,19 +1,18 @@
 """The baselines of the paper as methods: what each of them looks at, and that it does what it is for."""
 
-import functools
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from toy_learning import trained
+from toy_learning import TARGET, prospects, trained
+from toy_learning import trial as one_trial
 from toy_task import ACTION, PARAMETERS, TOY, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.method import OwnPolicies, Particle, ParticleTrials, Trial
+from sim.adaptation.method import OwnPolicies, Particle, ParticleTrials
 from sim.adaptation.methods import make_method
-from sim.adaptation.reward_table import ProspectSettings, look_ahead
-from sim.errors import CheckpointError, ExtraMissing, NotExecutable
+from sim.errors import ExtraMissing, NotExecutable
 from sim.research.methods import extras, search, sysid
 from sim.research.methods.learn_in_target import LearnInTarget
 from sim.research.methods.search import BayesianOptimisation, BoPrior
@@ -21,25 +20,15 @@ from sim.research.methods.sysid import SysId
 from sim.solvers.misfit import squares
 from sim.tasks import get_task
 
-TARGET = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))
 MIDDLE = ACTION.denormalise(np.array([0.5, 0.5]))
-
-
-@functools.cache
-def prospects():
-    return look_ahead(trained()[0], 3, ProspectSettings(64, 512, 4))
 
 
 def solver():
     return trained()[0]
 
 
-def trial(parameters=TARGET, action=MIDDLE, reward=None, seed=0, context=(0.62, 0.01)):
-    context = np.array(context)
-    track = simulate(parameters, context, action, np.zeros(1))
-    seen = TOY.observation.with_noise(TOY.observation(track), np.random.default_rng(seed))
-    earned = TOY.score(track, context) if reward is None else reward
-    return Trial(context, action, seen, earned, TOY.end_of(track))
+def trial(parameters=TARGET, action=MIDDLE, **more):
+    return one_trial(action, parameters=parameters, **more)
 
 
 def tried(unit, trials):
@@ -192,7 +181,7 @@ def test_learning_in_the_target_finds_the_action_without_a_simulator():
         seen = []
         for particle in particles:
             policy = method.policy(particle, history)
-            trials = [trial(action=policy(c), context=c) for c in TOY.context.sample(rng, 2)]
+            trials = [trial(action=policy(c), where=c) for c in TOY.context.sample(rng, 2)]
             seen.append(ParticleTrials(particle, tuple(trials)))
         history.append(tuple(seen))
         particles = method.next(history, rng)
@@ -227,13 +216,10 @@ def test_it_proposes_only_what_the_arm_can_do():
         method.policy(particle, [], lambda context, action: False)(TOY.reference_context)
 
 
-def test_a_missing_extra_and_a_missing_checkpoint_say_what_to_do(monkeypatch):
+def test_a_missing_extra_says_what_to_do(monkeypatch):
     monkeypatch.setattr(extras, "find_spec", lambda name: None)
     with pytest.raises(ExtraMissing, match=r"bo needs the package botorch.*pip install 'adaptsim\[bo\]'"):
         make_method("bo", TOY, None)
     task = get_task("pendulum")
     with pytest.raises(ExtraMissing, match=r"pip install 'adaptsim\[sbi\]'"):
         make_method("sysid-bayes", task, load_checkpoint(task))
-    for name in ("sysid-bayes-point", "bo-prior"):
-        with pytest.raises(CheckpointError, match="adaptsim pretrain --task toy"):
-            make_method(name, TOY, None)

@@ -1,6 +1,6 @@
 import dataclasses
 import functools
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,10 +13,12 @@ from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.reward_table import ProspectSettings
 from sim.errors import CheckpointError, DatasetError, RolloutError
+from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import QPolicy, networks_of, new_policy
 from sim.research.methods.search import RandomSearch
 from sim.research.pretraining.episodes import EmulatedRolls, Library, Simulator, Solved, fill_library, sparse, visit
 from sim.research.pretraining.evaluation import EvaluationSettings, evaluate
+from sim.research.pretraining.logs import TIMINGS, Stopwatch, wall_times_s
 from sim.research.pretraining.meta_training import (
     MetaSettings,
     explore,
@@ -259,3 +261,65 @@ def test_fewer_rollouts_are_simulated_where_their_mirror_images_count():
     full, one_sided = PretrainBudget.full(pushing), PretrainBudget.full(dataclasses.replace(pushing, mirror=None))
     sizes = [(budget.rollouts, budget.denser) for budget in (full, one_sided)]
     assert [4 * n for n in sizes[0]] == [3 * n for n in sizes[1]]
+
+
+class Choosing:
+    """Stands for a network: moves by a rule."""
+
+    def __init__(self, rule):
+        self.directions = rule
+
+
+def informed(state):
+    """The piece's way back and its drift aside tell of mu and h; that is what this reads off, roughly."""
+    unit, seen = state[:, :4], TOY.observation.denormalise(state[:, 4 : 4 + TOY.observation.size])
+    moved = seen[:, -1, 0] - seen[:, 0, 0]
+    expected = 0.05 + 0.1 * (0.25 + 0.4 * unit[:, 3])
+    mu = np.clip(unit[:, 0] + (expected - moved) / 0.2, 0.0, 1.0)
+    step = np.zeros_like(unit, dtype=int)
+    step[:, 0] = np.where(np.abs(mu - unit[:, 0]) > 0.08, np.sign(mu - unit[:, 0]), 0)
+    return step
+
+
+def drifting(state):
+    return np.tile([1, 0, 0, -1], (len(state), 1))
+
+
+def gate(rule):
+    acting = Solved(trained()[0], SolverSettings(candidates=64, scenarios=4))
+    return learning_gate(simulator(acting), cast("QNetwork", Choosing(rule)), "iteration", 0, count=48)
+
+
+@pytest.mark.long
+def test_the_gate_passes_who_moves_by_what_it_sees_and_stops_who_drifts():
+    good, idle = gate(informed), gate(drifting)
+    assert good.passed
+    assert good.policy > max(good.stay, good.drift) + 0.02
+    assert good.above_ci95[0] < good.policy - max(good.stay, good.drift) < good.above_ci95[1]
+    assert not idle.passed
+    assert idle.policy == idle.drift
+
+
+def test_time_counts_for_the_stage_that_is_reported_and_goes_on_after_a_kill(tmp_path):
+    now, seen = [100.0], []
+
+    def report(watch, stage, after_s, done):
+        now[0] += after_s
+        watch(stage, done, 4)
+
+    first = Stopwatch(tmp_path, lambda *call: seen.append(call), lambda: now[0])
+    report(first, "dataset", 3.0, 1)
+    assert wall_times_s(tmp_path) == {}  # not written yet
+    report(first, "dataset", 4.0, 2)  # 7 s since the start: written; then it is killed
+    now[0] += 1000.0
+    second = Stopwatch(tmp_path, lambda *call: seen.append(call), lambda: now[0])
+    report(second, "dataset", 2.0, 4)
+    report(second, "emulator", 1.5, 4)
+    assert wall_times_s(tmp_path) == {"dataset": 9.0, "emulator": 1.5}
+    assert seen == [("dataset", 1, 4), ("dataset", 2, 4), ("dataset", 4, 4), ("emulator", 4, 4)]
+
+
+def test_a_damaged_file_of_times_is_named(tmp_path):
+    (tmp_path / TIMINGS).write_text("seconds = 3")
+    with pytest.raises(DatasetError, match=TIMINGS):
+        wall_times_s(tmp_path)

@@ -69,7 +69,7 @@ def played(name: str, targets: str, seed: int, *, tables: bool) -> Sequence[Sess
             place = Tabled(task, load_table(task, target.world, scene, root / target.set / target.name))
         policies = run_session(checkpoint.solver, AdaptSim(method.simulators), place, conditions, seed)
         own = [policy for policy in policies if isinstance(policy, RealityPolicy)]
-        earned = tuple(judge(task, policy.actions, place, conditions, seed).reward for policy in own)
+        earned = tuple(judge(task, policy.actions, place, conditions, seed).mean for policy in own)
         said = tuple(outlook_after(one.reality, shown, i, conditions.particles) for i, one in enumerate(own, 1))
         found.append(Session(target.name, said, earned))
         last = found[-1].said[-1]

@@ -15,6 +15,15 @@ from sim.errors import OutOfRange
 
 
 @dataclass(frozen=True)
+class Estimate:
+    """A mean with its 95 % interval."""
+
+    mean: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
 class Dimension:
     """One named quantity with its range; `scale` says how it is normalised.
 

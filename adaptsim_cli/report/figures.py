@@ -10,7 +10,8 @@ import numpy as np
 from adaptsim_cli.report.svg import Canvas, Scale, plain
 from adaptsim_cli.session.records import DimensionRecord, TrialRecord
 from hw.types import Array
-from sim.adaptation.posterior import Posterior, RewardEstimate
+from sim.adaptation.posterior import Posterior
+from sim.types import Estimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +50,9 @@ class Judgement:
 
     posteriors: tuple[Posterior, ...]  # before the first iteration, and after each
     predictions: Mapping[int, Prediction]  # by number of the trial
-    first: RewardEstimate  # of the first policies, under the last posterior
-    adapted: RewardEstimate | None  # of the policy at the best parameters; None without a result
-    udr: RewardEstimate  # of policies for all of Omega
+    first: Estimate  # of the first policies, under the last posterior
+    adapted: Estimate | None  # of the policy at the best parameters; None without a result
+    udr: Estimate  # of policies for all of Omega
     unit: str  # of the errors of predicted ends: "mm" on the table, else that of the observed quantities
     held_out: HeldOut | None = None  # None: no trial was held out
 

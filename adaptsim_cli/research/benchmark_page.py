@@ -6,9 +6,9 @@ import csv
 import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from rich.table import Table
 
@@ -22,17 +22,6 @@ from sim.research.benchmark.summary import LEAST_GAP, WORSE_BY, Interval, Method
 TABLE, DATA = "rows.csv", "benchmark.json"
 COLUMNS = ("task", "set", "target", "method", "seed", "reward", "ci95_low", "ci95_high", "real_trials", "simulations")
 """Columns of the CSV, before `wall_s`."""
-
-
-@dataclass(frozen=True)
-class SetView:
-    """One set of worlds for the page."""
-
-    title: str
-    rows: tuple[tuple[str, ...], ...]
-    differences: str  # SVG; empty if UDR was not run
-    curves: tuple[tuple[str, str], ...]  # (method, SVG)
-    with_gap: str  # names; empty if there are none, or they are unknown
 
 
 def write(found: Comparison) -> Path:
@@ -73,17 +62,17 @@ def render(found: Comparison) -> str:
     )
 
 
-def _view(summary: SetSummary) -> SetView:
+def _view(summary: SetSummary) -> dict[str, Any]:
+    """A set for the template; `differences` is empty if UDR was not run."""
     levels = {method.method: method.reward for method in summary.methods if not method.trials[-1]}
-    sessions: list[MethodSummary] = [m for m in summary.methods if m.method not in levels]
     compared = [m for m in summary.methods if m.above_udr is not None and m.method != UDR]
-    return SetView(
-        title=title(summary),
-        rows=tuple(cells(method) for method in summary.methods),
-        differences=differences(compared) if compared else "",
-        curves=tuple((method.method, curve(method, levels)) for method in sessions),
-        with_gap=", ".join(summary.with_gap or ()),
-    )
+    return {
+        "title": title(summary),
+        "rows": [cells(method) for method in summary.methods],
+        "differences": differences(compared) if compared else "",
+        "curves": [(m.method, curve(m, levels)) for m in summary.methods if m.method not in levels],
+        "with_gap": ", ".join(summary.with_gap or ()),
+    }
 
 
 def curve(method: MethodSummary, levels: Mapping[str, float]) -> str:

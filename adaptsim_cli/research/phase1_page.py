@@ -275,13 +275,6 @@ def _panels(count: int) -> tuple[Figure, tuple[Axes, ...]]:
     return figure, tuple(np.atleast_1d(figure.subplots(1, count)))
 
 
-def is_finished(folder: Path | None) -> bool:
-    """Whether the pretraining in `folder` is complete enough for a report."""
-    from sim.research.pretraining.verification import verify
-
-    return folder is not None and verify.is_finished(folder)
-
-
 def write_report(
     task: Task, folder: Path, docs: Path | None, executor: Executor, progress: Callable[[str, int, int], None]
 ) -> Path:

@@ -70,6 +70,7 @@ def pretrain(
     from adaptsim_cli.screen import console
     from adaptsim_cli.wiring import settings as wiring
     from sim.research.pretraining.pipeline import Wanted
+    from sim.research.pretraining.verification.verify import is_finished
 
     if docs is not None and not report:
         raise UsageError("--docs sets where the report goes: add --report")
@@ -80,7 +81,7 @@ def pretrain(
     resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress, pretraining.open_executor(resolved.config, executor, scheduler) as crew:
-        if report and out is not None and phase1_page.is_finished(out):
+        if report and out is not None and is_finished(out):
             folder = out / "checkpoint"
         else:
             sizes = pretraining.Sizes(rollouts, denser, episodes, judged)

@@ -26,9 +26,10 @@ if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.method import Iteration, Method
     from sim.adaptation.methods.belief import Belief
-    from sim.adaptation.posterior import Posterior, RewardEstimate
+    from sim.adaptation.posterior import Posterior
     from sim.solvers.solver import SolvedPolicy
     from sim.tasks.task import Task
+    from sim.types import Estimate
 
 JUDGED = 64
 """Contexts in which a final policy chooses among the trials held out."""
@@ -80,7 +81,7 @@ class Hindsight:
         posteriors = posterior_after_each(self.belief, history)
         known = posteriors[-1]
 
-        def expected(policies: Sequence[SolvedPolicy]) -> RewardEstimate:
+        def expected(policies: Sequence[SolvedPolicy]) -> Estimate:
             return prospect(checkpoint, known, policies, np.random.default_rng(0))  # the same targets for all
 
         return Judgement(

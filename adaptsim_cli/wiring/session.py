@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,7 +28,7 @@ from adaptsim_cli.storage.durable import versions
 from adaptsim_cli.view.live import live_view
 from adaptsim_cli.view.server import require_free
 from adaptsim_cli.wiring.rig_frames import ground_of, hash_of, own_ground
-from adaptsim_cli.wiring.settings import checkpoint_of, recordings_of, started_from, task_of
+from adaptsim_cli.wiring.settings import checkpoint_of, recordings_of, solver_of, started_from, task_of
 from adaptsim_cli.wiring.touch_off import origin
 from calib.types import HandEye
 from hw.braking import FULL
@@ -66,61 +66,66 @@ def open_parts(
 
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
-    from adaptsim_cli.wiring.settings import solver_of
-    from sim.adaptation.methods import make_method
-    from sim.adaptation.methods.belief import Belief
-
     checkpoint, prior = started_from(checkpoint_of(config), config)
-    learns = checkpoint.solver.task
     if config.recorded:
         yield _recorded_parts(config, checkpoint, prior, learnt.parent)
         return
     with (
-        _open_target(config, learns, drivers, own, screen) as (task, target, executable, calibration),
+        _open_target(config, checkpoint.solver.task, drivers, own, screen) as (task, target, executable, calibration),
         solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
     ):
-        belief = None if checkpoint.prospects is None else Belief(checkpoint.solver, checkpoint.prospects)
-        method = make_method(config.method, learns, checkpoint)
-        learner = _SolverLearner(method, policies, expectations, executable, belief)
-        origin = Provenance(
-            checkpoint=f"{learns.name}/{checkpoint.path.name}",
-            checkpoint_sha256=checkpoint.sha256,
-            world_sha256=_world_sha256(config.lab_world),
-            calibration=calibration.source if calibration else "",
-            calibration_sha256=hash_of(calibration.X_BC, task.require_hardware().X_FT) if calibration else "",
-            versions=versions(),
-            camera_late_s=calibration.camera_late_s if calibration else 0.0,
-            start_from_sha256=prior,
-        )
+        learner = _learner(config, checkpoint, policies, expectations, executable)
+        origin = _provenance(checkpoint, prior, _world_sha256(config.lab_world))
+        if calibration is not None:
+            origin = replace(
+                origin,
+                calibration=calibration.source,
+                calibration_sha256=hash_of(calibration.X_BC, task.require_hardware().X_FT),
+                camera_late_s=calibration.camera_late_s,
+            )
         yield Parts(task, target, learner, origin)
 
 
 def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> Parts:
     """The parts of a session in the folder `session` whose trials were recorded before. Raises UsageError, SimError."""
-    from sim.adaptation.methods import make_method
-    from sim.adaptation.methods.belief import Belief
-
     if not config.is_simulated:
         raise UsageError(f"--recorded: nothing moves, so leave out --hw {config.hw}")
     if config.solver:
         raise UsageError(f"--recorded: policies choose among recorded actions, so leave out --solver {config.solver}")
     recordings = recordings_of(checkpoint, config)
-    known, task = recordings.checkpoint, recordings.checkpoint.solver.task
+    solver = recordings.checkpoint.solver
     title = f"recorded trials of {config.recorded}, {len(recordings.held_out)} of them held out"
     target = InRecordings(recordings.shown, title, _spent(recordings.shown, session))
-    belief = None if known.prospects is None else Belief(known.solver, known.prospects)
-    method = make_method(config.method, task, known)
-    learner = _SolverLearner(method, known.solver, known.solver, target.executable, belief)
-    origin = Provenance(
-        checkpoint=f"{task.name}/{checkpoint.path.name}",
+    learner = _learner(config, recordings.checkpoint, solver, solver, target.executable)
+    return Parts(solver.task, target, learner, _provenance(checkpoint, prior, recordings.sha256))
+
+
+def _learner(
+    config: Config,
+    checkpoint: Checkpoint,
+    policies: Policies,
+    expectations: Expectations,
+    executable: Executable | None,
+) -> _SolverLearner:
+    from sim.adaptation.methods import make_method
+    from sim.adaptation.methods.belief import Belief
+
+    belief = None if checkpoint.prospects is None else Belief(checkpoint.solver, checkpoint.prospects)
+    method = make_method(config.method, checkpoint.solver.task, checkpoint)
+    return _SolverLearner(method, policies, expectations, executable, belief)
+
+
+def _provenance(checkpoint: Checkpoint, prior: str, world_sha256: str) -> Provenance:
+    """Without a calibration."""
+    return Provenance(
+        checkpoint=f"{checkpoint.solver.task.name}/{checkpoint.path.name}",
         checkpoint_sha256=checkpoint.sha256,
-        world_sha256=recordings.sha256,
+        world_sha256=world_sha256,
         calibration="",
         calibration_sha256="",
         versions=versions(),
         start_from_sha256=prior,
     )
-    return Parts(task, target, learner, origin)
 
 
 def _spent(trials: RecordedTrials, session: Path) -> set[int]:

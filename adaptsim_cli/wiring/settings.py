@@ -185,9 +185,9 @@ def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> 
     if name != "naf" and not checkpoint.naf:
         yield own, own
         return
-    from sim.solvers.simulating import simulating
+    from sim.solvers.solver import naf
 
-    with simulating("naf").in_session(own.task, checkpoint.naf, workers, folder) as solver:
+    with naf().in_session(own.task, checkpoint.naf, workers, folder) as solver:
         yield solver, solver if checkpoint.naf else own
 
 

@@ -22,8 +22,7 @@ from hw.bounded import Unreadable
 from sim.adaptation.reward_table import RewardTable, restore_prospects
 from sim.errors import CheckpointError
 from sim.solvers.emulator.network import SELF_TEST, Emulator, EmulatorReport, predictions, require_same
-from sim.solvers.simulating import simulating
-from sim.solvers.solver import Solver
+from sim.solvers.solver import Solver, naf
 from sim.storage.files import Tensors, load_tensors, read_toml, save_tensors, sha256, write_toml
 from sim.tasks import files_of, get_task, task_names
 from sim.tasks.fingerprint import fingerprint, interface
@@ -107,7 +106,7 @@ class Card(_Table):
     seed: int | None = None
     simulations: int = 0
     solver: Literal["emulator", "naf"] = "emulator"
-    naf: dict[str, Any] | None = None  # read by the solver (`sim.solvers.simulating`)
+    naf: dict[str, Any] | None = None  # read by NAF's solver
     budget: Budget = Budget()
     self_test: list[float] | None = None  # predictions repeated on loading; None: no emulator
     emulator: EmulatorReport | None = None  # None: no emulator was trained
@@ -299,7 +298,8 @@ def _solver(task: Task, path: Path, card: Card) -> Solver:
     if task.exact:
         return task.exact(task)
     try:
-        return simulating("naf").restore(task, card.naf or {})
+        solver: Solver = naf().restore(task, card.naf or {})
+        return solver
     except (KeyError, TypeError, ValueError) as error:
         raise CheckpointError(f"the table naf in {path / CARD} is damaged ({error}): pretrain again") from error
 

@@ -18,7 +18,7 @@ from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration
 from sim.adaptation.methods.belief import Belief
 from sim.solvers.solver import Expectations, SolvedPolicy
-from sim.types import Space
+from sim.types import Estimate, Space
 
 TARGETS, CONTEXTS = 128, 8
 """Numbers of parameter draws and of contexts for the expected reward of a policy."""
@@ -92,25 +92,18 @@ def predicted(expectations: Expectations, parameters: Array, context: Array, act
     return task.observation.denormalise(task.relocate(there, np.broadcast_to(context, (n, len(task.context)))))
 
 
-@dataclass(frozen=True)
-class RewardEstimate:
-    """The expected reward of a policy if the true parameters follow a posterior."""
-
-    mean: float
-    low: float  # `low` to `high` holds 95 % of the posterior
-    high: float
-
-
 def prospect(
     checkpoint: Checkpoint, belief: Posterior, policies: Sequence[SolvedPolicy], rng: np.random.Generator
-) -> RewardEstimate:
-    """The prospect of `policies`, averaged over them, over contexts, nuisance and action error."""
+) -> Estimate:
+    """The reward of `policies` if the true parameters follow `belief`, averaged over policies, contexts, nuisance and
+    action error; the interval is that of the posterior.
+    """
     solver = checkpoint.solver
     targets, contexts = belief.draw(TARGETS, rng), solver.task.context.sample(rng, CONTEXTS)
     drawn = int(rng.integers(2**31))
     rewards = np.mean([_earned(solver, targets, contexts, policy, drawn) for policy in policies], axis=0)
     low, high = np.quantile(rewards, (0.025, 0.975))
-    return RewardEstimate(float(rewards.mean()), float(low), float(high))
+    return Estimate(float(rewards.mean()), float(low), float(high))
 
 
 def _earned(expectations: Expectations, targets: Array, contexts: Array, policy: SolvedPolicy, seed: int) -> Array:

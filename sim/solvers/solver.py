@@ -1,16 +1,19 @@
 """The contract of solvers: task policies, and expectations of their trials.
 
-Siblings: `sim.solvers.emulator.network`, a task's own exact one (`Task.exact`), and those of `sim.solvers.simulating`.
+Siblings: `sim.solvers.emulator.network`, a task's own exact one (`Task.exact`), and NAF's in the wing (`naf`).
 """
 
 from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
 from hw.types import Array
 from sim.tasks.task import Executable, Expectations, Policies, SolvedPolicy, Solver, SolverSettings
 
-__all__ = ["Executable", "Expectations", "Policies", "SolvedPolicy", "Solver", "SolverSettings", "policy_for"]
+__all__ = ["Executable", "Expectations", "Policies", "SolvedPolicy", "Solver", "SolverSettings", "naf", "policy_for"]
 
 
 def policy_for(policies: Policies, samples: Array, executable: Executable | None = None, seed: int = 0) -> SolvedPolicy:
@@ -21,3 +24,8 @@ def policy_for(policies: Policies, samples: Array, executable: Executable | None
     is one that it has tried.
     """
     return policies.policies(np.asarray(samples)[None], np.random.default_rng(seed), executable)[0]
+
+
+def naf() -> Any:
+    """The module of NAF, which simulates when it is asked: `restore` and `in_session`. Imported on first use."""
+    return import_module("sim.research.naf.solver")

@@ -16,7 +16,7 @@ from hw.bounded import Unreadable, read_table
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import RecordingsRefused
-from sim.rollouts.recorded import RecordedTrials, scores_only
+from sim.rollouts.recorded import RecordedTrials
 from sim.tasks.task import Task
 from sim.types import Space
 
@@ -110,9 +110,6 @@ def checked(task: Task, raw: Sequence[RawTrial], outcome: Outcome | None) -> Rec
     """The trials as the task knows them. Raises RecordingsRefused."""
     named = set(raw[0].values) if raw else set()
     has_context = set(task.context.names) <= named
-    if not has_context and not scores_only(task):
-        missing = ", ".join(name for name in task.context.names if name not in named)
-        raise RecordingsRefused(f"the context {missing} is missing, and in {task.name} it changes the motion: name it")
     trials = RecordedTrials(
         task,
         tuple(trial.name for trial in raw),

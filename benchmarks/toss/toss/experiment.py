@@ -128,13 +128,13 @@ class Split:
     def scored(self, policy: SolvedPolicy) -> float:
         """The reward of a policy with the tosses held out."""
         place = FromRecordings(self.session.trials, self.scores.trials)
-        return judge(TASK, policy.actions, place, CONDITIONS, self.seed).reward
+        return judge(TASK, policy.actions, place, CONDITIONS, self.seed).mean
 
     @property
     def best_recorded(self) -> float:
         """The reward of the best tosses held out, in hindsight."""
         place = FromRecordings(self.session.trials, self.scores.trials)
-        return judge(TASK, place.best_actions, place, CONDITIONS, self.seed).reward
+        return judge(TASK, place.best_actions, place, CONDITIONS, self.seed).mean
 
 
 def _bo(half: Half) -> Method:

@@ -20,7 +20,6 @@ from sim.lab.world import World
 from sim.research.benchmark.sessions import (
     Commands,
     Conditions,
-    Judged,
     choose_oracle,
     judge,
     mean_of,
@@ -34,6 +33,7 @@ from sim.research.benchmark.trial_sources import FromRecordings, SimulatedTrials
 from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.candidates import among
 from sim.tasks import get_task
+from sim.types import Estimate
 
 UDR, ORACLE, BEST_ACTION = "udr", "oracle", "best-action"
 LIMITS = (ORACLE, BEST_ACTION)
@@ -102,7 +102,7 @@ def run_job(job: Job, trials: TrialSource | None = None) -> Row:
     simulated = SimulatedTrials(solver, job.world)
     place: TrialSource = simulated if job.table is None else Tabled(task, job.table)
 
-    def final(act: Commands, policies: int = 1) -> Judged:
+    def final(act: Commands, policies: int = 1) -> Estimate:
         """Judge by fresh rollouts, divided among `policies`, if they are requested."""
         if not conditions.fresh:
             return judge(task, act, place, conditions, job.seed)
@@ -135,7 +135,7 @@ def _run_recorded(job: Job, recorded: RecordedTrials) -> Row:
     place = FromRecordings(shown, held)
     session, scores = (replace(checkpoint, solver=among(checkpoint.solver, half.actions)) for half in (shown, held))
 
-    def judged(act: Commands) -> Judged:
+    def judged(act: Commands) -> Estimate:
         return judge(task, act, place, job.conditions, seed)
 
     if name in (UDR, PERMUTED_UDR):
@@ -150,7 +150,7 @@ def _run_recorded(job: Job, recorded: RecordedTrials) -> Row:
 
 
 def _row(
-    job: Job, checkpoint: Checkpoint, last: Judged, curve: Sequence[Judged] | None, began: float, seen: float | None
+    job: Job, checkpoint: Checkpoint, last: Estimate, curve: Sequence[Estimate] | None, began: float, seen: float | None
 ) -> Row:
     """`curve` is None without trials: the reward stays the same."""
     adaptation = checkpoint.solver.task.adaptation
@@ -162,12 +162,12 @@ def _row(
         target=job.target,
         method=job.method,
         seed=job.seed,
-        reward=last.reward,
-        ci95=last.ci95,
+        reward=last.mean,
+        ci95=(last.low, last.high),
         real_trials=each * len(curve),
         simulations=simulations(job.method, checkpoint),
         wall_s=time.perf_counter() - began,
-        curve=tuple((each * (k + 1), judged.reward) for k, judged in enumerate(curve)),
+        curve=tuple((each * (k + 1), judged.mean) for k, judged in enumerate(curve)),
         shown=seen,
     )
 

@@ -21,7 +21,7 @@ from sim.research.benchmark.trial_sources import TrialSource
 from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy, Solver
 from sim.tasks.task import Task
-from sim.types import Space
+from sim.types import Estimate
 
 UDR_POLICIES = 8
 """Number of policies behind UDR's reward: over Omega many actions earn the same, but in one world they differ as much
@@ -56,14 +56,6 @@ class Conditions:
         return self.budget // each
 
 
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """The reward of one policy."""
-
-    reward: float
-    ci95: tuple[float, float]  # of the mean over rollouts
-
-
 class _Chance(IntEnum):
     """The purpose of a stream of random numbers."""
 
@@ -78,25 +70,24 @@ class _Chance(IntEnum):
 
 
 def run_session(
-    solver: Solver, method: Method, place: TrialSource, conditions: Conditions, seed: int, contexts: Space | None = None
+    solver: Solver, method: Method, place: TrialSource, conditions: Conditions, seed: int
 ) -> list[SolvedPolicy]:
-    """The final policies of the session if it ended after each iteration; `contexts` default to all of the task."""
-    histories = run_iterations(solver, method, place, conditions, seed, contexts)
+    """The final policies of the session if it ended after each iteration."""
+    histories = run_iterations(solver, method, place, conditions, seed)
     return [final_policy(method, solver, solver.task, history, place.executable) for history in histories]
 
 
 def run_iterations(
-    solver: Solver, method: Method, place: TrialSource, conditions: Conditions, seed: int, contexts: Space | None = None
+    solver: Solver, method: Method, place: TrialSource, conditions: Conditions, seed: int
 ) -> Iterator[tuple[Iteration, ...]]:
     """The session, iteration by iteration: all that it knows after each."""
     task, history = solver.task, list[Iteration]()
-    among = task.context if contexts is None else contexts
     particles = method.start(conditions.particles, _stream(seed, _Chance.START))
     for i in range(conditions.iterations(task)):
         acting = [policy_of(method, solver, particle, history, place.executable) for particle in particles]
         history.append(
             tuple(
-                ParticleTrials(particle, _trials(task, act, place, among, (seed, i, j)))
+                ParticleTrials(particle, _trials(task, act, place, (seed, i, j)))
                 for j, (particle, act) in enumerate(zip(particles, acting, strict=True))
             )
         )
@@ -104,13 +95,13 @@ def run_iterations(
         particles = method.next(history, _stream(seed, _Chance.NEXT, i))
 
 
-def judge(task: Task, act: Commands, place: TrialSource, conditions: Conditions, seed: int) -> Judged:
+def judge(task: Task, act: Commands, place: TrialSource, conditions: Conditions, seed: int) -> Estimate:
     """The mean reward of these commands over contexts, by rollouts that no session uses."""
     contexts = judged_contexts(task, conditions, seed)
     rewards = place.judge(contexts, act(contexts), _stream(seed, _Chance.JUDGE))
     half = 1.96 * float(rewards.std(ddof=1)) / len(rewards) ** 0.5
     mean = float(rewards.mean())
-    return Judged(mean, (max(0.0, mean - half), min(1.0, mean + half)))
+    return Estimate(mean, max(0.0, mean - half), min(1.0, mean + half))
 
 
 def judged_contexts(task: Task, conditions: Conditions, seed: int) -> Array:
@@ -118,11 +109,10 @@ def judged_contexts(task: Task, conditions: Conditions, seed: int) -> Array:
     return task.context.sample(_stream(seed, _Chance.JUDGE_CONTEXT), _worthwhile(task, conditions.judged))
 
 
-def mean_of(judged: Sequence[Judged]) -> Judged:
+def mean_of(judged: Sequence[Estimate]) -> Estimate:
     """The mean of policies judged on the same contexts. The mean of their intervals is on the safe side."""
     n = len(judged)
-    low, high = (sum(j.ci95[k] for j in judged) / n for k in range(2))
-    return Judged(sum(j.reward for j in judged) / n, (low, high))
+    return Estimate(*(sum(getattr(one, end) for one in judged) / n for end in ("mean", "low", "high")))
 
 
 def udr_policies(solver: Solver, seed: int) -> tuple[SolvedPolicy, ...]:
@@ -154,12 +144,10 @@ def _worthwhile(task: Task, n: int) -> int:
     return n if len(task.context) or np.any(task.action_noise) else 2
 
 
-def _trials(
-    task: Task, policy: SolvedPolicy, place: TrialSource, among: Space, which: tuple[int, int, int]
-) -> tuple[Trial, ...]:
+def _trials(task: Task, policy: SolvedPolicy, place: TrialSource, which: tuple[int, int, int]) -> tuple[Trial, ...]:
     """The trials of one particle in one iteration; `which` is (seed, iteration, particle)."""
     seed, *where = which
-    contexts = among.sample(_stream(seed, _Chance.CONTEXT, *where), task.adaptation.trials_per_iteration)
+    contexts = task.context.sample(_stream(seed, _Chance.CONTEXT, *where), task.adaptation.trials_per_iteration)
     chosen = []
     for context in contexts:
         chosen.append(policy(context))

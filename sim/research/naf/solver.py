@@ -159,13 +159,20 @@ def naf_facts(solver: NafSolver) -> dict[str, Any]:
 
 
 def restore(task: Task, facts: Mapping[str, Any]) -> NafSolver:
-    """`sim.solvers.simulating.Simulating.restore`."""
+    """The solver of a checkpoint whose card has the table `facts`; it stores nothing, and runs rollouts one by one.
+
+    Raises KeyError, TypeError or ValueError if the table is damaged.
+    """
     return _restored(task, facts, partial(run_many, task, executor=serial_executor()), None)
 
 
 @contextmanager
 def in_session(task: Task, facts: Mapping[str, Any] | None, workers: int, folder: Path) -> Iterator[NafSolver]:
-    """`sim.solvers.simulating.Simulating.in_session`. Rollouts and policies are stored."""
+    """The solver of a session, on `workers` processes (0: one per core); it stores rollouts and policies in `folder`.
+
+    `facts` is the table of the checkpoint's card; None: the task's own settings. Raises UnknownName for a task without
+    them, CheckpointError if `folder` holds other data.
+    """
     with process_pool(workers or None) as crew:
         roll, kept = CachedRollouts(task, folder / "rollouts", crew), folder / "policies"
         if facts is None:

@@ -20,7 +20,7 @@ from sim.research.pretraining.meta_training import MetaSettings
 from sim.research.pretraining.pipeline import PretrainBudget, pretrain
 from sim.research.pretraining.verification.policies import Pairs
 from sim.research.pretraining.verification.replays import Agreement
-from sim.research.pretraining.verification.statistics import Estimate, rank_correlation
+from sim.research.pretraining.verification.statistics import rank_correlation
 from sim.research.pretraining.verification.verify import (
     EmulatorHeldOut,
     Errors,
@@ -32,6 +32,7 @@ from sim.research.pretraining.verification.verify import (
 )
 from sim.rollouts import serial_executor
 from sim.tasks import get_task
+from sim.types import Estimate
 
 pytestmark = pytest.mark.long
 

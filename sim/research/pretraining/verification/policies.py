@@ -12,11 +12,12 @@ from functools import reduce
 import numpy as np
 
 from hw.types import Array
-from sim.research.pretraining.verification.statistics import Estimate, RankCorrelation, clustered, rank_correlation
+from sim.research.pretraining.verification.statistics import RankCorrelation, clustered, rank_correlation
 from sim.rollouts.draws import at_reference, cover, sobol, trial_requests
 from sim.rollouts.run import Requests, Roll, Rollouts
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
+from sim.types import Estimate
 
 CONTEXTS = 16
 """Contexts, and draws at each, behind an expected reward of the emulator."""

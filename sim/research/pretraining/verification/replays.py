@@ -15,12 +15,13 @@ from hw.types import Array
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import MemoryName
 from sim.research.pretraining.episodes import LIBRARY, EmulatedRolls, Episodes, sparse
-from sim.research.pretraining.verification.statistics import Estimate, clustered
+from sim.research.pretraining.verification.statistics import clustered
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Requests, Roll, Rollouts
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
+from sim.types import Estimate
 
 AT_ONCE = 64
 """Number of distributions with task policies in memory at a time."""

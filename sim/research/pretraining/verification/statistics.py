@@ -9,19 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
+from sim.types import Estimate
 
 BOOTSTRAPS = 4000
 SIGNIFICANT = 0.05
 """If equal true rewards would differ like this with a higher probability, there is nothing to rank."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A mean with its 95 % interval."""
-
-    mean: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, eq=False)

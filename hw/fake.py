@@ -12,10 +12,9 @@ from hw.collision import Table, Tool, point_heights
 from hw.contact import Detector
 from hw.errors import ArmFault, DeviceUnavailable, NoContact
 from hw.franka.settings import Payload
-from hw.guarding import require_guarded
 from hw.kinematics import jacobian, link_poses
 from hw.types import ArmState, Array, Contact, Execution, Guard, JointPath, Placing, frozen_array
-from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped
+from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped, require_guarded
 
 STIFFNESS_N_M = 4000.0
 """Of what the fake arm touches."""

@@ -38,7 +38,7 @@ class GuardedArm(Arm, Protocol):
     def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
         """Play `path` until the force reaches the guard's, brake along the path, and return the same way to its start.
 
-        `hw.guarding.require_guarded` must accept the path. On return the arm rests at the path's start, clear of the
+        `hw.workcell.require_guarded` must accept the path. On return the arm rests at the path's start, clear of the
         surface. Raises NoContact if the path ends without a touch (the arm is back at its start), MotionRefused
         (nothing moved) or ArmFault (stopped where it is).
         """

@@ -31,12 +31,12 @@ from adaptsim_cli.wiring.motion import mounted_for, planned
 from hw.braking import STOP_S, check_braking
 from hw.contact import IMPACT_NS_M
 from hw.errors import MotionRefused
-from hw.guarding import SPEED_M_S
 from hw.kinematics import forward
 from hw.limits import contact_limit_N
 from hw.motion_limits import FLANGE
 from hw.types import JointPath
 from hw.watchdog import SILENCE_S
+from hw.workcell import SPEED_M_S
 from sim.errors import NotExecutable
 
 REACH_M = 0.855

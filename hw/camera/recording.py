@@ -1,5 +1,8 @@
 """Recordings of an Azure Kinect: Matroska files with colour as JPEG, depth and infrared as 16-bit grey, and the
 device's factory calibration attached. Needs PyAV (`pip install adaptsim[kinect]`).
+
+The calibration gives lengths as shares of a reference image; each mode is a part of it. The tables below are those of
+the maker's SDK.
 """
 
 from __future__ import annotations

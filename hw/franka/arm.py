@@ -16,11 +16,24 @@ import numpy as np
 from hw.collision import Tool
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
 from hw.franka.driver import LOST, UNAVAILABLE, UNMOVED, Failure, Reading
+from hw.franka.motions import (
+    FADE_S,
+    READINGS,
+    SLOW_FADE_S,
+    WHY,
+    PathCheck,
+    StopReport,
+    back_from,
+    contact_of,
+    from_held,
+    require_declared,
+    stop_report,
+    until,
+    way_back,
+)
 from hw.franka.playback import TOUCH, PlayableMotion, Played, Timing, motion_of
 from hw.franka.process import Player, PlayerProcess
 from hw.franka.settings import FrankaSettings, Payload
-from hw.franka.starting import FADE_S, READINGS, SLOW_FADE_S, PathCheck, back_from, from_held, require_declared, until
-from hw.franka.touching import WHY, StopReport, contact_of, stop_report, way_back
 from hw.ports import Pedal
 from hw.types import ArmState, Contact, Execution, Guard, JointPath, frozen_array
 from hw.watchdog import ALIVE, PEDAL, REQUESTED

@@ -14,10 +14,9 @@ from hw.collision import KeepOut
 from hw.contact import TORQUE_NOISE_NM, Detector
 from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
 from hw.grasping import FakeHand
-from hw.guarding import require_guarded
 from hw.kinematics import forward
 from hw.types import PATH_RATE_HZ, Array, Contact, Execution, Guard, JointPath, frozen_array
-from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped
+from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped, require_guarded
 from sim.lab.arm import ArmInLab
 from sim.lab.rng_streams import REPEATABILITY_RAD, joint_zeros, touch_stream
 from sim.lab.touch_cell import Felt, TouchCell

@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from hw.collision import Table
 from hw.contact import predicted_force_N
-from hw.guarding import check_guarded
 from hw.kinematics import forward
 from hw.types import PATH_RATE_HZ, Array, ContactWindow, Guard, JointPath, frozen_array
-from hw.workcell import ArmModel, Workcell
+from hw.workcell import ArmModel, Workcell, check_guarded
 from sim.errors import NotExecutable
 from sim.panda.model import inverse, postures
 from sim.panda.redundancy import ALLOWED

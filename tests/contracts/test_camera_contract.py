@@ -1,4 +1,4 @@
-"""What every camera does: recorded, the lab's two, the Kinect's driver over a stand-in, and a real Kinect."""
+"""What every camera does: the lab's two, the Kinect's driver over a stand-in, and a real Kinect."""
 
 from __future__ import annotations
 
@@ -14,14 +14,12 @@ from hw.ports import Camera
 from hw.types import CameraModel, Frame
 
 SCENES: dict[str, Callable[[], Scene]] = {
-    "recorded": cameras.recorded,
     "lab": cameras.lab,
     "board-lab": cameras.board_lab,
     "kinect": cameras.kinect,
     "realsense": cameras.realsense,
 }
 REAL = pytest.param(cameras.real_kinect, id="real", marks=pytest.mark.hardware)
-LIVE = ("lab", "board-lab", "kinect", "realsense")
 SPOILT = ("lab", "kinect", "realsense")
 ROUNDING_S = 1e-5
 
@@ -34,12 +32,6 @@ def over(*names: str) -> list[object]:
 
 @pytest.fixture(params=[*over(*SCENES), REAL])
 def scene(request: pytest.FixtureRequest) -> Scene:
-    made: Scene = request.param()
-    return made
-
-
-@pytest.fixture(params=[*over(*LIVE), REAL])
-def live(request: pytest.FixtureRequest) -> Scene:
     made: Scene = request.param()
     return made
 
@@ -158,22 +150,20 @@ def test_a_recording_that_failed_is_over_and_the_next_one_is_fine(make: Callable
         assert film(scene)
 
 
-def test_a_snapshot_is_of_now_on_the_arms_clock(live: Scene) -> None:
-    assert live.now_s is not None
-    with live.camera as camera:
+def test_a_snapshot_is_of_now_on_the_arms_clock(scene: Scene) -> None:
+    with scene.camera as camera:
         for _ in range(2):
-            before_s = live.now_s()
+            before_s = scene.now_s()
             frame = camera.snapshot()
-            assert before_s - ROUNDING_S <= frame.t_s <= live.now_s() + ROUNDING_S
-            live.passes()
+            assert before_s - ROUNDING_S <= frame.t_s <= scene.now_s() + ROUNDING_S
+            scene.passes()
 
 
-def test_a_recording_lies_between_its_start_and_its_end_on_the_arms_clock(live: Scene) -> None:
-    assert live.now_s is not None
-    with live.camera:
-        before_s = live.now_s()
-        times_s = [frame.t_s for frame in film(live)]
-        after_s = live.now_s()
+def test_a_recording_lies_between_its_start_and_its_end_on_the_arms_clock(scene: Scene) -> None:
+    with scene.camera:
+        before_s = scene.now_s()
+        times_s = [frame.t_s for frame in film(scene)]
+        after_s = scene.now_s()
     assert before_s - ROUNDING_S <= times_s[0]
     assert times_s[-1] <= after_s + ROUNDING_S
     assert times_s[-1] - times_s[0] > 0.4 * (after_s - before_s)  # a lab's arm settles unfilmed

@@ -1,4 +1,4 @@
-"""The factory calibration, recordings made by the test itself, and the camera that shows stored frames."""
+"""The factory calibration, and recordings made by the test itself."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ import pytest
 from kinect_files import CALIBRATION, SMALL, record
 
 from hw.camera.recording import KinectRecording, camera_model, grey16
-from hw.camera.replay import RecordedCamera, Take
 from hw.errors import CameraError, DeviceUnavailable
-from hw.types import CameraModel, Frame, Intrinsics
 
 
 def test_calibration_of_a_real_device_in_720p() -> None:
@@ -88,37 +86,3 @@ def test_files_that_are_no_recordings_are_refused(tmp_path: Path) -> None:
         recording.model()
     with pytest.raises(DeviceUnavailable, match="not open"):
         next(KinectRecording(path).frames())
-
-
-PINHOLE = Intrinsics(8, 6, np.array([[10.0, 0, 4], [0, 10.0, 3], [0, 0, 1]]))
-MODEL = CameraModel("r", PINHOLE, PINHOLE, np.eye(4))
-
-
-def frame(t_s: float) -> Frame:
-    return Frame(t_s, np.zeros((6, 8, 3), np.uint8), np.zeros((6, 8), np.uint16))
-
-
-def take(t_s: float, count: int) -> Take:
-    return Take(frame(t_s), tuple(frame(t_s + 1 + i / 30) for i in range(count)))
-
-
-def test_each_recording_shows_the_next_take() -> None:
-    takes = [take(10.0, 3), take(20.0, 5)]
-    with RecordedCamera(MODEL, takes) as camera:
-        assert camera.model() is MODEL
-        assert camera.snapshot() is takes[0].still and camera.snapshot() is takes[0].still
-        camera.start_recording()
-        assert camera.stop_recording() == takes[0].film
-        assert camera.snapshot() is takes[1].still
-        camera.start_recording()
-        assert len(camera.stop_recording()) == 5
-        assert camera.snapshot() is takes[1].still
-        with pytest.raises(CameraError, match="2 films"):
-            camera.start_recording()
-
-
-def test_takes_are_in_order_and_there_is_one() -> None:
-    with pytest.raises(ValueError, match="order"):
-        Take(frame(0.0), (frame(1.0), frame(1.0)))
-    with pytest.raises(ValueError, match="one take"):
-        RecordedCamera(MODEL, [])

@@ -13,10 +13,9 @@ from hw.collision import LEVEL, KeepOut, Table
 from hw.contact import Detector, began, contact_force, predicted_force_N, vertical_force_N
 from hw.errors import ArmFault, MotionRefused, NoContact
 from hw.fake import FakeArm, FakeClock
-from hw.guarding import DEPTH_M, SPEED_M_S, check_guarded, require_guarded, withdrawal
 from hw.kinematics import forward, jacobian
 from hw.types import ContactWindow, Guard, JointPath
-from hw.workcell import Workcell
+from hw.workcell import DEPTH_M, SPEED_M_S, Workcell, check_guarded, require_guarded, withdrawal
 
 CELL = cell(tool=TOOL)
 

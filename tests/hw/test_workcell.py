@@ -12,11 +12,10 @@ from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
 from hw.collision import BARE_HAND, HAND_MASS, Table
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock
-from hw.guarding import require_guarded
 from hw.kinematics import forward
 from hw.mass import NOTHING, Mass, bar, box
 from hw.types import ContactWindow, JointPath
-from hw.workcell import ArmModel, Workcell, arm_model
+from hw.workcell import ArmModel, Workcell, arm_model, require_guarded
 
 ZEROS_RAD = np.array([0.003, -0.002, 0.001, 0.004, -0.003, 0.002, 0.0])
 PLANE_M = TOP_M - 0.01

@@ -15,11 +15,10 @@ from staged_realsense import SoftRealSense
 
 from hw.camera.k4a_device import ColourSettings
 from hw.camera.process import CameraProcess
-from hw.camera.replay import RecordedCamera, Take
 from hw.camera.served import Device
 from hw.joint_limits import LIMITS
 from hw.ports import Camera
-from hw.types import CameraModel, Frame, Intrinsics
+from hw.types import CameraModel, Frame
 from perception.board import Board, draw
 from sim.lab.board import HeldBoard
 from sim.lab.calibrating import CalibrationLab
@@ -31,12 +30,6 @@ from sim.tasks import get_task
 
 Answer = TypeVar("Answer")
 RATE_HZ = 30.0
-MODEL = CameraModel(
-    "000123",
-    Intrinsics(8, 6, np.array([[10.0, 0, 4], [0, 10.0, 3], [0, 0, 1]])),
-    Intrinsics(4, 3, np.array([[5.0, 0, 2], [0, 5.0, 1], [0, 0, 1]])),
-    np.eye(4),
-)
 
 
 def _nothing() -> None:
@@ -48,22 +41,10 @@ class Scene:
     """A camera, and what a test may do before it."""
 
     camera: Camera
+    now_s: Callable[[], float]  # the arm's clock
     passes: Callable[[], None] = _nothing  # some time, with something to film
-    now_s: Callable[[], float] | None = None  # the arm's clock; None: the camera's frames are of another time
     spoil: Callable[[], None] | None = None  # the recording that begins next fails; None: recordings never do
     rate_hz: float = RATE_HZ
-
-
-def _blank(t_s: float) -> Frame:
-    return Frame(t_s, np.zeros((6, 8, 3), np.uint8), np.zeros((3, 4), np.uint16))
-
-
-def _film(start_s: float) -> tuple[Frame, ...]:
-    return tuple(_blank(start_s + i / RATE_HZ) for i in range(6))
-
-
-def recorded() -> Scene:
-    return Scene(RecordedCamera(MODEL, [Take(_blank(t_s), _film(t_s)) for t_s in (10.0, 20.0, 30.0)]))
 
 
 def _small(world: World) -> World:
@@ -78,7 +59,7 @@ def lab() -> Scene:
     xy_m = np.array([0.68, 0.0])
     built.bench.place(xy_m, trial=1, attempt=0)
     arm = built.arm.__enter__()
-    return Scene(built.camera, now_s=lambda: arm.state().t_s, spoil=lambda: built.bench.place(xy_m, 2, 0))
+    return Scene(built.camera, lambda: arm.state().t_s, spoil=lambda: built.bench.place(xy_m, 2, 0))
 
 
 def board_lab() -> Scene:
@@ -101,7 +82,7 @@ def board_lab() -> Scene:
         there_rad = away_rad if np.allclose(q_rad, READY_RAD) else READY_RAD
         built.arm.execute(move_path(q_rad, there_rad, LIMITS["panda"]))
 
-    return Scene(built.camera, swing, lambda: built.arm.state().t_s, rate_hz=15.0)
+    return Scene(built.camera, lambda: built.arm.state().t_s, swing, rate_hz=15.0)
 
 
 class Staged:
@@ -181,13 +162,13 @@ def _library() -> FakeK4a:
 
 def kinect() -> Scene:
     staged = Staged(_library)
-    return Scene(staged, staged.film, staged.now_s, staged.spoil)
+    return Scene(staged, staged.now_s, staged.film, staged.spoil)
 
 
 def realsense() -> Scene:
     """On the SDK's own software device: the real library, without a device."""
     staged = Staged(SoftRealSense)
-    return Scene(staged, staged.film, staged.now_s, staged.spoil)
+    return Scene(staged, staged.now_s, staged.film, staged.spoil)
 
 
 def real_kinect() -> Scene:
@@ -198,4 +179,4 @@ def real_kinect() -> Scene:
         for _ in range(10):
             camera.snapshot()
 
-    return Scene(camera, pictures, time.monotonic)
+    return Scene(camera, time.monotonic, pictures)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
@@ -19,7 +19,6 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from calib.saved import SavedCalibration, UncertaintyRecord
 from calib.target_records import BoardRecord
-from hw.camera.replay import RecordedCamera, Take
 from hw.collision import Table
 from hw.errors import BalanceError, DeviceUnavailable
 from hw.fake import FakeArm, FakeClock
@@ -164,6 +163,26 @@ class ToyBalance:
         return mass
 
 
+class DarkCamera:
+    """It sees nothing."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None: ...
+
+    def model(self) -> CameraModel:
+        return MODEL
+
+    def snapshot(self) -> Frame:
+        return DARK
+
+    def start_recording(self) -> None: ...
+
+    def stop_recording(self) -> Sequence[Frame]:
+        return (DARK,)
+
+
 @dataclass
 class ToyDevices:
     """`Drivers` over scripted devices; `opened` tells which were asked for, oldest first, and with what."""
@@ -199,9 +218,9 @@ class ToyDevices:
         self._open("hand", model=model, host=host, pedal=pedal)
         return self.hand
 
-    def _camera(self, part: Any, infrared: bool) -> RecordedCamera:
+    def _camera(self, part: Any, infrared: bool) -> DarkCamera:
         self._open("camera", part=part, infrared=infrared)
-        return RecordedCamera(MODEL, [Take(DARK, (DARK,))] * 9)
+        return DarkCamera()
 
     def _pedal(self, port: str) -> ToyPedal:
         self._open("pedal", port=port)

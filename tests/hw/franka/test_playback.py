@@ -10,8 +10,8 @@ from cells import READY, cell, move
 
 from hw.braking import brake
 from hw.errors import MotionRefused
+from hw.franka.motions import stop_report
 from hw.franka.playback import HOLD_S, STILL_CYCLES, PlayableMotion, Playback, Played, motion_of
-from hw.franka.touching import stop_report
 from hw.joint_limits import LIMITS, derivatives
 from hw.types import JointPath
 

@@ -9,8 +9,8 @@ from players import arm_of
 from sdk_fake import FakeSdk
 
 from hw.errors import MotionRefused
+from hw.franka.motions import UNDECLARED_KG, undeclared_kg
 from hw.franka.settings import FrankaSettings, Payload
-from hw.franka.starting import UNDECLARED_KG, undeclared_kg
 from hw.kinematics import jacobian
 from hw.types import Array, JointPath
 

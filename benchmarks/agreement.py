@@ -13,20 +13,17 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from importlib import import_module
 from multiprocessing import get_context
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import numpy as np
 
 from adaptsim_cli.research.lab_place import Nobody, rig_in_lab
-from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import TrialKey
 from hw.errors import MotionRefused
@@ -104,7 +101,7 @@ def trial(name: str, seed: int, number: int) -> Row:
             action = policy(placed.context)
             facts["action"] = dict(zip(task.action.names, action.round(6).tolist(), strict=True))
             executed = rig.execute(rig.plan(placed, action))
-            seen = _seen(rig, placed.context, action, executed.files())
+            seen = rig.track(placed.context, action, executed.stored()[1]).track
         except (NotExecutable, MotionRefused, PerceptionError) as error:
             return Row(**{"action": {}, **facts}, refused=str(error), wall_s=time.monotonic() - began)
         truth = lab.truth()["trials"][-1]
@@ -126,14 +123,6 @@ def trial(name: str, seed: int, number: int) -> Row:
         flags=(*alone.flags, *seen.flags),
         wall_s=time.monotonic() - began,
     )
-
-
-def _seen(rig: OnRig, context: Array, action: Array, files: Mapping[str, bytes]) -> ObjectTrack:
-    """The track that the camera gives."""
-    with TemporaryDirectory() as folder:
-        for name, content in files.items():
-            (Path(folder) / name).write_bytes(content)
-        return rig.track(context, action, Path(folder)).track
 
 
 def _without_arm(name: str, world: World, motion: ToolMotion, X_BO: Array) -> ObjectTrack:

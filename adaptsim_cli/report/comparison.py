@@ -14,7 +14,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.outputs.sessions import ComparedMethod, ParameterBelief
 from adaptsim_cli.report import figures
 from adaptsim_cli.report.agreement import Measured, mean_of, trial_std
-from adaptsim_cli.report.figures import Level, Line
+from adaptsim_cli.report.figures import Level
 from adaptsim_cli.report.page import both, fill, parameters_in_words
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words
@@ -181,7 +181,10 @@ def render(found: Sequence[Compared], beliefs: Sequence[ParameterBelief] = ()) -
     methods = by_method(found)
     colours = {row.method: f"c{index % 6}" for index, row in enumerate(methods)}
     bars = [level for c in found for level in _levels(c, colours[c.facts.method])]
-    lines = [_line(c, colours[c.facts.method]) for c in found]
+    lines = [
+        [Level(c.facts.name, "", "", m.mean, m.low, m.high, colours[c.facts.method]) for m in c.iterations]
+        for c in found
+    ]
     title = found[0].facts.title
     return fill(
         "comparison.html.j2",
@@ -230,10 +233,6 @@ def _levels(c: Compared, colour: str) -> tuple[Level, ...]:
         told = f"adapted policy, {kind} from {best.trials} trial{'s' * (best.trials != 1)}"
         rows.append(Level(c.title, kind, told, best.mean_reward, *best.ci95, colour, is_open=True))
     return tuple(rows)
-
-
-def _line(c: Compared, colour: str) -> Line:
-    return Line(c.facts.name, [m.mean for m in c.iterations], [(m.low, m.high) for m in c.iterations], colour)
 
 
 def _interval(values: Sequence[float]) -> tuple[float, float, float] | None:

@@ -197,35 +197,25 @@ def levels(rows: Sequence[Level], width: float = WIDE) -> str:
     return canvas.svg()
 
 
-@dataclass(frozen=True)
-class Line:
-    """One session of a comparison: its mean reward in each iteration."""
-
-    label: str
-    means: Sequence[float]
-    intervals: Sequence[tuple[float, float]]
-    colour: str
-
-
-def lines(sessions: Sequence[Line], width: float = WIDE) -> str:
+def lines(sessions: Sequence[Sequence[Level]], width: float = WIDE) -> str:
     """Mean reward against iterations, one line per session; a bar is the 95 % interval of a mean."""
     canvas = Canvas(width, 280, "Mean reward of every iteration")
     left, right, top, bottom = 38.0, width - 12.0, 12.0, 236.0
     y = Scale(0.0, 1.0, bottom, top)
     canvas.rewards(left, right, y)
-    count = max(len(session.means) for session in sessions)
+    count = max(map(len, sessions))
     x = Scale(0.0, max(count - 1.0, 1.0), left + 30, right - 30)
     for index in range(count):
         canvas.text(x(index), bottom + 18, str(index + 1), anchor="middle")
     canvas.text((left + right) / 2, bottom + 38, "iteration", anchor="middle")
     for place, session in enumerate(sessions):
         nudge = 5.0 * (place - (len(sessions) - 1) / 2) if len(sessions) < 9 else 0.0  # intervals stay apart
-        points = [(x(i) + nudge, y(mean)) for i, mean in enumerate(session.means)]
-        for (px, _), (low, high) in zip(points, session.intervals, strict=True):
-            canvas.line(px, y(low), px, y(high), f"interval thin {session.colour}")
-        canvas.curve(points, f"curve {session.colour}", session.label)
-        for (px, py), mean in zip(points, session.means, strict=True):
-            canvas.dot(px, py, 4.5, f"dot {session.colour}", f"{session.label}: {mean:.2f}")
+        points = [(x(i) + nudge, y(level.mean)) for i, level in enumerate(session)]
+        for (px, _), level in zip(points, session, strict=True):
+            canvas.line(px, y(level.low), px, y(level.high), f"interval thin {level.colour}")
+        canvas.curve(points, f"curve {session[0].colour}", session[0].label)
+        for (px, py), level in zip(points, session, strict=True):
+            canvas.dot(px, py, 4.5, f"dot {level.colour}", f"{level.label}: {level.mean:.2f}")
     return canvas.svg()
 
 

@@ -71,11 +71,6 @@ class IterationView:
         """Mean reward of its trials."""
         return float(np.mean([t.record.reward for t in self.trials]))
 
-    @property
-    def timing_s(self) -> dict[str, float]:
-        """The iteration's times by stage, and the total."""
-        return {} if self.result is None else self.result.timing_s
-
 
 @dataclass(frozen=True)
 class Reference:

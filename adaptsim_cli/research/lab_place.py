@@ -6,8 +6,6 @@ import itertools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import numpy as np
@@ -90,11 +88,8 @@ class InLab:
             inner = np.clip(area.normalise(context), INWARD * attempt, 1 - INWARD * attempt)
             try:
                 placed = self.rig.place(area.denormalise(inner), TrialKey(number, attempt), cast(Operator, Nobody()))
-                files = self.rig.execute(self.rig.plan(placed, action)).files()
-                with TemporaryDirectory() as folder:
-                    for name, content in files.items():
-                        Path(folder, name).write_bytes(content)
-                    return placed.context, self.rig.track(placed.context, action, Path(folder)).track
+                _, recorded = self.rig.execute(self.rig.plan(placed, action)).stored()
+                return placed.context, self.rig.track(placed.context, action, recorded).track
             except (PerceptionError, NotExecutable, MotionRefused) as error:
                 why = str(error)
         raise RolloutError(f"trial {number} in the lab failed {ATTEMPTS} times: {why}")

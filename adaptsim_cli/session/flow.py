@@ -13,7 +13,7 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from adaptsim_cli.outputs.trials import BestRecord, Iteration, OutlookRecord, TrackRecord, as_row, named
 from adaptsim_cli.screen.console import ANSWERING, Screen
@@ -137,7 +137,7 @@ def run_trial(session: RunningSession, stage: RunTrial) -> None:
     The recording is on the disk before it is tracked. A trial interrupted later continues from the recording.
     """
     session.beside()
-    executed: Executed | None = None
+    recorded = None
     if stage.recorded:
         session.screen.note(
             f"Trial {stage.key.number} continues from its recording: the motion is over, nothing moves."
@@ -145,13 +145,13 @@ def run_trial(session: RunningSession, stage: RunTrial) -> None:
     elif stage.interrupted and session.parts.target.spent(stage, session.operator):
         _reject(session, stage, "interrupted while the arm may have moved")
         return
-    elif (executed := _move(session, stage)) is None:
+    elif (recorded := _move(session, stage)) is None:
         return
-    _look(session, stage, executed)
+    _look(session, stage, recorded)
 
 
-def _move(session: RunningSession, stage: RunTrial) -> Executed | None:
-    """Set up, propose, confirm, execute, and store the recording. None: nothing has moved, try again."""
+def _move(session: RunningSession, stage: RunTrial) -> Any | None:
+    """Set up, propose, confirm, execute, store the recording and return it. None: nothing has moved, try again."""
     store, operator, target, progress = session.store, session.operator, session.parts.target, session.screen.busy
     try:
         policy = _policy(session, stage.iteration, stage.particle)
@@ -168,7 +168,7 @@ def _move(session: RunningSession, stage: RunTrial) -> Executed | None:
         store.mark_started(stage.iteration, stage.key, started)
         executed = target.execute(planned, progress)
         with progress("Storing the recording", "storing"):
-            files = executed.files()
+            files, recorded = executed.stored()
             motion = motion_record(proposal, started, executed, session.screen.lap_s())
             store.save_motion(motion, files)
         if executed.stopped is not None:
@@ -179,7 +179,7 @@ def _move(session: RunningSession, stage: RunTrial) -> Executed | None:
         if isinstance(error, PerceptionError) and operator.try_again(stage):
             return None
         raise
-    return executed
+    return recorded
 
 
 def _say_drift(session: RunningSession) -> None:
@@ -189,19 +189,19 @@ def _say_drift(session: RunningSession) -> None:
         session.screen.note(said)
 
 
-def _look(session: RunningSession, stage: RunTrial, executed: Executed | None) -> None:
-    """Track the recording, have the result reviewed and store the trial.
-
-    `executed` is the motion, if this process made it; else the recording is read from the disk.
-    """
+def _look(session: RunningSession, stage: RunTrial, recorded: Any | None) -> None:
+    """Track a recording, have the result reviewed and store the trial. None: the recording is read from the disk."""
     store, operator, task, target = session.store, session.operator, session.parts.task, session.parts.target
     motion = store.motion(stage.iteration, stage.key)
     if motion.stopped is not None:
         _reject(session, stage, motion.stopped)
         return
     folder = store.trial_folder(stage.iteration, stage.key)
+    if recorded is None:
+        with session.screen.busy("Reading the recording", "reading"):
+            recorded = target.read(folder)
     try:
-        seen = target.track(motion.context_array, motion.action_array, folder, session.screen.busy, executed)
+        seen = target.track(motion.context_array, motion.action_array, recorded, session.screen.busy)
     except PerceptionError as error:
         _reject(session, stage, str(error))
         if operator.try_again(stage):

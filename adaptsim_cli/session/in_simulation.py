@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from adaptsim_cli.outputs.trials import TrackRecord
 from adaptsim_cli.screen.views import Readiness
@@ -36,17 +37,13 @@ class WithoutDevices:
         """See `Target`: the drawn context is the true one."""
         return Placed(drawn, drawn)
 
-    def track(
-        self,
-        context: Array,
-        action: Array,
-        folder: Path,
-        progress: Progress = silently,
-        executed: Executed | None = None,
-    ) -> TrackedTrial:
-        """See `Target`: the stored trajectory. Raises SessionError."""
-        with progress("Reading the trajectory", "reading"):
-            return TrackedTrial(read(TrackRecord, folder / FILE).track())
+    def read(self, folder: Path) -> ObjectTrack:
+        """See `Target`: the trajectory."""
+        return read(TrackRecord, folder / FILE).track()
+
+    def track(self, context: Array, action: Array, recorded: Any, progress: Progress = silently) -> TrackedTrial:
+        """See `Target`: the trajectory is the track."""
+        return TrackedTrial(recorded)
 
 
 @dataclass(frozen=True)
@@ -112,4 +109,4 @@ class InRecordings(WithoutDevices):
 
 
 def _executed(trajectory: ObjectTrack) -> Executed:
-    return Executed(lambda: {FILE: to_json(TrackRecord.from_track(trajectory))})
+    return Executed(lambda: ({FILE: to_json(TrackRecord.from_track(trajectory))}, trajectory))

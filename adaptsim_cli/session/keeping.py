@@ -38,12 +38,12 @@ from adaptsim_cli.session.store import (
     TRIAL,
     SessionStore,
     entries,
+    existing_folder,
     folder_of,
     own_files,
 )
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
-from sim.errors import did_you_mean
 from sim.storage.files import flush_folder, publish_new, sha256
 
 T = TypeVar("T")
@@ -188,7 +188,7 @@ def mark(
     archived = archive_of(root)
     is_there = archive is False or (archive is None and folder_of(archived, name).is_dir())
     source = archived if is_there else root
-    folder = _existing(source, name)
+    folder = existing_folder(source, name)
     said = _annotated(folder, note, add, remove) if note is not None or add or remove else None
     if archive is not None:
         folder = _move(source, archived if archive else root, name)
@@ -215,7 +215,7 @@ def _annotated(folder: Path, note: str | None, add: Sequence[str], remove: Seque
 
 def delete(root: Path, name: str) -> None:
     """Delete a session for good, whole or not at all. Raises UsageError, SessionError."""
-    folder = _existing(root, name)
+    folder = existing_folder(root, name)
     gone = folder.with_name(f".{name}.deleted")
     with _held(folder), durable.explained(folder):
         shutil.rmtree(gone, ignore_errors=True)
@@ -270,22 +270,13 @@ def _recordings(store: SessionStore, *, rejected_only: bool) -> list[tuple[Path,
 
 
 def _move(source: Path, target: Path, name: str) -> Path:
-    folder, there = _existing(source, name), target / name
+    folder, there = existing_folder(source, name), target / name
     if there.exists():
         raise UsageError(f"there is a session {name!r} in {target} already: restore or delete that one first")
     durable.make_folder(target)
     with _held(folder), durable.explained(there):
         publish_new(folder, there)
     return there
-
-
-def _existing(root: Path, name: str) -> Path:
-    folder = folder_of(root, name)
-    if not folder.is_dir():
-        known = ", ".join(entry.name for entry in entries(root)) or "none"
-        near = did_you_mean(name, [entry.name for entry in entries(root)])
-        raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}{near}")
-    return folder
 
 
 def _held(folder: Path) -> AbstractContextManager[None]:

@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -155,26 +156,18 @@ class OnRig:
                 f"played at pace {self.rig.pace:g} to its end, as a rehearsal: nothing is learnt from it. The same "
                 "command without --pace makes the trial"
             )
-        made = cache(partial(self._made, planned.placed, played, film, after))
-        return Executed(lambda: made()[0], stopped, lambda: made()[1])
+        return Executed(partial(self._made, planned.placed, played, film, after), stopped)
 
-    def track(
-        self,
-        context: Array,
-        action: Array,
-        folder: Path,
-        progress: Progress = silently,
-        executed: Executed | None = None,
-    ) -> TrackedTrial:
-        """Find the object again in the same pixels as before the motion, and track it.
+    def read(self, folder: Path) -> recording.Recording:
+        """See `Target`."""
+        return recording.read(folder / recording.FILE)
 
-        The recording comes from `folder`, or from `executed`, which has decoded the same bytes.
-        """
-        with progress("Reading the recording", "reading"):
-            known = None if executed is None else executed.recording
-            stored = recording.read(folder / recording.FILE) if known is None else known()
-            detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
+    def track(self, context: Array, action: Array, recorded: Any, progress: Progress = silently) -> TrackedTrial:
+        """Find the object again in the same pixels as before the motion, and track it."""
+        stored: recording.Recording = recorded
         motion, played, name = self.hardware.plan(context, action), stored.execution, self.task.object_name
+        with progress(f"Finding the {name}", "finding"):
+            detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
         request = track_request(stored, detection, self.tool_pose(played), float(motion.t_s[-1]))
         with progress(f"Tracking the {name} in {len(stored.frames)} frames", "tracking"):
             track = self.tracker.track(request)

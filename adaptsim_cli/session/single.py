@@ -109,12 +109,13 @@ def rollout(
         executed = target.execute(planned, screen.busy)
         with screen.busy("Storing the recording", "storing"):
             durable.make_folder(folder.parent)
-            durable.write_folder(folder, executed.files())
+            files, recorded = executed.stored()
+            durable.write_folder(folder, files)
         if executed.stopped is not None:
             raise executed.stopped
     finally:
         picture.unlink(missing_ok=True)  # the folder holds it from now on
-    seen = target.track(placed.context, action, folder, screen.busy, executed)
+    seen = target.track(placed.context, action, recorded, screen.busy)
     record = trial_record(task, motion_record(proposal, started, executed, screen.lap_s()), seen)
     show_tracked(record, seen, screen, watcher or AllOf())
     shown = _shown(config, parts, record, chosen)

@@ -87,11 +87,7 @@ class SessionStore:
     @classmethod
     def open(cls, root: Path, name: str) -> SessionStore:
         """Open a session. Raises SessionError if it is missing or corrupt."""
-        folder = folder_of(root, name)
-        if not folder.is_dir():
-            known = ", ".join(names(root)) or "none yet"
-            near = did_you_mean(name, names(root))
-            raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}{near}")
+        folder = existing_folder(root, name)
         return cls(folder, records.read(Facts, folder / FACTS), records.read(SessionStart, folder / START))
 
     def until(self, iterations: int) -> SessionStore:
@@ -343,6 +339,16 @@ def folder_of(root: Path, name: str) -> Path:
     if not _NAME.fullmatch(name):
         raise UsageError(f"session name {name!r}: use letters, digits, '.', '_' and '-' (at most 100)")
     return root / name
+
+
+def existing_folder(root: Path, name: str) -> Path:
+    """The folder of a session, damaged or not. Raises SessionError naming the existing ones."""
+    folder = folder_of(root, name)
+    if not folder.is_dir():
+        known = ", ".join(names(root)) or "none yet"
+        near = did_you_mean(name, names(root))
+        raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}{near}")
+    return folder
 
 
 def names(root: Path) -> tuple[str, ...]:

@@ -90,12 +90,10 @@ class Planned:
 class Executed:
     """A finished motion that is not stored yet."""
 
-    files: Callable[[], Mapping[str, bytes]]
-    """The recorded files, name -> content; `Target.track` reads them. Waits for frames that are still compressed."""
+    stored: Callable[[], tuple[Mapping[str, bytes], Any]]
+    """The recorded files, name -> content, and what `Target.read` makes of them. Waits for frames still compressed."""
     stopped: HardwareError | None = None
     """Why it ended early; None: it did not. The recording until then is kept to look at, and is no trial."""
-    recording: Callable[[], Any] | None = None
-    """What reading the files would give, for `Target.track`; None without a camera."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,18 +149,14 @@ class Target(Protocol):
         """Execute the trial. Raises MotionRefused, CameraError, or ArmFault if nothing was recorded."""
         ...
 
-    def track(
-        self,
-        context: Array,
-        action: Array,
-        folder: Path,
-        progress: Progress = silently,
-        executed: Executed | None = None,
-    ) -> TrackedTrial:
-        """Track the executed motion for context (c,) and action (a,), from its stored files in `folder`.
+    def read(self, folder: Path) -> Any:
+        """The recording of a motion from its stored files, bit for bit. Raises SessionError naming a corrupt file."""
+        ...
 
-        `executed`, if the motion was just made, spares reading them; the track is the same, bit for bit.
-        Uses no device. Raises SessionError naming a corrupt file, ObjectNotFound, TrackingFailed.
+    def track(self, context: Array, action: Array, recorded: Any, progress: Progress = silently) -> TrackedTrial:
+        """Track a recorded motion for context (c,) and action (a,). Uses no device.
+
+        Raises ObjectNotFound, TrackingFailed.
         """
         ...
 

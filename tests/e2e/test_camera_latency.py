@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.devices.trackers import tracker_of
-from adaptsim_cli.session import recording
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.target import Rig
-from adaptsim_cli.storage.durable import write_folder
 from calib.types import HandEye
 from hw.types import Array
 from perception.types import Outcome
@@ -35,7 +32,7 @@ class Nobody:
         return
 
 
-def error_m(sensing: Sensing, believed_late_s: float, folder: Path) -> Array:
+def error_m(sensing: Sensing, believed_late_s: float) -> Array:
     """A gentle push in a lab: how far the track is from the truth at each frame while the bottle slides."""
     task = get_task("pushing")
     there = mounted_as_shipped(task, "panda")
@@ -46,9 +43,9 @@ def error_m(sensing: Sensing, believed_late_s: float, folder: Path) -> Array:
         target = OnRig(there.task, rig, tracker_of(there.task), there.planner())
         placed = target.place(task.reference_context, KEY, Nobody())  # type: ignore[arg-type]
         action = task.action.denormalise(np.array([0.5, 0.0]))
-        write_folder(folder, target.execute(target.plan(placed, action)).files())
-        track = target.track(placed.context, action, folder).track
-        began_s = recording.read(folder / recording.FILE).execution.t_start_s
+        _, recorded = target.execute(target.plan(placed, action)).stored()
+        track = target.track(placed.context, action, recorded).track
+        began_s = recorded.execution.t_start_s
         true = next(m for m in lab.truth()["trials"][-1]["motions"] if m["t_start_s"] == began_s)
     assert track.outcome is Outcome.UPRIGHT
     p_m, t_s = np.array(true["X_BO"])[:, :2, 3], np.array(true["t_s"])
@@ -61,9 +58,9 @@ def error_m(sensing: Sensing, believed_late_s: float, folder: Path) -> Array:
 
 
 @pytest.mark.slow
-def test_a_late_camera_is_tracked_as_well_as_one_in_time(tmp_path: Path) -> None:
+def test_a_late_camera_is_tracked_as_well_as_one_in_time() -> None:
     late = Sensing(camera="small", clock_offset_ms=LATE_MS)
-    unaware_m, corrected_m = (error_m(late, late_s, tmp_path / str(late_s)) for late_s in (0.0, 1e-3 * LATE_MS))
+    unaware_m, corrected_m = (error_m(late, late_s) for late_s in (0.0, 1e-3 * LATE_MS))
     assert len(corrected_m) > 5
     assert np.median(unaware_m) > 4e-3
     assert np.median(corrected_m) < 2e-3

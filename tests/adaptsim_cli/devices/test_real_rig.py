@@ -248,7 +248,7 @@ def test_a_tool_lost_during_the_motion_keeps_its_recording(tmp_path: Path) -> No
     rig = replace(target.rig, arm=Watched(target.rig.arm))
     done = executed(replace(target, rig=rig))
     assert isinstance(done.stopped, HandError)
-    (tmp_path / "recording.mcap").write_bytes(done.files()["recording.mcap"])
+    (tmp_path / "recording.mcap").write_bytes(done.stored()[0]["recording.mcap"])
     assert len(recording.read(tmp_path / "recording.mcap").execution.t_s), "the motion itself was recorded"
 
 
@@ -324,7 +324,7 @@ def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
     parts = toy_parts(ToyLab(0))
     target = on_rig(parts)
     rig = replace(target.rig, attendant=Weighed())
-    files = executed(replace(target, rig=rig)).files()
+    files = executed(replace(target, rig=rig)).stored()[0]
     assert json.loads(files["rig.json"])["object_mass_kg"] == 0.5
 
 

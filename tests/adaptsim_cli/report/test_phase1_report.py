@@ -90,9 +90,16 @@ def test_the_command_writes_the_report_of_a_finished_folder(made: Path, capfd: p
     assert (docs / "phase1.md").read_text() == text
 
 
-def test_docs_without_report_is_refused(made: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    assert app.run(["pretrain", "--task", "pendulum", "--docs", str(made)]) == 2
-    assert "add --report" in capfd.readouterr().err
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [(("--docs", "docs"), "add --report"), (("--targets", "far"), "--targets far: choose one of paper, wide")],
+)
+def test_wrong_options_are_refused(
+    more: tuple[str, str], told: str, made: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert app.run(["pretrain", "--task", "pendulum", "--out", str(made.parent / "new"), *more]) == 2
+    assert told in capfd.readouterr().err
+    assert not (made.parent / "new").exists()
 
 
 def test_wide_targets_have_a_section_of_their_own(made: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -125,12 +132,6 @@ def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(verification:
     small = dataclasses.asdict(PretrainBudget.small(made.task))
     told = phase1.command(dataclasses.replace(learnt, plan={**made.plan, "budget": small}))
     assert told == "adaptsim pretrain --task pendulum --budget small"
-
-
-def test_unknown_targets_are_refused(made: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    assert app.run(["pretrain", "--task", "pendulum", "--targets", "far", "--out", str(made.parent / "new")]) == 2
-    assert "--targets far: choose one of paper, wide" in capfd.readouterr().err
-    assert not (made.parent / "new").exists()
 
 
 def test_the_rewards_of_an_exact_task_hold(verification: Verification) -> None:

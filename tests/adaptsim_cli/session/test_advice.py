@@ -79,11 +79,6 @@ def test_every_verdict_has_words_with_its_numbers(kind: Kind) -> None:
         assert number in words
 
 
-def test_a_verdict_survives_json() -> None:
-    verdict = found(Kind.HOPELESS, Reason.INEXPRESSIBLE, Reason.FAILURES)
-    assert Verdict.model_validate_json(verdict.model_dump_json()) == verdict
-
-
 def test_beside_a_real_arm_the_world_is_the_hardware() -> None:
     assert same_lab("scooping", "fr3", "", 3) == "--task scooping --hw fr3"
     assert same_lab("scooping", "fake", "ood-1") == "--task scooping --world ood-1"

@@ -53,6 +53,7 @@ def test_of_two_attempts_either_can_count_and_each_change_adapts_again(tmp_path:
     redo(store, 2, "the piece was touched")
     run(tmp_path)
     assert [t.attempt for t in opened(tmp_path).trials(0)] == [1, 2, 1, 1]
+    assert (store.folder / "iteration-01" / "result-1").is_dir(), "the earlier result is kept"
     restore(opened(tmp_path), 2, None, "it was not")
     run(tmp_path)
     store = opened(tmp_path)

@@ -6,7 +6,6 @@ import io
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from rich.console import Console
 from toy_rig import ToyLab, on_rig
@@ -14,7 +13,7 @@ from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.preflight import brightness, drift
+from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import RigFacts
 
 
@@ -39,12 +38,6 @@ def test_what_stays_is_not_said(now: RigFacts) -> None:
 )
 def test_what_drifts_is_said(now: RigFacts, said: str) -> None:
     assert said in str(drift(facts(), now))
-
-
-def test_brightness_is_the_median_grey() -> None:
-    picture = np.full((4, 6, 3), 40, np.uint8)
-    picture[0, 0] = 255
-    assert brightness(picture) == 40.0
 
 
 class Telling:

@@ -67,23 +67,7 @@ def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(store
         summary = make_reader(stream).get_summary()
     assert summary is not None
     schemas = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
-    assert schemas == {
-        "/camera/colour": "sensor_msgs/msg/CompressedImage",
-        "/camera/colour/camera_info": "sensor_msgs/msg/CameraInfo",
-        "/camera/depth": "sensor_msgs/msg/Image",
-        "/camera/depth/camera_info": "sensor_msgs/msg/CameraInfo",
-        "/before/colour": "sensor_msgs/msg/CompressedImage",
-        "/before/depth": "sensor_msgs/msg/Image",
-        "/after/colour": "sensor_msgs/msg/CompressedImage",
-        "/after/depth": "sensor_msgs/msg/Image",
-        "/joints/measured": "sensor_msgs/msg/JointState",
-        "/joints/commanded": "sensor_msgs/msg/JointState",
-        "/robot_description": "std_msgs/msg/String",
-        "/tf": "tf2_msgs/msg/TFMessage",
-        "/object": "geometry_msgs/msg/PointStamped",
-        "/outcome": "std_msgs/msg/String",
-        "/events": "rcl_interfaces/msg/Log",
-    }
+    assert schemas == {**recording.TOPICS, **topics.AFTERWARDS}
     found = messages(file)
     transforms = b"".join(found["/tf"])
     for frame in ("base", "tool", "camera_colour", "camera_depth", *topics.FRAMES):

@@ -13,7 +13,6 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import CleanConsole, Screen, clean
 from adaptsim_cli.session import keeping, watching
 from adaptsim_cli.session.store import entries, own_files
-from adaptsim_cli.storage import durable
 
 
 def session(folder: Path) -> Path:
@@ -43,8 +42,6 @@ def test_an_archive_is_not_replaced_silently(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="--force"):
         keeping.bundle(folder, tmp_path / "out.zip", {})
     keeping.bundle(folder, tmp_path / "out.zip", {}, force=True)
-    with pytest.raises(UsageError, match="exists already"):
-        durable.require_new(tmp_path / "out.zip", force=False)
 
 
 def written(folder: Path, count: int = 4) -> Path:
@@ -55,8 +52,9 @@ def written(folder: Path, count: int = 4) -> Path:
     return folder / watching.FILE
 
 
-def test_a_whole_log_is_whole_and_goes_on(tmp_path: Path) -> None:
+def test_a_log_goes_on_also_behind_a_line_that_a_power_cut_truncated(tmp_path: Path) -> None:
     path = written(tmp_path / "s")
+    path.write_text(path.read_text() + '{"at": "2026')
     assert watching.damage(path.parent) == ""
     watching.SessionLog(path.parent, Screen(console=CleanConsole(file=io.StringIO()))).noted("later")
     assert watching.damage(path.parent) == ""
@@ -76,12 +74,6 @@ def test_a_cut_or_changed_log_is_noticed(tmp_path: Path, what: str) -> None:
     told = io.StringIO()
     watching.SessionLog(path.parent, Screen(console=CleanConsole(file=told, width=300)))
     assert "was c" in told.getvalue()
-
-
-def test_a_line_that_a_power_cut_truncated_is_no_damage(tmp_path: Path) -> None:
-    path = written(tmp_path / "s")
-    path.write_text(path.read_text() + '{"at": "2026')
-    assert watching.damage(path.parent) == ""
 
 
 def test_escape_sequences_never_reach_the_terminal() -> None:

@@ -100,3 +100,16 @@ def test_only_its_own_parts_are_opened(tmp_path: Path) -> None:
         assert [check.name for check in parts.target.checks()] == ["devices"]
         assert parts.provenance.calibration == ""
         assert not parts.target.is_real
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("method", ["learn-in-target", "bo", "bo-prior", "sysid-bayes-point"])
+def test_a_session_of_a_baseline_runs_and_another_process_continues_it(
+    method: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for _ in range(2):  # nothing is kept but the session's folder
+        assert app.run(["run-iteration", "--task", "pendulum", "--method", method, "--yes", "--json"]) == 0
+    first, second = (json.loads(line) for line in capfd.readouterr().out.splitlines())
+    assert (first["iteration"], second["iteration"]) == (1, 2)
+    assert [p["params"] for p in second["particles"]] == [p["next_params"] for p in first["particles"]]
+    assert all(0.0 <= t["reward"] <= 1.0 for p in second["particles"] for t in p["trials"])

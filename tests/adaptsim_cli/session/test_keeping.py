@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import zipfile
 from functools import partial
 from pathlib import Path
 
@@ -100,6 +101,8 @@ def test_pruning_makes_room_and_the_session_stays_whole(root: Path) -> None:
     assert keeping.prune(store).files == 0
     with pytest.raises(SessionError, match="adaptsim sessions prune"):
         recording.read(store.trial_folder(0, TrialKey(2, 0)) / recording.FILE)
+    continued = run(root.parents[1])
+    assert (continued.iterations(), len(continued.trials(1))) == (2, 4)
 
 
 def test_a_recording_that_was_lost_is_still_damage_after_pruning(root: Path) -> None:
@@ -107,13 +110,6 @@ def test_a_recording_that_was_lost_is_still_damage_after_pruning(root: Path) -> 
     keeping.prune(store, rejected_only=True)
     (store.trial_folder(0, TrialKey(2, 0)) / recording.FILE).unlink()
     assert "trial-002-attempt-1/recording.mcap" in verify(root, NAME).damage[0]
-
-
-def test_a_pruned_session_continues(root: Path) -> None:
-    keeping.prune(SessionStore.open(root, NAME))
-    store = run(root.parents[1])
-    assert store.iterations() == 2
-    assert len(store.trials(1)) == 4
 
 
 def test_the_list_has_verdict_size_note_and_tags(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -144,12 +140,31 @@ def test_what_cannot_be_undone_asks_first(root: Path, command: str, capsys: pyte
     assert names(root) == (() if command == "delete" else (NAME,))
 
 
-@pytest.mark.parametrize("width", [40, 60, 80])
 def test_a_name_is_never_broken(
-    root: Path, width: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     long = "scooping-with-a-very-long-name-that-somebody-gave-it-on-a-friday"
     (root / NAME).rename(root / long)
-    monkeypatch.setenv("COLUMNS", str(width))
+    monkeypatch.setenv("COLUMNS", "40")
     assert app.run(["sessions", "list"]) == 0
     assert NAME in capsys.readouterr().out.splitlines()[0], "the name that the session was begun with"
+
+
+@pytest.mark.parametrize("pictures", [False, True])
+def test_a_bundle_holds_records_and_pictures_only_if_asked(
+    root: Path, tmp_path: Path, pictures: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    out = tmp_path / "b.zip"
+    assert app.run(["bundle", NAME, "--out", str(out), *(["--with-pictures"] if pictures else [])]) == 0
+    with zipfile.ZipFile(out) as archive:
+        names = archive.namelist()
+        about = json.loads(archive.read("about.json"))
+        texts = [archive.read(name).decode() for name in names if name.endswith((".json", ".toml"))]
+    assert f"{NAME}/iteration-01/trial-001-attempt-1/motion.json" in names
+    for suffix in (".mcap", ".jpg"):
+        assert any(name.endswith(suffix) for name in names) == pictures
+    assert about["packages"]["torch"].startswith("2.")
+    assert about["settings"]["particles"] == {"value": 2, "from": "default"}
+    assert not any(str(tmp_path) in text for text in texts)
+    assert ("Left out" in capsys.readouterr().out) != pictures

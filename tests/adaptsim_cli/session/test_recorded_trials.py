@@ -6,17 +6,17 @@ import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from toy_rig import ToyLab
-from toy_session import NAME, ScriptedOperator, attended, run, summary, unattended
+from toy_rig import ToyLab, on_rig
+from toy_session import NAME, ScriptedOperator, attended, run, summary
 
 from adaptsim_cli.errors import Interrupted, SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.correcting import redo
 from adaptsim_cli.session.flow import RunningSession, run_iteration
-from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Choices, Review
 from adaptsim_cli.session.records import TrialKey, TrialRecord
 from adaptsim_cli.session.store import SessionStore
@@ -62,11 +62,9 @@ def failing(error: BaseException) -> Change:
 
 
 def with_tracker(session: RunningSession, change: Change) -> RunningSession:
-    target = session.parts.target
-    assert isinstance(target, OnRig)
-    changed = dataclasses.replace(target, tracker=change(target.tracker))
-    parts = dataclasses.replace(session.parts, target=changed)
-    return dataclasses.replace(session, parts=parts)
+    target = on_rig(session.parts)
+    target = dataclasses.replace(target, tracker=change(target.tracker))
+    return dataclasses.replace(session, parts=dataclasses.replace(session.parts, target=target))
 
 
 def stop_at_second_review(home: Path, name: str = "fake") -> SessionStore:
@@ -121,14 +119,6 @@ def test_the_review_comes_again_and_may_be_answered_otherwise(tmp_path: Path) ->
     assert len(recorded(session.store).frames) == 6, "a redone trial keeps its recording"
 
 
-def test_unattended_it_goes_on_without_a_question(tmp_path: Path) -> None:
-    stop_at_second_review(tmp_path)
-    lab = ToyLab(0)
-    session = attended(tmp_path, unattended(), lab)
-    run_iteration(session)
-    assert lab.executions == [(3, 0), (4, 0)]
-
-
 def test_a_trial_that_could_not_be_tracked_keeps_its_recording(tmp_path: Path) -> None:
     operator, lab = ScriptedOperator(), ToyLab(0)
     session = with_tracker(attended(tmp_path, operator, lab), failing(TrackingFailed("out of sight")))
@@ -141,42 +131,33 @@ def test_a_trial_that_could_not_be_tracked_keeps_its_recording(tmp_path: Path) -
     assert [t.attempt for t in session.store.trials(0)] == [1, 2, 1, 1]
 
 
-def test_an_arm_that_stops_half_way_leaves_what_the_camera_saw(tmp_path: Path) -> None:
-    lab = ToyLab(0)
-    session = attended(tmp_path, ScriptedOperator(), lab)
-    rig = session.parts.target.rig  # type: ignore[attr-defined]
-    object.__setattr__(rig, "arm", Reflex(lab, at=SECOND))
+def reflex(home: Path, lab: ToyLab, at: TrialKey = SECOND, **how: Any) -> RunningSession:
+    """A session whose arm stops at one trial."""
+    session = attended(home, ScriptedOperator(), lab)
+    object.__setattr__(on_rig(session.parts).rig, "arm", Reflex(lab, at, **how))
+    return session
+
+
+@pytest.mark.parametrize(("films", "samples"), [(True, 0), (False, 201)], ids=["half way", "on the way back"])
+def test_an_arm_that_stops_leaves_what_was_recorded(tmp_path: Path, *, films: bool, samples: int) -> None:
+    session = reflex(tmp_path, ToyLab(0), recording=films)
     with pytest.raises(ArmFault, match="reflex"):
         run_iteration(session)
-    assert reason(session.store) == "reflex"
+    assert reason(session.store) == session.store.motion(0, SECOND).stopped == "reflex"
     kept = recorded(session.store)
     assert len(kept.frames) == 6
-    assert len(kept.execution.t_s) == 0, "the arm does not say where it was"
-    assert session.store.motion(0, SECOND).stopped == "reflex"
-
-
-def test_an_arm_that_stops_on_its_way_back_leaves_the_whole_motion(tmp_path: Path) -> None:
-    lab = ToyLab(0)
-    session = attended(tmp_path, ScriptedOperator(), lab)
-    object.__setattr__(session.parts.target.rig, "arm", Reflex(lab, at=SECOND, recording=False))  # type: ignore[attr-defined]
-    with pytest.raises(ArmFault, match="reflex"):
-        run_iteration(session)
-    assert len(recorded(session.store).execution.t_s) == 201
+    assert len(kept.execution.t_s) == samples, "an arm that stops half way does not say where it was"
 
 
 def test_a_stopped_motion_whose_rejection_was_cut_short_is_no_trial(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    lab = ToyLab(0)
-    session = attended(tmp_path, ScriptedOperator(), lab)
-    object.__setattr__(session.parts.target.rig, "arm", Reflex(lab, at=SECOND))  # type: ignore[attr-defined]
-
     def killed(*_: object) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(SessionStore, "reject", killed)
-        run_iteration(session)
+        run_iteration(reflex(tmp_path, ToyLab(0)))
     after = ToyLab(0)
     store = run(tmp_path, after)
     assert after.executions == [(2, 1), (3, 0), (4, 0)]
@@ -193,9 +174,7 @@ def test_the_camera_is_stopped_whatever_happens_and_never_hides_it(
         stopped.append(trial)
         raise CameraError("no frame")
 
-    lab = ToyLab(0, hooks={"stop_recording": no_frame})
-    session = attended(tmp_path, ScriptedOperator(), lab)
-    object.__setattr__(session.parts.target.rig, "arm", Reflex(lab, at=TrialKey(1, 0), error=first))  # type: ignore[attr-defined]
+    session = reflex(tmp_path, ToyLab(0, hooks={"stop_recording": no_frame}), TrialKey(1, 0), error=first)
     with pytest.raises(told):
         run_iteration(session)
     assert stopped == [1]

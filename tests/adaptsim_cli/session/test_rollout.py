@@ -66,17 +66,28 @@ def test_a_wrong_value_moves_nothing(
     assert not (tmp_path / "home" / "data" / "rollouts").exists()
 
 
-def test_what_exists_is_not_overwritten(lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "one").mkdir()
-    assert app.run([*RUN, "--out", str(tmp_path / "one")]) == 2
-    assert "exists already" in capfd.readouterr().err
-    assert lab.executions == []
-
-
-def test_nobody_to_confirm(lab: ToyLab, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("line", "code", "told"),
+    [
+        ([*RUN, "--out", "one"], 2, "exists already"),
+        ([*RUN, "--out", "file/one"], 8, "file"),
+        (["rollout", "--task", "toy"], 2, "no terminal"),
+    ],
+)
+def test_what_cannot_be_stored_or_confirmed_is_noticed_before_anything_moves(
+    lab: ToyLab,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    line: list[str],
+    code: int,
+    told: str,
+) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO())
-    assert app.run(["rollout", "--task", "toy"]) == 2
-    assert "no terminal" in capfd.readouterr().err
+    Path("one").mkdir()
+    Path("file").write_text("in the way")
+    assert app.run(line) == code
+    assert told in capfd.readouterr().err
+    assert lab.executions == []
 
 
 def test_an_object_that_is_not_found_is_asked_for_again_before_anything_moves(
@@ -115,12 +126,3 @@ def test_a_motion_that_cannot_be_made_says_how_to_find_one_that_can(
     assert "adaptsim preview --task toy" in said
     assert lab.executions == []
     assert not (tmp_path / "one").exists()
-
-
-def test_a_folder_that_cannot_be_written_is_noticed_before_anything_moves(
-    lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "file").write_text("in the way")
-    assert app.run([*RUN, "--out", str(tmp_path / "file" / "one")]) == 8
-    assert str(tmp_path / "file") in capfd.readouterr().err
-    assert lab.executions == []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -86,28 +85,6 @@ def test_an_operator_can_overrule_the_outcome(tmp_path: Path) -> None:
     run_iteration(session)
     first = session.store.trials(0)[0]
     assert (first.outcome, first.overruled_from, first.reward) == (Outcome.LOST, Outcome.ON_BLADE, 0.0)
-
-
-def test_an_operator_can_have_a_trial_redone(tmp_path: Path) -> None:
-    session = attended(tmp_path, ScriptedOperator(reviews=[Review(rejected="the piece was touched")]))
-    run_iteration(session)
-    first = session.store.trials(0)[0]
-    assert (first.trial, first.attempt) == (1, 2)
-    note = session.store.folder / "iteration-01" / "trial-001-attempt-1.rejected.json"
-    assert json.loads(note.read_text())["text"] == "the piece was touched"
-
-
-def test_sessions_redo_runs_the_trial_again_and_adapts_again(tmp_path: Path) -> None:
-    store = run(tmp_path)
-    assert redo(store, 3, "bad light") == 2
-    lab = ToyLab(0)
-    again = run(tmp_path, lab)
-    assert lab.executions == [(3, 1)]
-    assert [t.attempt for t in again.trials(0)] == [1, 1, 2, 1]
-    assert (again.folder / "iteration-01" / "result-1").is_dir(), "the earlier result is kept"
-    result = again.result(0)
-    assert result is not None
-    assert result.trials[2] == (3, 2)
 
 
 def test_a_trial_that_later_ones_rest_on_cannot_be_redone(tmp_path: Path) -> None:

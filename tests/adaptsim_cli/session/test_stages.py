@@ -29,30 +29,35 @@ def existing(
     )
 
 
-def test_a_new_session_begins_with_its_first_trial() -> None:
-    assert next_stage(NOTHING, 2, 2) == RunTrial(0, 0, 0, TrialKey(1, 0), interrupted=False)
-
-
-def test_trials_go_particle_by_particle() -> None:
-    stage = next_stage(existing([(1, 0), (2, 0)]), 2, 2)
-    assert stage == RunTrial(0, 1, 0, TrialKey(3, 0), interrupted=False)
-
-
-def test_a_motion_that_started_and_never_completed_is_interrupted() -> None:
-    stage = next_stage(existing([(1, 0)], started=((1, 0), (2, 0))), 2, 2)
-    assert stage == RunTrial(0, 0, 1, TrialKey(2, 0), interrupted=True)
-
-
-def test_a_motion_that_is_stored_waits_for_its_review() -> None:
-    stage = next_stage(existing([(1, 0)], started=((1, 0), (2, 0)), recorded=((2, 0),)), 2, 2)
-    assert stage == RunTrial(0, 0, 1, TrialKey(2, 0), interrupted=False, recorded=True)
-    rejected = next_stage(existing([(1, 0)], started=((2, 0),), recorded=((2, 0),), rejected=((2, 0),)), 2, 2)
-    assert rejected == RunTrial(0, 0, 1, TrialKey(2, 1), interrupted=False, recorded=False)
-
-
-def test_a_rejected_trial_is_done_again_under_the_next_attempt() -> None:
-    stage = next_stage(existing([(1, 0)], started=((1, 0),), rejected=((1, 0), (1, 1))), 2, 2)
-    assert stage == RunTrial(0, 0, 0, TrialKey(1, 2), interrupted=False)
+@pytest.mark.parametrize(
+    ("found", "stage"),
+    [
+        pytest.param(NOTHING, RunTrial(0, 0, 0, TrialKey(1, 0)), id="a new session begins with its first trial"),
+        pytest.param(existing([(1, 0), (2, 0)]), RunTrial(0, 1, 0, TrialKey(3, 0)), id="particle by particle"),
+        pytest.param(
+            existing([(1, 0)], started=((1, 0), (2, 0))),
+            RunTrial(0, 0, 1, TrialKey(2, 0), interrupted=True),
+            id="started and never completed",
+        ),
+        pytest.param(
+            existing([(1, 0)], started=((1, 0), (2, 0)), recorded=((2, 0),)),
+            RunTrial(0, 0, 1, TrialKey(2, 0), recorded=True),
+            id="a stored motion waits for its review",
+        ),
+        pytest.param(
+            existing([(1, 0)], started=((2, 0),), recorded=((2, 0),), rejected=((2, 0),)),
+            RunTrial(0, 0, 1, TrialKey(2, 1)),
+            id="a rejected recording",
+        ),
+        pytest.param(
+            existing([(1, 0)], started=((1, 0),), rejected=((1, 0), (1, 1))),
+            RunTrial(0, 0, 0, TrialKey(1, 2)),
+            id="a rejected trial is done again under the next attempt",
+        ),
+    ],
+)
+def test_the_next_stage_is_the_first_trial_that_is_missing(found: Existing, stage: RunTrial) -> None:
+    assert next_stage(found, 2, 2) == stage
 
 
 def test_all_trials_lead_to_adaptation_then_to_showing_then_to_the_next_iteration() -> None:

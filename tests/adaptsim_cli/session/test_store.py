@@ -61,25 +61,31 @@ def test_a_foreign_file_among_the_trials_is_named(store: SessionStore) -> None:
         store.existing()
 
 
-def test_a_value_of_another_kind_is_named(store: SessionStore) -> None:
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (b"seed = 0", b'seed = "zero"', r"session\.toml .*seed: "),
+        (b"format = 4", b"format = 9", r"of format 9, .* reads format 4\. .*--session"),
+    ],
+)
+def test_a_value_of_another_kind_and_another_format_are_named(
+    store: SessionStore, old: bytes, new: bytes, told: str
+) -> None:
     path = store.folder / "session.toml"
-    path.write_bytes(seal_toml(unsealed(path).replace(b"seed = 0", b'seed = "zero"')))
-    with pytest.raises(SessionError, match=r"session\.toml .*seed: "):
+    body, _, _ = path.read_bytes().rpartition(b"# sha256 ")
+    path.write_bytes(seal_toml(body.replace(old, new)))
+    with pytest.raises(SessionError, match=told):
         reopened(store)
 
 
-def test_another_format_is_refused_with_both_numbers(store: SessionStore) -> None:
-    path = store.folder / "session.toml"
-    path.write_bytes(seal_toml(unsealed(path).replace(b"format = 4", b"format = 9")))
-    with pytest.raises(SessionError, match=r"of format 9, .* reads format 4\. .*--session"):
-        reopened(store)
-
-
-def test_what_a_killed_process_left_behind_is_not_read(store: SessionStore) -> None:
-    before = store.existing()
-    (store.folder / "iteration-01" / ".trial-005-attempt-1.writing").mkdir()
-    (store.folder / "iteration-01" / ".result-2.writing").mkdir()
+def test_what_a_killed_process_left_behind_is_not_read_and_goes_with_the_next_command(store: SessionStore) -> None:
+    before, left = store.existing(), store.folder / "iteration-01" / ".trial-005-attempt-1.x1.writing"
+    left.mkdir()
+    (left / "recording.mcap").write_bytes(b"half")
     assert store.existing() == before
+    with store.locked():
+        assert not left.exists()
+    assert reopened(store).existing() == before
 
 
 def test_a_session_runs_in_one_process_at_a_time(store: SessionStore) -> None:
@@ -108,15 +114,6 @@ def test_a_session_that_is_moved_while_a_command_waits_for_it_is_not_taken(
     assert not store.folder.exists()
 
 
-def test_whoever_takes_a_session_removes_what_was_left_behind(store: SessionStore) -> None:
-    left = store.folder / "iteration-01" / ".trial-005-attempt-1.x1.writing"
-    left.mkdir()
-    (left / "recording.mcap").write_bytes(b"half")
-    with store.locked():
-        assert not left.exists()
-    assert reopened(store).existing() == store.existing()
-
-
 def test_of_two_that_begin_a_session_at_once_one_wins(complete: SessionStore, tmp_path: Path) -> None:
     for race in range(10):
         root, gate = tmp_path / str(race), Barrier(2)
@@ -132,11 +129,6 @@ def test_of_two_that_begin_a_session_at_once_one_wins(complete: SessionStore, tm
             (winner,) = [made for made in pool.map(begin, (1, 2)) if made is not None]
         assert SessionStore.open(root, complete.facts.name).facts == winner.facts
         assert {entry.name for entry in root.iterdir()} == {complete.facts.name, ".lock"}
-
-
-def unsealed(path: Path) -> bytes:
-    body, _, _ = path.read_bytes().rpartition(b"# sha256 ")
-    return body
 
 
 @pytest.mark.parametrize("name", ["", "../elsewhere", "a/b", ".hidden", "x" * 101])

@@ -27,7 +27,10 @@ def timed(session: RunningSession) -> tuple[float, ResultRecord]:
 
 
 def test_the_stages_add_up_to_the_wall_time_of_the_iteration(tmp_path: Path) -> None:
-    took_s, result = timed(attended(tmp_path, ScriptedOperator()))
+    session = attended(tmp_path, ScriptedOperator())
+    took_s, result = timed(session)
+    trials = [sum(trial.timing_s.values()) for trial in session.store.trials(0)]
+    assert all(trials) and sum(trials) < min(took_s, result.timing_s[TOTAL])
     stages = {name: spent for name, spent in result.timing_s.items() if name != TOTAL}
     assert sum(stages.values()) == pytest.approx(result.timing_s[TOTAL])
     assert result.timing_s[TOTAL] == pytest.approx(took_s, rel=0.1, abs=0.05), "only the result itself is stored later"
@@ -39,15 +42,6 @@ def test_a_rejected_attempt_takes_its_time_too(tmp_path: Path) -> None:
     took_s, result = timed(attended(tmp_path, operator))
     assert result.timing_s[REJECTED] > 0.0
     assert result.timing_s[TOTAL] == pytest.approx(took_s, rel=0.1, abs=0.05)
-
-
-def test_every_trial_says_where_its_time_went(tmp_path: Path) -> None:
-    session = attended(tmp_path, ScriptedOperator())
-    took_s, result = timed(session)
-    trials = [sum(trial.timing_s.values()) for trial in session.store.trials(0)]
-    assert all(spent > 0.0 for spent in trials)
-    assert sum(trials) < took_s
-    assert sum(trials) < result.timing_s[TOTAL]
 
 
 def test_a_trial_that_went_on_from_its_recording_keeps_the_time_of_its_motion(tmp_path: Path) -> None:

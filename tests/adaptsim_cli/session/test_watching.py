@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -37,17 +36,6 @@ def test_a_session_tells_what_happened_in_order(tmp_path: Path) -> None:
     steps = {line.data["stage"]: line.took_s for line in lines if line.event == "done"}
     assert {"placing", "planning", "moving", "tracking", "adapting"} <= set(steps)
     assert all(took is not None and took >= 0.0 for took in steps.values())
-
-
-def test_each_line_is_an_object_and_a_second_command_goes_on_behind_it(tmp_path: Path) -> None:
-    lab = ToyLab(0)
-    store = run(tmp_path, lab)
-    first = (store.folder / watching.FILE).read_text()
-    run(tmp_path, lab)
-    both = (store.folder / watching.FILE).read_text()
-    assert both.startswith(first)
-    assert all(isinstance(json.loads(line), dict) for line in both.splitlines())
-    assert events(store).count("begun") == 2
 
 
 def test_what_stops_a_command_is_its_last_line(tmp_path: Path) -> None:

@@ -1,11 +1,8 @@
-"""Storage and commands on file systems as they are: full, read-only, of somebody else; a clock that goes backwards."""
+"""Storage and commands on file systems as they are: full, read-only; a clock that goes backwards."""
 
 from __future__ import annotations
 
-import json
-import os
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta, tzinfo
 from pathlib import Path
@@ -15,13 +12,9 @@ from lab_session import digest_of
 from toy_rig import ToyLab
 from toy_session import RUN, call
 
-from adaptsim_cli.errors import DiskFull, SessionError
-from adaptsim_cli.session import flow, running, watching
-from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.durable import locked
+from adaptsim_cli.session import correcting, records, watching
 
 Mount = Callable[[str], Path]
-NOBODY = 65534
 
 
 @pytest.fixture
@@ -43,18 +36,6 @@ def mount(tmp_path: Path) -> Iterator[Mount]:
     yield mounted
     for folder in there:
         subprocess.run(["umount", str(folder)], check=True)
-
-
-def test_a_disk_that_is_full_keeps_what_was_whole_and_takes_it_up_again(mount: Mount) -> None:
-    folder = mount("size=1m")
-    durable.write_folder(folder / "first", {"a": b"1" * 200_000, "b": b"2"})
-    with pytest.raises(DiskFull, match=r"the disk is full: .*second.* free some space and run the same command again"):
-        durable.write_folder(folder / "second", {"a": b"1" * 500_000, "b": b"2" * 500_000})
-    assert sorted(path.name for path in folder.iterdir()) == ["first"], "nothing half, and no leftovers"
-    assert (folder / "first" / "a").stat().st_size == 200_000
-    with pytest.raises(DiskFull):
-        durable.write_file(folder / "file", b"1" * 2_000_000)
-    durable.write_folder(folder / "second", {"a": b"1" * 100_000})
 
 
 def test_a_session_on_a_disk_that_fills_up_goes_on_once_there_is_room(mount: Mount, tmp_path: Path) -> None:
@@ -101,63 +82,6 @@ def test_commands_on_a_mount_that_is_read_only_read_and_move_nothing(mount: Moun
     assert digest_of(home / "data") == before
 
 
-def test_a_mount_that_is_read_only_is_said_before_anything_is_done(mount: Mount) -> None:
-    folder = mount("size=1m,ro")
-    with pytest.raises(SessionError, match="Read-only"):
-        durable.require_writable(folder)
-    with pytest.raises(SessionError, match="Read-only"):
-        durable.write_file(folder / "file", b"1")
-    with (
-        pytest.raises(SessionError, match="cannot be locked: Read-only file system; check that you may write there"),
-        locked(folder, "taken"),
-    ):
-        pass
-
-
-COMMANDS_AS_ANOTHER = """
-import json, os, sys
-from pathlib import Path
-from toy_session import RUN, call
-from toy_rig import ToyLab
-home, lab, commands = Path(sys.argv[1]), ToyLab(7), json.loads(sys.argv[2])
-for command in [RUN, *commands]:  # loads all modules, which the other user may not be able to
-    call(home.with_name("own"), command)
-os.setresuid(65534, 65534, 65534)
-outcomes = [call(home, command, lab) for command in commands]
-print(json.dumps([outcomes, lab.executions]))
-"""
-
-
-@pytest.mark.long
-def test_the_session_of_another_user_is_read_and_left_alone(tmp_path: Path) -> None:
-    if os.geteuid() != 0:
-        pytest.skip("only root can act as another user")
-    home = tmp_path / "shared"
-    assert call(home, RUN)[0] == 0
-    before = digest_of(home / "data")
-    for above in [tmp_path, *tmp_path.parents]:
-        if str(above) not in ("/", "/tmp"):
-            above.chmod(above.stat().st_mode | 0o055)
-    root = Path(__file__).parents[3]
-    done = subprocess.run(
-        [sys.executable, "-B", "-c", COMMANDS_AS_ANOTHER, str(home), json.dumps([*READING, *WRITING])],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join((str(root), str(root / "tests" / "support")))},
-        cwd=tmp_path,
-    )
-    assert done.returncode == 0, done.stderr
-    outcomes, moved = json.loads(done.stdout)
-    for code, said in outcomes[: len(READING)]:
-        assert (code, "Error" in said) == (0, False), said
-    for code, said in outcomes[len(READING) :]:
-        assert code == 8, said
-        assert "Permission denied" in said
-    assert moved == []
-    assert digest_of(home / "data") == before
-
-
 @pytest.mark.long
 def test_a_session_whose_clock_goes_backwards_ends_like_any_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -176,7 +100,7 @@ def test_a_session_whose_clock_goes_backwards_ends_like_any_other(
         if trial == 2:
             raise KeyboardInterrupt
 
-    for module in (running, flow, watching):
+    for module in (records, correcting, watching):
         monkeypatch.setattr(module, "datetime", Backwards)
     assert call(home, RUN, ToyLab(7, hooks={"stop_recording": interrupt}))[0] == 130
     assert call(home, RUN)[0] == 0

@@ -101,7 +101,7 @@ def test_the_page_may_load_nothing_from_elsewhere(page: Page) -> None:
     assert "http" not in re.sub(r"<!doctype html>", "", HTML)
 
 
-def test_every_state_arrives_and_pictures_by_name(page: Page) -> None:
+def test_every_state_arrives_pictures_by_name_and_the_end(page: Page) -> None:
     page.show({"a": 1}, {"1.jpg": b"\xff\xd8one"})
     events = Events(page)
     assert events.next() == {"a": 1}
@@ -110,15 +110,8 @@ def test_every_state_arrives_and_pictures_by_name(page: Page) -> None:
     assert get(page, "/picture/2.jpg")[2] == b"\xff\xd8two"
     assert get(page, "/picture/1.jpg")[0] == 404
     assert get(page, "/../secrets")[0] == 404
-    events.close()
-
-
-def test_its_end_is_told(page: Page) -> None:
-    page.show({"a": 1}, {})
-    events = Events(page)
-    events.next()
     page.__exit__(None, None, None)
-    assert events.next() is None
+    assert events.next() is None, "its end is told"
     events.close()
 
 

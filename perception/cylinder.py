@@ -12,6 +12,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from hw.poses import translation
 from hw.types import Array
 
 _LEVELS = np.array([-0.5, 0.0, 0.5])
@@ -37,9 +38,7 @@ class Cylinder:
 
     def upright(self, xy_m: Array) -> Array:
         """X_BO (4, 4) standing on the table at `xy_m` (2,)."""
-        X = np.eye(4)
-        X[:3, 3] = xy_m[0], xy_m[1], self.height_m / 2
-        return X
+        return translation([xy_m[0], xy_m[1], self.height_m / 2])
 
 
 @dataclass(frozen=True, eq=False)

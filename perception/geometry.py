@@ -37,6 +37,14 @@ def project(camera: Intrinsics, X_VB: Array, points_B_m: Array) -> Array:
     return np.asarray(uv, dtype=np.float64).reshape(-1, 2)
 
 
+def scaled(camera: Intrinsics, scale: float) -> Intrinsics:
+    """The camera with its pictures scaled."""
+    K = camera.K.copy()
+    K[:2] *= scale
+    K[:2, 2] += 0.5 * scale - 0.5  # pixel centres at integers
+    return Intrinsics(round(camera.width * scale), round(camera.height * scale), K, camera.distortion)
+
+
 def place(xy_m: Array) -> str:
     """A place (2,) on the table in words, as the robot sees it: 558 mm ahead, 2 mm left."""
     return f"{1e3 * xy_m[0]:.0f} mm ahead, {1e3 * abs(xy_m[1]):.0f} mm {'left' if xy_m[1] > 0 else 'right'}"

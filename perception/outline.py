@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
+from perception.geometry import scaled
 
 FEWEST = 5
 """Fewest pictures that tell the room from the bodies moving in it."""
@@ -64,7 +65,7 @@ def fit(seen: Sequence[OutlineView], camera: Intrinsics) -> OutlineFit | None:
     if len(seen) < FEWEST:
         return None
     scale = min(1.0, _WIDTH_PX / camera.width)
-    small = _scaled(camera, scale)
+    small = scaled(camera, scale)
     maps, ranges_m = [], []
     for one, moved in zip(seen, changes([s.colour for s in seen], scale), strict=True):
         found = _map(one, moved, small)
@@ -132,10 +133,3 @@ def _best(contrast: Map) -> Array:
     """(2,) the shift, right and down, with the largest contrast."""
     v, u = np.unravel_index(int(contrast.argmax()), contrast.shape)
     return np.array([float(u - _SEARCH_PX), float(v - _SEARCH_PX)])
-
-
-def _scaled(camera: Intrinsics, scale: float) -> Intrinsics:
-    K = camera.K.copy()
-    K[:2] *= scale
-    K[:2, 2] += 0.5 * scale - 0.5  # pixel centres at integers
-    return Intrinsics(round(camera.width * scale), round(camera.height * scale), K, camera.distortion)

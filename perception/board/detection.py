@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.poses import pose
 from hw.types import Array, Intrinsics
 from perception.board.types import DICTIONARIES, Board, BoardPose, CalibrationTarget, Corners
 from perception.errors import BoardMirrored, BoardNotFound, WrongBoard
@@ -88,8 +89,7 @@ def starts(points_m: Array, px: Array, camera: Intrinsics) -> list[Array]:
         return []
     found = []
     for r, t in zip(rvecs, tvecs, strict=True):
-        X = np.eye(4)
-        X[:3, :3], X[:3, 3] = cv2.Rodrigues(r)[0], np.ravel(t)
+        X = pose(cv2.Rodrigues(r)[0], np.ravel(t))
         if np.isfinite(X).all() and X[2, 3] > 0:
             found.append(X)
     return found
@@ -103,8 +103,7 @@ def _poses(points: Array, px: Array, camera: Intrinsics) -> BoardPose:
         )
         again, _ = cv2.projectPoints(points, r, t, camera.K, camera.distortion)
         rms = float(np.sqrt(np.mean(np.sum((again.reshape(-1, 2) - px) ** 2, axis=1))))
-        X = np.eye(4)
-        X[:3, :3], X[:3, 3] = cv2.Rodrigues(r)[0], t.ravel()
+        X = pose(cv2.Rodrigues(r)[0], t.ravel())
         if X[2, 3] > 0:
             found.append((rms, X))
     if not found:
@@ -294,9 +293,9 @@ def _without_strays(
     for _ in range(5):
         if len(ids) < board.least:
             break
-        pose = _poses(board.p_MK_m[ids], px, camera)
-        rvec = cv2.Rodrigues(pose.X_VM[:3, :3])[0]
-        again, _ = cv2.projectPoints(board.p_MK_m[ids], rvec, pose.X_VM[:3, 3], camera.K, camera.distortion)
+        found = _poses(board.p_MK_m[ids], px, camera)
+        rvec = cv2.Rodrigues(found.X_VM[:3, :3])[0]
+        again, _ = cv2.projectPoints(board.p_MK_m[ids], rvec, found.X_VM[:3, 3], camera.K, camera.distortion)
         off = np.linalg.norm(again.reshape(-1, 2) - px, axis=1)
         limit = max(_STRAY_PX, 4.0 * float(np.median(off)))
         if off.max() <= limit:

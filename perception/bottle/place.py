@@ -8,6 +8,7 @@ from typing import Self
 import cv2
 import numpy as np
 
+from hw.poses import pose
 from hw.types import Array
 from perception.arm_mask import Arm
 from perception.cylinder import Cylinder, fit_circle, fit_pose, front_m, lowest_m, tilt_rad
@@ -179,8 +180,6 @@ def _lying(seen: Patch, body: Cylinder) -> list[Array]:
     _, axes = np.linalg.eigh(np.cov((low[:, :2] - middle).T))
     poses = []
     for x, y in axes.T:
-        X = np.eye(4)
-        X[:3, :3] = np.column_stack([[0.0, 0.0, 1.0], [y, -x, 0.0], [x, y, 0.0]])
-        X[:3, 3] = middle[0], middle[1], body.radius_m
-        poses.append(X)
+        R = np.column_stack([[0.0, 0.0, 1.0], [y, -x, 0.0], [x, y, 0.0]])
+        poses.append(pose(R, [*middle, body.radius_m]))
     return poses

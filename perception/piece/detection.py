@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
+from hw.poses import translation
 from hw.types import Array, CameraModel, Frame, frozen_array
 from perception.errors import ObjectNotFound
 from perception.geometry import Area, Array32, ImageRegion, on_plane, transform, view_of
@@ -215,8 +216,7 @@ def _measure(
     valid = depth_m > 0
 
     def residuals(p: Array, shape: Shape) -> Array:
-        proxy, X_BO = Proxy(shape, (p[2], p[3], p[4])), np.eye(4)
-        X_BO[:3, 3] = p[0], p[1], p[4]
+        proxy, X_BO = Proxy(shape, (p[2], p[3], p[4])), translation([p[0], p[1], p[4]])
         pixels, covered, _ = coverage(proxy.outline(X_BO, near), xy)
         cover = np.zeros(len(xy))
         cover[pixels] = covered

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from hw.poses import inverse
+from hw.poses import inverse, translation
 from hw.types import Array, Frame
 from perception.arm_mask import ToolMask
 from perception.geometry import ImageRegion, on_plane, transform
@@ -39,9 +39,7 @@ def places(
         u, v = np.rint(centroids[i]).astype(int)
         ray = np.array([*(view.xy[v, u].astype(np.float64) / view.focal_px), 1.0])
         centre_m = _on_ray(ray, view, points_m[labelled == i], proxy)
-        X_BO = np.eye(4)
-        X_BO[:3, 3] = centre_m
-        _, cover, _ = coverage(proxy.outline(X_BO, view), view.xy.reshape(-1, 2))
+        _, cover, _ = coverage(proxy.outline(translation(centre_m), view), view.xy.reshape(-1, 2))
         if _LEAST * cover.sum() <= share[labels == i].sum() <= _MOST * cover.sum():
             yield centre_m
 

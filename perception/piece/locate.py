@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.poses import pose
 from hw.types import Array
 from perception.geometry import Array32, ImageRegion, transform
 from perception.piece.proxy import Proxy, coverage
@@ -55,13 +56,6 @@ class PieceFix:
     def confidence(self) -> float:
         """Share of the piece that is seen and explained."""
         return self.visible * self.fit
-
-
-def pose(R_BO: Array, centre_m: Array) -> Array:
-    """(4, 4) pose from rotation and position."""
-    X = np.eye(4)
-    X[:3, :3], X[:3, 3] = R_BO, centre_m
-    return X
 
 
 def appraise(evidence: Evidence, proxy: Proxy, R_BO: Array, centre_m: Array) -> PieceFix:

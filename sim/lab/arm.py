@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from hw.braking import brake
 from hw.errors import ArmFault, DeviceUnavailable, StoppedByPedal
 from hw.joint_limits import LIMITS
+from hw.poses import pose
 from hw.types import ArmState, Array, Execution, JointPath
 from hw.workcell import Workcell, refuse_unless_safe
 from sim.errors import SimError
@@ -117,11 +118,9 @@ def laid_board(board: HeldBoard, rng: np.random.Generator) -> Array:
     """(4, 4) X_BM of the board flat on the table, face up, upright in the view of the camera opposite the arm."""
     width, height = board.size_m
     upright = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # print's right: +Y, down: +X, into: -Z
-    X = np.eye(4)
-    X[:3, :3] = Rotation.from_rotvec([0.0, 0.0, TURN_STD_RAD * rng.standard_normal()]).as_matrix() @ upright
+    R = Rotation.from_rotvec([0.0, 0.0, TURN_STD_RAD * rng.standard_normal()]).as_matrix() @ upright
     middle = np.array([*(PLACE_M + PLACE_STD_M * rng.standard_normal(2)), THICKNESS_M])
-    X[:3, 3] = middle - X[:3, :3] @ np.array([width / 2, height / 2, 0.0])
-    return X
+    return pose(R, middle - R @ np.array([width / 2, height / 2, 0.0]))
 
 
 def touching_q_rad(p_B_m: Array, number: int, rng: np.random.Generator) -> Array:
@@ -143,9 +142,7 @@ def touching_q_rad(p_B_m: Array, number: int, rng: np.random.Generator) -> Array
 def _within_limits(p_B_m: Array, lean_rad: float, azimuth_rad: float) -> Array:
     """(N, 7) joints, away from their limits, with the tip at that place and the hand at that tilt."""
     axis = np.array([-np.sin(azimuth_rad), np.cos(azimuth_rad), 0.0])
-    X_BF = np.eye(4)
-    X_BF[:3, :3] = Rotation.from_rotvec(lean_rad * axis).as_matrix() @ np.diag([1.0, -1.0, -1.0])
-    X_BF[:3, 3] = p_B_m - X_BF[:3, :3] @ np.array(TIP_M)
+    R_BF = Rotation.from_rotvec(lean_rad * axis).as_matrix() @ np.diag([1.0, -1.0, -1.0])
     limits = LIMITS["panda"]
-    q = postures(X_BF, limits, 61)
+    q = postures(pose(R_BF, p_B_m - R_BF @ np.array(TIP_M)), limits, 61)
     return np.asarray(q[((q > limits.q_min_rad + 0.05) & (q < limits.q_max_rad - 0.05)).all(axis=1)])

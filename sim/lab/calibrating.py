@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from hw.errors import ArmFault, CameraError, DeviceUnavailable
 from hw.kinematics import link_poses
 from hw.ports import Camera
+from hw.poses import pose
 from hw.types import Array, CameraModel, Execution, Frame, JointPath, frozen_array
 from hw.workcell import Workcell, refuse_unless_safe
 from sim.errors import SimError
@@ -44,10 +45,8 @@ def with_extrinsic_error(X_BC: Array, sensing: Sensing, rng: np.random.Generator
     Both errors are normal in three directions, with these root mean squares.
     """
     shift, turn = rng.standard_normal((2, 3)) / np.sqrt(3.0)
-    error = np.eye(4)
-    error[:3, :3] = Rotation.from_rotvec(np.deg2rad(sensing.extrinsic_error_deg) * turn).as_matrix()
-    error[:3, 3] = 1e-3 * sensing.extrinsic_error_mm * shift
-    return np.asarray(X_BC @ error)
+    R = Rotation.from_rotvec(np.deg2rad(sensing.extrinsic_error_deg) * turn).as_matrix()
+    return np.asarray(X_BC @ pose(R, 1e-3 * sensing.extrinsic_error_mm * shift))
 
 
 FRAME_RATE_HZ = 15.0

@@ -6,7 +6,9 @@ from typing import Literal
 
 import numpy as np
 
+from hw.poses import pose
 from hw.types import Array, CameraModel, Intrinsics
+from perception.geometry import scaled
 
 EXPOSURE_S = 0.008
 """Exposure of the colour camera in a well-lit room."""
@@ -32,19 +34,10 @@ _DEPTH_OFFSET_M = (-0.0321, -0.0022, 0.0039)
 def kinect_model(size: Literal["kinect", "small"] = "kinect") -> CameraModel:
     """Factory calibration of the lab's camera; "small" is the same view with a quarter of the pixels per side."""
     c, s = np.cos(_DEPTH_TILT_RAD), np.sin(_DEPTH_TILT_RAD)
-    X_CD = np.eye(4)
-    X_CD[1:3, 1:3] = [[c, s], [-s, c]]
-    X_CD[:3, 3] = _DEPTH_OFFSET_M
+    X_CD = pose([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]], _DEPTH_OFFSET_M)
     if size == "kinect":
         return CameraModel("simulated-kinect", _COLOUR, _DEPTH, X_CD)
-    return CameraModel("simulated-kinect-small", _shrunk(_COLOUR, 4), _shrunk(_DEPTH, 4), X_CD)
-
-
-def _shrunk(camera: Intrinsics, factor: int) -> Intrinsics:
-    K = camera.K.copy()
-    K[:2] /= factor
-    K[:2, 2] += 0.5 / factor - 0.5  # pixel centres at integers
-    return Intrinsics(camera.width // factor, camera.height // factor, K, camera.distortion)
+    return CameraModel("simulated-kinect-small", scaled(_COLOUR, 0.25), scaled(_DEPTH, 0.25), X_CD)
 
 
 def default_X_BC() -> Array:
@@ -58,7 +51,4 @@ def looking(eye_m: Array, ahead: Array) -> Array:
     z = ahead / np.linalg.norm(ahead)
     x = np.cross(z, [0.0, 0.0, 1.0])
     x /= np.linalg.norm(x)
-    X = np.eye(4)
-    X[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
-    X[:3, 3] = eye_m
-    return X
+    return pose(np.stack([x, np.cross(z, x), z], axis=1), eye_m)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hw.poses import translation
 from hw.types import Array, Execution, JointPath, Placing
 from sim.lab.cell import Cell, DivergedError, PlantMotion
 from sim.lab.film import Filming
@@ -52,9 +53,7 @@ class Room:
     def cell(self) -> Cell:
         """The cell, built on first use."""
         cell = Cell(self.task, self.world)
-        away = np.eye(4)
-        away[:3, 3] = _AWAY_M
-        cell.reset(self.home_q_rad + self.zeros_rad, away)
+        cell.reset(self.home_q_rad + self.zeros_rad, translation(_AWAY_M))
         return cell
 
     @property

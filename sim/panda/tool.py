@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from hw.collision import HAND, HAND_MASS, LEVEL, Capsule, Table, Tool
 from hw.kinematics import FLANGE
 from hw.mass import Mass
+from hw.poses import pose
 from hw.types import Array, frozen_array
 from hw.workcell import STOPS_AT_N, STOPS_AT_NM, Workcell, arm_model
 from hw.wrist import FINGERTIP_M
@@ -134,10 +135,8 @@ class ToolCorrection:
 
     def X_FT(self, designed: Array) -> Array:
         """(4, 4) the tool in the flange, from its `designed` pose."""
-        off = np.eye(4)
-        off[:3, :3] = Rotation.from_euler("XY", [self.roll_rad, self.pitch_rad]).as_matrix()
-        off[:3, 3] = self.forward_m, 0.0, self.height_m
-        return np.asarray(designed @ off)
+        R = Rotation.from_euler("XY", [self.roll_rad, self.pitch_rad]).as_matrix()
+        return np.asarray(designed @ pose(R, [self.forward_m, 0.0, self.height_m]))
 
     @property
     def X_BW(self) -> Array:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from hw.collision import Table
 from hw.contact import predicted_force_N
 from hw.kinematics import forward
+from hw.poses import pose
 from hw.types import PATH_RATE_HZ, Array, ContactWindow, Guard, JointPath, frozen_array
 from hw.workcell import ArmModel, Workcell, check_guarded
 from sim.errors import NotExecutable
@@ -48,10 +49,8 @@ class Probe:
 
     def X_BT(self, table: Table, above_m: float) -> Array:
         """(4, 4) the tool with the feeler's lowest point `above_m` over the table."""
-        X_WT = np.eye(4)
-        X_WT[:3, :3] = self.R_WT
         centre = np.array([*self.xy_m, above_m + self.feeler.radius_m])
-        X_WT[:3, 3] = centre - self.R_WT @ self.feeler.p_T_m
+        X_WT = pose(self.R_WT, centre - self.R_WT @ self.feeler.p_T_m)
         return np.asarray(table.X_BW @ X_WT)
 
 

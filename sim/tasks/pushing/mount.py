@@ -13,6 +13,7 @@ import numpy as np
 from hw import mass
 from hw.collision import Capsule
 from hw.kinematics import FLANGE
+from hw.poses import pose
 from hw.types import Array, frozen_array
 from sim.tasks.pushing.params import PATCH_SIZE_M, PATCH_X_M
 from sim.tasks.shared.shapes import Shape, box, cut, joined, library, solid_box
@@ -54,10 +55,8 @@ def _mounting() -> Array:
     across = np.array([sin, -cos, 0.0])
     along = np.cross(across, approach)
     c, s = np.cos(_ROLL_RAD), np.sin(_ROLL_RAD)
-    X_TF = np.eye(4)
-    X_TF[:3, :3] = np.column_stack([c * along + s * across, c * across - s * along, approach])
-    X_TF[:3, 3] = GRIP_M - _FLANGE_TO_GRIP_M * approach
-    return np.asarray(np.linalg.inv(X_TF))
+    R_TF = np.column_stack([c * along + s * across, c * across - s * along, approach])
+    return np.asarray(np.linalg.inv(pose(R_TF, GRIP_M - _FLANGE_TO_GRIP_M * approach)))
 
 
 X_FT: Array = frozen_array(_mounting(), (4, 4))
@@ -95,10 +94,8 @@ def _mass() -> mass.Mass:
     plate_m3, block_m3 = math.prod(PLATE_M), math.prod(BLOCK_M)
     stem_m3 = STEM_M**2 * float(np.linalg.norm(GRIP_M - ROOT_M))
     kg_m3 = PLATE_MASS_KG / (plate_m3 + stem_m3 + block_m3)
-    X_TB = np.eye(4)
-    X_TB[:3, :3], X_TB[:3, 3] = _block_axes(), GRIP_M
     plate, stem = mass.box(kg_m3 * plate_m3, PLATE_M, PLATE_CENTRE_M), mass.bar(kg_m3 * stem_m3, ROOT_M, GRIP_M, STEM_M)
-    return plate + stem + mass.box(kg_m3 * block_m3, BLOCK_M, (0.0, 0.0, 0.0)).placed(X_TB)
+    return plate + stem + mass.box(kg_m3 * block_m3, BLOCK_M, (0.0, 0.0, 0.0)).placed(pose(_block_axes(), GRIP_M))
 
 
 TOOL_MASS = _mass()

@@ -30,6 +30,7 @@ from pydrake.multibody.tree import (
     WeldJoint,
 )
 
+from hw.poses import translation
 from hw.types import Array
 from sim.errors import OutOfRange
 from sim.tasks.pushing.mount import PLATE_CENTRE_M, PLATE_M, PLATE_MASS_KG, pusher_visuals
@@ -219,10 +220,7 @@ def _add_pusher(plant: MultibodyPlant, parent: Frame, X_PT: Array) -> None:
 def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Array:
     """(4, 4) pose X_BO of the bottle ready for the push. The goal in `context` does not enter."""
     mass_kg = BOTTLE_MASS_KG * (1.0 if unmodelled is None else unmodelled.bottle_mass_scale)
-    X_BO = np.eye(4)
-    X_BO[:2, 3] = START_M + nuisance
-    X_BO[2, 3] = BOTTLE_HEIGHT_M / 2 - sink_m(mass_kg)
-    return X_BO
+    return translation([*(START_M + nuisance), BOTTLE_HEIGHT_M / 2 - sink_m(mass_kg)])
 
 
 def sink_m(mass_kg: float) -> float:

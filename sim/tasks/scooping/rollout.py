@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hw.poses import translation
 from hw.types import Array
 from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M, SETTLE_S, ObjectTrack, Outcome, is_on_blade
 from sim.tasks.scooping.params import OBSERVATION, PIECE_DENSITY_KG_M3, REFERENCE_CONTEXT, Unmodelled
@@ -58,9 +59,7 @@ def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Un
     mass_kg = PIECE_DENSITY_KG_M3 * piece.volume_m3 * (1.0 if unmodelled is None else unmodelled.density_scale)
     ahead_m = _half_width_m(nuisance, unmodelled)
     height_m = float(parameters[3]) / 200.0 - sink_m(piece, mass_kg, float(parameters[1]))
-    X_BO = np.eye(4)
-    X_BO[:3, 3] = [context[0] + ahead_m, context[1], height_m]
-    return X_BO
+    return translation([context[0] + ahead_m, context[1], height_m])
 
 
 def piece_mass_kg(parameters: Array, nuisance: Array, unmodelled: Unmodelled) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from hw import mass
 from hw.collision import Capsule
 from hw.kinematics import FLANGE
+from hw.poses import pose
 from hw.types import Array, frozen_array
 from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.panda.tool import Feeler, Touchable
@@ -74,10 +75,9 @@ def _mounting() -> Array:
     across = np.cross(UP, approach) / np.linalg.norm(np.cross(UP, approach))  # Y axis of the hand
     half = np.sqrt(0.5)  # the flange is rotated by 45° against the hand
     R_TH = np.column_stack([np.cross(across, approach), across, approach])
-    X_TF = np.eye(4)
-    X_TF[:3, :3] = R_TH @ np.array([[half, -half, 0.0], [half, half, 0.0], [0.0, 0.0, 1.0]])
-    X_TF[:3, 3] = np.array([-BLADE_LENGTH_M, 0.0, 0.0]) + GRIP_M * UP - _FLANGE_TO_GRIP_M * approach
-    return np.asarray(np.linalg.inv(X_TF))
+    R_TF = R_TH @ np.array([[half, -half, 0.0], [half, half, 0.0], [0.0, 0.0, 1.0]])
+    p_TF_m = np.array([-BLADE_LENGTH_M, 0.0, 0.0]) + GRIP_M * UP - _FLANGE_TO_GRIP_M * approach
+    return np.asarray(np.linalg.inv(pose(R_TF, p_TF_m)))
 
 
 X_FT: Array = frozen_array(_mounting(), (4, 4))

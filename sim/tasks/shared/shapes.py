@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.poses import translation
 from hw.types import Array
 from sim.errors import ExtraMissing
 from sim.types import Visual
@@ -77,15 +78,12 @@ def library() -> Any:
 
 def solid_box(size_m: tuple[float, ...], centre_m: tuple[float, float, float]) -> trimesh.Trimesh:
     """A box along the axes, to print."""
-    X = np.eye(4)
-    X[:3, 3] = centre_m
-    return library().creation.box(extents=size_m, transform=X)
+    return library().creation.box(extents=size_m, transform=translation(centre_m))
 
 
 def hole(centre_m: tuple[float, float, float], length_m: float) -> trimesh.Trimesh:
     """A cylinder along Z, for a screw of M3, to cut."""
-    X = np.eye(4)
-    X[:3, 3] = centre_m
+    X = translation(centre_m)
     return library().creation.cylinder(radius=SCREW_M / 2, height=2 * length_m, sections=32, transform=X)
 
 

@@ -22,6 +22,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.systems.sensors import CameraInfo
+from table_scenes import at
 
 from hw.types import Array, CameraModel, Intrinsics
 from sim.lab.kinect import default_X_BC
@@ -40,15 +41,7 @@ def camera() -> Intrinsics:
     return Intrinsics(WIDTH, HEIGHT, np.array([[FOCAL, 0, 159.5], [0, FOCAL, 119.5], [0, 0, 1.0]]))
 
 
-def pose(x: float, y: float, z: float, pitch: float = 0.0) -> Array:
-    c, s = np.cos(pitch), np.sin(pitch)
-    X = np.eye(4)
-    X[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
-    X[:3, 3] = x, y, z
-    return X
-
-
-POSES = {"table": pose(0.75, 0, -0.02), "piece": pose(0.75, 0.05, H_M / 2), "blade": pose(0.72, -0.04, 0.04, 0.2)}
+POSES = {"table": at(0.75, 0, -0.02), "piece": at(0.75, 0.05, H_M / 2), "blade": at(0.72, -0.04, 0.04, 0.2)}
 SHAPES = {"table": Box(1.0, 1.2, 0.04), "piece": Cylinder(R_M, H_M), "blade": Box(*BLADE_M)}
 
 

@@ -20,8 +20,9 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -49,26 +50,8 @@ SOFT_PX = 1.0
 WAVES, WAVELENGTH = 8, 4.0
 
 
-@dataclass(frozen=True)
-class Row:
-    """One camera and seed of one case."""
-
-    target: str
-    common_px: float
-    lens: bool
-    camera: int
-    seed: int
-    apart_mm: float
-    apart_plain_mm: float
-    other_px: float  # nan: a half could not be solved
-    other_plain_px: float
-    error_mm: float  # true error of the position, board only, rms of the halves
-    error_plain_mm: float
-    covered: int
-    judged: int
-    held_out_px: float
-    stated_mm: float
-    said: str
+Row = dict[str, Any]
+"""One camera and seed of one case; `other_px` is nan where a half could not be solved."""
 
 
 def setup_of(target: str, number: int) -> Setup:
@@ -143,29 +126,32 @@ def case(target: str, common_px: float, lens: bool, number: int, seed: int) -> R
     by_pixels = [plain(half, setup) for half in halves]
     nan = float("nan")
     plain_px = [predicted_px(*found, other, setup) for found, other in zip(by_pixels, others, strict=True)]
-    common = (target, common_px, lens, number, seed)
-    apart_plain = distance_mm(by_pixels[0][0], by_pixels[1][0])
-    wrong_plain = rms([distance_mm(X, X_true) for X, _ in by_pixels]) if target == "board" else nan
+    row: Row = {"target": target, "common_px": common_px, "lens": lens, "camera": number, "seed": seed}
+    row |= dict.fromkeys(("apart_mm", "other_px", "error_mm", "error_plain_mm", "held_out_px", "stated_mm"), nan)
+    row |= {"apart_plain_mm": distance_mm(by_pixels[0][0], by_pixels[1][0]), "other_plain_px": rms(plain_px)}
+    if target == "board":  # whose true camera is known; root mean squares of the halves
+        row["error_plain_mm"] = rms([distance_mm(X, X_true) for X, _ in by_pixels])
     try:
         solved = [settle(half, setup, None)[0] for half in halves]
     except CalibrationError as error:
-        said = str(error)
-        return Row(*common, nan, apart_plain, nan, rms(plain_px), nan, wrong_plain, 0, 2, nan, nan, said)
+        return row | {"covered": 0, "judged": 2, "said": str(error)}
     ours_px = [predicted_px(s.X_AC, s.X_HM, o, setup) for s, o in zip(solved, others, strict=True)]
     stated = [s.uncertainty.worst_95_mm for s in solved]
     points = setup.p_AP_m
     if target == "board":
         good = [worst_mm(s.X_AC, X_true, points) <= w for s, w in zip(solved, stated, strict=True)]
-        wrong = rms([distance_mm(s.X_AC, X_true) for s in solved])
+        row["error_mm"] = rms([distance_mm(s.X_AC, X_true) for s in solved])
     else:
         good = [worst_mm(solved[0].X_AC, solved[1].X_AC, points) <= float(np.hypot(stated[0], stated[1]))]
-        wrong = nan
-    apart = distance_mm(solved[0].X_AC, solved[1].X_AC)
-    said = "; ".join(s.choice.sentence for s in solved)
-    return Row(
-        *common, apart, apart_plain, rms(ours_px), rms(plain_px), wrong, wrong_plain, sum(good), len(good),
-        rms([s.held_out_px for s in solved]), rms(stated), said,
-    )  # fmt: skip
+    return row | {
+        "apart_mm": distance_mm(solved[0].X_AC, solved[1].X_AC),
+        "other_px": rms(ours_px),
+        "covered": sum(good),
+        "judged": len(good),
+        "held_out_px": rms([s.held_out_px for s in solved]),
+        "stated_mm": rms(stated),
+        "said": "; ".join(s.choice.sentence for s in solved),
+    }
 
 
 def rms(values: Sequence[float]) -> float:
@@ -193,19 +179,18 @@ def main() -> None:
                 rows += found
                 print(line(found), flush=True)
     if given.out:
-        given.out.write_text(json.dumps([vars(row) for row in rows], indent=1))
+        given.out.write_text(json.dumps(rows, indent=1, default=bool))
 
 
 def line(found: Sequence[Row]) -> str:
-    good = [row for row in found if np.isfinite(row.other_px)]
+    good = [row for row in found if np.isfinite(row["other_px"])]
     names = ("apart_mm", "apart_plain_mm", "other_px", "other_plain_px", "error_mm", "error_plain_mm")
-    told = [f"{rms([getattr(row, name) for row in good]):.2f}" if good else "-" for name in names]
-    covered = f"{sum(row.covered for row in good)} of {sum(row.judged for row in good)}"
+    told = [f"{rms([row[name] for row in good]):.2f}" if good else "-" for name in names]
+    covered = f"{sum(row['covered'] for row in good)} of {sum(row['judged'] for row in good)}"
     first = found[0]
-    lens = "1 % off" if first.lens else "as stated"
-    return (
-        f"| {first.target} | {first.common_px:g} | {lens} | {' | '.join(told)} | {covered} | {len(found) - len(good)} |"
-    )
+    lens = "1 % off" if first["lens"] else "as stated"
+    head = f"| {first['target']} | {first['common_px']:g} | {lens}"
+    return f"{head} | {' | '.join(told)} | {covered} | {len(found) - len(good)} |"
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -50,29 +49,6 @@ def told(capfd: pytest.CaptureFixture[str]) -> str:
         return " ".join(err[err.index("Interrupted") :].split())
     assert err.count("Error:") == 1
     return " ".join(err[err.index("Error:") :].split())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["fly"], "No such command 'fly'"),
-        (["run-iteration", "--sped", "3"], "No such option: --sped"),
-        (["run-iteration", "--iterations", "0"], "greater than or equal to 1|not in the range x>=1"),
-        (["run-iteration", "--seed", "-1", "--yes"], "seed = -1"),
-        (["run-iteration", "--hw", "ur5", "--yes"], "choose one of fake, panda, fr3"),
-        (["run-iteration", "--task", "juggling", "--yes"], 'task "juggling" is not known: it must be one of'),
-        (["run-iteration", "--world", "narnia", "--yes"], "no world 'narnia'"),
-        (["run-iteration", "--world", "ligt-bottle", "--yes"], "did you mean light-bottle"),
-        (["run-iteration", "--world", "./missing.toml", "--yes"], "no world file"),
-        (["run-iteration", "--session", "../up", "--yes"], "session name '../up'"),
-        (["sessions", "redo", "x"], "Missing argument"),
-    ],
-)
-def test_a_wrong_command_line_ends_with_2(
-    arguments: list[str], message: str, capfd: pytest.CaptureFixture[str]
-) -> None:
-    assert app.run(arguments) == 2
-    assert re.search(message, told(capfd))
 
 
 def test_a_corrupt_or_foreign_checkpoint_ends_with_8(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -205,13 +181,6 @@ def test_a_truncated_session_ends_with_8_naming_the_file(lab: ToyLab, capfd: pyt
     assert app.run(["sessions", "list", "--json"]) == 0, "a damaged session hides no other"
     (listed,) = json.loads(capfd.readouterr().out)["sessions"]
     assert "trial-002-attempt-1/trial.json is corrupt" in listed["error"]
-
-
-def test_a_flag_that_contradicts_the_session_ends_with_2(lab: ToyLab, capfd: pytest.CaptureFixture[str]) -> None:
-    assert app.run([*RUN, "--session", "mine"]) == 0
-    capfd.readouterr()
-    assert app.run([*RUN, "--session", "mine", "--seed", "9"]) == 2
-    assert "was begun with seed = 0, not 9" in told(capfd)
 
 
 def test_debug_adds_the_traceback(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

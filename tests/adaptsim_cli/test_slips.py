@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -34,6 +35,7 @@ class Slip:
     typed: tuple[str, ...] = ()
     motions: int = 0  # that the typed answers have agreed to
     env: dict[str, str] = field(default_factory=dict)
+    says: str = ""  # on stderr, as a pattern
 
     def __str__(self) -> str:
         return " ".join((*self.line, "/", *(repr(answer) for answer in self.typed), *self.env.values()))
@@ -41,28 +43,32 @@ class Slip:
 
 SLIPS = [
     # wrong names
-    Slip(("run-iteraton",), 2),
-    Slip(("rollout", "--yes", "--task", "tyo"), 2),
-    Slip(("run-iteration", "--yes", "--session", "studdy"), 2),
+    Slip(("run-iteraton",), 2, says="No such command 'run-iteraton'"),
+    Slip(("run-iteration", "--sped", "3"), 2, says="No such option: --sped"),
+    Slip(("rollout", "--yes", "--task", "tyo"), 2, says="task .tyo. is not known: it must be one of"),
+    Slip(("run-iteration", "--yes", "--world", "narnia"), 2, says="no world 'narnia'"),
+    Slip(("run-iteration", "--yes", "--world", "./missing.toml"), 2, says="no world file"),
+    Slip(("run-iteration", "--yes", "--session", "studdy"), 2, says="did you mean study"),
     Slip(("run-iteration", "--yes", "--session", "Study"), 2),
-    Slip(("run-iteration", "--yes", "--session", "../study"), 2),
+    Slip(("run-iteration", "--yes", "--session", "../study"), 2, says="session name '../study'"),
     Slip(("run-iteration", "--yes", "--world", "wd"), 2),
-    Slip(("run-iteration", "--yes", "--world", "ligt-bottle"), 2),
+    Slip(("run-iteration", "--yes", "--world", "ligt-bottle"), 2, says="did you mean light-bottle"),
     Slip(("run-iteration", "--yes", "--seed", "4"), 2),
     Slip(("run-iteration", "--yes", "--session", "study", "--method", "adaptsin"), 2),
-    Slip(("run-iteration", "--yes", "--session", "study", "--seed", "9"), 2),
+    Slip(("run-iteration", "--yes", "--session", "study", "--seed", "9"), 2, says="was begun with seed = 0, not 9"),
     Slip(("run-iteration", "--yes", "--session", "study", "--task", "pushing"), 2),
-    Slip(("run-iteration", "--yes", "--session", "study", "--hw", "ur5"), 2),
+    Slip(("run-iteration", "--yes", "--session", "study", "--hw", "ur5"), 2, says="choose one of fake, panda, fr3"),
     Slip(("report", "studdy"), 8),
     Slip(("compare", "study", "nosuch"), 8),
     Slip(("rollout", "--session", "nosuch", "--best", "--yes"), 8),
     Slip(("sessions", "redo", "studdy", "1"), 8),
     # wrong numbers
-    Slip((*BEGIN, "-n", "0"), 2),
+    Slip((*BEGIN, "-n", "0"), 2, says="greater than or equal to 1|not in the range x>=1"),
     Slip((*BEGIN, "-n", "two"), 2),
     Slip((*BEGIN, "--pace", "7"), 2),
-    Slip((*BEGIN, "--seed", "-1"), 2),
+    Slip((*BEGIN, "--seed", "-1"), 2, says="seed = -1"),
     Slip((*BEGIN, "--view-port", "80"), 2),
+    Slip(("sessions", "redo", "study"), 2, says="Missing argument"),
     Slip(("sessions", "redo", "study", "0"), 2),
     Slip(("sessions", "redo", "study", "99"), 2),
     Slip(("sessions", "accept", "study", "1"), 2),
@@ -145,7 +151,9 @@ def test_a_slip_costs_nothing(
     if slip.code in (7, 130):
         monkeypatch.setattr(console, "require_terminal", lambda *_: None)
     assert app.run(slip.line) == slip.code
-    assert "Traceback" not in capfd.readouterr().err
+    told = " ".join(capfd.readouterr().err.split())
+    assert "Traceback" not in told
+    assert re.search(slip.says, told)
     assert kept(home) == kept(before)
     assert begun(home) == {"study"}
     assert len(lab.executions) == slip.motions

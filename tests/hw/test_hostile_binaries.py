@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,24 @@ TENSORS = {
 }
 
 
+def refused(path: Path, read: Callable[[Path], object], tries: int, *, cut_every: int, most_bits: int) -> int:
+    """How often a file that is cut short or has flipped bits is refused; else it is read."""
+    whole, rng, count = path.read_bytes(), np.random.default_rng(0), 0
+    for number in range(tries):
+        content = bytearray(whole)
+        if number % cut_every == 0:
+            del content[int(rng.integers(len(content))) :]
+        else:
+            for _ in range(int(rng.integers(1, most_bits + 1))):
+                content[int(rng.integers(len(content)))] ^= 1 << int(rng.integers(8))
+        path.write_bytes(bytes(content))
+        try:
+            read(path)
+        except (CheckpointError, CameraError):
+            count += 1
+    return count
+
+
 @pytest.mark.timeout(60)
 @pytest.mark.parametrize("name", TENSORS)
 def test_hostile_tensors_end_in_an_error_that_names_the_file(tmp_path: Path, name: str) -> None:
@@ -60,19 +79,7 @@ def test_hostile_tensors_end_in_an_error_that_names_the_file(tmp_path: Path, nam
 def test_tensors_cut_short_or_damaged_are_read_or_refused(tmp_path: Path) -> None:
     path = tmp_path / "policy.safetensors"
     save_tensors(path, {"a": np.arange(6.0).reshape(2, 3), "b": np.ones(4, dtype=np.int64)})
-    whole, rng, refused = path.read_bytes(), np.random.default_rng(0), 0
-    for number in range(150):
-        content = bytearray(whole)
-        if number % 3 == 0:
-            del content[int(rng.integers(len(content))) :]
-        else:
-            content[int(rng.integers(len(content)))] ^= 1 << int(rng.integers(8))
-        path.write_bytes(bytes(content))
-        try:
-            load_tensors(path)
-        except CheckpointError:
-            refused += 1
-    assert refused >= 100
+    assert refused(path, load_tensors, 150, cut_every=3, most_bits=1) >= 100
 
 
 MATROSKA = {
@@ -113,17 +120,4 @@ def test_recordings_cut_short_or_damaged_are_read_or_refused(tmp_path: Path) -> 
     path = tmp_path / "film.mkv"
     times_s = [i / 30 for i in range(4)]
     record(path, times_s, times_s)
-    whole, rng, refused = path.read_bytes(), np.random.default_rng(0), 0
-    for number in range(120):
-        content = bytearray(whole)
-        if number % 4 == 0:
-            del content[int(rng.integers(len(content))) :]
-        else:
-            for _ in range(int(rng.integers(1, 20))):
-                content[int(rng.integers(len(content)))] ^= 1 << int(rng.integers(8))
-        path.write_bytes(bytes(content))
-        try:
-            read_all(path)
-        except CameraError:
-            refused += 1
-    assert refused >= 20
+    assert refused(path, read_all, 120, cut_every=4, most_bits=19) >= 20

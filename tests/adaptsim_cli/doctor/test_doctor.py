@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from real_lab import READY_RAD, RIG, calibrated, calibration, write_rig
@@ -25,6 +26,7 @@ from adaptsim_cli.doctor.checks import CHECKS
 from adaptsim_cli.doctor.table import Examined, Finding, Severity, ok
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen.console import Screen
+from calib.saved import SavedCalibration
 from hw.camera.probe import FoundDevice, ProbeReport
 from hw.camera.process import CameraProcess, served
 from hw.errors import DeviceUnavailable
@@ -75,6 +77,14 @@ def lab_of(place: Path, hw: str = "fr3", **parts: object) -> Examined:
     return lab
 
 
+CALIBRATION = "adaptsim_cli.doctor.checks.current_calibration"
+PEDAL = {"adaptsim_cli.doctor.checks.serial_ports": always(("/dev/b",)), "rig": {"pedal": PedalPart("/dev/a")}}
+
+
+def aged(days: int) -> SavedCalibration:
+    return calibration((datetime.now(UTC) - timedelta(days=days)).isoformat())
+
+
 @pytest.mark.parametrize(
     ("name", "reading", "verdict", "says"),
     [
@@ -116,72 +126,35 @@ def lab_of(place: Path, hw: str = "fr3", **parts: object) -> Examined:
         ("camera", {"cameras": always(kinect("12", "34"))}, MISSING, "several cameras are plugged in: 12, 34"),
         ("camera", {"cameras": always(kinect("12", engine=False))}, MISSING, "no depth engine"),
         ("camera", {"cameras": always(kinect(error="no camera is seen"))}, MISSING, "no camera is seen"),
+        ("camera", {"cameras": always(kinect("12", "34")), "rig": {"camera": {"serial": "34"}}}, OK, "34"),
+        ("camera", {"cameras": always(kinect("12")), "rig": {"camera": {"serial": "34"}}}, MISSING,
+         "34 is not plugged in; found: 12"),
+        ("pedal", {"port": always((False, "uucp")), **PEDAL}, MISSING, "belongs to the group uucp"),
+        ("pedal", {"port": always((False, "uucp")), **PEDAL}, MISSING, "sudo usermod -aG uucp $USER"),
+        ("pedal", {"port": always((False, None)), **PEDAL}, MISSING, "/dev/a is not there"),
+        ("pedal", {"port": always((False, None)), **PEDAL}, MISSING, "there now: /dev/b"),
+        ("calibration", {CALIBRATION: always(None)}, MISSING, "this rig has no calibration"),
+        ("calibration", {CALIBRATION: always(aged(1))}, OK, "± 0.5 mm, ± 0.05°, 1 day old"),
+        ("calibration", {CALIBRATION: always(aged(59))}, ADVICE, "59 days old"),
+        ("calibration", {CALIBRATION: always(aged(-5))}, ADVICE, "in the future"),
     ],
 )  # fmt: skip
 def test_each_check_over_its_readings(
     name: str,
-    reading: dict[str, object],
+    reading: dict[str, Any],
     verdict: Severity,
     says: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """A reading is that of `readings`, or a whole name; "rig" are parts of the rig file."""
     for what, made_up in reading.items():
-        monkeypatch.setattr(what if "." in what else f"adaptsim_cli.doctor.readings.{what}", made_up)
-    found = CHECKS[name](lab_of(tmp_path))
+        if what != "rig":
+            monkeypatch.setattr(what if "." in what else f"adaptsim_cli.doctor.readings.{what}", made_up)
+    found = CHECKS[name](lab_of(tmp_path, **reading.get("rig", {})))
     assert found.verdict is verdict
-    assert says in found.detail
+    assert says in f"{found.detail}; {found.fix}"
     assert bool(found.fix) == (verdict in (ADVICE, MISSING)), "a remedy for what needs one, and for nothing else"
-
-
-@pytest.mark.parametrize(
-    ("serials", "wanted", "verdict", "says"),
-    [(("12", "34"), "34", OK, "34"), (("12",), "34", MISSING, "34 is not plugged in; found: 12")],
-)
-def test_the_camera_is_that_of_the_rig_file(
-    serials: tuple[str, ...], wanted: str, verdict: Severity, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(readings, "cameras", always(kinect(*serials)))
-    found = CHECKS["camera"](lab_of(tmp_path, camera={"serial": wanted}))
-    assert found.verdict is verdict
-    assert says in found.detail
-
-
-@pytest.mark.parametrize(
-    ("port", "says", "fix"),
-    [
-        ((False, "uucp"), "belongs to the group uucp", "sudo usermod -aG uucp $USER"),
-        ((False, None), "/dev/a is not there", "there now: /dev/b"),
-    ],
-)
-def test_a_port_that_cannot_be_used(
-    port: tuple[bool, str | None], says: str, fix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(readings, "port", always(port))
-    monkeypatch.setattr(checks, "serial_ports", always(("/dev/b",)))
-    found = CHECKS["pedal"](lab_of(tmp_path, pedal=PedalPart("/dev/a")))
-    assert found.verdict is MISSING
-    assert says in found.detail
-    assert fix in found.fix
-
-
-@pytest.mark.parametrize(
-    ("days", "verdict", "says"),
-    [
-        (None, MISSING, "this rig has no calibration"),
-        (1, OK, "± 0.5 mm, ± 0.05°, 1 day old"),
-        (59, ADVICE, "59 days old"),
-        (-5, ADVICE, "in the future"),
-    ],
-)
-def test_a_calibration_by_its_age(
-    days: int | None, verdict: Severity, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    known = None if days is None else calibration((datetime.now(UTC) - timedelta(days=days)).isoformat())
-    monkeypatch.setattr(checks, "current_calibration", always(known))
-    found = CHECKS["calibration"](lab_of(tmp_path))
-    assert found.verdict is verdict
-    assert says in found.detail
 
 
 @pytest.mark.long

@@ -96,23 +96,14 @@ def test_all_that_is_commanded_keeps_the_limits_there_and_back(server: Fr3Proces
 
 
 @pytest.mark.long
-def test_the_pedal_let_go_during_the_search(server: Fr3Process) -> None:
+@pytest.mark.parametrize("searching", [True, False])
+def test_the_pedal_let_go_during_the_search_and_on_the_way_back(server: Fr3Process, searching: bool) -> None:
     pedal = HandPedal()
-    server.plane(AIR_M, TIP)
+    if searching:
+        server.plane(AIR_M, TIP)
     with arm_at(server, tool=TOOL, pedal=pedal) as arm:
-        server.at(PATH.duration_s / 2.0, pedal.release)
+        server.at(PATH.duration_s / 2.0 if searching else 0.2, pedal.release, after=0 if searching else 1)
         with pytest.raises(StoppedByPedal, match=r"pedal was released \d\.\d+ s into the path; braking began"):
-            arm.execute_until_contact(PATH, GUARD)
-        pedal.held = True
-        stopped_on_the_way(arm, "pedal")
-
-
-@pytest.mark.long
-def test_the_pedal_let_go_on_the_way_back(server: Fr3Process) -> None:
-    pedal = HandPedal()
-    with arm_at(server, tool=TOOL, pedal=pedal) as arm:
-        server.at(0.2, pedal.release, after=1)
-        with pytest.raises(StoppedByPedal, match="pedal"):
             arm.execute_until_contact(PATH, GUARD)
         assert arm.last_stop is not None
         assert arm.last_stop.why == "pedal"

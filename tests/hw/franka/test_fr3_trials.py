@@ -65,14 +65,3 @@ def test_the_task_path_arrives_sample_by_sample_and_is_followed(server: Fr3Proce
     server.place(task.q_rad[0])
     with arm_at(server, tool=tool) as arm:
         play(server, arm, task, X_FT)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["pushing", "scooping"])
-def test_a_whole_trial_ends_where_it_began(server: Fr3Process, name: str) -> None:
-    paths, X_FT, tool = trial(name)
-    server.place(paths[0].q_rad[0])
-    with arm_at(server, tool=tool) as arm:
-        for path in paths:
-            play(server, arm, path, X_FT)
-        np.testing.assert_allclose(arm.state().q_rad, paths[0].q_rad[0], atol=3e-3)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from cells import cell, move
 from fr3_process import READY_RAD, RELAXED, Fr3Process, fr3
-from franka_modes import ANSWERS, COMMANDS, FLAGS, MODES, NAMES, NOT_FINITE, SETTERS
+from franka_modes import ANSWERS, COMMANDS, FLAGS, MODES, NOT_FINITE, SETTERS
 from players import InProcess, arm_of, driver_of
 from sdk_fake import FakeRobot, FakeSdk, JointPositions
 
@@ -362,7 +362,3 @@ def test_lost_commands_are_bridged_and_twenty_in_a_row_are_a_reflex(server: Fr3P
         server.tell("lose 0.2 20")
         with pytest.raises(ArmFault, match="communication_constraints_violation"):
             arm.execute(rad(arm.state().q_rad))
-
-
-def test_names_of_commands_are_those_of_the_table() -> None:
-    assert set(NAMES) == set(COMMANDS) - {"read"}

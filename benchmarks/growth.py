@@ -26,7 +26,7 @@ import numpy as np
 from rich.console import Console
 
 from adaptsim_cli import config
-from adaptsim_cli.outputs.base import AnyRecord
+from adaptsim_cli.outputs import AnyRecord
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import recording, records, running
 from adaptsim_cli.session.flow import RunningSession, run_iteration

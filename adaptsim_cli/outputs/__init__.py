@@ -1,1 +1,56 @@
-"""The `--json` output of commands: one model per command. Every object begins with its `version`."""
+"""The common base of stored records and of JSON output: no unknown keys, a meaning for every field, and units."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field
+
+VERSION = 1
+"""Counts up when a key is removed or changes its meaning. New keys do not change it."""
+
+UNITS = {
+    "_s": "s", "_ms": "ms", "_m": "m", "_mm": "mm", "_mm_m": "mm/m", "_px": "px", "_deg": "degree", "_rad": "rad",
+    "_mrad": "mrad", "_bytes": "byte", "_N": "N", "_C": "degree Celsius",
+}  # fmt: skip
+"""The end of a name is its unit."""
+
+Quantities = dict[str, float]
+"""Values by the names of their parameters, contexts or actions, in `units`."""
+
+
+def said(meaning: str) -> Any:
+    """A required field, with one line of meaning."""
+    return Field(description=meaning)
+
+
+def maybe(meaning: str) -> Any:
+    """A field that may be null, with one line of meaning."""
+    return Field(None, description=meaning)
+
+
+AnyRecord = TypeVar("AnyRecord", bound="Record")
+
+
+class Record(BaseModel):
+    """What is stored or printed: frozen, and unknown keys are an error, so that every key is documented."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", json_schema_serialization_defaults_required=True)
+
+    def view(self, kind: type[AnyRecord]) -> AnyRecord:
+        """The fields of `kind` that this record has, as a `kind`."""
+        return kind(**{name: getattr(self, name) for name in kind.model_fields if hasattr(self, name)})
+
+
+class Output(Record):
+    """The output of one command."""
+
+    version: int = Field(
+        default=VERSION, description="of this output; it increases when a key is removed or changes its meaning"
+    )
+
+
+def unit_of(name: str) -> str:
+    """The unit at the end of a name, "" if it has none."""
+    ends = [end for end in UNITS if name.endswith(end)]
+    return UNITS[max(ends, key=len)] if ends else ""

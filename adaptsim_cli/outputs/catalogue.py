@@ -7,8 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from adaptsim_cli.outputs import learning, rig, sessions, trials
-from adaptsim_cli.outputs.base import Output, said, unit_of
+from adaptsim_cli.outputs import Output, learning, rig, said, sessions, trials, unit_of
 
 
 class Schemas(Output):

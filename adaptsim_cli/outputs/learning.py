@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from adaptsim_cli.outputs.base import Output, Quantities, Record, maybe, said
+from adaptsim_cli.outputs import Output, Quantities, Record, maybe, said
 from adaptsim_cli.outputs.trials import UNITS
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from adaptsim_cli.outputs.base import Output, Quantities, Record, said
+from adaptsim_cli.outputs import Output, Quantities, Record, said
 from adaptsim_cli.outputs.trials import UNITS, BestRecord, Trial
 from perception.types import Outcome
 from sim.adaptation.verdict import Verdict

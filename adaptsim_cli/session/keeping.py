@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.outputs.base import AnyRecord, Record
+from adaptsim_cli.outputs import AnyRecord, Record
 from adaptsim_cli.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import recording, records
 from adaptsim_cli.session.records import (

@@ -20,7 +20,7 @@ import tomli_w
 from pydantic import Field, ValidationError
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.outputs.base import AnyRecord, Quantities, Record
+from adaptsim_cli.outputs import AnyRecord, Quantities, Record
 from adaptsim_cli.outputs.trials import BestRecord, OutlookRecord, TrackRecord
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.validation import explained

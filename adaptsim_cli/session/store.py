@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.outputs.base import AnyRecord, Record
+from adaptsim_cli.outputs import AnyRecord, Record
 from adaptsim_cli.session import records
 from adaptsim_cli.session.records import (
     Amendment,

@@ -16,7 +16,7 @@ from typing import Any, Literal, Protocol
 from pydantic import Field
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.outputs.base import Record
+from adaptsim_cli.outputs import Record
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import TrialRecord

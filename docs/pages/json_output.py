@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from adaptsim_cli.outputs.base import Output, unit_of
+from adaptsim_cli.outputs import Output, unit_of
 from adaptsim_cli.outputs.catalogue import OUTPUTS
 from pages import cell
 

@@ -13,8 +13,7 @@ from jsonschema import Draft202012Validator
 from pydantic import ValidationError
 
 from adaptsim_cli import app
-from adaptsim_cli.outputs import catalogue
-from adaptsim_cli.outputs.base import VERSION, unit_of
+from adaptsim_cli.outputs import VERSION, catalogue, unit_of
 from adaptsim_cli.screen.console import Screen
 
 SESSION = ["--task", "pendulum", "--world", "wd", "--session", "s", "--yes"]

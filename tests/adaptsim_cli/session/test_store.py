@@ -10,7 +10,7 @@ import pytest
 from toy_session import NAME, run
 
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.outputs.base import AnyRecord
+from adaptsim_cli.outputs import AnyRecord
 from adaptsim_cli.session import records
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session.store import SessionStore, results_of, trials_of

@@ -8,15 +8,17 @@ that the calibration belongs to another setup.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from calib.bundle import Unknowns, motion_of, predict
 from calib.condense import condense
 from calib.errors import determined
 from calib.geometry import adjoint, angle_deg, distance_mm, move
-from calib.projection import project_with_jacobian
+from calib.projection import project, project_with_jacobian
 from calib.types import Check, Forward, Grade, Setup, Solution, View
 from hw.poses import inverse
 from hw.types import Array, Intrinsics
@@ -33,7 +35,6 @@ TILT_SPREAD_LIMIT_DEG = 5.0
 TABLE_LIMIT_MM, TABLE_LIMIT_DEG = 3.0, 0.3
 DEPTH_LIMIT_MM = 5.0
 ALIGNMENT_LIMIT_PX = 2.0
-TOUCH_LIMIT_MM = 3.0
 WARM_LIMIT_C = 2.0
 """Our choice: no maker states how intrinsics change with temperature."""
 
@@ -44,7 +45,7 @@ def square_size(solution: Solution) -> Check:
     limit = max(SQUARE_LIMIT, 4.0 * sigma)
     if not solution.size_known:
         found = f"not stated; the arm's motion makes it a {solution.target}, to ± {100 * sigma:.2f} %"
-        return Check("square size", Grade.GOOD, found)
+        return Check(name="square size", verdict=Grade.GOOD, message=found)
     message = (
         f"by the arm's motion the squares are {100 * off:+.2f} % (± {100 * sigma:.2f}) off their stated size, limit "
         f"{100 * limit:.2f} %"
@@ -59,7 +60,7 @@ def joint_offsets(solution: Solution) -> Check:
     joints = solution.joints
     if joints is None or not np.isfinite(joints.delta_bic):
         reason = "the views have poses, not joints" if joints is None else joints.reason
-        return Check("joint offsets", Grade.NOT_MEASURED, reason)
+        return Check.unmeasured("joint offsets", reason)
     worst = int(np.argmax(np.abs(joints.suspected_rad)))
     value = float(1e3 * joints.suspected_rad[worst])
     limit = 1e3 * OFFSET_LIMIT_RAD
@@ -80,26 +81,26 @@ def variety(solution: Solution) -> Check:
 
 def weights(solution: Solution) -> Check:
     """Which of two fits was kept, and how both predict views that they have not seen."""
-    return Check("weights", Grade.GOOD, solution.choice.sentence, solution.choice.held_out_px, unit="px")
+    choice = solution.choice
+    return Check(name="weights", verdict=Grade.GOOD, message=choice.sentence, value=choice.held_out_px, unit="px")
 
 
 def mirror_poses(solution: Solution) -> Check:
     """Views in which the mirror pose of a flat board fits the picture better, so that the arm decided."""
     names = [view.name for view in solution.views if view.mirrored]
-    if not names:
-        return Check("mirror poses", Grade.GOOD, "the arm and the pictures agree on every tilt of the board")
-    return Check(
-        "mirror poses",
-        Grade.GOOD,
-        f"in view {', '.join(names)} the mirrored tilt fits the picture better, but the arm's motion rules it out. For "
-        "clearer pictures, hold the board nearer or tilt it more",
-    )
+    message = "the arm and the pictures agree on every tilt of the board"
+    if names:
+        message = (
+            f"in view {', '.join(names)} the mirrored tilt fits the picture better, but the arm's motion rules it out. "
+            "For clearer pictures, hold the board nearer or tilt it more"
+        )
+    return Check(name="mirror poses", verdict=Grade.GOOD, message=message)
 
 
 def warm_up(readings_C: Sequence[float]) -> Check:
     """The camera's temperature from view to view: a camera that still warms up drifts during the calibration."""
     if len(readings_C) < 3:
-        return Check("camera temperature", Grade.NOT_MEASURED, "the camera does not report its temperature")
+        return Check.unmeasured("camera temperature", "the camera does not report its temperature")
     third = max(1, len(readings_C) // 3)
     value = float(np.mean(readings_C[-third:]) - np.mean(readings_C[:third]))
     message = f"{np.median(readings_C):.1f} °C, {value:+.1f} °C from the first views to the last"
@@ -112,15 +113,14 @@ def mounting_of_board(solution: Solution, X_HM_expected: Array) -> Check:
     """Is the board held as expected? Upside down or rotated does no harm, because its pose is estimated, but it is
     reported.
     """
-    turn = angle_deg(solution.X_HM, X_HM_expected)
-    about_normal = float(np.dot(solution.X_HM[:3, 2], X_HM_expected[:3, 2]))
-    if turn < 30.0:
-        return Check("board's mounting", Grade.GOOD, f"{turn:.1f}° from the expected pose", turn, 30.0, "°")
-    how = (
-        "upside down" if turn > 135.0 and about_normal > 0.7 else "turned" if about_normal > 0.7 else "facing elsewhere"
-    )
-    message = f"the board is {how}: {turn:.0f}° from the expected pose. Its pose is estimated, so the result holds"
-    return Check("board's mounting", Grade.SUSPECT, message, turn, 30.0, "°")
+    turn, limit_deg = angle_deg(solution.X_HM, X_HM_expected), 30.0
+    message, verdict = f"{turn:.1f}° from the expected pose", Grade.GOOD
+    if turn >= limit_deg:
+        faces_as_expected = float(np.dot(solution.X_HM[:3, 2], X_HM_expected[:3, 2])) > 0.7
+        how = ("upside down" if turn > 135.0 else "turned") if faces_as_expected else "facing elsewhere"
+        message = f"the board is {how}: {turn:.0f}° from the expected pose. Its pose is estimated, so the result holds"
+        verdict = Grade.SUSPECT
+    return Check(name="board's mounting", verdict=verdict, message=message, value=turn, limit=limit_deg, unit="°")
 
 
 def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tuple[float, float] = (0.7, 0.0)) -> Check:
@@ -129,7 +129,7 @@ def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tupl
     The plane is fitted with repeated trimming; objects may cover up to a third of the points.
     """
     if len(points_A_m) < 50:
-        return Check("table plane", Grade.NOT_MEASURED, f"{len(points_A_m)} depth points of the table, 50 are needed")
+        return Check.unmeasured("table plane", f"{len(points_A_m)} depth points of the table, 50 are needed")
     keep = np.abs(points_A_m[:, 2] - np.median(points_A_m[:, 2])) < 0.03
     plane: Array = np.zeros(3)
     for _ in range(8):
@@ -181,7 +181,7 @@ def depth_bias(residuals_m: Sequence[Array]) -> Check:
     """From `depth_residuals` of several views: does the depth camera measure short or long?"""
     medians = np.array([np.median(r) for r in residuals_m if len(r) >= 30])
     if len(medians) < 3:
-        return Check("depth bias", Grade.NOT_MEASURED, f"{len(medians)} views with depth on the board, 3 are needed")
+        return Check.unmeasured("depth bias", f"{len(medians)} views with depth on the board, 3 are needed")
     value = float(1e3 * np.median(medians))
     spread = float(1e3 * np.std(medians))
     message = (
@@ -204,7 +204,7 @@ def infrared_board(
     name = "colour-depth alignment"
     usable = [v for v in views if v.infrared is not None and len(v.infrared) >= 8 and v.name in set(solution.used)]
     if setup.infrared is None or setup.X_CD is None or len(usable) < 4:
-        return None, Check(name, Grade.NOT_MEASURED, f"{len(usable)} views show the board in infrared, 4 are needed")
+        return None, Check.unmeasured(name, f"{len(usable)} views show the board in infrared, 4 are needed")
     sight = condense(
         [v.name for v in usable], [v.infrared for v in usable if v.infrared is not None], setup.board, setup.infrared
     )
@@ -242,14 +242,51 @@ def _misalignment_px(setup: Setup, X_CM: Array, X_CD: Array) -> float:
     return float(np.mean(np.linalg.norm(laid - seen, axis=-1)))
 
 
-def touched_point(p_A_seen_m: Array, p_A_touched_m: Array, sigma_mm: float) -> Check:
-    """Compare a point seen by the camera with the same point touched by the tool tip, (3,) each in A.
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """The residuals of one view."""
 
-    `sigma_mm` is the stated error there.
-    """
-    value = float(1e3 * np.linalg.norm(np.asarray(p_A_seen_m) - np.asarray(p_A_touched_m)))
-    limit = float(np.hypot(TOUCH_LIMIT_MM, 3.0 * sigma_mm))
-    message = f"the touched point is {value:.1f} mm from where the camera sees it (limit {limit:.1f} mm)"
-    advice = ": touch it again with the calibrated tip; if the distance stays, check the tool's length and recalibrate"
-    measured = value, limit, "mm"
-    return Check.graded("touched point", message, measured, advice, good=value <= limit, worse=Grade.BAD)
+    name: str
+    used: bool
+    ids: NDArray[np.int64]  # (K,) of the points
+    px: Array  # (K, 2) observed
+    off_px: Array  # (K, 2) observed minus predicted
+    off_mm: Array  # (K,) the same as a distance on a plane through the target, across the line of sight
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square distance."""
+        return float(np.sqrt(np.mean(np.sum(self.off_px**2, axis=1))))
+
+    @property
+    def rms_mm(self) -> float:
+        """The same on the target."""
+        return float(np.sqrt(np.mean(self.off_mm**2)))
+
+
+def residuals(
+    views: Sequence[View], setup: Setup, solution: Solution, forward: Forward | None
+) -> tuple[Residuals, ...]:
+    """The residuals of all views, unused ones included, in the given order, against predictions by the arm."""
+    used, found = set(solution.used), []
+    focal = float(np.sqrt(setup.colour.K[0, 0] * setup.colour.K[1, 1]))
+    known = [view for view in views if len(view.corners) and view.corners.ids[-1] < setup.board.corners]
+    poses = board_poses(solution, known, setup, forward) if known else np.zeros((0, 4, 4))
+    for view, X_CM in zip(known, poses, strict=True):
+        p = setup.board.p_MK_m[view.corners.ids]
+        off = view.corners.px - project(setup.colour, X_CM[None], p[None])[0]
+        away_m = p @ X_CM[2, :3] + X_CM[2, 3]
+        off_mm = 1e3 * np.linalg.norm(off, axis=1) * away_m / focal
+        found.append(Residuals(view.name, view.name in used, view.corners.ids, view.corners.px, off, off_mm))
+    return tuple(found)
+
+
+def residuals_table(found: Sequence[Residuals]) -> str:
+    """CSV with one row per point."""
+    lines = ["view,used,point,u_px,v_px,off_u_px,off_v_px,off_mm"]
+    lines += [
+        f"{r.name},{int(r.used)},{k},{u:.3f},{v:.3f},{du:.3f},{dv:.3f},{mm:.3f}"
+        for r in found
+        for k, (u, v), (du, dv), mm in zip(r.ids, r.px, r.off_px, r.off_mm, strict=True)
+    ]
+    return "\n".join(lines) + "\n"

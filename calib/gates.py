@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from calib.checks import joint_offsets, square_size, variety
 from calib.closed_form import disagreement_mm
@@ -23,56 +22,41 @@ def judge(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> tup
     """Apply all gates. `checks` are further measurements besides the solution; a bad one also forbids."""
     own = (square_size(solution), joint_offsets(solution), variety(solution))
     named = {check.name for check in checks}
-    return (*_gates(solution, setup), *(check for check in own if check.name not in named), *checks)
+    figures = of_camera(
+        solution,
+        setup,
+        fit_px=solution.fit_px,
+        held_out_px=solution.held_out_px,
+        worst_95_mm=solution.uncertainty.worst_95_mm,
+    )
+    closed = _closed_forms(disagreement_mm(solution.methods))
+    return (*figures, closed, *(check for check in own if check.name not in named), *checks)
 
 
-@dataclass(frozen=True)
-class Figures:
-    """The figures of one camera that gates judge."""
-
-    used: int
-    views: int
-    fit_px: float
-    held_out_px: float
-    worst_95_mm: float
-    distance_m: float
-
-
-def of_figures(figures: Figures, setup: Setup, why_rejected: str) -> tuple[Check, ...]:
-    """The gates of one camera, solved alone or with others."""
-    rejected = 100 * (1 - figures.used / figures.views)
+def of_camera(
+    alone: Solution, setup: Setup, *, fit_px: float, held_out_px: float, worst_95_mm: float
+) -> tuple[Check, ...]:
+    """The gates of one camera by the figures of its solution, alone or with others. Views are chosen in `alone`."""
+    rejected = 100 * (1 - len(alone.used) / len(alone.views))
     intrinsics = (
-        f"the board is {figures.distance_m:.2f} m from the camera, where errors of lens and print count most: hold it "
+        f"the board is {alone.distance_m:.2f} m from the camera, where errors of lens and print count most: hold it "
         f"at {NEAR_M:g} m or more"
-        if figures.distance_m < NEAR_M
+        if alone.distance_m < NEAR_M
         else f"check the intrinsics (for {setup.colour.width} x {setup.colour.height}), focus, light, and that the "
         "board is flat"
     )
     unseen = "held-out views are predicted badly: add views, tilted to all sides"
     where = "95 % at the worst corner of the work volume: add views there, and more tilted ones"
     return (
-        _at_least("views used", figures.used, MIN_USED, "", "record more views"),
-        _at_most("views rejected", rejected, 100 * MAX_REJECTED_SHARE, "%", why_rejected),
-        _at_most("fit", figures.fit_px, FIT_LIMIT_PX, "px", intrinsics),
-        _at_most("held-out error", figures.held_out_px, HELD_OUT_LIMIT_PX, "px", unseen),
-        _at_most("stated error", figures.worst_95_mm, WORST_LIMIT_MM, "mm", where),
+        _at_least("views used", len(alone.used), MIN_USED, "", "record more views"),
+        _at_most("views rejected", rejected, 100 * MAX_REJECTED_SHARE, "%", _why_rejected(alone)),
+        _at_most("fit", fit_px, FIT_LIMIT_PX, "px", intrinsics),
+        _at_most("held-out error", held_out_px, HELD_OUT_LIMIT_PX, "px", unseen),
+        _at_most("stated error", worst_95_mm, WORST_LIMIT_MM, "mm", where),
     )
 
 
-def _gates(solution: Solution, setup: Setup) -> tuple[Check, ...]:
-    figures = Figures(
-        len(solution.used),
-        len(solution.views),
-        solution.fit_px,
-        solution.held_out_px,
-        solution.uncertainty.worst_95_mm,
-        solution.distance_m,
-    )
-    known = of_figures(figures, setup, why_rejected(solution))
-    return (*known, _cross("closed forms", disagreement_mm(solution.methods)))
-
-
-def why_rejected(solution: Solution) -> str:
+def _why_rejected(solution: Solution) -> str:
     """The advice about rejected views: if all are at one end of the series, something slipped."""
     used = [view.used for view in solution.views]
     changes = [i for i in range(1, len(used)) if used[i] != used[i - 1]]
@@ -91,9 +75,9 @@ def _at_most(name: str, value: float, limit: float, unit: str, advice: str) -> C
     return Check.graded(name, message, (value, limit, unit), f": {advice}", good=value <= limit, worse=Grade.BAD)
 
 
-def _cross(name: str, value: float) -> Check:
+def _closed_forms(value: float) -> Check:
     """Only a doubt, because closed forms are the weaker estimate."""
     limit = CROSS_CHECK_LIMIT_MM
-    message = f"{name}: median {value:.1f} mm from the solution, at most {limit:.0f} mm"
+    message = f"closed forms: median {value:.1f} mm from the solution, at most {limit:.0f} mm"
     advice = ": look at the views' tilts and at the poses' units"
-    return Check.graded(name, message, (value, limit, "mm"), advice, good=value <= limit, worse=Grade.SUSPECT)
+    return Check.graded("closed forms", message, (value, limit, "mm"), advice, good=value <= limit, worse=Grade.SUSPECT)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -14,20 +13,9 @@ from calib.record import FORMAT, Matrix, Measured, Numbers, Record, StoredRecord
 from calib.records import IntrinsicsRecord
 from calib.target_records import AnyTargetRecord
 from calib.types import Check, ClosedForm, Grade, HandEye, Solution, ViewFit, reasons
-from hw.types import Array, Intrinsics
+from hw.types import Array
 
 FILE = "calibration.json"
-
-
-class CheckRecord(Record):
-    """One check or gate as stored."""
-
-    name: str
-    verdict: str
-    message: str
-    value: Measured
-    limit: Measured
-    unit: str
 
 
 class OffsetsRecord(Record):
@@ -70,8 +58,8 @@ class SavedCalibration(StoredRecord):
     square_scale: float
     views: tuple[ViewFit, ...]
     methods: tuple[ClosedForm, ...]
-    checks: tuple[CheckRecord, ...]
-    gates: tuple[CheckRecord, ...]  # further conditions of acceptance
+    checks: tuple[Check, ...]
+    gates: tuple[Check, ...]  # further conditions of acceptance
     accepted: bool
     created: str  # ISO 8601
     source: str
@@ -102,51 +90,32 @@ class SavedCalibration(StoredRecord):
         return np.array(offsets.offsets_rad) if offsets and offsets.adopted else np.zeros(7)
 
 
-@dataclass(frozen=True)
-class Origin:
-    """Where a calibration comes from."""
-
-    folder: str
-    view_sha256: Mapping[str, str]
-    hw: str
-    arm: str
-    camera: str
-    created: str
-    source: str
-    versions: Mapping[str, str]
-    temperatures_C: Mapping[str, float | None]  # by device
-
-
 def record_calibration(
     solution: Solution,
     points_m: Array,
-    board: AnyTargetRecord,
     checks: Sequence[Check],
     gates: Sequence[Check],
-    origin: Origin,
-    refined: Intrinsics | None = None,
+    view_sha256: Mapping[str, str],
+    **origin: Any,
 ) -> SavedCalibration:
-    """The record of a calibration. `points_m` (P, 3) are the corners of the work volume."""
+    """The record of a calibration. `points_m` (P, 3) are the corners of the work volume.
+
+    `origin` are the fields from `created` on; `view_sha256` is by the view's name.
+    """
     named = {check.name for check in checks}
     shared = {name: value for name, value in vars(solution).items() if name in SavedCalibration.model_fields}
-    came_from = {name: value for name, value in vars(origin).items() if name != "view_sha256"}
+    known = {name: getattr(solution.uncertainty, name, points_m) for name in UncertaintyRecord.model_fields}
     return SavedCalibration.model_validate(
         shared
-        | came_from
+        | origin
         | {
             "joint_offsets": solution.joints,
-            "uncertainty": {
-                name: getattr(solution.uncertainty, name, points_m) for name in UncertaintyRecord.model_fields
-            },
+            "uncertainty": known,
             "corner_px": solution.noise.corner_px,
             "joint_rad": solution.noise.joint_rad,
-            "views": [
-                view.model_copy(update={"sha256": origin.view_sha256.get(view.name, "")}) for view in solution.views
-            ],
+            "views": [view.model_copy(update={"sha256": view_sha256.get(view.name, "")}) for view in solution.views],
             "checks": checks,
             "gates": [gate for gate in gates if gate.name not in named],
             "accepted": not reasons(gates),
-            "board": board,
-            "refined_intrinsics": None if refined is None else IntrinsicsRecord.from_camera(refined),
         }
     )

@@ -28,8 +28,7 @@ from calib.geometry import move, rotation_vector
 from calib.projection import project
 from calib.rejection import LIMIT, MARGIN, MIN_TO_FREE, chosen, reject
 from calib.types import Forward, Noise, Setup, Solution, View, ViewFit
-from calib.uncertainty import jackknife, uncertainty
-from calib.worth import worth
+from calib.uncertainty import jackknife, uncertainty, worth
 from hw.poses import inverse
 from hw.types import Array
 
@@ -230,7 +229,6 @@ def _solution(
         size_known=setup.size_known,
         tilt_spread_deg=float(_spread_deg(seen[kept])[1]),
         distance_m=float(np.median(np.linalg.norm(centres, axis=1))),
-        pose_span_m=float(np.linalg.norm(np.ptp(centres, axis=0))),
         worth=worth(final, [views[i].name for i in kept], setup.p_AP_m - X_AC[:3, 3]),
     )
 

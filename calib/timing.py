@@ -41,9 +41,7 @@ def time_offset(
     order = np.argsort([t for t, _ in frames], kind="stable")
     usable = [frames[i] for i in order if len(frames[i][1]) >= 6]
     if len(usable) < MIN_FRAMES:
-        return Check(
-            NAME, Grade.NOT_MEASURED, f"{len(usable)} frames of the motion show the board, {MIN_FRAMES} are needed"
-        )
+        return Check.unmeasured(NAME, f"{len(usable)} frames of the motion show the board, {MIN_FRAMES} are needed")
     path = _Path(np.asarray(arm_t_s), np.asarray(q_rad), solution, setup, forward)
     shifts = np.linspace(-SEARCH_S, SEARCH_S, 51)
     cost = [float(np.sum(_residual(usable, path, s)[0] ** 2)) for s in shifts]
@@ -52,9 +50,7 @@ def time_offset(
     for _ in range(8):
         r, slope, speed = _residual(usable, path, best)
         if float(slope @ slope) < 1e-12 or speed < MIN_SPEED_PX_S:
-            return Check(
-                NAME, Grade.NOT_MEASURED, f"the board moved by {speed:.0f} px/s, {MIN_SPEED_PX_S:.0f} are needed"
-            )
+            return Check.unmeasured(NAME, f"the board moved by {speed:.0f} px/s, {MIN_SPEED_PX_S:.0f} are needed")
         step = -float(slope @ r) / float(slope @ slope)
         best += float(np.clip(step, -0.02, 0.02))
         sigma = float(np.sqrt(r @ r / (len(r) - 3) / (slope @ slope)))

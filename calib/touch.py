@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.checks import touched_point
 from calib.types import Check, Grade, Setup, Solution
 from hw.types import Array, frozen_array
 from perception.board import locate
@@ -19,6 +18,7 @@ from perception.board.types import Corners
 
 NAME = "touched point"
 MIN_TOUCHES = 4
+LIMIT_MM = 3.0  # and three times the stated error there
 LEAST_SCATTER_M = 3e-4
 """A touch guided by hand is not more precise than this, however well a few touches agree."""
 LIMIT_SCATTER_M = 2e-3
@@ -62,28 +62,35 @@ def check(solution: Solution, setup: Setup, seen: Corners, corner: int, X_AF: Ar
     BoardNotFound if `seen` are too few for a pose.
     """
     if len(X_AF) < MIN_TOUCHES:
-        return _untold(f"{len(X_AF)} touches, {MIN_TOUCHES} from different directions are needed")
+        return Check.unmeasured(NAME, f"{len(X_AF)} touches, {MIN_TOUCHES} from different directions are needed")
     touched = pivot(X_AF)
     if touched.scatter_m > LIMIT_SCATTER_M:
-        return _untold(
+        return Check.unmeasured(
+            NAME,
             f"the touches disagree by {1e3 * touched.scatter_m:.1f} mm (limit {1e3 * LIMIT_SCATTER_M:.0f} mm): the tip"
-            " or the board moved; remove touch.json and touch again"
+            " or the board moved; remove touch.json and touch again",
         )
     if touched.sigma_m > LIMIT_SIGMA_M:
-        return _untold("the tip leaned too little between the touches: lean it by 20 to 40° to four sides")
+        return Check.unmeasured(
+            NAME, "the tip leaned too little between the touches: lean it by 20 to 40° to four sides"
+        )
     pose = locate(seen, setup.board, setup.colour)
     if pose.ambiguous:
-        return _untold(
-            "the board lies too far away or too square to the camera for its tilt to be measured; lay it nearer"
+        return Check.unmeasured(
+            NAME, "the board lies too far away or too square to the camera for its tilt to be measured; lay it nearer"
         )
     p_M = setup.board.p_MK_m[corner]
     p_A_m = solution.X_AC @ pose.X_VM @ np.array([*p_M, 1.0])
     stated_mm = solution.uncertainty.arm_worst_95_mm / 2
-    found = touched_point(p_A_m[:3], touched.p_AT_m, float(np.hypot(stated_mm, 1e3 * touched.sigma_m)))
-    length_mm = 1e3 * float(np.linalg.norm(touched.p_FT_m))
-    how = f"{len(X_AF)} touches agree to {1e3 * touched.scatter_m:.1f} mm, the tip {length_mm:.0f} mm from the flange"
-    return Check(found.name, found.verdict, f"{found.message}; {how}", found.value, found.limit, found.unit)
-
-
-def _untold(why: str) -> Check:
-    return Check(NAME, Grade.NOT_MEASURED, why)
+    value = float(1e3 * np.linalg.norm(p_A_m[:3] - touched.p_AT_m))
+    limit = float(np.hypot(LIMIT_MM, 3.0 * float(np.hypot(stated_mm, 1e3 * touched.sigma_m))))
+    good, length_mm = value <= limit, 1e3 * float(np.linalg.norm(touched.p_FT_m))
+    message = f"the touched point is {value:.1f} mm from where the camera sees it (limit {limit:.1f} mm)"
+    if not good:
+        message += (
+            ": touch it again with the calibrated tip; if the distance stays, check the tool's length and recalibrate"
+        )
+    message += (
+        f"; {len(X_AF)} touches agree to {1e3 * touched.scatter_m:.1f} mm, the tip {length_mm:.0f} mm from the flange"
+    )
+    return Check.graded(NAME, message, (value, limit, "mm"), "", good=good, worse=Grade.BAD)

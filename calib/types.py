@@ -168,9 +168,7 @@ class Uncertainty:
     rotation_95_deg: float
     work_95_mm: Array  # (P,) at each point of `Setup.p_AP_m`, absolute
     worst_95_mm: float  # at the worst point: the one number to quote
-    arm_position_95_mm: float  # the same four in the arm's own frame
-    arm_rotation_95_deg: float
-    arm_work_95_mm: Array  # (P,)
+    arm_work_95_mm: Array  # (P,) the same two in the arm's own frame
     arm_worst_95_mm: float
     base_turn_deg: float  # one standard deviation of the unobservable rotation; 0 if joints are unknown
     covariance: Array  # (6, 6) of X_AC in the arm's own frame: rotation rad, position m, in axes of A about C's origin
@@ -272,7 +270,6 @@ class Solution:
     size_known: bool  # False: the target's size comes from the arm's motion, and the stated error includes that
     tilt_spread_deg: float  # rms of the board's rotations about the axis of second most variety; one axis is too few
     distance_m: float  # of the board's centre from the camera, median over the views
-    pose_span_m: float  # diagonal of the box of board centres in the camera
     worth: Worth  # value of each view, and of further ones
 
     def __post_init__(self) -> None:
@@ -289,12 +286,6 @@ class Solution:
         """The views that it does not use."""
         return tuple(view for view in self.views if not view.used)
 
-    def hand_eye(self, source: str, created: str) -> HandEye:
-        """The camera's pose for perception. Raises ValueError for a camera on the wrist."""
-        if self.mounting is not Mounting.FIXED:
-            raise ValueError("a camera on the wrist has no constant pose in the base")
-        return HandEye(self.X_AC, self.uncertainty.sigma_mm, self.uncertainty.sigma_deg, source, created)
-
 
 class Grade(StrEnum):
     """The verdict of a check on a calibration."""
@@ -305,15 +296,14 @@ class Grade(StrEnum):
     NOT_MEASURED = "not measured"
 
 
-@dataclass(frozen=True)
-class Check:
-    """One check or gate: measured value, limit and advice."""
+class Check(Record):
+    """One check or gate, also as stored: measured value, limit and advice."""
 
     name: str
     verdict: Grade
     message: str  # quantity, value, limit, next step
-    value: float = float("nan")
-    limit: float = float("nan")
+    value: Measured = None
+    limit: Measured = None
     unit: str = ""
 
     @classmethod
@@ -321,7 +311,14 @@ class Check:
         cls, name: str, message: str, measured: tuple[float, float, str], advice: str, *, good: bool, worse: Grade
     ) -> Check:
         """Good, or `worse` with the `advice` behind the message; `measured` are value, limit and unit."""
-        return cls(name, Grade.GOOD, message, *measured) if good else cls(name, worse, message + advice, *measured)
+        value, limit, unit = measured
+        verdict, said = (Grade.GOOD, message) if good else (worse, message + advice)
+        return cls(name=name, verdict=verdict, message=said, value=value, limit=limit, unit=unit)
+
+    @classmethod
+    def unmeasured(cls, name: str, why: str) -> Check:
+        """A check without a measurement."""
+        return cls(name=name, verdict=Grade.NOT_MEASURED, message=why)
 
 
 def reasons(gates: Sequence[Check]) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ common to all views. For these there is a floor, and a rotation about the first 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -15,7 +16,7 @@ from scipy.stats import t as student
 
 from calib.bundle import ArmViews, Fit
 from calib.geometry import adjoint, cross_matrix
-from calib.types import JointOffsets, Setup, Uncertainty
+from calib.types import JointOffsets, Setup, Uncertainty, Worth
 from hw.types import Array
 
 FACTOR_PLAIN = 0.92
@@ -76,8 +77,6 @@ def uncertainty(fit: Fit, moved: ArmViews, setup: Setup, joints: JointOffsets | 
         rotation_95_deg=figures[0][1],
         work_95_mm=figures[0][2],
         worst_95_mm=figures[0][3],
-        arm_position_95_mm=figures[1][0],
-        arm_rotation_95_deg=figures[1][1],
         arm_work_95_mm=figures[1][2],
         arm_worst_95_mm=figures[1][3],
         base_turn_deg=float(np.rad2deg(turn_rad)),
@@ -135,3 +134,43 @@ def _figures(draws: Array, lever: Array) -> tuple[float, float, Array, float]:
         np.percentile(at_points, level, axis=0),
         float(np.percentile(at_points.max(axis=1), level)),
     )
+
+
+MORE = 3
+_MOST = 12
+
+
+def worth(fit: Fit, names: Sequence[str], lever_m: Array) -> Worth:
+    """The worth of the views of a fit to one camera, called `names`.
+
+    `lever_m` (P, 3) are the work points relative to the camera, in axes of its carrier.
+
+    If a series cannot be solved without some view, that view counts as infinitely helpful.
+    """
+    information = np.einsum("nip,nij,njq->npq", fit.B, np.linalg.inv(fit.covariance), fit.B)
+    R = np.kron(np.eye(2), fit.state.X_AC[0, :3, :3])
+
+    def error(normal: Array) -> float:
+        scale = np.sqrt(np.maximum(np.diagonal(normal), 1e-30))
+        try:
+            inside = np.linalg.inv(normal / np.outer(scale, scale))[:6, :6] / np.outer(scale[:6], scale[:6])
+        except np.linalg.LinAlgError:
+            return float("inf")
+        covariance = R @ inside @ R.T
+        jacobian = np.concatenate([-cross_matrix(lever_m), np.broadcast_to(np.eye(3), (len(lever_m), 3, 3))], axis=-1)
+        spread = np.einsum("pij,jk,pik->p", jacobian, covariance, jacobian)
+        return float(np.sqrt(spread.max())) if (np.diagonal(covariance) > 0.0).all() else float("inf")
+
+    now = error(fit.normal)
+    without = [(name, error(fit.normal - view) / now - 1.0) for name, view in zip(names, information, strict=True)]
+    without.sort(key=lambda pair: (-pair[1], pair[0]))
+    normal, chosen, shares = fit.normal.copy(), list[int](), list[float]()
+    for _ in range(_MOST):
+        errors = [error(normal + view) for view in information]
+        best = int(np.argmin(errors))
+        normal = normal + information[best]
+        chosen.append(best)
+        shares.append(errors[best] / now)
+    halved = [count for count, share in enumerate(shares, start=1) if share <= 0.5]
+    more = tuple(dict.fromkeys(names[i] for i in chosen[:MORE]))
+    return Worth(tuple(without), more, shares[MORE - 1], halved[0] if halved else None)

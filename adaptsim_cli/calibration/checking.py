@@ -13,7 +13,7 @@ from calib import checks as of
 from calib import files, touch
 from calib.errors import ViewFolderError
 from calib.timing import time_offset
-from calib.types import Check, Forward, Grade, Mounting, Setup, Solution, View
+from calib.types import Check, Forward, Mounting, Setup, Solution, View
 from hw.bounded import read_table
 from hw.poses import inverse
 from hw.types import Array, Intrinsics, frozen_array
@@ -55,7 +55,7 @@ def readings(stored: files.Folder, device: str) -> list[float]:
 def _depth(stored: files.Folder, setup: Setup, poses: dict[str, Array], X_CD: Array | None) -> Check:
     camera, at = setup.infrared, X_CD if X_CD is not None else setup.X_CD
     if camera is None or at is None:
-        return Check("depth bias", Grade.NOT_MEASURED, "the views have no depth images")
+        return Check.unmeasured("depth bias", "the views have no depth images")
     residuals = [
         of.depth_residuals(inverse(at) @ poses[view.name], setup.board, view.depth_mm.astype(np.float64), camera)
         for view in stored.views
@@ -68,7 +68,7 @@ def _table(stored: files.Folder, setup: Setup, solution: Solution, X_CD: Array |
     camera, at = setup.infrared, X_CD if X_CD is not None else setup.X_CD
     images = [view.depth_mm for view in stored.views if view.depth_mm is not None]
     if camera is None or at is None or not images or solution.mounting is not Mounting.FIXED:
-        return Check("table plane", Grade.NOT_MEASURED, "needs depth images of a camera that does not move")
+        return Check.unmeasured("table plane", "needs depth images of a camera that does not move")
     return of.table_plane(table_points(_behind(images), camera, solution.X_AC @ at))
 
 
@@ -94,7 +94,7 @@ def table_points(depth_m: Array, camera: Intrinsics, X_BD: Array) -> Array:
 def _touched(folder: Path, setup: Setup, solution: Solution, forward: Forward | None) -> Check:
     stored = files.read_touch(folder)
     if stored is None or setup.mounting is not Mounting.FIXED:
-        return Check(touch.NAME, Grade.NOT_MEASURED, "no point was touched: that needs a person, or the simulated lab")
+        return Check.unmeasured(touch.NAME, "no point was touched: that needs a person, or the simulated lab")
     record, colour = stored
     if record.corner >= setup.board.corners:
         raise ViewFolderError(
@@ -110,13 +110,13 @@ def _touched(folder: Path, setup: Setup, solution: Solution, forward: Forward | 
     try:
         return touch.check(solution, setup, find(colour, setup.board, setup.colour), record.corner, X_BF)
     except BoardNotFound as error:
-        return Check(touch.NAME, Grade.NOT_MEASURED, f"{record.image}: {error}")
+        return Check.unmeasured(touch.NAME, f"{record.image}: {error}")
 
 
 def _timing(folder: Path, setup: Setup, solution: Solution, forward: Forward | None) -> Check:
     path = folder / MOTION
     if not path.exists() or forward is None:
-        return Check("time offset", Grade.NOT_MEASURED, "no swing of the board was filmed")
+        return Check.unmeasured("time offset", "no swing of the board was filmed")
     frames, arm_t_s, q_rad = read_motion(path)
     return time_offset(frames, arm_t_s, q_rad, solution, setup, forward)
 

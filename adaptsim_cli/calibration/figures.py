@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from adaptsim_cli.report.svg import Canvas, Scale, plain
-from calib.residuals import Residuals
+from calib.checks import Residuals
 from calib.saved import UncertaintyRecord
 from calib.types import View, ViewFit
 from hw.types import Intrinsics

@@ -12,22 +12,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptsim_cli.calibration import arm_picture, camera_check, overlay, terminal_views, touching
+from adaptsim_cli.calibration import camera_check, pictures, terminal_views, touching
 from adaptsim_cli.calibration import page as report
-from adaptsim_cli.calibration.motion_record import record_motion
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.solving import Solved, solve_folder
 from adaptsim_cli.calibration.store import REPORT, CalibrationStore, Series
-from adaptsim_cli.calibration.taking import Look, ViewRefused, look
+from adaptsim_cli.calibration.taking import Look, ViewRefused, look, record_motion
 from adaptsim_cli.calibration.visits import Arrival, Visits
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import Readiness, failures
 from adaptsim_cli.storage import durable
 from calib import files, touch
-from calib.coverage import Coverage, coverage
 from calib.drift import MIN_VIEWS, Known, drift
 from calib.errors import CalibrationRejected, TooFewViews, UnusableViews
+from calib.poses import Coverage, coverage
 from calib.saved import SavedCalibration
 from calib.types import Drift, Grade, View
 from hw.types import Array
@@ -206,7 +205,7 @@ def _picture(
     X_CM: Array,
 ) -> Path:
     """Store the picture of a view for people, with its corners and those of earlier views; return the picture."""
-    drawn = overlay.draw(colour, corners, X_CM, before.corners, rig.board, rig.camera.model().colour)
+    drawn = pictures.draw_view(colour, corners, X_CM, before.corners, rig.board, rig.camera.model().colour)
     series.picture("latest.jpg", drawn)
     return series.picture(series.path_of_picture(name).name, drawn)
 
@@ -230,7 +229,7 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
     screen.show(terminal_views.calibration(solved.record))
     for sentence in solved.worth.sentences:
         screen.plain(f"  {sentence}")
-    show_arm(solved, views / arm_picture.PICTURE, screen)
+    show_arm(solved, views / pictures.ARM_PICTURE, screen)
     if not solved.record.accepted:
         durable.replace_file(views / REPORT, page)
         advice = "The previous calibration stays in use. --fresh starts a new series of views"
@@ -246,7 +245,7 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
 def show_arm(solved: Solved, path: Path, screen: Screen) -> None:
     """Show a picture with the arm drawn into it, if the arm's looks are known. A person judges it; it never rejects."""
     try:
-        drawn = arm_picture.draw(solved)
+        drawn = pictures.draw_arm(solved)
     except UnusableViews:
         return
     durable.replace_file(path, drawn.sheet())

@@ -8,7 +8,7 @@ from importlib import resources
 import cv2
 import numpy as np
 
-from adaptsim_cli.calibration import figures, overlay
+from adaptsim_cli.calibration import figures, pictures
 from adaptsim_cli.calibration.solving import Solved
 from calib.saved import SavedCalibration
 from perception.board import locate
@@ -72,7 +72,7 @@ def _pictures(solved: Solved, used: frozenset[str]) -> list[tuple[str, str]]:
             pose = locate(view.corners, solved.setup.board, solved.setup.colour)
         except BoardNotFound:
             continue
-        jpeg = overlay.draw(
+        jpeg = pictures.draw_view(
             np.ascontiguousarray(image[..., ::-1], dtype=np.uint8),
             view.corners, pose.X_VM, (), solved.setup.board, solved.setup.colour,
         )  # fmt: skip

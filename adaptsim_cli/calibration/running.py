@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from rich.text import Text
 
-from adaptsim_cli.calibration import arm_picture, flow, printing, terminal_views, together
+from adaptsim_cli.calibration import flow, pictures, printing, terminal_views, together
 from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.solving import Wishes, solve_folder
@@ -22,7 +22,7 @@ from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.views import badge
 from adaptsim_cli.storage import durable
-from calib import residuals
+from calib import checks
 from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from perception.board.types import Board
@@ -125,9 +125,9 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
     durable.replace_file(path, report.render(solved).encode())
     screen.plain(f"Report: {path}")
     prefix = f"{path.stem}." if out else ""  # reports with names of their own do not share the files beside them
-    flow.show_arm(solved, path.with_name(prefix + arm_picture.PICTURE), screen)
+    flow.show_arm(solved, path.with_name(prefix + pictures.ARM_PICTURE), screen)
     table = path.with_name(prefix + RESIDUALS)
-    durable.replace_file(table, residuals.table(solved.residuals).encode())
+    durable.replace_file(table, checks.residuals_table(solved.residuals).encode())
     if solved.record.accepted:
         screen.next((f"xdg-open {path}", "the place and the residual of every view"))
     left_mm = [view.rms_mm for view in solved.residuals if view.used]
@@ -157,12 +157,12 @@ def overlay(folder: Path, out: Path | None, *, as_json: bool) -> None:
     screen = Screen(as_json=as_json)
     with screen.busy("Finding the board, solving and drawing"):
         solved = solve_folder(folder.absolute())
-        drawn = arm_picture.draw(solved)
+        drawn = pictures.draw_arm(solved)
     into = (out or folder / OVERLAY).absolute()
     durable.make_folder(into)
     for name, picture in drawn.by_view.items():
-        durable.replace_file(into / f"{name}.jpg", arm_picture.jpeg(picture))
-    sheet = into / arm_picture.PICTURE
+        durable.replace_file(into / f"{name}.jpg", pictures.jpeg(picture))
+    sheet = into / pictures.ARM_PICTURE
     durable.replace_file(sheet, drawn.sheet())
     screen.plain(f"Look at {sheet}: the lines must lie on the edges of the arm")
     screen.show(Text(drawn.sentence, style="bold" if drawn.fit is None or drawn.fits else "bold red"))

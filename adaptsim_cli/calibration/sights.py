@@ -10,7 +10,7 @@ from calib.condense import unusable
 from calib.errors import TooFewViews
 from calib.foreign.conventions import recognise
 from calib.foreign.labelling import told_apart
-from calib.foreign.volume import where_the_target_was
+from calib.foreign.sizing import where_the_target_was
 from calib.pose_records import Convention
 from calib.types import Setup, View
 from perception.board import find

@@ -11,14 +11,15 @@ from statistics import median
 from adaptsim_cli.calibration import checking, sights
 from adaptsim_cli.storage.durable import versions
 from calib import files
+from calib.checks import Residuals, residuals
 from calib.errors import UnusableViews
 from calib.foreign import pairing
 from calib.foreign.chains import any_arm
 from calib.foreign.intrinsics_check import TO_REFINE, IntrinsicsCheck
 from calib.foreign.labelling import told_apart
 from calib.foreign.pairing import Fault
-from calib.residuals import Residuals, residuals
-from calib.saved import Origin, SavedCalibration, record_calibration
+from calib.records import IntrinsicsRecord
+from calib.saved import SavedCalibration, record_calibration
 from calib.types import Forward, Setup, Solution, View, Worth
 
 DEVICES = ("arm", "camera")
@@ -71,28 +72,26 @@ def solve_folder(folder: Path, *, hw: str = "recorded", created: str = "", wishe
     refined = wishes.refine_intrinsics and tried is not None and len(tried.used) >= TO_REFINE
     wrong = pairing.faults(seen, setup, forward, solution)
     left = residuals(seen, setup, solution, forward)
-    target = stored.setup.board.scaled(setup.board.spacing_m / looked.setup.board.spacing_m)
     checks = checking.checks(folder, stored, setup, seen, solution, forward)
     checks.append(intrinsics_check(tried, refined=refined))
-    origin = Origin(
-        folder=folder.name,  # only the name, so that the data folder can be moved
-        view_sha256={view.name: view.sha256 for view in stored.views},
-        hw=hw,
-        arm=stored.setup.arm,
-        camera=stored.setup.serial,
-        created=created,
-        source=_source(hw, created),
-        versions=versions(),
-        temperatures_C={device: _median(checking.readings(stored, device)) for device in DEVICES},
-    )
     record = record_calibration(
         solution,
         setup.p_AP_m,
-        target,
         checks,
         judge(solution, setup, checks),
-        origin,
-        setup.colour if refined else None,
+        {view.name: view.sha256 for view in stored.views},
+        created=created,
+        source=_source(hw, created),
+        folder=folder.name,  # only the name, so that the data folder can be moved
+        hw=hw,
+        arm=stored.setup.arm,
+        camera=stored.setup.serial,
+        board=stored.setup.board.scaled(setup.board.spacing_m / looked.setup.board.spacing_m),
+        refined_intrinsics=IntrinsicsRecord.from_camera(setup.colour) if refined else None,
+        temperatures_C={
+            device: median(found) if (found := checking.readings(stored, device)) else None for device in DEVICES
+        },
+        versions=versions(),
     )
     images = {view.name: folder / view.record.image for view in stored.views if view.record.image is not None}
     return Solved(
@@ -144,10 +143,6 @@ def _as_wished(views: Sequence[View], setup: Setup, forward: Forward | None, wis
     if wishes.exchange or wishes.shift:
         chosen = list(told_apart(chosen, setup, forward))  # other poses may ask for another end of the target
     return tuple(v for v in chosen if wishes.first <= v.name and (not wishes.last or v.name <= wishes.last))
-
-
-def _median(values: list[float]) -> float | None:
-    return median(values) if values else None
 
 
 def _source(hw: str, created: str) -> str:

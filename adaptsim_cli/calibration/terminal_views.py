@@ -14,8 +14,8 @@ from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.store import REPORT
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
-from calib.coverage import Coverage
 from calib.geometry import angle_deg, distance_mm
+from calib.poses import Coverage
 from calib.saved import SavedCalibration
 from perception.board.types import BoardPose
 

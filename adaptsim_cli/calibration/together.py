@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from calib.foreign.chains import any_arm
 from calib.foreign.labelling import told_apart
 from calib.foreign.pairing import Fault, pictures_exchanged
 from calib.foreign.several import CameraViews, Together, solve_together
-from calib.types import Check, reasons
+from calib.types import reasons
 
 
 def solve(folders: Sequence[Path], exchange: Sequence[tuple[str, str, str]] = ()) -> Together:
@@ -116,7 +115,7 @@ def as_json(found: Together) -> dict[str, Any]:
                 "views_used": list(c.used),
                 "views_rejected": {view.name: view.reason for view in c.rejected},
                 "faults": [{"kind": f.kind, "what": f.sentence, "views": f.views} for f in c.faults],
-                "gates": [plain_check(gate) for gate in c.gates],
+                "gates": [gate.model_dump() for gate in c.gates],
                 "fit_px": c.fit_px,
                 "held_out_px": c.held_out_px,
                 "held_out_alone_px": c.alone_held_out_px,
@@ -129,11 +128,6 @@ def as_json(found: Together) -> dict[str, Any]:
             for c in found.cameras
         ],
     }
-
-
-def plain_check(gate: Check) -> dict[str, Any]:
-    """A gate for JSON; what was not measured is null."""
-    return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in vars(gate).items()}
 
 
 def content(found: Together) -> bytes:

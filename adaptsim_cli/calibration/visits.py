@@ -15,7 +15,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.screen.views import clear_to_move
 from calib import poses
-from calib.coverage import Coverage
+from calib.poses import Coverage
 from hw.types import Array
 from sim.errors import NotExecutable
 

@@ -47,14 +47,14 @@ def touch_off(
     from functools import partial
 
     from adaptsim_cli.screen.console import Screen
-    from adaptsim_cli.touch_off import running
+    from adaptsim_cli.touch_off import flow
     from adaptsim_cli.touch_off.parts import Grasp
     from adaptsim_cli.wiring import rig_frames, settings
     from adaptsim_cli.wiring import touch_off as wiring
 
     flags = {"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None}
     resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
-    running.touch_off(
+    flow.run(
         resolved,
         Grasp(1e-3 * handle_mm, grasp_force_N),
         _store(resolved),

@@ -17,7 +17,7 @@ from adaptsim_cli.screen.keys import Key, enter
 from adaptsim_cli.session import single
 from adaptsim_cli.setup.answers import Answers
 from adaptsim_cli.setup.describing import board_payload
-from adaptsim_cli.touch_off import running as touching
+from adaptsim_cli.touch_off import flow as touching
 from adaptsim_cli.touch_off.parts import Grasp
 from adaptsim_cli.wiring import calibration, rig_frames, touch_off
 from adaptsim_cli.wiring.session import open_parts
@@ -61,7 +61,7 @@ def calibrate(answers: Answers) -> None:
 
 def touch(answers: Answers) -> None:
     """Find table and tool by touch."""
-    touching.touch_off(
+    touching.run(
         _slowly(answers, practice=False),
         Grasp(),
         touch_off.touch_offs(answers.config, answers.places),

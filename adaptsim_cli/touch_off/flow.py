@@ -6,17 +6,21 @@ Every motion is planned and checked just before it begins. Every descent ends at
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from datetime import UTC, datetime
 
 import numpy as np
 
+from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen import console
+from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.views import clear_to_move
 from adaptsim_cli.storage.durable import versions
 from adaptsim_cli.touch_off import terminal_views
-from adaptsim_cli.touch_off.parts import TouchOffFailed, TouchRig
+from adaptsim_cli.touch_off.parts import Grasp, TouchOffFailed, TouchRig
 from adaptsim_cli.touch_off.solving import DIFFER_M, Touched, solve, table_of
-from adaptsim_cli.touch_off.store import SavedTouchOff, SlowTouchRecord
+from adaptsim_cli.touch_off.store import SavedTouchOff, SlowTouchRecord, TouchOffStore
 from hw.collision import Table
 from hw.contact import began
 from hw.errors import HandError, NoContact
@@ -43,6 +47,41 @@ SLIPPED_M = 0.0004
 """A larger movement of the tool in the hand is more than the measurement's own error."""
 _OPEN_M = 0.06
 NEVER_CONFIRMS = "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
+
+
+OpenRig = Callable[[Config, Places, Grasp], AbstractContextManager[TouchRig]]
+"""Connects the devices."""
+_HINT = "Nothing was stored; the previous touch-off stays in use. Start again with: adaptsim touch-off"
+
+
+def run(
+    resolved: Resolved,
+    grasp: Grasp,
+    store: TouchOffStore,
+    sessions: Sequence[str],
+    open_rig: OpenRig,
+    screen: Screen,
+    *,
+    yes: bool,
+) -> None:
+    """The whole touch-off. Raises the error that stops it, with the command to continue.
+
+    `sessions` are the open ones that use the present touch-off.
+    """
+    config = resolved.config
+    if not config.is_simulated and yes:
+        raise UsageError(NEVER_CONFIRMS)
+    if not yes:
+        console.require_terminal()
+    screen.resting("table and tool as now known", sessions)
+    with how_to_continue(_HINT, "interrupted"), open_rig(config, resolved.places, grasp) as rig:
+        screen.show(terminal_views.explanation(rig))
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        saved = touch_off(rig, screen, unattended=yes, created=now)
+    folder = store.save(saved)
+    screen.plain(f"In use from now on: {folder}")
+    screen.next((f"adaptsim rollout {config.same_lab}", "one trial with it"))
+    screen.data("touch-off", terminal_views.summary(saved) | {"folder": str(folder)})
 
 
 Wait = Callable[[str, str, str], None]

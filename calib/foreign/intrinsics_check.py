@@ -117,7 +117,7 @@ def check(found: IntrinsicsCheck | None, *, refined: bool) -> Check:
     """The result as a check."""
     if found is None:
         reason = "not tried: the views agree within the noise of their corners, or are too few"
-        return Check(NAME, Grade.NOT_MEASURED, reason)
+        return Check.unmeasured(NAME, reason)
     said = f"refined: {found.sentence}" if refined else found.sentence
     measured = 100 * (1 - found.refined_px / found.stated_px), 100 * (1 - _BETTER), "%"
     advice = ": add --refine-intrinsics to use these, or state the right ones"

@@ -121,24 +121,20 @@ def _placed(
     rows = data.moved.camera == k
     held = found.folds.px[rows[found.folds.rows]]
     X, known = found.fit.state.X_AC[k], uncertainty(found.fit, data.moved, setup, found.joints, k)
-    figures = gates.Figures(
-        len(alone.used), len(alone.views), rms(fit_px[rows]), rms(held), known.worst_95_mm, alone.distance_m
-    )
+    figures = {"fit_px": rms(fit_px[rows]), "held_out_px": rms(held), "worst_95_mm": known.worst_95_mm}
     return Placed(
         name=camera.name,
         X_BC=X,
         used=alone.used,
         rejected=alone.rejected,
         faults=faults(camera.views, setup, camera.forward, alone),
-        fit_px=figures.fit_px,
-        held_out_px=figures.held_out_px,
+        **figures,
         alone_held_out_px=alone.choice.held_out_px,
         sigma_mm=known.sigma_mm,
         alone_sigma_mm=alone.uncertainty.sigma_mm,
-        worst_95_mm=known.worst_95_mm,
         alone_worst_95_mm=alone.uncertainty.worst_95_mm,
         from_alone_mm=distance_mm(X, alone.X_AC),
-        gates=gates.of_figures(figures, setup, gates.why_rejected(alone)),
+        gates=gates.of_camera(alone, setup, **figures),
     )
 
 

@@ -19,8 +19,7 @@ from calib.errors import DegenerateViews, TooFewViews
 from calib.foreign.intrinsics_check import settle
 from calib.foreign.labelling import told_apart
 from calib.foreign.pairing import exchanged, faults
-from calib.foreign.sizing import solve_any_size
-from calib.foreign.volume import where_the_target_was
+from calib.foreign.sizing import solve_any_size, where_the_target_was
 from calib.geometry import distance_mm, move
 from calib.projection import project
 from calib.solve import solve

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib.coverage import coverage
-from calib.poses import RIM_PX, candidates, centre, spread, tilt_and_turn
+from calib.poses import RIM_PX, candidates, centre, coverage, spread, tilt_and_turn
 from hw.types import Array, Intrinsics
 from perception.board.types import Board, Corners
 

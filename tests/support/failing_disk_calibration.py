@@ -20,7 +20,7 @@ from failing_disk import main
 from numpy.typing import NDArray
 
 import perception.board
-from adaptsim_cli.calibration import arm_picture, flow, page
+from adaptsim_cli.calibration import flow, page, pictures
 from adaptsim_cli.calibration.solving import Solved, solve_folder
 from adaptsim_cli.calibration.store import RESULT, VIEWS
 from adaptsim_cli.storage.durable import LOCK
@@ -81,7 +81,7 @@ class ToyCalibration:
         solve = once(solve_folder, _of_folder)
         vars(flow)["solve_folder"] = lambda folder, **named: _in(folder, solve(folder, **named))
         vars(page)["render"] = once(page.render, _of_solved)
-        vars(arm_picture)["draw"] = once(arm_picture.draw, _of_solved)
+        vars(pictures)["draw_arm"] = once(pictures.draw_arm, _of_solved)
         vars(perception.board)["detect"] = once(perception.board.detect, _of_image)
         vars(files)["_png"] = once(vars(files)["_png"], _of_image)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import real_views
 
-from adaptsim_cli.calibration import arm_picture, running
+from adaptsim_cli.calibration import pictures, running
 from adaptsim_cli.calibration.solving import Solved, Wishes, solve_folder
 from calib.errors import CalibrationRejected, UnusableViews
 
@@ -37,7 +37,7 @@ def moved(solved: Solved, *mm: float) -> Solved:
 
 
 def test_the_hand_of_a_real_panda_lies_within_its_drawn_outline(solved: Solved) -> None:
-    found = arm_picture.draw(solved).fit
+    found = pictures.draw_arm(solved).fit
     assert found is not None
     assert found.shift_m < 0.005
     assert found.off_px < 4.0
@@ -46,14 +46,14 @@ def test_the_hand_of_a_real_panda_lies_within_its_drawn_outline(solved: Solved) 
 
 @pytest.mark.parametrize("mm", [(0, 20, 0), (0, -20, 0), (0, 0, 20), (0, 0, -20)])
 def test_a_camera_that_is_believed_elsewhere_is_noticed(solved: Solved, mm: tuple[float, float, float]) -> None:
-    wrong = arm_picture.draw(moved(solved, *mm))
+    wrong = pictures.draw_arm(moved(solved, *mm))
     assert not wrong.fits
     assert wrong.fit is not None
     assert f"{1e3 * wrong.fit.shift_m:.0f} mm" in wrong.sentence
 
 
 def test_every_view_is_drawn_and_looks_other_than_before(folder: Path, solved: Solved) -> None:
-    drawn = arm_picture.draw(solved)
+    drawn = pictures.draw_arm(solved)
     assert set(drawn.by_view) == {view.name for view in solved.views}
     name = next(iter(drawn.by_view))
     before = cv2.imread(str(folder / f"{name}.jpg"))

@@ -16,11 +16,12 @@ from adaptsim_cli.calibration import solving, touching
 from adaptsim_cli.errors import StoppedByOperator
 from calib.errors import CalibrationRejected, ViewFolderError
 from calib.files import setup_record
-from calib.saved import CheckRecord, SavedCalibration
+from calib.saved import SavedCalibration
 from calib.touch import MIN_TOUCHES
+from calib.types import Check
 
 
-def check(record: SavedCalibration, name: str) -> CheckRecord:
+def check(record: SavedCalibration, name: str) -> Check:
     return next(check for check in record.checks if check.name == name)
 
 

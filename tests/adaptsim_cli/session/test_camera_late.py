@@ -22,13 +22,13 @@ from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.preflight import calibration_check
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
-from calib.saved import CheckRecord
+from calib.types import Check, Grade
 
 LATE_S = 0.025
 
 
-def measured(value_ms: float | None, verdict: str) -> CheckRecord:
-    return CheckRecord(name="time offset", verdict=verdict, message="", value=value_ms, limit=5.0, unit="ms")
+def measured(value_ms: float | None, verdict: str) -> Check:
+    return Check(name="time offset", verdict=Grade(verdict), message="", value=value_ms, limit=5.0, unit="ms")
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def measured(value_ms: float | None, verdict: str) -> CheckRecord:
         (None, 0.0),
     ],
 )
-def test_it_is_read_from_the_stored_calibration(check: CheckRecord | None, late_s: float) -> None:
+def test_it_is_read_from_the_stored_calibration(check: Check | None, late_s: float) -> None:
     stored = calibration().model_copy(update={"checks": () if check is None else (check,)})
     assert stored.hand_eye().camera_late_s == pytest.approx(late_s)
 

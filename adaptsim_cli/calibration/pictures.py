@@ -1,4 +1,4 @@
-"""Draws the arm into the pictures of a calibration: the quickest visible proof of it.
+"""Pictures for people: the corners found in a view, and the arm drawn into all views, the quickest visible proof.
 
 For views with joints the whole arm is drawn, for others the hand and link 7. The outline of the hand is also compared
 with the moving parts of the pictures (`perception.outline`).
@@ -23,10 +23,11 @@ from hw.kinematics import FLANGE, forward, link_poses
 from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from hw.wrist import FINGERS, HAND_BODY, LINK7
+from perception.board.types import CalibrationTarget, Corners
 from perception.geometry import transform
 from perception.outline import OutlineFit, OutlineView, fit, silhouette
 
-PICTURE = "arm.jpg"
+ARM_PICTURE = "arm.jpg"
 LIMIT_M = 0.008
 """The outline counts as wrong if a shift larger than this, at the hand, fits better."""
 ON_SHEET, COLUMNS, TILE_PX = 6, 3, 640
@@ -86,7 +87,7 @@ class ArmPictures:
         return jpeg(np.vstack(rows).astype(np.uint8))
 
 
-def draw(solved: Solved) -> ArmPictures:
+def draw_arm(solved: Solved) -> ArmPictures:
     """Draw the arm into the pictures. Raises UnusableViews if it cannot be drawn."""
     record, camera = solved.record, solved.setup.colour
     if record.mounting != "fixed":
@@ -179,3 +180,41 @@ def _tile(image: NDArray[np.uint8], name: str) -> NDArray[np.uint8]:
     cv2.putText(small, name, (8, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (40, 40, 40), 3, cv2.LINE_AA)
     cv2.putText(small, name, (8, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 255, 255), 1, cv2.LINE_AA)
     return np.asarray(small, dtype=np.uint8)
+
+
+_OVERLAY_HEIGHT_PX = 720
+_OVERLAY_QUALITY = 85
+
+
+def draw_view(
+    colour: NDArray[np.uint8],
+    corners: Corners,
+    X_CM: Array,
+    before: Sequence[Corners],
+    board: CalibrationTarget,
+    camera: Intrinsics,
+) -> bytes:
+    """JPEG of the picture (H, W, 3 RGB): corners in the order of their ids from blue to red, earlier ones faint."""
+    scale = max(1, round(camera.height / _OVERLAY_HEIGHT_PX))
+    image = np.ascontiguousarray(colour[..., ::-1])
+    faint = image.copy()
+    for seen in before:
+        for u, v in seen.px:
+            cv2.circle(faint, (round(u), round(v)), 2 * scale, (200, 160, 60), -1, cv2.LINE_AA)
+    image = cv2.addWeighted(faint, 0.45, image, 0.55, 0)
+    for number, (u, v) in zip(corners.ids, corners.px, strict=True):
+        share = number / max(board.corners - 1, 1)
+        hue = np.array([[[round(120 * (1 - share)), 255, 255]]], dtype=np.uint8)
+        bgr = tuple(int(c) for c in cv2.cvtColor(hue, cv2.COLOR_HSV2BGR)[0, 0])
+        cv2.circle(image, (round(16 * u), round(16 * v)), 16 * 4 * scale, bgr, scale, cv2.LINE_AA, shift=4)
+        cv2.circle(image, (round(16 * u), round(16 * v)), 16 * scale // 2, bgr, -1, cv2.LINE_AA, shift=4)
+    axes = np.vstack([np.zeros(3), 2 * board.spacing_m * np.eye(3)]) @ X_CM[:3, :3].T + X_CM[:3, 3]
+    px = cv2.projectPoints(axes, np.zeros(3), np.zeros(3), camera.K, camera.distortion)[0].reshape(-1, 2)
+    for end, bgr in zip(px[1:], ((40, 40, 230), (60, 180, 40), (230, 90, 30)), strict=True):
+        cv2.arrowedLine(image, _whole(px[0]), _whole(end), bgr, 2 * scale, cv2.LINE_AA, tipLength=0.2)
+    done, data = cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, _OVERLAY_QUALITY))
+    return data.tobytes() if done else b""
+
+
+def _whole(px: Array) -> tuple[int, int]:
+    return round(float(px[0])), round(float(px[1]))

@@ -135,7 +135,7 @@ def _drift(
         axes = rng.standard_normal((2, 3))
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
         now = Truth(move(truth.X_AC, (size[:, None] * axes).ravel()), truth.X_HM, truth.offsets_rad)
-        found = drift(seen(setup, now, forward, q, quality, rng), setup, forward, was)
+        found = drift(seen(setup, now, forward, q, quality, rng), setup, forward, *was)
         out[name] = (found.moved, found.rms_px)
     return out
 

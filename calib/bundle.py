@@ -220,14 +220,19 @@ def joint_spread(state: Unknowns, moved: ArmViews) -> Array:
     return spread
 
 
+def arm_covariance(state: Unknowns, moved: ArmViews) -> Array:
+    """(N, 6, 6) G G^T: covariance of the board's twist by independent errors of 1 rad of the joints."""
+    G = joint_spread(state, moved)
+    return np.asarray(G @ np.swapaxes(G, 1, 2))
+
+
 def fit(moved: ArmViews, seen: CondensedViews, start: Unknowns, model: Model) -> Fit:
     """The fit to N views, with the sizes of their errors."""
     state, prior = start, _prior(model)
     plain = model.weights is Weights.PIXELS
     noise = Sizes(1.0, 0.0, 0.0) if plain else Sizes(1.0, _START_PX, _START_RAD)
     for _ in range(1 if plain else _ROUNDS):
-        G = joint_spread(state, moved)
-        GG = G @ np.swapaxes(G, 1, 2)
+        GG = arm_covariance(state, moved)
         state = _gauss_newton(moved, seen.X_CM, seen.covariance(noise, GG), state, model, prior)
         if plain:
             break
@@ -236,8 +241,7 @@ def fit(moved: ArmViews, seen: CondensedViews, start: Unknowns, model: Model) ->
         if _alike(before, noise):
             break
     e, B = linearise(state, moved, seen.X_CM, model)
-    G = joint_spread(state, moved)
-    GG = G @ np.swapaxes(G, 1, 2)
+    GG = arm_covariance(state, moved)
     covariance = seen.covariance(noise, GG)
     if plain:
         freedom = max(e.size - model.size, 1)

@@ -154,8 +154,7 @@ def table_plane(points_A_m: Array, expected_height_m: float = 0.0, at_xy_m: tupl
 def board_poses(solution: Solution, views: Sequence[View], setup: Setup, forward: Forward | None) -> Array:
     """(N, 4, 4) X_CM of the views in the given order, predicted by the solution from the arm only."""
     moved = motion_of(views, setup.mounting, forward)
-    offsets = np.zeros(moved.joints) if solution.joints is None else solution.joints.offsets_rad
-    return predict(Unknowns(solution.X_AC[None], solution.X_HM, offsets), moved)
+    return predict(Unknowns(solution.X_AC[None], solution.X_HM, solution.offsets_rad(moved.joints)), moved)
 
 
 def depth_residuals(X_DM: Array, board: CalibrationTarget, depth_mm: Array, camera: Intrinsics) -> Array:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from calib.geometry import angle_deg, difference, distance_mm
+from calib.geometry import angle_deg, difference, distance_mm, pose
 from calib.types import ClosedForm
 from hw.poses import inverse
 from hw.types import Array
@@ -75,7 +75,7 @@ def shah(X_AH: Array, X_CM: Array) -> tuple[Array, Array]:
     b = (pb - X_AH[..., :3, 3]).reshape(len(Ra), 3 * n)
     normal = np.einsum("sri,srj->sij", A, A) + 1e-9 * np.eye(6)
     p = np.linalg.solve(normal, np.einsum("sri,sr->si", A, b)[..., None])[..., 0]
-    return _pose(R_AC, p[:, 3:]), _pose(R_HM, p[:, :3])
+    return pose(R_AC, p[:, 3:]), pose(R_HM, p[:, :3])
 
 
 def _to_rotations(vectors: Array) -> Array:
@@ -85,12 +85,6 @@ def _to_rotations(vectors: Array) -> Array:
     u[..., 2] *= np.linalg.det(u @ vt)[:, None]  # of views that are all alike, nothing follows, but it is a rotation
     nearest: Array = u @ vt
     return nearest
-
-
-def _pose(R: Array, p: Array) -> Array:
-    X = np.zeros((len(R), 4, 4))
-    X[:, :3, :3], X[:, :3, 3], X[:, 3, 3] = R, p, 1.0
-    return X
 
 
 _HAND_EYE = {
@@ -113,7 +107,7 @@ def opencv_methods(X_AH: Array, X_CM: Array) -> dict[str, Array]:
             R, p = cv2.calibrateHandEye(R_HA, p_HA, R_CM, p_CM, method=method)
         except cv2.error:
             continue
-        out[name] = _one(R, p)
+        out[name] = pose(R, np.ravel(p))
     for name, method in _ROBOT_WORLD.items():
         # with world = board, base = H, gripper = A it returns the base in the world and the camera in the gripper,
         # inverted
@@ -123,14 +117,8 @@ def opencv_methods(X_AH: Array, X_CM: Array) -> dict[str, Array]:
             )
         except cv2.error:
             continue
-        out[name] = inverse(_one(R, p))
+        out[name] = inverse(pose(R, np.ravel(p)))
     return {name: X for name, X in out.items() if np.isfinite(X).all() and np.linalg.det(X[:3, :3]) > 0.5}
-
-
-def _one(R: Array, p: Array) -> Array:
-    X = np.eye(4)
-    X[:3, :3], X[:3, 3] = R, np.asarray(p).ravel()
-    return X
 
 
 def cross_check(X_AH: Array, X_CM: Array, X_AC: Array) -> tuple[ClosedForm, ...]:

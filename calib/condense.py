@@ -85,7 +85,7 @@ def condense(
     for name, seen in zip(names, corners, strict=True):
         if why := unusable(seen, board, camera):
             raise TooFewViews(f"view {name}: {why}: leave the view out")
-    p, px, mask = _padded(corners, board)
+    p, px, mask = padded(corners, board)
     start = np.stack([_both(starts(p[i, : len(c)], c.px, camera)) for i, c in enumerate(corners)], axis=1)
     twin = np.repeat(p, 2, axis=0).reshape(len(p), 2, *p.shape[1:]).swapaxes(0, 1)
     X = start.copy()
@@ -147,7 +147,8 @@ def _common(J: Array, weight: Array, A: Array, px: Array, mask: Array) -> Array:
     return np.asarray(np.einsum("nati,natj->nij", twists, twists))
 
 
-def _padded(corners: Sequence[Corners], board: CalibrationTarget) -> tuple[Array, Array, Array]:
+def padded(corners: Sequence[Corners], board: CalibrationTarget) -> tuple[Array, Array, Array]:
+    """Points (N, K, 3) m, pixels (N, K, 2), and 1 where they are not padding (N, K)."""
     most = max(len(c) for c in corners)
     p, px, mask = (np.zeros((len(corners), most, *tail)) for tail in ((3,), (2,), ()))
     for i, c in enumerate(corners):

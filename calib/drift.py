@@ -9,7 +9,6 @@ the three views, with its uncertainty.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from calib.condense import PoseCandidates, condense
 from calib.errors import TooFewViews, determined
 from calib.geometry import angle_deg, distance_mm, move, rms
 from calib.types import Drift, Forward, Setup, Solution, View
-from hw.types import Array, frozen_array
+from hw.types import Array
 
 LIMIT_PX = 0.5
 MIN_VIEWS = 3
@@ -32,38 +31,28 @@ LEAST_JOINT_RAD = 5e-5
 """An arm does not repeat better than this (rad), whatever the calibration's residuals say."""
 
 
-@dataclass(frozen=True, eq=False)
-class Known:
-    """The parts of the calibration in use that a check needs."""
-
-    X_AC: Array  # (4, 4)
-    X_HM: Array  # (4, 4)
-    offsets_rad: Array  # (n,) joint offsets in use, zeros if none
-    joint_rad: float  # spread of the joints from view to view, `Solution.noise.joint_rad`; nan if unknown
-
-    def __post_init__(self) -> None:
-        for name in ("X_AC", "X_HM"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), (4, 4), name))
-
-
-def known(solution: Solution) -> Known:
-    """The parts of a solution that a later check needs."""
-    offsets = np.zeros(0) if solution.joints is None else solution.joints.offsets_rad
-    return Known(solution.X_AC, solution.X_HM, offsets, solution.noise.joint_rad)
+def known(solution: Solution) -> tuple[Unknowns, float]:
+    """The parts of a solution that a later check needs: `was` and `joint_rad` of `drift`."""
+    joints = 0 if solution.joints is None else len(solution.joints.offsets_rad)
+    return Unknowns(solution.X_AC[None], solution.X_HM, solution.offsets_rad(joints)), solution.noise.joint_rad
 
 
 @determined()
-def drift(views: Sequence[View], setup: Setup, forward: Forward | None, was: Known) -> Drift:
-    """Compare at least three views with the calibration. Raises TooFewViews, UnusableViews."""
+def drift(views: Sequence[View], setup: Setup, forward: Forward | None, was: Unknowns, joint_rad: float) -> Drift:
+    """Compare at least three views with the calibration `was`.
+
+    `joint_rad` is the spread of the joints from view to view, `Solution.noise.joint_rad`; nan if unknown. Raises
+    TooFewViews, UnusableViews.
+    """
     if len(views) < MIN_VIEWS:
         raise TooFewViews(f"{len(views)} views show the board, {MIN_VIEWS} are needed to detect a moved camera")
     ordered = sorted(views, key=lambda view: view.name)
     sight = condense([v.name for v in ordered], [v.corners for v in ordered], setup.board, setup.colour)
     moved = motion_of(ordered, setup.mounting, forward)
     offsets = was.offsets_rad if len(was.offsets_rad) == moved.joints else np.zeros(moved.joints)
-    state = Unknowns(was.X_AC[None], was.X_HM, offsets)
-    X_now, covariance = _camera_now(sight, state, moved, was.joint_rad)
-    return _verdict(was, X_now, covariance, rms(sight.rms_at(predict(state, moved))))
+    state = Unknowns(was.X_AC, was.X_HM, offsets)
+    X_now, covariance = _camera_now(sight, state, moved, joint_rad)
+    return _verdict(was.X_AC[0], X_now, covariance, rms(sight.rms_at(predict(state, moved))))
 
 
 def _camera_now(sight: PoseCandidates, state: Unknowns, moved: ArmViews, joint_rad: float) -> tuple[Array, Array]:
@@ -84,8 +73,8 @@ def _camera_now(sight: PoseCandidates, state: Unknowns, moved: ArmViews, joint_r
     return now.X_AC[0], covariance
 
 
-def _verdict(was: Known, X_now: Array, covariance: Array, rms_px: float) -> Drift:
-    shift_mm, turn_deg = distance_mm(was.X_AC, X_now), angle_deg(was.X_AC, X_now)
+def _verdict(X_was: Array, X_now: Array, covariance: Array, rms_px: float) -> Drift:
+    shift_mm, turn_deg = distance_mm(X_was, X_now), angle_deg(X_was, X_now)
     sigma_mm = float(1e3 * np.sqrt(np.trace(covariance[3:, 3:])))
     sigma_deg = float(np.rad2deg(np.sqrt(np.trace(covariance[:3, :3]))))
     by_shift = shift_mm > max(LEAST_MM, SIGNIFICANT * sigma_mm)

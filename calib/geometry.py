@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from hw.poses import inverse
@@ -21,6 +22,13 @@ def rotation_vector(R: Array) -> Array:
     """(..., 3, 3) -> (..., 3) in rad."""
     turned: Array = Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec()
     return turned.reshape(*R.shape[:-2], 3)
+
+
+def pose(R: Array, p: ArrayLike) -> Array:
+    """Rotations (..., 3, 3) and positions (..., 3) -> poses (..., 4, 4)."""
+    X = np.zeros((*R.shape[:-2], 4, 4))
+    X[..., :3, :3], X[..., :3, 3], X[..., 3, 3] = R, p, 1.0
+    return X
 
 
 def move(X: Array, twist: Array) -> Array:

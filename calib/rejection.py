@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from calib.bundle import ArmViews, CondensedViews, Fit, Model, Sizes, Unknowns, fit, joint_spread, linearise, squares
+from calib.bundle import ArmViews, CondensedViews, Fit, Model, Sizes, Unknowns, arm_covariance, fit, linearise, squares
 from hw.types import Array
 
 LIMIT = float(chi2.isf(1e-4, 6))
@@ -108,13 +108,13 @@ def chosen(both: tuple[CondensedViews, CondensedViews], side: NDArray[np.int64])
 
 def _score(moved: ArmViews, seen: CondensedViews, state: Unknowns) -> Array:
     e, _ = linearise(state, moved, seen.X_CM, Model())
-    return squares(e, seen.covariance(_GENEROUS, _arm(state, moved)))
+    return squares(e, seen.covariance(_GENEROUS, arm_covariance(state, moved)))
 
 
 def _judge(moved: ArmViews, seen: CondensedViews, now: Fit, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
     """(N,) squared residual of each view, predicted without it, and (N,) log determinant of its covariance."""
     e, B = linearise(now.state, moved, seen.X_CM, now.model)
-    C = seen.covariance(now.noise, _arm(now.state, moved))
+    C = seen.covariance(now.noise, arm_covariance(now.state, moved))
     lever = B @ np.linalg.inv(now.normal) @ np.swapaxes(B, 1, 2)
     # without view i: e_i' = C (C - lever)^-1 e_i with covariance C (C - lever)^-1 C, so its square is
     # e_i (C - lever)^-1 e_i; for a view outside the fit it is e_i (C + lever)^-1 e_i
@@ -122,8 +122,3 @@ def _judge(moved: ArmViews, seen: CondensedViews, now: Fit, inside: NDArray[np.b
     middle = np.where(inside[:, None, None], C - lever, outside)
     logs = np.linalg.slogdet(middle)[1]
     return squares(e, middle), np.where(inside, 2 * np.linalg.slogdet(C)[1] - logs, logs)
-
-
-def _arm(state: Unknowns, moved: ArmViews) -> Array:
-    G = joint_spread(state, moved)
-    return np.asarray(G @ np.swapaxes(G, 1, 2))

@@ -78,8 +78,7 @@ class _Path:
         """(N, 2) predicted mean pixel of the corners of each frame, at `times_s` (N,)."""
         q = np.stack([np.interp(times_s, self.t_s, column) for column in self.q_rad.T], axis=-1)
         moved = motion(self.setup.mounting, self.forward, q, None)
-        joints = self.solution.joints
-        offsets = np.zeros(q.shape[1]) if joints is None else joints.offsets_rad
+        offsets = self.solution.offsets_rad(q.shape[1])
         X_CM = predict(Unknowns(self.solution.X_AC[None], self.solution.X_HM, offsets), moved)
         grid = np.broadcast_to(self.setup.board.p_MK_m, (len(q), self.setup.board.corners, 3))
         uv = project(self.setup.colour, X_CM, grid)

@@ -276,6 +276,10 @@ class Solution:
         for name in ("X_AC", "X_HM"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), (4, 4), name))
 
+    def offsets_rad(self, joints: int) -> Array:
+        """(joints,) the offsets in use; zeros if joints are unknown."""
+        return np.zeros(joints) if self.joints is None else self.joints.offsets_rad
+
     @property
     def used(self) -> tuple[str, ...]:
         """Names of the views used by the fit."""

@@ -104,8 +104,8 @@ def _touched(folder: Path, setup: Setup, solution: Solution, forward: Forward | 
     if record.q_rad is not None:
         if forward is None:
             raise ViewFolderError(f"{folder / files.TOUCH} gives joints of an unknown arm: give X_BF")
-        offsets = 0.0 if solution.joints is None else solution.joints.offsets_rad
-        X_BF = forward(np.array(record.q_rad) + offsets)
+        q_rad = np.array(record.q_rad)
+        X_BF = forward(q_rad + solution.offsets_rad(q_rad.shape[1]))
     assert X_BF is not None  # the record has one of the two
     try:
         return touch.check(solution, setup, find(colour, setup.board, setup.colour), record.corner, X_BF)

@@ -24,11 +24,13 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import Readiness, failures
 from adaptsim_cli.storage import durable
 from calib import files, touch
-from calib.drift import MIN_VIEWS, Known, drift
+from calib.bundle import Unknowns
+from calib.drift import MIN_VIEWS, drift
 from calib.errors import CalibrationRejected, TooFewViews, UnusableViews
 from calib.poses import Coverage, coverage
 from calib.saved import SavedCalibration
 from calib.types import Drift, Grade, View
+from hw.kinematics import forward
 from hw.types import Array
 from perception.board.types import Corners
 from perception.errors import BoardNotFound
@@ -112,8 +114,8 @@ def check(rig: CalibrationRig, known: SavedCalibration, visits: Visits, screen: 
             break
     visits.end(lambda: None)
     joint_rad = float("nan") if known.joint_rad is None else known.joint_rad
-    was = Known(np.array(known.X_AC), np.array(known.X_HM), known.offsets_rad(), joint_rad)
-    return drift(views, setup, rig.flange, was)
+    was = Unknowns(np.array(known.X_AC)[None], np.array(known.X_HM), known.offsets_rad())
+    return drift(views, setup, forward, was, joint_rad)
 
 
 def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> Sights:

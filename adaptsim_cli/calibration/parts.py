@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from adaptsim_cli.config import is_simulated
 from hw.ports import Arm, Camera
@@ -18,20 +18,8 @@ class Ways:
 
     postures: Callable[[Array], Sequence[Array | None]]
     """Flange poses X_BF (N, 4, 4) -> postures (7,) that keep clear of everything; None: no such posture."""
-    order: Callable[[Array, Array], Sequence[int]]
-    """(postures (N, 7), present posture (7,)) -> order of the visits."""
     way: Callable[[Array, Array], JointPath]
     """(posture (7,), posture (7,)) -> a path between them. Raises NotExecutable."""
-
-
-@runtime_checkable
-class Thermometer(Protocol):
-    """A device that may report its temperature."""
-
-    @property
-    def temperature_C(self) -> float | None:
-        """Temperature in °C; None if unknown at present."""
-        ...
 
 
 class BoardHandler(Protocol):
@@ -59,7 +47,6 @@ class CalibrationRig:
     X_FM: Array  # (4, 4) planned pose of the board; only for planning
     rough_X_BC: Array | None  # (4, 4) rough pose of the camera; only for planning; None: the arm is guided by hand
     ways: Ways
-    flange: Callable[[Array], Array]  # joints (..., 7) -> X_BF (..., 4, 4)
     pause: Callable[[float], None]  # seconds; the simulated lab does not wait
     hands: BoardHandler | None = None  # None: a person at the terminal
 
@@ -70,9 +57,6 @@ class CalibrationRig:
 
     def temperatures_C(self) -> dict[str, float]:
         """Temperatures in °C of "arm" and "camera", if reported."""
-        told = {
-            name: device.temperature_C
-            for name, device in (("arm", self.arm), ("camera", self.camera))
-            if isinstance(device, Thermometer)
-        }
+        devices = {"arm": self.arm, "camera": self.camera}
+        told = {name: getattr(device, "temperature_C", None) for name, device in devices.items()}
         return {name: value for name, value in told.items() if value is not None}

@@ -20,6 +20,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
 from calib import files
 from calib.touch import LIMIT_SCATTER_M, MIN_TOUCHES, pivot
+from hw.kinematics import forward
 from hw.types import Array
 from perception.board.types import Board, Corners
 from perception.errors import BoardNotFound
@@ -107,7 +108,7 @@ class _Asking:
                     return None
                 found.append(q)
             q_rad = np.array(found)
-            scatter_m = pivot(self.rig.flange(q_rad)).scatter_m
+            scatter_m = pivot(forward(q_rad)).scatter_m
             self.screen.show(f"  {MIN_TOUCHES} touches agree to {1e3 * scatter_m:.2f} mm")
             if scatter_m <= LIMIT_SCATTER_M:
                 break

@@ -140,6 +140,8 @@ def plan(rig: CalibrationRig, count: int) -> Array:
 
     Deterministic for a rig and board, so that an interrupted series can continue. Raises PreflightFailed.
     """
+    from sim.panda.visits import nearest_first
+
     if rig.rough_X_BC is None:
         raise PreflightFailed("the camera pose is still unknown, so no motion can be planned: add --guide")
     camera = rig.camera.model().colour
@@ -154,4 +156,4 @@ def plan(rig: CalibrationRig, count: int) -> Array:
         )
     chosen = [able[i] for i in poses.spread(X_CM[able], rig.board, count)]
     q_rad = np.array([found[i] for i in chosen])
-    return np.asarray(q_rad[list(rig.ways.order(q_rad, q_rad.mean(axis=0)))])
+    return np.asarray(q_rad[list(nearest_first(q_rad, q_rad.mean(axis=0)))])

@@ -89,7 +89,6 @@ def open_calibration_rig(
     `rough` is an earlier calibration, if there is one: it gives the camera's place, for planning only. Without it
     nothing is planned, and the arm is guided by hand. `drivers` are those of a real lab's devices.
     """
-    from hw.kinematics import forward
     from sim.tasks import get_task
 
     with open_lab(config, get_task(config.task), drivers, screen) as lab:
@@ -108,7 +107,6 @@ def open_calibration_rig(
             X_FM=held.X_FM,
             rough_X_BC=None if eye is None else eye.X_BC,
             ways=ways(cell, home_rad),
-            flange=forward,
             pause=pause,
             hands=hands,
         )
@@ -132,7 +130,7 @@ def ways(cell: Workcell, home_rad: Array) -> Ways:
     def way(q_from: Array, q_to: Array) -> JointPath:
         return visits.way(q_from, q_to, home_rad, cell)
 
-    return Ways(postures=postures, order=visits.nearest_first, way=way)
+    return Ways(postures=postures, way=way)
 
 
 def _plain(name: str) -> str:

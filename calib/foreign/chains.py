@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from calib.errors import ViewFolderError
 from calib.files import known_arm
+from calib.geometry import pose
 from calib.records import SetupRecord
 from calib.types import Forward
 from hw.bounded import Unreadable, read_bytes
@@ -58,8 +59,8 @@ def denavit_hartenberg(rows: Sequence[Sequence[float]], convention: Literal["cra
         if len(row) not in (4, 5):
             raise ValueError("a row of dh is [a m, alpha rad, d m, theta rad], and 0 after it where nothing moves")
         a, alpha, d, theta = row[:4]
-        across = _pose(Rotation.from_rotvec([alpha, 0.0, 0.0]), (a, 0.0, 0.0))
-        along = _pose(Rotation.from_rotvec([0.0, 0.0, theta]), (0.0, 0.0, d))
+        across = pose(Rotation.from_rotvec([alpha, 0.0, 0.0]).as_matrix(), (a, 0.0, 0.0))
+        along = pose(Rotation.from_rotvec([0.0, 0.0, theta]).as_matrix(), (0.0, 0.0, d))
         kind: Literal["turning", "rigid"] = "rigid" if len(row) == 5 and row[4] == 0 else "turning"
         if convention == "craig":  # a rotation about Z and a shift along Z commute
             links.append(Link(across @ along, z, kind))
@@ -102,7 +103,7 @@ def _link(joint: ElementTree.Element, path: Path) -> Link:
         "turning" if kind in _TURNING else "sliding" if kind in _SLIDING else "rigid"
     )
     length = float(np.linalg.norm(direction)) or 1.0
-    return Link(_pose(Rotation.from_euler("xyz", rpy), xyz), direction / length, name)
+    return Link(pose(Rotation.from_euler("xyz", rpy).as_matrix(), xyz), direction / length, name)
 
 
 def _attribute(joint: ElementTree.Element, tag: str, name: str) -> str:
@@ -143,9 +144,3 @@ def _forward(links: Sequence[Link]) -> tuple[Forward, int]:
         return np.ascontiguousarray(X)
 
     return forward, count
-
-
-def _pose(turn: Rotation, shift_m: Sequence[float] | Array) -> Array:
-    X = np.eye(4)
-    X[:3, :3], X[:3, 3] = turn.as_matrix(), shift_m
-    return X

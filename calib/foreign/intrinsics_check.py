@@ -82,8 +82,8 @@ def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forw
     if len(used) < MIN_VIEWS:
         return None
     moved = motion_of(used, setup.mounting, forward)
-    offsets = np.zeros(moved.joints) if solution.joints is None else solution.joints.offsets_rad
-    of = looks([v.corners for v in used], moved.X_AH(offsets), setup.board, [setup.colour], [0] * len(used))
+    X_AH = moved.X_AH(solution.offsets_rad(moved.joints))
+    of = looks([v.corners for v in used], X_AH, setup.board, setup.colour)
     start = PixelUnknowns(solution.X_AC[None], solution.X_HM[None], 1.0, np.zeros((1, LENS)))
     noise = max(solution.fit_px / np.sqrt(2.0), 0.02)
     scale = not setup.size_known

@@ -261,11 +261,10 @@ class _Crossed:
 
 def _crossed(views: Sequence[View], solution: Solution, setup: Setup, forward: Forward | None) -> _Crossed:
     moved = motion_of(views, setup.mounting, forward)
-    offsets = np.zeros(moved.joints) if solution.joints is None else solution.joints.offsets_rad
-    X_AH = moved.X_AH(offsets)
+    X_AH = moved.X_AH(solution.offsets_rad(moved.joints))
     readings = [renumbered(view.corners, setup.board) for view in views]
     numbered = [
-        looks([reading[k] for reading in readings], X_AH, setup.board, [setup.colour], [0] * len(views))
+        looks([reading[k] for reading in readings], X_AH, setup.board, setup.colour)
         for k in range(1 + len(setup.board.turns))
     ]
     of = numbered[0]

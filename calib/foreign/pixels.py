@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from calib.condense import padded
 from calib.geometry import adjoint, move
 from calib.projection import LENS, lens_jacobian, project_with_jacobian, with_lens
 from hw.poses import inverse
@@ -34,7 +35,6 @@ class Looks:
     cameras: tuple[Intrinsics, ...]  # C
     camera: Index  # (N,) index of the camera
     mounting: Index  # (N,) index among H mountings of the target in its holder
-    posture: Index  # (N,) index of the arm's posture; pictures of one posture are left out together
     X_AH: Array  # (N, 4, 4)
     p_M_m: Array  # (N, K, 3) padded
     px: Array  # (N, K, 2)
@@ -42,7 +42,7 @@ class Looks:
 
     def take(self, rows: NDArray[np.bool_] | Index) -> Looks:
         """Some of the pictures."""
-        names = ("camera", "mounting", "posture", "X_AH", "p_M_m", "px", "seen")
+        names = ("camera", "mounting", "X_AH", "p_M_m", "px", "seen")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
@@ -66,7 +66,6 @@ class Adjusted:
     J: Array  # (N, 2 K, P) in standard deviations
     residual: Array  # (N, 2 K) in standard deviations
     normal: Array  # (P, P)
-    posture: Index
 
     @property
     def px(self) -> float:
@@ -74,22 +73,11 @@ class Adjusted:
         return float(np.sqrt(np.mean(self.rms_px**2)))
 
 
-def looks(
-    corners: Sequence[Corners],
-    X_AH: Array,
-    target: CalibrationTarget,
-    cameras: Sequence[Intrinsics],
-    camera: Sequence[int],
-) -> Looks:
-    """Collect pictures, one per entry: corners, pose of the holder (N, 4, 4), and index of the camera."""
-    n, most = len(corners), max(len(c) for c in corners)
-    p, px, seen = np.zeros((n, most, 3)), np.zeros((n, most, 2)), np.zeros((n, most), dtype=bool)
-    for i, c in enumerate(corners):
-        k = len(c)
-        p[i, :k], px[i, :k], seen[i, :k] = target.p_MK_m[c.ids], c.px, True
-        p[i, k:], px[i, k:] = p[i, 0], px[i, 0]
-    none = np.zeros(n, dtype=np.int64)
-    return Looks(tuple(cameras), np.asarray(camera, dtype=np.int64), none, np.arange(n), X_AH, p, px, seen)
+def looks(corners: Sequence[Corners], X_AH: Array, target: CalibrationTarget, camera: Intrinsics) -> Looks:
+    """Collect pictures of one camera, one per entry: corners, and pose of the holder (N, 4, 4)."""
+    p, px, mask = padded(corners, target)
+    none = np.zeros(len(corners), dtype=np.int64)
+    return Looks((camera,), none, none, X_AH, p, px, mask > 0)
 
 
 def poses(place: PixelUnknowns, of: Looks) -> Array:
@@ -147,34 +135,28 @@ def adjust(of: Looks, start: PixelUnknowns, noise_px: float, *, scale: bool, len
         J[:size].reshape(n, -1, len(active)),
         (weight * r[:size]).reshape(n, -1),
         normal,
-        of.posture,
     )
 
 
 def jackknife(fit: Adjusted) -> Array:
-    """(P, P) covariance by leaving out each posture in turn, with one Newton step from the fit."""
-    postures = np.unique(fit.posture)
+    """(P, P) covariance by leaving out each picture in turn, with one Newton step from the fit."""
     moved = []
-    for posture in postures:
-        rows = fit.posture == posture
-        J, r = fit.J[rows].reshape(-1, fit.J.shape[-1]), fit.residual[rows].ravel()
+    for J, r in zip(fit.J, fit.residual, strict=True):
         left = fit.normal - J.T @ J
         scale = np.sqrt(np.diagonal(fit.normal)) + 1e-300
         solved = np.linalg.solve(left / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)), (J.T @ r) / scale)
         moved.append(solved / scale)
     steps = np.array(moved) - np.mean(moved, axis=0)
-    n = len(postures)
+    n = len(moved)
     return np.asarray((n - 1) / n * steps.T @ steps)
 
 
 def held_out_px(of: Looks, full: Adjusted, folds: int, *, scale: bool, lens: bool) -> Array:
-    """(N,) error in px of each picture, predicted by a fit without its fold."""
-    order = np.unique(of.posture, return_inverse=True)[1] % folds
+    """(N,) error in px of each picture, predicted by a fit without its fold; N is at least `folds`."""
+    order = np.arange(len(of.px)) % folds
     out = np.zeros(len(of.px))
     for fold in range(folds):
         rows = order == fold
-        if not rows.any():
-            continue
         without = adjust(of.take(~rows), full.place, full.noise_px, scale=scale, lens=lens)
         out[rows] = rms_px(without.place, of.take(rows))
     return out

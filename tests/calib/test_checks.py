@@ -213,21 +213,21 @@ def test_a_moved_camera_is_told_from_one_that_stands(true: Truth, solution: Solu
     rng = np.random.default_rng(seed)
     q = random_poses(rig.SETUP, true, forward, rig.BOUNDS, 3, rng)
     was = known(solution)
-    assert not drift(seen(rig.SETUP, true, forward, q, Quality(0.1, 5e-5), rng), rig.SETUP, forward, was).moved
+    assert not drift(seen(rig.SETUP, true, forward, q, Quality(0.1, 5e-5), rng), rig.SETUP, forward, *was).moved
     axis = rng.standard_normal(3)
     axis /= np.linalg.norm(axis)
     shifted = replace(true, X_AC=move(true.X_AC, np.concatenate([np.zeros(3), 2e-3 * axis])))
-    found = drift(seen(rig.SETUP, shifted, forward, q, Quality(0.1, 5e-5), rng), rig.SETUP, forward, was)
+    found = drift(seen(rig.SETUP, shifted, forward, q, Quality(0.1, 5e-5), rng), rig.SETUP, forward, *was)
     assert found.moved
     assert found.moved_mm == pytest.approx(2.0, abs=1.0)
     assert "calibrate again" in found.message
     turned = replace(true, X_AC=move(true.X_AC, np.concatenate([np.deg2rad(0.2) * axis, np.zeros(3)])))
-    assert drift(seen(rig.SETUP, turned, forward, q, Quality(0.1, 5e-5), rng), rig.SETUP, forward, was).moved
+    assert drift(seen(rig.SETUP, turned, forward, q, Quality(0.1, 5e-5), rng), rig.SETUP, forward, *was).moved
 
 
 def test_two_views_are_too_few_for_a_verdict(views: list[View], solution: Solution) -> None:
     with pytest.raises(TooFewViews):
-        drift(views[:2], rig.SETUP, forward, known(solution))
+        drift(views[:2], rig.SETUP, forward, *known(solution))
 
 
 def test_a_board_that_slipped_is_dated() -> None:

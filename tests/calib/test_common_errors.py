@@ -134,7 +134,7 @@ def test_a_view_with_corners_far_outside_its_picture_is_left_out(times: float) -
     found = solve(told_apart([spoilt, *others], SETUP, None), SETUP, None)
     assert [view.name for view in found.rejected] == [first.name]
     with pytest.raises(TooFewViews, match=f"view {first.name}"):
-        drift([spoilt, *others], SETUP, None, known(found))
+        drift([spoilt, *others], SETUP, None, *known(found))
 
 
 def test_a_matrix_that_cannot_be_inverted_means_degenerate_views(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,7 +147,7 @@ def test_a_matrix_that_cannot_be_inverted_means_degenerate_views(monkeypatch: py
     with pytest.raises(DegenerateViews):
         solve(views(0.0), SETUP, None)
     with pytest.raises(DegenerateViews):
-        drift(views(0.0), SETUP, None, known(found))
+        drift(views(0.0), SETUP, None, *known(found))
 
 
 def test_points_numbered_from_the_other_end_count_like_others() -> None:

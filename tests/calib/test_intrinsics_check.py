@@ -85,8 +85,9 @@ def test_two_cameras_and_two_mountings_at_once() -> None:
     )
     views = [*real_views.views(0), *real_views.views(2)]
     which = [0] * len(real_views.views(0)) + [1] * len(real_views.views(2))
-    of = looks([v.corners for v in views], np.stack([v.X_BF for v in views]), target, cameras, which)
-    of = replace(of, mounting=np.asarray(which, dtype=np.int64))
+    of = looks([v.corners for v in views], np.stack([v.X_BF for v in views]), target, cameras[0])
+    index = np.asarray(which, dtype=np.int64)
+    of = replace(of, cameras=tuple(cameras), camera=index, mounting=index)
     px = np.concatenate(
         [project(cameras[k], poses(truth, of)[of.camera == k], 0.8 * of.p_M_m[of.camera == k]) for k in (0, 1)]
     )

@@ -32,7 +32,7 @@ from sim.lab.arm import laid_board, touching_q_rad
 from sim.lab.board import HeldBoard
 from sim.lab.kinect import default_X_BC
 from sim.panda.tool import cell_as_shipped
-from sim.panda.visits import nearest_first, postures
+from sim.panda.visits import postures
 from sim.tasks import get_task
 
 CAMERA = Intrinsics(640, 360, np.array([[413.0, 0, 319.0], [0, 413.0, 181.0], [0, 0, 1]]))
@@ -216,8 +216,7 @@ def rig(
         board=board,
         X_FM=_HELD.X_FM,
         rough_X_BC=X_BC,
-        ways=Ways(lambda X_BF: [None] * len(X_BF), nearest_first, way),
-        flange=forward,
+        ways=Ways(lambda X_BF: [None] * len(X_BF), way),
         pause=lambda _: None,
         hands=hands,
     )

@@ -35,7 +35,6 @@ from calib.errors import CalibrationRejected
 from calib.geometry import angle_deg, distance_mm
 from calib.saved import SavedCalibration
 from hw.collision import camera_box
-from hw.kinematics import forward
 from hw.types import Array
 from perception.board import draw
 from perception.board.types import Board
@@ -72,7 +71,7 @@ def calibrated(world: World, seed: int, spoilt: float, folder: Path) -> tuple[Sa
         rig = CalibrationRig(
             "fake", "lab", "lab", lab.arm, lab.camera, board, print_of.X_FM, rough,
             ways(cell, home_rad),
-            forward, lambda _: None, lab.hands,
+            lambda _: None, lab.hands,
         )  # fmt: skip
         screen = Screen(console=Console(file=io.StringIO()))
         going = visits.Automatic(rig, screen, visits.plan(rig, 25), home_rad, unattended=True)

@@ -157,12 +157,6 @@ def test_the_infrared_board_shows_where_the_depth_camera_stands(
     assert skipped.verdict is Grade.NOT_MEASURED
 
 
-def test_a_touched_point() -> None:
-    p = np.array([0.7, 0.1, 0.0])
-    assert checks.touched_point(p, p + np.array([0.002, 0, 0]), 0.5).verdict is Grade.GOOD
-    assert checks.touched_point(p, p + np.array([0.02, 0, 0]), 0.5).verdict is Grade.BAD
-
-
 def _swing(true: Truth, views: list[View], late_s: float) -> tuple[list[tuple[float, Corners]], Array, Array]:
     """A board that swings for 1.2 s, filmed at 30 Hz by a camera whose stamps are late."""
     rng = np.random.default_rng(11)

@@ -1,4 +1,4 @@
-"""Three real cameras around one arm: one target pose shared."""
+"""Three real cameras around one arm, and one small marker of unknown size: each alone, and one target pose shared."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ import real_views
 from calib.errors import TooFewViews, UnusableViews
 from calib.foreign.several import CameraViews, Together, solve_together
 from calib.foreign.sizing import solve_any_size
-from calib.types import Mounting
+from calib.geometry import distance_mm
+from calib.types import Mounting, Setup
 from hw.types import Array
 
 
@@ -68,3 +69,24 @@ def test_folders_that_do_not_belong_together_are_refused() -> None:
     known = replace(three.setup, size_known=True, board=three.setup.board.scaled(0.8))
     with pytest.raises(UnusableViews, match="different targets"):
         solve_together([two, replace(three, setup=known)])
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_each_camera_by_itself(number: int) -> None:
+    """A marker is printed with a size in whole millimetres: 40 here, by the arm's motion to half a per cent."""
+    solution, setup = solve_any_size(real_views.views(number), real_views.setup(number), None)
+    assert len(solution.used) == len(real_views.corners(number))
+    assert solution.held_out_px < 0.8
+    assert 39.5 < 1e3 * setup.board.spacing_m < 40.2
+    assert solution.square_scale == pytest.approx(1.0, abs=2e-4)
+    assert solution.square_scale_sigma < 5e-3
+    assert solution.uncertainty.worst_95_mm < 10.0
+
+
+def test_a_wrong_guess_of_the_size_ends_in_the_same_place() -> None:
+    known = real_views.setup(2)
+    one, one_setup = solve_any_size(real_views.views(2), known, None)
+    large = Setup(Mounting.FIXED, known.board.scaled(9.0), known.colour, size_known=False)
+    other, other_setup = solve_any_size(real_views.views(2), large, None)
+    assert other_setup.board.spacing_m == pytest.approx(one_setup.board.spacing_m, rel=1e-3)
+    assert distance_mm(one.X_AC, other.X_AC) < 0.5

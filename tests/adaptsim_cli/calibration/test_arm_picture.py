@@ -83,13 +83,9 @@ def test_solving_leaves_the_picture_beside_the_report(folder: Path, tmp_path: Pa
         assert (tmp_path / name).with_suffix(".residuals.csv").is_file()
 
 
-def test_an_arm_of_unknown_looks_is_not_drawn(tmp_path: Path) -> None:
-    unknown = real_views.picture_folder(tmp_path)
+def test_an_arm_of_unknown_looks_and_views_without_pictures_are_refused(tmp_path: Path) -> None:
     with pytest.raises(UnusableViews, match='write arm = "panda"'):
-        running.overlay(unknown, None, as_json=False)
-
-
-def test_views_without_pictures_cannot_be_drawn_into(tmp_path: Path) -> None:
+        running.overlay(real_views.picture_folder(tmp_path / "unknown"), None, as_json=False)
     bare = real_views.corner_folder(tmp_path, extra='arm = "panda"')
     with pytest.raises(UnusableViews, match="no pictures"):
         running.overlay(bare, None, as_json=False)

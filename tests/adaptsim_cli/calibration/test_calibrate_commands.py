@@ -24,7 +24,6 @@ from adaptsim_cli.calibration.visits import Automatic, HandGuided
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.preflight import calibration_check
 from adaptsim_cli.wiring import calibration as wiring_calibration
-from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from calib.types import HandEye
 from hw.errors import CameraError
@@ -144,13 +143,6 @@ def test_nothing_to_check_and_no_terminal_are_said(
     assert "no terminal" in told(capfd)
 
 
-def test_a_real_arm_needs_its_driver_and_a_calibration(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    (place / "rig.toml").write_text('name = "lab"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n')
-    resolved = config.load({"hw": "panda"})
-    with pytest.raises(CalibrationMissing, match="adaptsim calibrate --hw panda"):
-        wiring_calibration.calibration_of(resolved.config, resolved.places, None)
-
-
 def test_an_operator_who_is_asked_once_may_stop(
     bench: ToyBench, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -240,14 +232,6 @@ def test_a_pdf_has_the_size_of_the_paper(place: Path) -> None:
 def test_views_from_elsewhere_that_are_not_there_end_with_8(capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run(["calibrate", "solve", "nowhere"]) == 8
     assert "there is no folder" in told(capfd)
-
-
-def test_every_command_has_help_with_an_example(capfd: pytest.CaptureFixture[str]) -> None:
-    for command in ([], ["board"], ["check"], ["solve"]):
-        assert app.run(["calibrate", *command, "--help"]) == 0
-        text = capfd.readouterr().out
-        assert "Example: adaptsim calibrate" in text
-        assert "--json" in text
 
 
 def test_an_old_calibration_is_warned_of() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from dataclasses import replace
@@ -177,35 +176,6 @@ def test_a_full_disk_is_said_and_what_is_there_stays(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.long
-def test_an_arm_that_creeps_is_asked_again(tmp_path: Path) -> None:
-    bench, screen = ToyBench(), quiet()
-
-    def touched(bench: ToyBench, picture: int) -> None:
-        if picture == 5:
-            bench.q_rad = bench.q_rad + 1e-3
-
-    bench.hooks = [touched]
-    solved, _ = run(tmp_path, bench, screen=screen)
-    assert "1.00 mrad" in said(screen)
-    assert len(solved.record.views) == 12
-    assert off_mm(solved.record.X_AC) < 1.5
-
-
-@pytest.mark.long
-def test_a_view_that_never_rests_is_left_out_by_name(tmp_path: Path) -> None:
-    bench, screen = ToyBench(), quiet()
-
-    def shaken(bench: ToyBench, picture: int) -> None:
-        if picture in (5, 6, 7):
-            bench.q_rad = bench.q_rad + 1e-3
-
-    bench.hooks = [shaken]
-    solved, _ = run(tmp_path, bench, screen=screen)
-    assert "view 004" in said(screen)
-    assert len(solved.record.views) == 11
-
-
-@pytest.mark.long
 def test_a_picture_of_another_time_is_not_paired(tmp_path: Path) -> None:
     bench, screen = ToyBench(), quiet()
 
@@ -218,21 +188,43 @@ def test_a_picture_of_another_time_is_not_paired(tmp_path: Path) -> None:
     assert "12 of 12" in said(screen)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(("shaken", "told", "views"), [((5,), "1.00 mrad", 12), ((5, 6, 7), "view 004", 11)])
+def test_an_arm_that_creeps_is_asked_again_and_a_view_that_never_rests_left_out(
+    shaken: tuple[int, ...], told: str, views: int, tmp_path: Path
+) -> None:
+    bench, screen = ToyBench(), quiet()
+
+    def creep(bench: ToyBench, picture: int) -> None:
+        if picture in shaken:
+            bench.q_rad = bench.q_rad + 1e-3
+
+    bench.hooks = [creep]
+    solved, _ = run(tmp_path, bench, screen=screen)
+    assert told in said(screen)
+    assert len(solved.record.views) == views
+    assert off_mm(solved.record.X_AC) < 1.5
+
+
+@pytest.mark.parametrize(
+    ("bench", "error", "named"),
+    [
+        (ToyBench(printed=Board(7, 5, 0.040, 0.030, "5x5_100")), WrongBoard, "5x5"),
+        (ToyBench(paint=lambda image: np.ascontiguousarray(image[:, ::-1])), BoardMirrored, "mirror"),
+    ],
+)
+def test_another_board_and_a_mirrored_picture_are_named(
+    bench: ToyBench, error: type[Exception], named: str, tmp_path: Path
+) -> None:
+    with pytest.raises(error, match=named):
+        run(tmp_path, bench)
+
+
 def test_without_a_board_it_says_so(tmp_path: Path) -> None:
     screen = quiet()
     with pytest.raises(TooFewViews, match="board"):
         run(tmp_path, ToyBench(paint=lambda image: np.full_like(image, 120)), places(12)[:3], screen)
     assert "0 of the board's 17 markers" in said(screen)
-
-
-def test_another_board_is_named(tmp_path: Path) -> None:
-    with pytest.raises(WrongBoard, match="5x5"):
-        run(tmp_path, ToyBench(printed=Board(7, 5, 0.040, 0.030, "5x5_100")))
-
-
-def test_a_mirrored_picture_is_named(tmp_path: Path) -> None:
-    with pytest.raises(BoardMirrored, match="mirror"):
-        run(tmp_path, ToyBench(paint=lambda image: np.ascontiguousarray(image[:, ::-1])))
 
 
 @pytest.mark.long
@@ -364,10 +356,3 @@ def edit(folder: Path, old: str, new: str) -> None:
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
-
-
-def test_the_result_does_not_depend_on_how_views_are_called(copied: Path, done: Done) -> None:
-    record = json.loads((copied / "view-001.json").read_text())
-    (copied / "view-001.json").rename(copied / "view-zz.json")
-    assert record["image"] == "view-001.png"
-    assert off_mm(solve(copied).record.X_AC) < 1.5

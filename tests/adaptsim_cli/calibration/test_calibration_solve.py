@@ -95,11 +95,3 @@ def test_what_is_swapped_or_mistyped_is_named(view: dict[str, object], message: 
     (tmp_path / "view-1.json").write_text(json.dumps({"image": "shot.jpg", **view}))
     with pytest.raises(ViewFolderError, match=message):
         read_folder(tmp_path)
-
-
-def test_a_picture_of_another_resolution_is_named(tmp_path: Path) -> None:
-    (tmp_path / "setup.toml").write_text(SETUP)
-    cv2.imwrite(str(tmp_path / "a.png"), np.zeros((300, 400, 3), np.uint8))
-    (tmp_path / "view-1.json").write_text(json.dumps({"image": "a.png", **pose(np.eye(4))}))
-    with pytest.raises(ViewFolderError, match=r"400 x 300, the intrinsics in setup\.toml are for 800 x 600"):
-        read_folder(tmp_path)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import real_views
-from real_views import X_BF, as_told, corner_folder, postures_rad
+from real_views import X_BF, corner_folder, postures_rad
 from scipy.spatial.transform import Rotation
 
 from adaptsim_cli.calibration.solving import Solved, solve_folder
@@ -220,7 +220,3 @@ def test_one_view_that_shows_nothing_or_is_damaged_costs_only_itself(tmp_path: P
     assert distance_mm(np.array(found.record.X_AC), reference) < 3.0
     assert found.record.board.kind == "marker"
     assert 39.5 < found.record.board.marker_mm < 40.2
-
-
-def test_what_the_recording_tells_is_what_the_helper_writes() -> None:
-    assert as_told(X_BF[0])["position_m"] == pytest.approx(X_BF[0, :3, 3])

@@ -44,6 +44,7 @@ from adaptsim_cli.wiring import session as wiring
 from adaptsim_cli.wiring.session import open_trials
 from calib.errors import CalibrationMissing
 from hw.errors import HandError
+from hw.kinematics import forward
 from hw.ports import Arm, AroundArm
 from hw.types import Execution, JointPath
 from perception.board.types import Board
@@ -303,7 +304,7 @@ def test_a_calibration_is_planned_over_the_table_of_the_rig_file(place: Path) ->
         there, devices = resolved(place, RIG + text), ToyDevices()
         with wiring_calibration.open_calibration_rig(there.config, Board(), None, devices.drivers()) as rig:
             assert (devices.opened["arm"]["cell"].table.height_m == 0.0) == free
-            (found,) = rig.ways.postures(rig.flange(low_rad[None]))
+            (found,) = rig.ways.postures(forward(low_rad[None]))
             assert (found is not None) == free
             if free:
                 rig.ways.way(home_rad, low_rad)

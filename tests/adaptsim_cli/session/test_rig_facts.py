@@ -1,0 +1,122 @@
+"""What a rig says around a trial: a picture that has changed, facts that cannot be stored; and a slow pace, which is a
+rehearsal.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+from toy_rig import ToyLab, on_rig, toy_parts
+from toy_session import ScriptedOperator, attended, resolved, silent, unattended
+
+from adaptsim_cli import app
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session import running
+from adaptsim_cli.session.flow import RunningSession, run_iteration
+from adaptsim_cli.session.on_rig import OnRig
+from adaptsim_cli.session.preflight import drift
+from adaptsim_cli.session.records import RigFacts, TrialKey
+from hw.errors import Rehearsed
+
+
+def facts(grey: float | None = 84.0, exposure_us: int = 8330, told: bool = True) -> RigFacts:
+    film = {"exposure_us_and_white_balance_K": [[exposure_us, 4500]]} if told else None
+    return RigFacts(brightness=grey, camera={"serial": "1", "recording": film})
+
+
+@pytest.mark.parametrize("now", [facts(), facts(90.0), facts(None), facts(told=False), RigFacts()])
+def test_what_stays_is_not_said(now: RigFacts) -> None:
+    assert drift(facts(), now) is None
+    assert drift(RigFacts(), now) is None
+
+
+@pytest.mark.parametrize(
+    ("now", "said"),
+    [
+        (facts(65.0), "23% darker than in the first trial (84 then, 65 of 255 now; at most 15%)"),
+        (facts(120.0), "43% brighter"),
+        (facts(exposure_us=2500), "are 2500 µs and 4500 K, 8330 µs and 4500 K in the first trial"),
+    ],
+)
+def test_what_drifts_is_said(now: RigFacts, said: str) -> None:
+    assert said in str(drift(facts(), now))
+
+
+@dataclass
+class Attendant:
+    """An attendant who gives these facts, trial by trial."""
+
+    told: Iterator[RigFacts]
+
+    def recover(self) -> None: ...
+
+    def prepare(self, what: str) -> None: ...
+
+    def facts(self) -> RigFacts:
+        return next(self.told)
+
+
+def test_a_session_says_it_after_the_trial_and_keeps_what_the_rig_said(tmp_path: Path) -> None:
+    said = io.StringIO()
+    session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
+    exposed = (
+        facts(None, exposure_us).model_copy(update={"pedal": "waived"}) for exposure_us in (8330, 8330, 2500, 2500)
+    )
+    rig = replace(on_rig(session.parts).rig, attendant=Attendant(exposed))
+    parts = replace(session.parts, target=replace(on_rig(session.parts), rig=rig))
+    run_iteration(replace(session, parts=parts, screen=Screen(console=Console(file=said, width=300))))
+    assert said.getvalue().count("The camera's picture has changed: exposure and white balance are 2500 µs") == 2
+    kept = list(session.store.rigs())
+    assert [rig.pedal for rig in kept] == ["waived"] * 4
+    assert [rig.brightness for rig in kept] == [40.0] * 4
+
+
+KEY, CONTEXT, ACTION = TrialKey(1, 0), np.array([0.68, 0.0]), np.array([0.5])
+
+
+def slow(pace: float) -> OnRig:
+    target = on_rig(toy_parts(ToyLab(0)))
+    return replace(target, rig=replace(target.rig, pace=pace))
+
+
+@pytest.mark.parametrize("pace", [0.1, 0.5, 1.0])
+def test_below_full_pace_nothing_is_learnt_and_everybody_says_so(pace: float) -> None:
+    target = slow(pace)
+    planned = target.plan(target.place(CONTEXT, KEY, unattended()), ACTION)
+    assert ("nothing is learnt" in planned.summary) == (pace < 1.0)
+    executed = target.execute(planned)
+    assert isinstance(executed.stopped, Rehearsed) == (pace < 1.0)
+    assert "recording.mcap" in executed.stored()[0]
+
+
+def test_a_rehearsed_trial_does_not_count_and_ends_the_command(tmp_path: Path) -> None:
+    parts = toy_parts(ToyLab(0))
+    target = on_rig(parts)
+    parts = replace(parts, target=replace(target, rig=replace(target.rig, pace=0.3)))
+    settings = resolved(tmp_path)
+    store = running.begin(settings.places.sessions, "s", settings.config, parts)
+    with pytest.raises(Rehearsed, match=r"pace 0\.3 .*nothing is learnt .*without --pace") as raised:
+        run_iteration(RunningSession(store, parts, unattended(), silent()))
+    assert app.exit_code(raised.value) == 7
+    existing = store.existing()
+    assert existing.completed == {} or not existing.completed
+    assert len(existing.rejected) == 1
+
+
+def test_facts_that_cannot_be_stored_do_not_lose_the_recording() -> None:
+    target = slow(1.0)
+    rig = replace(target.rig, attendant=Attendant(iter([RigFacts().model_copy(update={"object_mass_kg": math.nan})])))
+    target = replace(target, rig=rig)
+    files = target.execute(target.plan(target.place(CONTEXT, KEY, unattended()), ACTION)).stored()[0]
+    assert "recording.mcap" in files
+    kept = json.loads(files["rig.json"])
+    assert kept["object_mass_kg"] is None
+    assert "JSON" in kept["problem"]

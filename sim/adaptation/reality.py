@@ -3,7 +3,7 @@
 1. A *simulator* is the emulator at one set of parameters. Each trial weighs it: by its trajectory, by whether it
    succeeded, and by where a success ended.
 2. No parameters describe reality exactly. Its discrepancy in the chance of success and in the end state is a smooth
-function of the action (`sim.adaptation.discrepancy`). It explains a residual that several trials share; only the
+function of the action (`Discrepancy`). It explains a residual that several trials share; only the
 unexplained rest weighs simulators.
 3. Many pairs of a simulator and such functions are drawn. Each predicts the reward of any action in any context;
 together they give the expected reward and its uncertainty.
@@ -16,10 +16,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 from scipy.special import logsumexp
 
 from hw.types import Array, frozen_array
-from sim.adaptation.discrepancy import Discrepancy, Scale
 from sim.adaptation.method import Trial
 from sim.adaptation.reward_table import RewardTable
 from sim.rollouts.draws import Disturbances, cover, sobol, varies
@@ -36,6 +36,82 @@ DRAWS = 4
 
 ACTIONS, REFINED = 256, 16
 """Number of actions that fill their ranges, and number of those around the best one."""
+
+LENGTH = 0.3
+"""Distance, in fractions of the actions' ranges, over which a discrepancy varies."""
+
+FREEDOM = 4.0
+"""Degrees of freedom of Student's t for residuals, so that one outlier does not outweigh all others."""
+
+FEATURES = 256
+"""Number of cosines in a drawn function."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Standard deviations of a discrepancy before any trial."""
+
+    level: float  # the same for all actions
+    local: float  # varies over `LENGTH`
+
+    def times(self, factor: float) -> Scale:
+        """Both, multiplied."""
+        return Scale(self.level * factor, self.local * factor)
+
+    def kernel(self, a: Array, b: Array) -> Array:
+        """(A, d), (B, d) in fractions of ranges -> (A, B) covariances."""
+        squared = ((a[:, None] - b[None]) ** 2).sum(axis=-1)
+        return np.asarray(self.level**2 + self.local**2 * np.exp(-0.5 * squared / LENGTH**2))
+
+
+@dataclass(frozen=True, eq=False)
+class Discrepancy:
+    """One discrepancy between reality and a simulator, conditioned on residuals: observations of trials minus
+    predictions. A smooth function of the action, a Gaussian process (Kennedy & O'Hagan 2001).
+
+    A misaligned mount, a bent blade or a tilted table has the same effect on similar actions. So a residual of a trial
+    is expected of nearby actions too, and less so the farther away they are.
+
+    Actions and noise of the trials are the same for every candidate simulator, so all are conditioned at once:
+    Rasmussen & Williams 2006, eq. 2.30.
+    """
+
+    scale: Scale
+    at: Array  # (N, d) actions in fractions of their ranges
+    noise: Array  # (N,) variance of each residual
+
+    def evidence(self, residuals: Array) -> Array:
+        """(N, K) residuals of K simulators -> (K,) log-evidence, up to a constant common to all scales."""
+        if not len(self.at):
+            return np.zeros(residuals.shape[1])
+        volume = np.log(self._factor[0].diagonal()).sum()
+        squared = (residuals * cho_solve(self._factor, residuals)).sum(axis=0)
+        return np.asarray(-0.5 * (FREEDOM + len(self.at)) * np.log1p(squared / FREEDOM) - volume)
+
+    def drawn(self, actions: Array, residuals: Array, seed: int) -> Array:
+        """(A, d), (N, K) -> (A, K): one function drawn for each simulator; the same seed gives the same functions.
+
+        A draw from the prior, corrected by its error at the trials (Wilson et al. 2020, eq. 13).
+        """
+        rng, k = np.random.default_rng(seed), residuals.shape[1]
+        weights, d = rng.standard_normal((1 + FEATURES, k)), actions.shape[1]
+        waves, phases = rng.standard_normal((d, FEATURES)) / LENGTH, 2.0 * np.pi * rng.random(FEATURES)
+
+        def before(at: Array) -> Array:
+            local = np.cos(at @ waves + phases) * (2.0 / FEATURES) ** 0.5  # Rahimi & Recht 2007
+            return np.asarray(self.scale.level * weights[0] + self.scale.local * local @ weights[1:])
+
+        if not len(self.at):
+            return before(actions)
+        error = self.noise[:, None] ** 0.5 * rng.standard_normal((len(self.at), k))
+        missed = residuals - before(self.at) - error
+        return np.asarray(before(actions) + self.scale.kernel(actions, self.at) @ cho_solve(self._factor, missed))
+
+    @cached_property
+    def _factor(self) -> tuple[Array, bool]:
+        factor: tuple[Array, bool] = cho_factor(self.scale.kernel(self.at, self.at) + np.diag(self.noise))
+        return factor
+
 
 SUCCESS = Scale(level=0.1, local=0.25)
 """Prior scale of the discrepancy in the chance of success."""
@@ -152,81 +228,6 @@ class Simulators:
 
 
 @dataclass(frozen=True, eq=False)
-class _Evidence:
-    """Trials, prepared to weigh simulators and to condition the discrepancies."""
-
-    simulators: Simulators
-    trials: tuple[Trial, ...]
-
-    @cached_property
-    def grid(self) -> Array:
-        """(T,) probabilities of `Simulators.truths`."""
-        return _weights(self.log_posterior(self.simulators.on_grid(self.trials)))
-
-    def log_posterior(self, predicted: _Predicted) -> Array:
-        """(K,) log-posterior, up to a constant; the prior is uniform over the margin."""
-        total = predicted.log_likelihood.sum(axis=0) + self.success.evidence(self.missed(predicted))
-        for axis, residuals in enumerate(self.off(predicted)):
-            total = total + self.ends[axis].evidence(residuals)
-        return np.asarray(total)
-
-    def missed(self, predicted: _Predicted) -> Array:
-        """(N, K) observed success minus predicted chance."""
-        return self._succeeded[:, None] - predicted.success
-
-    def off(self, predicted: _Predicted) -> list[Array]:
-        """For each end-state quantity, (successes, K): observed minus predicted."""
-        shown = np.array([t.end_state for t in self.trials if t.end_state is not None]).reshape(-1, self._k)
-        residuals = shown[:, None] / self.simulators.end_unit - predicted.end[self._succeeded]
-        return [residuals[..., axis] for axis in range(self._k)]
-
-    @cached_property
-    def success(self) -> Discrepancy:
-        """The discrepancy in the chance of success."""
-        expected = self._on_average.success @ self._by_path
-        noise = expected * (1.0 - expected) + LEAST_CHANCE_STD**2
-        return self._likeliest(SUCCESS, self._at, noise, self.missed(self._on_average))
-
-    @cached_property
-    def ends(self) -> list[Discrepancy]:
-        """The discrepancy in each end-state quantity."""
-        spread = np.einsum("nkd,k->nd", self._on_average.spread[self._succeeded], self._by_path) + LEAST_END_STD**2
-        at, off = self._at[self._succeeded], self.off(self._on_average)
-        return [self._likeliest(END, at, spread[:, axis], off[axis]) for axis in range(self._k)]
-
-    def _likeliest(self, scale: Scale, at: Array, noise: Array, residuals: Array) -> Discrepancy:
-        """The discrepancy with the multiple of `scale` that best explains residuals (N, T) over all simulators
-        (empirical Bayes).
-        """
-        known = [Discrepancy(scale.times(factor), at, noise) for factor in FACTORS]
-        paths = self._on_average.log_likelihood.sum(axis=0)
-        explained = [logsumexp(paths + one.evidence(residuals)) for one in known]
-        before = -0.5 * (np.log(FACTORS) / FACTORS_STD) ** 2
-        return known[int(np.argmax(explained + before))]
-
-    @cached_property
-    def _on_average(self) -> _Predicted:
-        return self.simulators.on_grid(self.trials)
-
-    @cached_property
-    def _by_path(self) -> Array:
-        """(T,) weights by the trajectories only; the noise of trials is averaged with them."""
-        return _weights(self._on_average.log_likelihood.sum(axis=0))
-
-    @cached_property
-    def _at(self) -> Array:
-        return self.simulators.task.action.normalise(np.array([t.action for t in self.trials]))
-
-    @cached_property
-    def _succeeded(self) -> Array:
-        return np.array([t.end_state is not None for t in self.trials])
-
-    @property
-    def _k(self) -> int:
-        return len(self.simulators.end_unit)
-
-
-@dataclass(frozen=True, eq=False)
 class Reality:
     """Possible realities after some trials: `KEPT` equally likely draws of a simulator and its discrepancies."""
 
@@ -235,10 +236,14 @@ class Reality:
 
     @cached_property
     def weights(self) -> Array:
-        """(T,) probabilities of `Simulators.truths`."""
-        if self._evidence is None:
+        """(T,) probabilities of `Simulators.truths`: their posterior; the prior is uniform over the margin."""
+        if not self.trials:
             return np.full(len(self.simulators.truths), 1.0 / len(self.simulators.truths))
-        return self._evidence.grid
+        predicted = self._on_average
+        log = predicted.log_likelihood.sum(axis=0) + self._success.evidence(self._missed(predicted))
+        for discrepancy, residuals in zip(self._ends, self._off(predicted), strict=True):
+            log = log + discrepancy.evidence(residuals)
+        return _weights(log)
 
     @cached_property
     def parameters(self) -> Array:
@@ -273,18 +278,68 @@ class Reality:
     @cached_property
     def _added(self) -> list[tuple[Discrepancy, Array]]:
         """The conditioned discrepancies in the chance of success and in each end-state quantity."""
-        evidence = self._evidence
-        if evidence is None:
+        if not self.trials:
             a, k = len(self.simulators.task.action), len(self.simulators.end_unit)
             nothing = [Discrepancy(scale, np.zeros((0, a)), np.zeros(0)) for scale in (SUCCESS, *[END] * k)]
             return [(unknown, np.zeros((0, KEPT))) for unknown in nothing]
         predicted = self.simulators.predict(self.trials, self.parameters)
-        known = [(evidence.success, evidence.missed(predicted))]
-        return known + list(zip(evidence.ends, evidence.off(predicted), strict=True))
+        ends = zip(self._ends, self._off(predicted), strict=True)
+        return [(self._success, self._missed(predicted)), *ends]
+
+    def _missed(self, predicted: _Predicted) -> Array:
+        """(N, K) observed success minus predicted chance."""
+        return self._succeeded[:, None] - predicted.success
+
+    def _off(self, predicted: _Predicted) -> list[Array]:
+        """For each end-state quantity, (successes, K): observed minus predicted."""
+        shown = np.array([t.end_state for t in self.trials if t.end_state is not None]).reshape(-1, self._k)
+        residuals = shown[:, None] / self.simulators.end_unit - predicted.end[self._succeeded]
+        return [residuals[..., axis] for axis in range(self._k)]
 
     @cached_property
-    def _evidence(self) -> _Evidence | None:
-        return _Evidence(self.simulators, self.trials) if self.trials else None
+    def _success(self) -> Discrepancy:
+        """The discrepancy in the chance of success."""
+        expected = self._on_average.success @ self._by_path
+        noise = expected * (1.0 - expected) + LEAST_CHANCE_STD**2
+        return self._likeliest(SUCCESS, self._at, noise, self._missed(self._on_average))
+
+    @cached_property
+    def _ends(self) -> list[Discrepancy]:
+        """The discrepancy in each end-state quantity."""
+        spread = np.einsum("nkd,k->nd", self._on_average.spread[self._succeeded], self._by_path) + LEAST_END_STD**2
+        at, off = self._at[self._succeeded], self._off(self._on_average)
+        return [self._likeliest(END, at, spread[:, axis], off[axis]) for axis in range(self._k)]
+
+    def _likeliest(self, scale: Scale, at: Array, noise: Array, residuals: Array) -> Discrepancy:
+        """The discrepancy with the multiple of `scale` that best explains residuals (N, T) over all simulators
+        (empirical Bayes).
+        """
+        known = [Discrepancy(scale.times(factor), at, noise) for factor in FACTORS]
+        paths = self._on_average.log_likelihood.sum(axis=0)
+        explained = [logsumexp(paths + one.evidence(residuals)) for one in known]
+        before = -0.5 * (np.log(FACTORS) / FACTORS_STD) ** 2
+        return known[int(np.argmax(explained + before))]
+
+    @cached_property
+    def _on_average(self) -> _Predicted:
+        return self.simulators.on_grid(self.trials)
+
+    @cached_property
+    def _by_path(self) -> Array:
+        """(T,) weights by the trajectories only; the noise of trials is averaged with them."""
+        return _weights(self._on_average.log_likelihood.sum(axis=0))
+
+    @cached_property
+    def _at(self) -> Array:
+        return self.simulators.task.action.normalise(np.array([t.action for t in self.trials]))
+
+    @cached_property
+    def _succeeded(self) -> Array:
+        return np.array([t.end_state is not None for t in self.trials])
+
+    @property
+    def _k(self) -> int:
+        return len(self.simulators.end_unit)
 
 
 @dataclass(frozen=True, eq=False)

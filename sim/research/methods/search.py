@@ -5,8 +5,12 @@ Trajectories and contexts are not used, so the difference to `adaptsim-belief` s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
+from importlib.util import find_spec
+from io import StringIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +19,7 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, prospects_of
 from sim.adaptation.method import Iteration, Particle
 from sim.adaptation.reward_table import RewardTable
+from sim.errors import ExtraMissing
 from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
@@ -60,8 +65,6 @@ class RandomSearch:
 
 def create_bo(task: Task, checkpoint: Checkpoint | None) -> BayesianOptimisation:
     """The method's entry in `METHODS`; it needs no checkpoint. Raises ExtraMissing."""
-    from sim.research.methods.extras import require  # noqa: PLC0415 - loads torch
-
     require("bo", "botorch", "bo")
     return BayesianOptimisation(task)
 
@@ -97,8 +100,6 @@ class BayesianOptimisation:
 def _maximise(tried: Array, rewards: Array, std: float, candidates: Array, n: int, seed: int) -> list[int]:
     """Indices of the `n` of `candidates` (C, p) with the largest joint improvement over `tried` (N, p), (N,)."""
     import torch  # noqa: PLC0415 - slow to load
-
-    from sim.research.methods.extras import calculating  # noqa: PLC0415 - loads torch
 
     with calculating(seed):
         from botorch.acquisition.logei import qLogNoisyExpectedImprovement  # noqa: PLC0415 - an extra, slow to load
@@ -180,3 +181,29 @@ def _condition(
     shared = covariance[:, at]
     gain = np.linalg.solve(covariance[np.ix_(at, at)] + np.diag(noise), shared.T).T
     return mean + gain @ (values - mean[at]), covariance - gain @ shared.T
+
+
+def require(method: str, package: str, extra: str) -> None:
+    """Raises ExtraMissing, with the line that installs it, unless `package` is installed. Imports nothing."""
+    if find_spec(package) is None:
+        raise ExtraMissing(
+            f"{method} needs the package {package}, which is not installed: install the extra with "
+            f"pip install 'adaptsim[{extra}]'"
+        )
+
+
+@contextmanager
+def calculating(seed: int) -> Iterator[None]:
+    """Inside, torch draws from `seed` and computes on one thread, and the packages print nothing.
+
+    So results are the same on every machine, and torch's generator is unchanged afterwards.
+    """
+    import torch  # noqa: PLC0415 - slow to load
+
+    from sim.solvers.threads import one_thread  # noqa: PLC0415
+
+    silent = redirect_stdout(StringIO())  # sbi reports training on stdout, which is for data
+    with torch.random.fork_rng(devices=[]), one_thread(), warnings.catch_warnings(), silent:
+        warnings.simplefilter("ignore")
+        torch.manual_seed(seed)
+        yield

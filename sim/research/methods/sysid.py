@@ -23,7 +23,7 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle, Trial
 from sim.errors import CheckpointError
-from sim.research.methods.extras import calculating, require
+from sim.research.methods.search import calculating, require
 from sim.rollouts.draws import sobol
 from sim.solvers.misfit import LEAST_STD
 from sim.solvers.solver import Solver

@@ -78,7 +78,7 @@ def test_what_cannot_be_compared_is_said_before_anything_runs(capsys, home):
 
 
 def test_a_missing_extra_gives_its_install_line(capsys, monkeypatch):
-    monkeypatch.setattr("sim.research.methods.extras.find_spec", lambda name: None)
+    monkeypatch.setattr("sim.research.methods.search.find_spec", lambda name: None)
     assert run([*PENDULUM, "--methods", "all"]) == 3
     assert "pip install 'adaptsim[" in said(capsys)[1]
 

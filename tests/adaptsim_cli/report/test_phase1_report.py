@@ -177,21 +177,6 @@ def test_a_whole_report_names_every_number(verification: Verification, tmp_path:
         name = f"phase1-pendulum-{picture}.png"
         assert f"(figures/{name})" in text
         assert (tmp_path / "figures" / name).stat().st_size < 200_000
-    assert _ragged(text) == []
-
-
-def _ragged(text: str) -> list[str]:
-    """Lines of tables that have another number of columns than their table's first."""
-    found: list[str] = []
-    columns = 0
-    for line in text.splitlines():
-        if not line.startswith("|"):
-            columns = 0
-        elif columns == 0:
-            columns = line.count("|")
-        elif line.count("|") != columns:
-            found.append(line)
-    return found
 
 
 def _pairs(rng: np.random.Generator, noise: float) -> Pairs:

@@ -128,19 +128,6 @@ def test_a_session_finds_its_own_calibration_among_all_that_are_kept(settings: R
         own("f" * 64, replace(settings.places))
 
 
-def test_a_place_just_below_zero_is_printed_without_a_sign(
-    settings: Resolved, capfd: pytest.CaptureFixture[str]
-) -> None:
-    X_AC = np.array(calibration().X_AC)
-    X_AC[1, 3] = -1e-9
-    known = calibration().model_copy(update={"X_AC": tuple(tuple(map(float, row)) for row in X_AC)})
-    calibrations(settings.config, settings.places).save(known, b"<p>")
-    assert run(["calibrate", "show", "1", *WORLD]) == 0
-    told = out(capfd)
-    assert ", 0.0000, " in told
-    assert "-0.0000" not in told
-
-
 def test_a_tool_without_corners_takes_the_table_from_the_touch_off_of_another_tool(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

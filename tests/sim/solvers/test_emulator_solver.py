@@ -8,7 +8,7 @@ from toy_task import PARAMETERS, TOY, best_action
 from sim.adaptation.methods.udr import Udr
 from sim.errors import NotExecutable
 from sim.rollouts.draws import trial_requests
-from sim.solvers.solver import SolverSettings, policy_for
+from sim.solvers.solver import policy_for
 
 CONTEXT = TOY.reference_context
 
@@ -75,16 +75,6 @@ def test_only_executable_actions_are_proposed():
     never = dataclasses.replace(bound, executable=lambda context, action: False)
     with pytest.raises(NotExecutable, match="none of the 64 best actions"):
         never(CONTEXT)
-
-
-def test_caution_costs_expected_reward_only_where_the_ensemble_disagrees():
-    emulator, _ = trained()
-    mean = TOY.parameters.sample(np.random.default_rng(2), 1)
-    bold = train_one(emulator, mean, np.random.default_rng(1), settings=SolverSettings(kappa=0.0))
-    shy = train_one(emulator, mean, np.random.default_rng(1), settings=SolverSettings(kappa=5.0))
-    assert bold.predict(CONTEXT)[0] >= shy.predict(CONTEXT)[0] - 1e-6
-    spread = [p.predict(CONTEXT)[2] - p.predict(CONTEXT)[1] for p in (bold, shy)]
-    assert spread[1] <= spread[0] + 1e-6
 
 
 def test_expected_reward_ranks_targets_like_rollouts():

@@ -13,7 +13,7 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import OwnPolicies, Particle, ParticleTrials
 from sim.adaptation.methods import make_method
 from sim.errors import ExtraMissing, NotExecutable
-from sim.research.methods import extras, search, sysid
+from sim.research.methods import search, sysid
 from sim.research.methods.learn_in_target import LearnInTarget
 from sim.research.methods.search import BayesianOptimisation, BoPrior
 from sim.research.methods.sysid import SysId
@@ -217,7 +217,7 @@ def test_it_proposes_only_what_the_arm_can_do():
 
 
 def test_a_missing_extra_says_what_to_do(monkeypatch):
-    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    monkeypatch.setattr(search, "find_spec", lambda name: None)
     with pytest.raises(ExtraMissing, match=r"bo needs the package botorch.*pip install 'adaptsim\[bo\]'"):
         make_method("bo", TOY, None)
     task = get_task("pendulum")

@@ -13,7 +13,7 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.errors import NotExecutable
-from sim.rollouts.draws import Disturbances, varies
+from sim.rollouts.draws import Disturbances, cover, sobol, varies
 from sim.solvers.solver import Executable, Expectations, SolvedPolicy, Solver, SolverSettings
 from sim.tasks.task import Task
 
@@ -162,6 +162,31 @@ class ScenarioPolicy(CandidatePolicy):
         return lower.round(9) if self.local is None else lower
 
 
+def search(
+    expectations: Expectations,
+    samples: Array,
+    rng: np.random.Generator,
+    executable: Executable | None = None,
+    settings: SolverSettings | None = None,
+    listed: Array | None = None,
+) -> tuple[ScenarioPolicy, ...]:
+    """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all.
+
+    `listed` (A, a): no other actions exist; else candidates fill their ranges, and the best one is refined.
+    """
+    task, settings, m = expectations.task, settings or SolverSettings(), samples.shape[1]
+    n = max(settings.scenarios if varies(task) else 1, min(m, 4 * settings.scenarios))
+    drawn, candidates, local = Disturbances.evenly(task, n, rng), listed, None
+    if candidates is None:
+        a = len(task.action)
+        candidates = cover(task.action, settings.candidates, rng)
+        local = (2.0 * sobol(settings.refine, a, rng) - 1.0) * settings.candidates ** (-1.0 / a)
+    return tuple(
+        ScenarioPolicy(expectations, settings, parameters, drawn, candidates, local, executable)
+        for parameters in samples[:, np.arange(n) % m]
+    )
+
+
 class FromOutcomes(ABC):
     """Expected rewards of a solver whose `outcomes` cost next to nothing; see `sim.tasks.task.Expectations`."""
 
@@ -207,14 +232,7 @@ class Among(FromOutcomes):
         settings: SolverSettings | None = None,
     ) -> tuple[SolvedPolicy, ...]:
         """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all."""
-        settings = settings or SolverSettings()
-        m = samples.shape[1]
-        n = max(settings.scenarios if varies(self.task) else 1, min(m, 4 * settings.scenarios))
-        drawn = Disturbances.evenly(self.task, n, rng)
-        return tuple(
-            ScenarioPolicy(self.behind, settings, parameters, drawn, self.listed, None, executable)
-            for parameters in samples[:, np.arange(n) % m]
-        )
+        return search(self.behind, samples, rng, executable, settings, self.listed)
 
     def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
         """See `sim.tasks.task.Expectations`."""

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.errors import CheckpointError
-from sim.rollouts.draws import Disturbances, cover, sobol
-from sim.solvers.candidates import FromOutcomes, ScenarioPolicy
+from sim.solvers.candidates import FromOutcomes, ScenarioPolicy, search
 from sim.solvers.solver import Executable, SolverSettings
 from sim.solvers.threads import one_blas_thread
 from sim.storage.files import Tensors
@@ -147,15 +146,7 @@ class Emulator(FromOutcomes):
         settings: SolverSettings | None = None,
     ) -> tuple[ScenarioPolicy, ...]:
         """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all."""
-        task, settings, m = self.task, settings or SolverSettings(), samples.shape[1]
-        n, a = max(settings.scenarios, min(m, 4 * settings.scenarios)), len(task.action)
-        drawn = Disturbances.evenly(task, n, rng)
-        candidates = cover(task.action, settings.candidates, rng)
-        local = (2.0 * sobol(settings.refine, a, rng) - 1.0) * settings.candidates ** (-1.0 / a)
-        return tuple(
-            ScenarioPolicy(self, settings, parameters, drawn, candidates, local, executable)
-            for parameters in samples[:, np.arange(n) % m]
-        )
+        return search(self, samples, rng, executable, settings)
 
     def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
         """(N, size), the mean of the ensemble."""

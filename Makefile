@@ -14,7 +14,7 @@ RUNS   := $(VENV)/.runs
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
-.PHONY: tosses results results-short setup demo test test-long test-slow test-extra test-lowest check format bench lock clean system docs site check-site check-live package
+.PHONY: tosses results results-short setup demo test test-long test-slow test-extra test-lowest check format lock clean system docs site check-site check-live package
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -131,9 +131,6 @@ package:
 format: $(STAMP)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
-
-bench: $(STAMP)
-	@for b in benchmarks/*.py; do echo "== $$b"; PYTHONPATH=tests/support $(BIN)/python $$b || exit 1; done
 
 # Resolve pyproject.toml again and write down the exact versions.
 lock:

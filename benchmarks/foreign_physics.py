@@ -32,7 +32,7 @@ from pydrake.planning import RobotDiagramBuilder
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.lab.drawn import draw_world, effects_of
-from sim.lab.kinect import kinect_model
+from sim.lab.kinect import kinect_model, looking
 from sim.lab.physics import Physics, effects_in, simulate_of
 from sim.lab.world import World, load_world
 from sim.render.renderer import Renderer
@@ -204,12 +204,13 @@ LOOKS = {
 
 def picture(task: Task, name: str | None, folder: Path) -> None:
     """`foreign-physics-TASK.jpg`: the moments in a row, Drake's above MuJoCo's."""
-    default, action, moments_s, (eye_m, target_m) = LOOKS[task.name]
+    default, action, moments_s, places_m = LOOKS[task.name]
+    eye_m, target_m = np.array(places_m)
     world, hardware = load_world(name or default, task), task.require_hardware()
     context, model = task.reference_context, kinect_model()
     motion = hardware.plan(context, np.array(action))
     X_BO = hardware.rest_pose(context, world.parameters, world.nuisance, world.unmodelled)
-    renderer, strips = Renderer(model, _looking(eye_m, target_m), _visuals(task, world)), []
+    renderer, strips = Renderer(model, looking(eye_m, target_m - eye_m), _visuals(task, world)), []
     for module in (f"sim.tasks.{task.name}.rollout", f"sim.research.mujoco.{task.name}"):
         found: Readings = import_module(module).readings(
             motion, X_BO, world.parameters, world.nuisance, world.unmodelled
@@ -238,15 +239,6 @@ def _visuals(task: Task, world: World) -> Any:
     hardware = task.require_hardware()
     frame, X = plant.world_frame(), np.asarray(RigidTransform().GetAsMatrix4())
     return hardware.build_scene(plant, frame, X, world.parameters, world.nuisance, world.unmodelled).visuals
-
-
-def _looking(eye_m: tuple[float, float, float], target_m: tuple[float, float, float]) -> Array:
-    """(4, 4) an upright camera at `eye_m` that looks at `target_m`."""
-    z = np.subtract(target_m, eye_m) / np.linalg.norm(np.subtract(target_m, eye_m))
-    x = np.cross(z, [0.0, 0.0, 1.0]) / np.linalg.norm(np.cross(z, [0.0, 0.0, 1.0]))
-    X = np.eye(4)
-    X[:3, :3], X[:3, 3] = np.stack([x, np.cross(z, x), z], axis=1), eye_m
-    return X
 
 
 def _arguments() -> argparse.Namespace:

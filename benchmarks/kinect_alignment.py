@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from hw.camera.recording import KinectRecording
 from hw.errors import CameraError
+from hw.poses import pose
 from hw.types import Array, CameraModel, Frame, Intrinsics
 
 JUMP_M = 0.04
@@ -171,9 +172,8 @@ ZOOM = 2
 
 def turned(model: CameraModel, angle_deg: float) -> CameraModel:
     """The depth camera turned about the colour camera's vertical axis."""
-    X = np.eye(4)
-    X[:3, :3] = Rotation.from_rotvec([0.0, np.deg2rad(angle_deg), 0.0]).as_matrix()
-    return replace(model, X_CD=X @ model.X_CD)
+    R = Rotation.from_rotvec([0.0, np.deg2rad(angle_deg), 0.0]).as_matrix()
+    return replace(model, X_CD=pose(R, np.zeros(3)) @ model.X_CD)
 
 
 def picture(frame: Frame, model: CameraModel, found: Alignment, far_m: float) -> np.ndarray:

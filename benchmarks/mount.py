@@ -17,7 +17,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from hw.types import Array
-from sim.lab.kinect import kinect_model
+from sim.lab.kinect import kinect_model, looking
 from sim.panda.model import FLANGE_NAME, JOINT_NAMES, add_panda
 from sim.panda.planning import home, trial_paths
 from sim.panda.shapes import visuals
@@ -29,18 +29,6 @@ from sim.tasks.task import Task
 VIEWS = {"from the right": (0.50, -1.05, 0.35), "from ahead and the left": (1.25, 0.65, 0.50)}
 LOOK_AT_M = (0.45, 0.0, 0.17)
 CROP = (slice(130, 590), slice(240, 1040))
-
-
-def looking(from_m: tuple[float, float, float], at_m: tuple[float, float, float]) -> Array:
-    """(4, 4) pose of a camera at `from_m` that looks at `at_m`, upright: Z forward, X to the right."""
-    forward = np.array(at_m) - np.array(from_m)
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    X_BC = np.eye(4)
-    X_BC[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
-    X_BC[:3, 3] = from_m
-    return X_BC
 
 
 def pictures(task: Task, model: str, action: Array) -> dict[tuple[str, str], Array]:
@@ -61,7 +49,7 @@ def pictures(task: Task, model: str, action: Array) -> dict[tuple[str, str], Arr
     names = {v.body for v in shown} - {"world"}
     made: dict[tuple[str, str], Any] = {}
     for view, from_m in VIEWS.items():
-        renderer = Renderer(kinect_model("kinect"), looking(from_m, LOOK_AT_M), shown)
+        renderer = Renderer(kinect_model("kinect"), looking(np.array(from_m), np.subtract(LOOK_AT_M, from_m)), shown)
         for moment, share in (("start", 0.0), ("middle", 0.5), ("end", 1.0)):
             q_rad = path.q_rad[round(share * (len(path.q_rad) - 1))]
             X_BO[:3, 3] = track.at(np.array([share * path.duration_s]))[0, :3]

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from adaptsim_cli.devices.trackers import BOTTLE_AREA, tracker_of
 from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.kinematics import FLANGE, forward, link_poses
+from hw.poses import pose
 from hw.types import Array, CameraModel, Execution, Frame, JointPath
 from hw.workcell import Workcell
 from perception.errors import PerceptionError
@@ -68,10 +69,8 @@ class Push:
 
     def bottle(self, t_s: float) -> Array:
         t_s = float(np.clip(t_s, self.t_s[0], self.t_s[-1]))
-        X = np.eye(4)
-        X[:3, :3] = Slerp(self.t_s, Rotation.from_matrix(self.X_BO[:, :3, :3]))(t_s).as_matrix()
-        X[:3, 3] = [np.interp(t_s, self.t_s, column) for column in self.X_BO[:, :3, 3].T]
-        return X
+        R = Slerp(self.t_s, Rotation.from_matrix(self.X_BO[:, :3, :3]))(t_s).as_matrix()
+        return pose(R, [np.interp(t_s, self.t_s, column) for column in self.X_BO[:, :3, 3].T])
 
     @cached_property
     def fell_s(self) -> float:

@@ -7,16 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from hw import poses
 from hw.types import Array, Intrinsics
 from perception.board import draw
 from perception.board.types import Board
 
-KINECT = Intrinsics(
-    1280,
-    720,
-    np.array([[611.8, 0, 639.3], [0, 611.9, 365.9], [0, 0, 1]]),
-    np.array([0.33012, -2.48940, -0.00016, -0.00013, 1.45367, 0.20891, -2.30292, 1.37513]),
-)
 INFRARED = Intrinsics(
     640,
     576,
@@ -28,10 +23,8 @@ _SQUARE_PX, _SAMPLES = 80, 4
 
 def pose(board: Board, centre_m: tuple[float, float, float], angles_deg: tuple[float, float, float]) -> Array:
     """X_CM (4, 4): turned about the line of sight, then tilted about Y and X."""
-    X = np.eye(4)
-    X[:3, :3] = Rotation.from_euler("zyx", angles_deg, degrees=True).as_matrix()
-    X[:3, 3] = np.array(centre_m) - X[:3, :3] @ board.outline_m.mean(axis=0)
-    return X
+    R = Rotation.from_euler("zyx", angles_deg, degrees=True).as_matrix()
+    return poses.pose(R, np.array(centre_m) - R @ board.outline_m.mean(axis=0))
 
 
 def render(

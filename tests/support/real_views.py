@@ -17,6 +17,7 @@ from calib.geometry import difference
 from calib.types import Mounting, Setup, View
 from hw.joint_limits import LIMITS
 from hw.kinematics import forward
+from hw.poses import pose
 from hw.types import Array, Intrinsics
 from perception.board.targets import single
 from perception.board.types import Corners
@@ -29,14 +30,12 @@ MARKER = single("4x4_50", 9, 0.05)  # its size is not told: only the shape count
 PoseKeys = Mapping[str, Any]
 
 
-def _flange(pose: Mapping[str, Any]) -> Array:
-    X = np.eye(4)
-    X[:3, :3] = Rotation.from_quat(pose["quaternion_xyzw"]).as_matrix()
-    X[:3, 3] = pose["position_m"]
-    return X
-
-
-X_BF = np.stack([_flange(pose) for pose in _RECORDED["flange_poses_in_base"]])
+X_BF = np.stack(
+    [
+        pose(Rotation.from_quat(told["quaternion_xyzw"]).as_matrix(), told["position_m"])
+        for told in _RECORDED["flange_poses_in_base"]
+    ]
+)
 
 
 def camera(number: int) -> Intrinsics:

@@ -17,7 +17,7 @@ from calib.projection import project
 from calib.types import Forward, Mounting, Setup, View
 from hw.joint_limits import LIMITS
 from hw.kinematics import forward
-from hw.poses import inverse
+from hw.poses import inverse, pose, translation
 from hw.types import Array, Intrinsics
 from perception.board.types import Board, Corners
 
@@ -55,9 +55,7 @@ def visible(setup: Setup, X_CM: Array, distance_m: tuple[float, float], max_tilt
 
 
 def _in_front() -> Array:
-    X = np.eye(4)
-    X[2, 3] = 1.0
-    return X
+    return translation([0.0, 0.0, 1.0])
 
 
 def seen(
@@ -123,8 +121,7 @@ def example_truth(rng: np.random.Generator) -> Truth:
     z = (target - eye) / np.linalg.norm(target - eye)
     x = np.cross(z, [0.0, 0.0, 1.0])
     x /= np.linalg.norm(x)
-    X_BC = np.eye(4)
-    X_BC[:3, :3], X_BC[:3, 3] = np.stack([x, np.cross(z, x), z], axis=1), eye
+    X_BC = pose(np.stack([x, np.cross(z, x), z], axis=1), eye)
     X_FM = np.eye(4)
     X_FM[:3, :3] = np.diag([1.0, -1.0, -1.0])  # Z of the board into the paper, towards the flange
     X_FM[:3, 3] = -X_FM[:3, :3] @ np.array([0.14, 0.10, 0.0]) + [0.0, 0.0, 0.02]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from hw.poses import pose
 from hw.types import Array, CameraModel, Frame, Intrinsics
 from sim.lab.kinect import default_X_BC, kinect_model
 from sim.render.renderer import Renderer
@@ -70,10 +71,7 @@ def tool_mesh() -> tuple[Array, NDArray[np.int32]]:
 def at(x: float, y: float, z: float, pitch: float = 0.0) -> Array:
     """Pose with `pitch` about Y; positive holds the X end down."""
     c, s = np.cos(pitch), np.sin(pitch)
-    X = np.eye(4)
-    X[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
-    X[:3, 3] = x, y, z
-    return X
+    return pose([[c, 0, s], [0, 1, 0], [-s, 0, c]], [x, y, z])
 
 
 AWAY = at(0.3, 0.0, 0.25)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from board_scenes import INFRARED, KINECT, pose, project, render
+from board_scenes import INFRARED, pose, project, render
+from simulated_views import KINECT
 
 from hw.types import Intrinsics
 from perception.board import detect, draw, locate

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import pytest
 import real_views
-from board_scenes import KINECT, pose, project
+from board_scenes import pose, project
+from simulated_views import KINECT
 
 from hw.types import Array
 from perception.board import draw, find, locate

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from calib.record import Matrix, Numbers, Record
+from calib.types import Matrix, Numbers, Record
 from hw.poses import inverse
 from hw.types import Array
 

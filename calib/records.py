@@ -13,8 +13,8 @@ from pydantic import Field, ValidationError, model_validator
 
 from calib.errors import ViewFolderError
 from calib.pose_records import LARGEST, PoseKeys, PosesRecord
-from calib.record import FORMAT, Matrix, Numbers, Record
 from calib.target_records import AnyTargetRecord
+from calib.types import FORMAT, Matrix, Numbers, Record
 from hw.bounded import Unreadable, read_table
 from hw.types import Array, Intrinsics
 

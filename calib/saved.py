@@ -9,10 +9,23 @@ import numpy as np
 from pydantic import Field
 
 from calib import timing
-from calib.record import FORMAT, Matrix, Measured, Numbers, Record, StoredRecord
 from calib.records import IntrinsicsRecord
 from calib.target_records import AnyTargetRecord
-from calib.types import Check, ClosedForm, Grade, HandEye, Solution, ViewFit, reasons
+from calib.types import (
+    FORMAT,
+    Check,
+    ClosedForm,
+    Grade,
+    HandEye,
+    Matrix,
+    Measured,
+    Numbers,
+    Record,
+    Solution,
+    StoredRecord,
+    ViewFit,
+    reasons,
+)
 from hw.types import Array
 
 FILE = "calibration.json"

@@ -1,4 +1,4 @@
-"""Inputs and results of calibration.
+"""Inputs and results of calibration, and the base of all its records.
 
 Frames besides those of `hw.types`: M is the board, A the carrier of the camera, H the holder of the board:
 
@@ -14,16 +14,58 @@ So X_CM = inverse(X_AC) X_AH X_HM in both, and one solver serves both.
 
 from __future__ import annotations
 
+import hashlib
+import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import product
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 
-from calib.record import Measured, Record
 from hw.types import Array, Intrinsics, frozen_array
 from perception.board.types import CalibrationTarget, Corners
+
+FORMAT = 1
+
+
+def _plain(values: Any) -> Any:
+    return values.tolist() if isinstance(values, np.ndarray) else values
+
+
+def _told(value: Any) -> Any:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+Numbers = Annotated[tuple[float, ...], BeforeValidator(_plain)]
+Matrix = Annotated[tuple[Numbers, ...], BeforeValidator(_plain)]
+Measured = Annotated[float | None, BeforeValidator(_told)]
+"""JSON has no NaN, so a missing measurement is null."""
+
+
+class Record(BaseModel):
+    """Base of all stored records: frozen, finite, and unknown keys are an error.
+
+    It can be validated from the object that it stores; further attributes of that object are ignored.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, from_attributes=True)
+
+
+class StoredRecord(Record):
+    """A record that is the whole of a file."""
+
+    def content(self) -> bytes:
+        """The bytes of its file, as JSON."""
+        return (json.dumps(self.model_dump(), indent=1, allow_nan=False) + "\n").encode()
+
+    def sha256(self) -> str:
+        """SHA-256 of `content`, which a session records."""
+        return hashlib.sha256(self.content()).hexdigest()
+
 
 Forward = Callable[[Array], Array]
 """Forward kinematics: joints (..., n) in rad -> X_BF (..., 4, 4). `hw.kinematics.forward` is one."""

@@ -19,15 +19,11 @@ ENLARGED = 20.0
 
 def coverage(views: Sequence[View], used: frozenset[str], camera: Intrinsics) -> str:
     """Every corner found, in the frame of the image; unused views stand out."""
-    width = 560.0
-    height = width * camera.height / camera.width
-    canvas = Canvas(width + 2, height + 2, "Where in the image the board was seen")
-    canvas.rect(1, 1, width, height, "table", 4)
-    x, y = Scale(0, camera.width, 1, 1 + width), Scale(0, camera.height, 1, 1 + height)
+    canvas, x, y = _image_frame(camera, "Where in the image the board was seen")
     for k in range(1, 4):
-        canvas.line(x(camera.width * k / 4), 1, x(camera.width * k / 4), 1 + height, "grid")
+        canvas.line(x(camera.width * k / 4), y(0), x(camera.width * k / 4), y(camera.height), "grid")
     for k in range(1, 3):
-        canvas.line(1, y(camera.height * k / 3), 1 + width, y(camera.height * k / 3), "grid")
+        canvas.line(x(0), y(camera.height * k / 3), x(camera.width), y(camera.height * k / 3), "grid")
     for view in views:
         css = "seen c0" if view.name in used else "seen c5"
         for u, v in view.corners.px:
@@ -64,11 +60,7 @@ def residuals(views: Sequence[ViewFit]) -> str:
 
 def vectors(views: Sequence[Residuals], camera: Intrinsics) -> str:
     """Vectors from predicted to observed points, enlarged, in the frame of the image; used views only."""
-    width = 560.0
-    height = width * camera.height / camera.width
-    canvas = Canvas(width + 2, height + 2, f"Residuals as vectors, enlarged {ENLARGED:.0f} times")
-    canvas.rect(1, 1, width, height, "table", 4)
-    x, y = Scale(0, camera.width, 1, 1 + width), Scale(0, camera.height, 1, 1 + height)
+    canvas, x, y = _image_frame(camera, f"Residuals as vectors, enlarged {ENLARGED:.0f} times")
     for view in views:
         if not view.used:
             continue
@@ -105,6 +97,15 @@ def work_volume(uncertainty: UncertaintyRecord, camera_m: tuple[float, float]) -
     canvas.text(x(camera_m[0]) - 8, y(camera_m[1]) + 4, "camera", anchor="end")
     canvas.text((left + right) / 2, bottom + 36, "x in metres, away from the robot", anchor="middle")
     return canvas.svg()
+
+
+def _image_frame(camera: Intrinsics, title: str) -> tuple[Canvas, Scale, Scale]:
+    """A canvas with the frame of the image, and the scales of its pixels."""
+    width = 560.0
+    height = width * camera.height / camera.width
+    canvas = Canvas(width + 2, height + 2, title)
+    canvas.rect(1, 1, width, height, "table", 4)
+    return canvas, Scale(0, camera.width, 1, 1 + width), Scale(0, camera.height, 1, 1 + height)
 
 
 def _px(value: float | None) -> str:

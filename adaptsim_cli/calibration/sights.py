@@ -121,8 +121,7 @@ def _convention(
             f" {files.SETUP} {', '.join(sorted(asked - set(told)))}"
         )
     names = [(view.name, corners) for view, corners in good]
-    seen = recognise(names, [view.record for view, _ in good], stored.setup.poses, setup, stored.forward)
-    return seen.convention, seen.sentences
+    return recognise(names, [view.record for view, _ in good], stored.setup.poses, setup, stored.forward)
 
 
 def _infrared(view: files.StoredView, setup: Setup) -> Corners | None:

@@ -12,8 +12,8 @@ from typing import Any, ClassVar, Generic, TypeVar
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.storage import durable
 from calib.errors import ViewFolderError
-from calib.record import Record
 from calib.records import read
+from calib.types import Record
 from hw.bounded import Unreadable, read_table
 
 RESTORED = "restored.json"

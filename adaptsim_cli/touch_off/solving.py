@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.record import Record
+from calib.types import Record
 from hw.collision import Table
 from hw.kinematics import forward
 from hw.types import Array

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from adaptsim_cli.storage.numbered import NumberedRecords
 from adaptsim_cli.touch_off.solving import MeasuredValue
-from calib.record import Record, StoredRecord
+from calib.types import Record, StoredRecord
 from hw.collision import Table
 from sim.panda.tool import ToolCorrection
 

@@ -7,7 +7,7 @@ and no other reading comes near.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -42,22 +42,15 @@ _OPTIONS = {
 }
 
 
-@dataclass(frozen=True)
-class Recognised:
-    """The reading, and which parts of it were recognised instead of stated."""
-
-    convention: Convention
-    sentences: tuple[str, ...]
-
-
 def recognise(
     seen: Sequence[tuple[str, Corners]],
     poses: Sequence[PoseKeys],
     told: PosesRecord,
     setup: Setup,
     forward: Forward | None,
-) -> Recognised:
-    """The reading of `poses` (N) that matches the motion in the pictures, given by name and corners of each view (N).
+) -> tuple[Convention, tuple[str, ...]]:
+    """The reading of `poses` (N) that matches the motion in the pictures, given by name and corners of each view (N);
+    and sentences about the parts of it that were recognised instead of stated.
 
     Raises UnusableViews if no reading fits, or more than one; it names the key that `[poses]` must state;
     DegenerateViews if the views are too alike to tell.
@@ -68,7 +61,7 @@ def recognise(
     known = replace(Convention(), **given, **{key: values[0] for key, values in open_ones.items()})
     undecided = {key: values for key, values in open_ones.items() if len(values) > 1}
     if not undecided:
-        return Recognised(known, _sentences(known, open_ones))
+        return known, _sentences(known, open_ones)
     readings = [replace(known, **dict(zip(undecided, chosen, strict=True))) for chosen in product(*undecided.values())]
     sight = condense([name for name, _ in seen], [corners for _, corners in seen], setup.board, setup.colour)
     demand_variety(sight.X_CM[0])
@@ -89,7 +82,7 @@ def recognise(
             f"the poses can be read in two ways that both fit the pictures ({'; '.join(alike)}): state in [poses] of"
             f" setup.toml {names}"
         )
-    return Recognised(best, _sentences(best, open_ones))
+    return best, _sentences(best, open_ones)
 
 
 def _misfit_px(

@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from hw.collision import HAND, HAND_MASS, LEVEL, Capsule, Table, Tool
 from hw.kinematics import FLANGE
@@ -135,6 +134,8 @@ class ToolCorrection:
 
     def X_FT(self, designed: Array) -> Array:
         """(4, 4) the tool in the flange, from its `designed` pose."""
+        from scipy.spatial.transform import Rotation  # noqa: PLC0415 - slow to import, and every task imports this module
+
         R = Rotation.from_euler("XY", [self.roll_rad, self.pitch_rad]).as_matrix()
         return np.asarray(designed @ pose(R, [self.forward_m, 0.0, self.height_m]))
 

@@ -130,7 +130,7 @@ def test_friction_of_the_blade_gives_the_pair_its_share() -> None:
         (PUSHING, {"table_tilt_rad": (0.0, 0.5)}),
         (PUSHING, {"contact": "penalty"}),
     ],
-    ids=str,
+    ids=lambda value: getattr(value, "name", str(value)),
 )
 def test_impossible_effects_are_refused_by_name(task, effects) -> None:
     with pytest.raises(OutOfRange, match=next(iter(effects))):

@@ -43,6 +43,7 @@ class Part:
     seeds: Mapping[tuple[str, ...], int]  # methods -> sessions of each in each world
     budget: int = 20
     fresh: int = 0
+    lab: bool = False  # arm, rendered camera and tracking in every trial
 
     @property
     def needs_tables(self) -> bool:
@@ -51,10 +52,10 @@ class Part:
 
     def commands(self, folder: Path) -> list[list[str]]:
         """One per number of sessions."""
-        fresh = ["--fresh", str(self.fresh)] if self.fresh else []
+        options = [*(["--fresh", str(self.fresh)] if self.fresh else []), *(["--lab"] if self.lab else [])]
         return [
             [
-                "benchmark", "--task", self.task, "--targets", self.targets, "--methods", ",".join(methods), *fresh,
+                "benchmark", "--task", self.task, "--targets", self.targets, "--methods", ",".join(methods), *options,
                 "--budget", str(self.budget), "--seeds", str(seeds), "--out", str(folder / self.name),
             ]
             for methods, seeds in self.seeds.items()
@@ -78,6 +79,7 @@ Earned = Mapping[str, Mapping[int, float]]
 
 WHOLE = (
     Part("foods", "scooping", ",".join(FOODS), {("all",): 3}, fresh=24),
+    Part("foods-lab", "scooping", ",".join(FOODS), {FIVE: 1}, fresh=24, lab=True),
     Part("scooping", "scooping", "drawn", {FIVE: 5, OTHERS: 1}),
     Part("pushing", "pushing", "drawn", {FIVE: 5, OTHERS: 1}),
     Part("pendulum", "pendulum", "drawn", {FIVE: 5, OTHERS: 1}, budget=10),
@@ -201,10 +203,11 @@ def section(part: Part, sessions: Sequence[Session]) -> list[str]:
         kind = f"true rollouts; {judged} further ones score the final policy"
     if part.needs_tables and part.fresh:
         kind += ", and tables of true rollouts score the earlier ones"
+    how = "through the whole lab: arm, rendered camera, tracking" if part.lab else "tool driven directly"
     return [
-        f"## {part.name.capitalize()}",
+        f"## {part.name.capitalize().replace('-lab', ' in the whole lab')}",
         "",
-        f"{len(worlds)} worlds, sessions of {part.budget} trials, tool driven directly. Trials are {kind}.",
+        f"{len(worlds)} worlds, sessions of {part.budget} trials, {how}. Trials are {kind}.",
         "",
         *("| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *body)),
         "",

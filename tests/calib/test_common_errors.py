@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import real_views
+from repeatability import predicted_px, setup_of, views_of
 from scipy.optimize import least_squares
 
 import calib.estimate as estimator
@@ -60,6 +61,16 @@ def by_pixels(some: Sequence[View]) -> Array:
 
     found = least_squares(off, np.zeros(12), x_scale=1e-3, loss="soft_l1")
     return move(X_AC, found.x[:6])
+
+
+@pytest.mark.parametrize(("camera", "seed", "half"), [(0, 4, 1), (2, 2, 0)])
+def test_small_markers_whose_corners_turn_them_are_fitted_together(camera: int, seed: int, half: int) -> None:
+    """Each marker's own pose is off by degrees, which cost all views but one, or a camera 50 mm."""
+    setup = setup_of("marker", camera)
+    every, _ = views_of("marker", camera, setup, 1.0, seed)
+    found = solve(every[half::2], setup, None)
+    assert len(found.used) == len(every[half::2])
+    assert predicted_px(found.X_AC, found.X_HM, every[1 - half :: 2], setup) < 2.0
 
 
 @pytest.mark.parametrize("common_px", [0.2, 0.5, 1.0])

@@ -72,6 +72,7 @@ HEIGHT_M = 0.04
 _MARGIN_M = 0.04  # the search extends this far around the area, to report a misplaced piece
 _USUAL_HEIGHT_M, _FLAT_M = 0.016, 0.006
 _SMALLEST_M, _LARGEST_M = 0.004, 0.030  # plausible radius
+_SHALLOWEST_M = 0.003  # plausible half width away from the camera, of which the outline says little: a raisin's 7 mm
 _MATTE_NOISE = 0.2
 _DEPTH_NOISE_M, _DEPTH_CLIP_M = 0.0025, 0.008
 _UNROUND_M = 0.0007
@@ -140,7 +141,7 @@ def find_piece(frame: Frame, model: CameraModel, X_BC: Array, area: Area) -> Pie
     share[cv2.dilate(spot.mask, np.ones((7, 7), np.uint8)) == 0] = 0
     proxy, xy_m, offset_m, confidence = _measure(frame, model, view, share, spot)
     widest, narrowest = max(proxy.half_m[:2]), min(proxy.half_m[:2])
-    if not _SMALLEST_M <= narrowest <= widest <= _LARGEST_M:
+    if not (_SHALLOWEST_M <= narrowest and _SMALLEST_M <= widest <= _LARGEST_M):
         raise ObjectNotFound(
             f"the spot at x = {xy_m[0]:.3f}, y = {xy_m[1]:.3f} m measures {2e3 * proxy.half_m[0]:.0f} x "
             f"{2e3 * proxy.half_m[1]:.0f} mm; a piece measures {2e3 * _SMALLEST_M:.0f} to {2e3 * _LARGEST_M:.0f} mm. "
@@ -228,7 +229,7 @@ def _measure(
     metres_per_px = transform(view.X_VB, rough)[2] / view.focal_px
     radius = float(np.clip(0.9 * np.sqrt(alpha.sum() / np.pi) * metres_per_px, _SMALLEST_M, _LARGEST_M))
     starts = [np.array([*spot.xy_m, radius, radius, height_m / 2]) for height_m in (_USUAL_HEIGHT_M, _FLAT_M)]
-    low = np.array([*(spot.xy_m - 0.03), 0.003, 0.003, 0.002])
+    low = np.array([*(spot.xy_m - 0.03), _SHALLOWEST_M, _SHALLOWEST_M, 0.002])
     high = np.array([*(spot.xy_m + 0.03), 0.05, 0.05, HEIGHT_M / 2 + 0.005])
     step = 3e-4 / np.maximum(np.abs(starts[0]), 1e-2)
 

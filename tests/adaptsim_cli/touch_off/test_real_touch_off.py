@@ -74,6 +74,7 @@ def asked(rig: TouchRig, screen: Screen, hand: FakeHand | None = None) -> SavedT
     """A touch-off at few places; the person really holds the tool between the fingers of `hand`."""
 
     def offer(there: bool) -> None:
+        rig.tool_there(there)
         if there and hand is not None:
             hand.between_m = rig.grasp.width_m
 

@@ -141,7 +141,7 @@ def find_piece(frame: Frame, model: CameraModel, X_BC: Array, area: Area) -> Pie
     share[cv2.dilate(spot.mask, np.ones((7, 7), np.uint8)) == 0] = 0
     proxy, xy_m, offset_m, confidence = _measure(frame, model, view, share, spot)
     widest, narrowest = max(proxy.half_m[:2]), min(proxy.half_m[:2])
-    if not (_SHALLOWEST_M <= narrowest and _SMALLEST_M <= widest <= _LARGEST_M):
+    if not (narrowest >= _SHALLOWEST_M and _SMALLEST_M <= widest <= _LARGEST_M):
         raise ObjectNotFound(
             f"the spot at x = {xy_m[0]:.3f}, y = {xy_m[1]:.3f} m measures {2e3 * proxy.half_m[0]:.0f} x "
             f"{2e3 * proxy.half_m[1]:.0f} mm; a piece measures {2e3 * _SMALLEST_M:.0f} to {2e3 * _LARGEST_M:.0f} mm. "

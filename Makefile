@@ -49,7 +49,7 @@ system:
 
 demo: $(RUNS)
 	name=demo-$$(date +%Y%m%d-%H%M%S); lab="--task scooping --world cucumber --seed 0 --yes"; \
-	$(BIN)/adaptsim run-iteration $$lab --method udr --session $$name-udr && \
+	ADAPTSIM_PARTICLES=1 $(BIN)/adaptsim run-iteration $$lab --method udr --session $$name-udr && \
 	$(BIN)/adaptsim run-iteration $$lab --iterations 2 --session $$name && \
 	$(BIN)/adaptsim compare $$name-udr $$name
 

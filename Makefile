@@ -47,6 +47,7 @@ system:
 	  echo "System packages are missing. Run this line, then make again:" >&2; echo "  sudo apt-get install -y$$missing" >&2; exit 1; \
 	fi
 
+# One particle for UDR: its policy is the same in every particle.
 demo: $(RUNS)
 	name=demo-$$(date +%Y%m%d-%H%M%S); lab="--task scooping --world cucumber --seed 0 --yes"; \
 	ADAPTSIM_PARTICLES=1 $(BIN)/adaptsim run-iteration $$lab --method udr --session $$name-udr && \

@@ -39,8 +39,8 @@ VAGUE_RAD = 0.03
 Our board at 1 m has a tenth of it, a 4 cm marker ten times as much.
 """
 _MISLED = 0.5
-"""Times the cost over all corners: a fit to them below it shows that the views' own poses mislead (errors common to the
-corners of a small target, which turn it)."""
+"""If a fit to all corners lowers their cost to this share, the views' own poses mislead: common errors of its corners
+turn a small target."""
 _JUDGED_AGAIN = 3
 _TURNED_DEG = 80.0
 _MEETS = 0.02  # of the image's width

@@ -217,7 +217,7 @@ def _payload(answers: Answers, name: str, what: str, mass_F: Mass) -> None:
 
 
 def reached(box: KeepOut) -> tuple[str, ...]:
-    """For each task whose tool enters the box, in its middle action at the reference place: its name and where."""
+    """The tasks with a tool in the box, each with the place; tried is the middle action at the reference place."""
     from sim.tasks import get_task
 
     said: list[str] = []

@@ -205,7 +205,7 @@ def seal_toml(text: bytes) -> bytes:
 
 
 def require_seal(content: bytes, suffix: str) -> None:
-    """Raises SealBroken unless a file of this suffix ends with its seal and is what was written."""
+    """Raises SealBroken unless a file of this suffix ends with its seal, and the seal fits its content."""
     before, after = _TOML if suffix == ".toml" else _JSON
     start = len(content) - len(before) - _DIGITS - len(after)
     if start < 0 or content[start : start + len(before)] != before or not content.endswith(after):

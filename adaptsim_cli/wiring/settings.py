@@ -1,5 +1,5 @@
-"""The settings of a command, and what they name: the world's task, the checkpoint and its solver; what a session takes
-from before it began: recorded trials instead of a lab, and the posterior of another session.
+"""The settings of a command and the parts that they name: task, checkpoint, solver, and for a session the recorded
+trials that replace a lab or the posterior of another session.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> 
 
 @dataclass(frozen=True, eq=False)
 class Recordings:
-    """The recorded trials of a session, and a checkpoint whose policies choose among the shown ones."""
+    """The recorded trials of a session, and its checkpoint. Policies choose among the trials that are shown."""
 
     shown: RecordedTrials
     held_out: RecordedTrials

@@ -1,4 +1,4 @@
-"""Reads a rig file, and names what it must state, or waive in a line that every trial records, before a real arm moves.
+"""Reads a rig file and names its gaps. Before a real arm moves, each is filled or waived, and every trial records that.
 
 An error names file, key, value, unit and limit; for an unknown key it lists the known ones.
 """

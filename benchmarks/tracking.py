@@ -2,6 +2,7 @@
 
     python benchmarks/tracking.py [--task scooping|pushing] [--trials N] [--sweeps N] [--seed S]
     python benchmarks/tracking.py --worlds raisin carrot cucumber sprout mushroom-slice oreo --trials 20 --sweeps 0
+    python benchmarks/tracking.py --effect distance_bias_m=0.008 --trials 6 --sweeps 0
 
 Prints XY errors in mm, once with the camera's true pose and once with a nominal calibration, and the cost of one
 frame on one core. Scooping: scoops by the whole arm in `--worlds` (calibration off by 1 mm, 0.1 degrees), then
@@ -14,7 +15,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pushes
@@ -57,21 +58,23 @@ class Result:
     flags: tuple[str, ...]
 
 
-def run(scoops_wanted: int, sweeps_wanted: int, seed: int, worlds: Sequence[str]) -> None:
+def run(scoops_wanted: int, sweeps_wanted: int, seed: int, worlds: Sequence[str], effects: dict[str, float]) -> None:
     for world in worlds if scoops_wanted else ():
-        scoops(scoops_wanted, seed, world)
+        scoops(scoops_wanted, seed, world, effects)
     if sweeps_wanted:
         sweeps(sweeps_wanted, seed)
 
 
-def scoops(count: int, seed: int, world: str) -> None:
+def scoops(count: int, seed: int, name: str, effects: dict[str, float]) -> None:
     """Random places and actions, the whole arm."""
     rng = np.random.default_rng(seed)
     mesh, cell = tool_mesh(TASK), cell_as_shipped(HARDWARE, "panda")
     q_home = home(HARDWARE.X_FT, cell)
     exact: list[Result] = []
     nominal: list[Result] = []
-    with SimulatedLab(TASK, load_world(world, TASK), seed, cell, home_q_rad=q_home) as lab:
+    world = load_world(name, TASK)
+    world = replace(world, unmodelled=replace(world.unmodelled, **effects))
+    with SimulatedLab(TASK, world, seed, cell, home_q_rad=q_home) as lab:
         for trial, context, approach, path in pushes.executable(TASK, cell, rng, TRIES * count):
             lab.bench.place(context, trial, 0)
             before = lab.camera.snapshot()
@@ -88,15 +91,18 @@ def scoops(count: int, seed: int, world: str) -> None:
     if not exact:
         print(f"no scoop: none of {TRIES * count} random actions is executable")
         return
-    print(f"{len(exact)} scoops by the arm in the world {world}, XY error in mm over all frames", flush=True)
-    for name, results in (("camera pose exact", exact), ("camera off by 1 mm, 0.1°", nominal)):
+    print(
+        f"{len(exact)} scoops by the arm in the world {name} {effects or ''}, XY error in mm over all frames",
+        flush=True,
+    )
+    for pose, results in (("camera pose exact", exact), ("camera off by 1 mm, 0.1°", nominal)):
         xy = np.concatenate([r.xy_mm for r in results])
         found = np.array([r.found_mm for r in results])
         print(
-            f"  {name:26s} mean {xy.mean():.2f}  p95 {np.percentile(xy, 95):.2f}  max {xy.max():.2f}   "
+            f"  {pose:26s} mean {xy.mean():.2f}  p95 {np.percentile(xy, 95):.2f}  max {xy.max():.2f}   "
             f"found before the trial: mean {found.mean():.2f}, max {found.max():.2f}   "
             f"outcomes {sum(r.agrees for r in results)}/{len(results)}, right or flagged "
-            f"{sum(r.agrees or bool(r.flags) for r in results)}   "
+            f"{sum(r.agrees or bool(r.flags) for r in results)}, flagged {sum(bool(r.flags) for r in results)}   "
             f"{np.median([r.ms_per_frame for r in results]):.1f} ms a frame"
         )
     for flag in sorted({f for r in nominal for f in r.flags}):
@@ -215,6 +221,10 @@ AWAY = np.array([[1, 0, 0, 0.3], [0, 1, 0, 0], [0, 0, 1, 0.3], [0, 0, 0, 1.0]])
 """The tool at home, out of the way."""
 
 
+def _effects(given: Sequence[str]) -> dict[str, float]:
+    return {name: float(value) for name, value in (effect.split("=") for effect in given)}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--task", choices=("scooping", "pushing"), default="scooping")
@@ -222,9 +232,12 @@ def main() -> None:
     parser.add_argument("--sweeps", type=int, default=24)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--worlds", nargs="+", default=["wd"], help="of scooping; default wd")
+    parser.add_argument(
+        "--effect", nargs="+", default=[], metavar="NAME=VALUE", help="of the worlds, as in their files"
+    )
     args = parser.parse_args()
     if args.task == "scooping":
-        run(12 if args.trials is None else args.trials, args.sweeps, args.seed, args.worlds)
+        run(12 if args.trials is None else args.trials, args.sweeps, args.seed, args.worlds, _effects(args.effect))
     else:
         pushes.run(24 if args.trials is None else args.trials, args.seed)
 

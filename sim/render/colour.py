@@ -38,6 +38,8 @@ SAMPLES = len(JITTER_PX)
 _SHADOWED = SAMPLES // 2
 """Shadows are computed for this sample alone, at every `_STRIDE`-th pixel."""
 _STRIDE = 2
+_BAND = 90
+"""Rows of the static scene that are cast at once: casting a ray takes ten times the memory of its colour."""
 
 Posed = Sequence[tuple[Body, Array]]
 """Bodies with their poses (samples, 4, 4) in the base frame."""
@@ -127,6 +129,11 @@ class ColourView:
 
     def _still_sample(self, world: Body, rays: Array32) -> tuple[Array32, Array32, NDArray[np.bool_]]:
         """Depth (H, W), linear colour (H, W, 3), and the mask (H, W) of surfaces that face the key light."""
+        parts = [self._still_band(world, rays[top : top + _BAND]) for top in range(0, len(rays), _BAND)]
+        t, rgb, lit = (np.concatenate(pictures) for pictures in zip(*parts, strict=True))
+        return t, rgb, lit
+
+    def _still_band(self, world: Body, rays: Array32) -> tuple[Array32, Array32, NDArray[np.bool_]]:
         flat, shape = rays.reshape(-1, 3), rays.shape[:2]
         hits = world.cast(self._X_BC, flat)
         points = self._points(flat[hits.index], hits.t)

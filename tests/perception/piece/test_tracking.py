@@ -108,7 +108,19 @@ def test_a_tool_far_beside_its_place_is_flagged() -> None:
     off = np.eye(4)
     off[:3, :3], _ = cv2.Rodrigues(np.deg2rad([0.0, 0.45, 0.0]))
     found = track(scoop(), scoop_tool, scene().X_BC @ off)
-    assert any("check the camera calibration" in flag for flag in found.flags)
+    assert any("adaptsim calibrate check" in flag for flag in found.flags)
+
+
+def test_a_tool_that_sits_otherwise_in_the_hand_is_named_and_places_count_from_it() -> None:
+    def reported(t: float) -> Array:
+        X = scoop_tool(t)
+        X[0, 3] += 0.005
+        return X
+
+    found = track(scoop(), reported)
+    truth = np.linalg.inv(scoop_tool(0.7)) @ scooped(0.7)[:, 3]
+    assert np.abs(found.end_in_tool_m - truth[:3]).max() < 0.002
+    assert [flag for flag in found.flags if "adaptsim touch-off" in flag] == list(found.flags)
 
 
 def hiding_tool(reach_m: float) -> Callable[[float], Array]:

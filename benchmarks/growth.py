@@ -146,7 +146,7 @@ def film(folder: Path, count: int) -> str:
 
     def written() -> bytes:
         stored = [recording.stored(frame) for frame in frames]
-        return recording.encode(stored[0], stored, model, np.eye(4), played, lambda _: np.eye(4))[0]
+        return recording.begin(stored[0], stored, model, np.eye(4), played, lambda _: np.eye(4)).finish(None)[0]
 
     path = folder / "film.mcap"
     written_s, content = cpu_s(written)

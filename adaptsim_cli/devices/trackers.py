@@ -64,7 +64,6 @@ def _piece(task: Task) -> Tracker:
             request.X_BT_at,
             request.t_start_s,
             request.duration_s,
-            request.at_home,
         )
 
     return Tracker(
@@ -74,6 +73,7 @@ def _piece(task: Task) -> Tracker:
         placement=lambda drawn: drawn,
         context=lambda drawn, detection: detection.near_m,
         outcomes=(Outcome.ON_BLADE, Outcome.ON_TABLE, Outcome.LOST),
+        at_home=piece.at_home,
     )
 
 

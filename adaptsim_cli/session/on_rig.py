@@ -42,8 +42,19 @@ from hw.poses import inverse
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
 from perception.geometry import project
-from perception.types import SETTLE_S, Outcome
+from perception.types import SETTLE_S, ObjectTrack, Outcome
 from sim.tasks.task import Hardware, Task
+
+Followed = tuple[Detection, ObjectTrack]
+"""The object found before the motion, and its track."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A recorded motion, with the tracking that runs beside the way back; None if the recording was read."""
+
+    recording: recording.Recording
+    followed: Future[Followed] | None = None
 
 
 @dataclass(frozen=True)
@@ -141,7 +152,8 @@ class OnRig:
             arm.execute(approach)
         with progress("The robot makes its motion and the camera records", "moving"):
             played, frames, stopped = self._film(motion)
-        film = self._compressed(planned.placed.frame, frames)
+        begun = self._begun(planned.placed.frame, frames, played)
+        followed = None if stopped is not None else self._following(planned, begun)
         if stopped is None:
             try:
                 with progress("The robot goes back", "moving"), _interruptible("on the way back"):
@@ -156,21 +168,20 @@ class OnRig:
                 f"played at pace {self.rig.pace:g} to its end, as a rehearsal: nothing is learnt from it. The same "
                 "command without --pace makes the trial"
             )
-        return Executed(partial(self._made, planned.placed, played, film, after), stopped)
+        return Executed(partial(self._made, planned.placed, begun, followed, after), stopped)
 
-    def read(self, folder: Path) -> recording.Recording:
+    def read(self, folder: Path) -> Recorded:
         """See `Target`."""
-        return recording.read(folder / recording.FILE)
+        return Recorded(recording.read(folder / recording.FILE))
 
     def track(self, context: Array, action: Array, recorded: Any, progress: Progress = silently) -> TrackedTrial:
         """Find the object again in the same pixels as before the motion, and track it."""
-        stored: recording.Recording = recorded
-        motion, played, name = self.hardware.plan(context, action), stored.execution, self.task.object_name
-        with progress(f"Finding the {name}", "finding"):
-            detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
-        request = track_request(stored, detection, self.tool_pose(played), float(motion.t_s[-1]))
-        with progress(f"Tracking the {name} in {len(stored.frames)} frames", "tracking"):
-            track = self.tracker.track(request)
+        it: Recorded = recorded
+        stored, motion = it.recording, self.hardware.plan(context, action)
+        played = stored.execution
+        with progress(f"Tracking the {self.task.object_name} in {len(stored.frames)} frames", "tracking"):
+            detection, track = self._follow(context, action, stored) if it.followed is None else it.followed.result()
+            track = come_home(self.tracker, stored, detection, track)
         with progress("Choosing the pictures of its key moments", "storing"):
             goal_m = None if self.task.goal_m is None else np.asarray(self.task.goal_m(context))
             found_m = np.asarray(detection.xy_m)
@@ -242,47 +253,71 @@ class OnRig:
             return None, frames, error
         return played, rig.camera.stop_recording(), None
 
-    def _compressed(self, before: Frame, filmed: Sequence[Frame]) -> list[Future[recording.Stored]]:
-        """Compress and decode `before` and every frame while the arm goes back.
+    def _begun(self, before: Frame, filmed: Sequence[Frame], played: Execution | None) -> Future[recording.Begun]:
+        """Compress `before` and every frame, decode them again and encode the recording, while the arm goes back.
 
-        `filmed` are on the camera's clock; those of the simulated lab may still be rendering.
+        `filmed` are on the camera's clock; those of the simulated lab may still be rendering. `played` is None if the
+        arm stopped during the motion.
         """
-        pool = ThreadPoolExecutor(max_workers=2, thread_name_prefix="compressing")  # OpenCV releases the interpreter
-        first = pool.submit(recording.stored, before, lossless=True)
-        film = [pool.submit(lambda at: recording.stored(self.in_time(filmed[at])), at) for at in range(len(filmed))]
-        pool.shutdown(wait=False)
-        return [first, *film]
+        rig, model, arm = self.rig, self.rig.camera.model(), self.rig.arm.model
+
+        def encoded() -> recording.Begun:
+            first, *frames = [one.result() for one in compressed]
+            begin_s = (*frames, first)[0].frame.t_s
+            moved = (
+                Execution(begin_s, np.zeros(0), np.zeros((0, 7)), np.zeros((0, 7)), 0.0) if played is None else played
+            )
+            late_s = rig.hand_eye.camera_late_s
+            return recording.begin(first, frames, model, rig.hand_eye.X_BC, moved, self.tool_pose(moved), late_s, arm)
+
+        with beside(2) as pool:  # OpenCV releases the interpreter
+            compressed = [pool.submit(recording.stored, before, lossless=True)]
+            compressed += [
+                pool.submit(lambda at: recording.stored(self.in_time(filmed[at])), at) for at in range(len(filmed))
+            ]
+        with beside(1) as pool:
+            return pool.submit(encoded)
+
+    def _following(self, planned: Planned, begun: Future[recording.Begun]) -> Future[Followed]:
+        """Track the object beside the way back, in the frames as they are stored."""
+        with beside(1) as pool:
+            return pool.submit(lambda: self._follow(planned.placed.context, planned.action, begun.result().recording))
+
+    def _follow(self, context: Array, action: Array, stored: recording.Recording) -> Followed:
+        """Find the object in the picture before the motion, and track it through its frames."""
+        detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
+        duration_s = float(self.hardware.plan(context, action).t_s[-1])
+        return detection, self.tracker.track(
+            track_request(stored, detection, self.tool_pose(stored.execution), duration_s)
+        )
 
     def _made(
-        self, placed: Placed, played: Execution | None, film: Sequence[Future[recording.Stored]], after: Frame | None
-    ) -> tuple[Mapping[str, bytes], recording.Recording]:
-        """(recording, overlay, and the facts of a real rig; what reading the recording would give).
-
-        `played` is None if the arm stopped during the motion.
-        """
-        rig, (before, *frames) = self.rig, [one.result() for one in film]
-        if played is None:
-            none, first = np.zeros((0, 7)), (*frames, before)[0]
-            played = Execution(first.frame.t_s, np.zeros(0), none, none, 0.0)
-        mcap, stored = recording.encode(
-            before,
-            frames,
-            rig.camera.model(),
-            rig.hand_eye.X_BC,
-            played,
-            self.tool_pose(played),
-            rig.hand_eye.camera_late_s,
-            None if after is None else recording.stored(after, lossless=True),
-            rig.arm.model,
-        )
-        said = {}
+        self,
+        placed: Placed,
+        begun: Future[recording.Begun],
+        followed: Future[Followed] | None,
+        after: Frame | None,
+    ) -> tuple[Mapping[str, bytes], Recorded]:
+        """(recording, overlay, and the facts of a real rig; the recording as it is tracked)."""
+        mcap, stored = begun.result().finish(None if after is None else recording.stored(after, lossless=True))
+        said, rig = {}, self.rig
         if rig.attendant is not None:
-            facts = rig.attendant.facts().model_copy(update={"brightness": brightness(before.frame.colour)})
+            facts = rig.attendant.facts().model_copy(update={"brightness": brightness(stored.before.colour)})
             try:
                 said = {RIG: to_json(facts)}
             except ValueError as error:  # a number that is none must not cost the recording
                 said = {RIG: to_json(RigFacts(problem=str(error)))}
-        return {recording.FILE: mcap, "overlay.jpg": placed.overlay or b"", **said}, stored
+        return {recording.FILE: mcap, "overlay.jpg": placed.overlay or b"", **said}, Recorded(stored, followed)
+
+
+@contextmanager
+def beside(workers: int) -> Iterator[ThreadPoolExecutor]:
+    """Threads for the work given inside the block, which goes on after it."""
+    pool = ThreadPoolExecutor(workers, thread_name_prefix="recording")
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False)
 
 
 @contextmanager
@@ -323,5 +358,11 @@ def track_request(
         q_at=joints_at(stored.execution),
         t_start_s=stored.execution.t_start_s,
         duration_s=duration_s,
-        at_home=stored.at_home,
     )
+
+
+def come_home(tracker: Tracker, stored: recording.Recording, detection: Detection, track: ObjectTrack) -> ObjectTrack:
+    """The track, with the outcome as the arm is home again, if there is a picture of that."""
+    if stored.after is None:
+        return track
+    return tracker.at_home(track, detection, stored.before, stored.after, stored.model, stored.X_BC)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -63,11 +63,6 @@ class Recording:
     execution: Execution
     after: Frame | None = None  # with the arm at home again; None: it did not arrive, or nothing was carried
 
-    @property
-    def at_home(self) -> tuple[Frame, Frame] | None:
-        """The pictures before and after; None unless both exist."""
-        return None if self.after is None else (self.before, self.after)
-
 
 @dataclass(frozen=True, eq=False)
 class Stored:
@@ -93,7 +88,20 @@ def stored(frame: Frame, *, lossless: bool = False) -> Stored:
     return Stored(colour, depth, Frame(_s(t_ns), _decode_colour(colour), _decode_depth(depth)))
 
 
-def encode(
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """A recording in memory, whole but for the picture with the arm at home again."""
+
+    recording: Recording
+    _file: _Mcap
+
+    def finish(self, after: Stored | None) -> tuple[bytes, Recording]:
+        """The whole file, and what `read` makes of it. Once only."""
+        self._file.add(_pictures([] if after is None else [after], _AFTER_COLOUR, _AFTER_DEPTH))
+        return self._file.finish(), replace(self.recording, after=None if after is None else after.frame)
+
+
+def begin(
     before: Stored,
     frames: Sequence[Stored],
     model: CameraModel,
@@ -101,10 +109,9 @@ def encode(
     execution: Execution,
     X_BT_at: Callable[[float], Array],
     camera_late_s: float = 0.0,
-    after: Stored | None = None,
     arm: str = "panda",
-) -> tuple[bytes, Recording]:
-    """The whole file in memory, so that it can be written whole, and what `read` makes of it.
+) -> Begun:
+    """Encode what is there when the motion has ended.
 
     Messages are in time order. An execution without samples has no tool poses: the arm stopped, and its joints are
     unknown. `camera_late_s` is already subtracted from the camera's stamps; it is stored to make that reversible.
@@ -113,17 +120,16 @@ def encode(
     messages = [
         *_pictures([before], _BEFORE_COLOUR, _BEFORE_DEPTH),
         *_pictures(frames, _COLOUR, _DEPTH),
-        *_pictures([] if after is None else [after], _AFTER_COLOUR, _AFTER_DEPTH),
         *topics.cameras(model, start_ns),
         topics.description(arm, start_ns),
         *topics.joints(execution),
         *topics.transforms(times_s or [before.frame.t_s], execution, X_BT_at, model, X_BC),
     ]
-    content = as_mcap(TOPICS, messages, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})
+    file = _Mcap(TOPICS, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})
+    file.add(messages)
     t_s = np.array([_s(topics.ns(execution.t_start_s + t_s)) - execution.t_start_s for t_s in execution.t_s])
     played = replace(execution, t_s=t_s)
-    home = None if after is None else after.frame
-    return content, Recording(before.frame, tuple(one.frame for one in frames), model, X_BC, played, home)
+    return Begun(Recording(before.frame, tuple(one.frame for one in frames), model, X_BC, played), file)
 
 
 def encode_object(track: ObjectTrack, t_start_s: float) -> bytes:
@@ -156,19 +162,38 @@ def as_mcap(
     metadata: Mapping[str, str] | None = None,
 ) -> bytes:
     """An MCAP file with topics (name -> type), `messages` in time order, JSON attachments by name, and metadata."""
-    stream = io.BytesIO()
-    writer = McapWriter(stream, compression=CompressionType.ZSTD)
-    writer.start(profile="ros2", library="adaptsim")
-    schemas = {n: writer.register_schema(n, "ros2msg", topics.SCHEMAS[n].encode()) for n in sorted(set(types.values()))}
-    channels = {t: writer.register_channel(t, "cdr", schemas[name]) for t, name in types.items()}
-    for name, content in attached.items():
-        writer.add_attachment(0, 0, name, "application/json", content)
-    if metadata:
-        writer.add_metadata("adaptsim", dict(metadata))
-    for t_ns, topic, message in sorted(messages, key=lambda m: m[0]):
-        writer.add_message(channels[topic], log_time=t_ns, publish_time=t_ns, data=message)
-    writer.finish()
-    return stream.getvalue()
+    file = _Mcap(types, attached, metadata)
+    file.add(messages)
+    return file.finish()
+
+
+class _Mcap:
+    """An MCAP file in memory."""
+
+    def __init__(
+        self, types: Mapping[str, str], attached: Mapping[str, bytes], metadata: Mapping[str, str] | None = None
+    ) -> None:
+        """See `as_mcap`."""
+        self._stream = io.BytesIO()
+        writer = self._writer = McapWriter(self._stream, compression=CompressionType.ZSTD)
+        writer.start(profile="ros2", library="adaptsim")
+        names = sorted(set(types.values()))
+        schemas = {name: writer.register_schema(name, "ros2msg", topics.SCHEMAS[name].encode()) for name in names}
+        self._channels = {t: writer.register_channel(t, "cdr", schemas[name]) for t, name in types.items()}
+        for name, content in attached.items():
+            writer.add_attachment(0, 0, name, "application/json", content)
+        if metadata:
+            writer.add_metadata("adaptsim", dict(metadata))
+
+    def add(self, messages: Iterable[topics.Message]) -> None:
+        """Add messages, in time order."""
+        for t_ns, topic, message in sorted(messages, key=lambda m: m[0]):
+            self._writer.add_message(self._channels[topic], log_time=t_ns, publish_time=t_ns, data=message)
+
+    def finish(self) -> bytes:
+        """The whole file; nothing can be added any more."""
+        self._writer.finish()
+        return self._stream.getvalue()
 
 
 def read(path: Path) -> Recording:

@@ -14,7 +14,7 @@ from adaptsim_cli.outputs.sessions import Now, RetrackedTrial, Stored
 from adaptsim_cli.outputs.trials import named
 from adaptsim_cli.screen.views import words
 from adaptsim_cli.session import recording, topics
-from adaptsim_cli.session.on_rig import track_request
+from adaptsim_cli.session.on_rig import come_home, track_request
 from adaptsim_cli.session.records import TrialRecord, corrupt
 from adaptsim_cli.session.store import SessionStore, trials_of
 from adaptsim_cli.session.target import Tracker
@@ -94,6 +94,7 @@ def _again(store: SessionStore, task: Task, tracker: Tracker, record: TrialRecor
     try:
         detection = tracker.find(stored.before, stored.model, stored.X_BC)
         track = tracker.track(track_request(stored, detection, X_BT_at, float(played.t_s[-1])))
+        track = come_home(tracker, stored, detection, track)
     except PerceptionError as error:
         failure = str(error)
     else:

@@ -182,7 +182,6 @@ class TrackRequest:
     q_at: Callable[[float], Array]  # arm clock -> measured joints (7,), held beyond the ends
     t_start_s: float  # arm clock at the start of the tool's motion
     duration_s: float  # of the tool's motion
-    at_home: tuple[Frame, Frame] | None = None  # before and after; only for a task that carries its object
 
 
 @dataclass(frozen=True)
@@ -200,6 +199,11 @@ class Tracker:
     """(drawn context, detection) -> the context for the policy."""
     outcomes: tuple[Outcome, ...]
     """The outcomes that an operator may choose between."""
+    at_home: Callable[[ObjectTrack, Any, Frame, Frame, CameraModel, Array], ObjectTrack] = lambda track, *_: track
+    """(track, detection, picture before, picture after, model, X_BC) -> the track, with the outcome as the arm is home.
+
+    For a task that carries its object.
+    """
 
 
 @dataclass(frozen=True)

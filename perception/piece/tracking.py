@@ -133,14 +133,12 @@ def track_piece(
     X_BT_at: Callable[[float], Array],
     t_start_s: float,
     duration_s: float,
-    at_home: tuple[Frame, Frame] | None = None,
 ) -> ObjectTrack:
     """The piece's centre through the trial, and how it ended.
 
     `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is from before the
     trial; `tool_mesh` is (vertices (V, 3) in T, triangles (F, 3)); `X_BT_at(t_s)` is the tool's measured pose (4, 4) on
-    the clock of the frames; the motion starts at `t_start_s` on that clock and lasts `duration_s`. `at_home` are two
-    pictures with the arm at home, before and after: a piece that lies on the table afterwards was lost on the way.
+    the clock of the frames; the motion starts at `t_start_s` on that clock and lasts `duration_s`.
     Frames in which the piece cannot be located are bridged, with confidence 0. Raises TrackingFailed if no frame falls
     into the trial or the piece is in none of them.
     """
@@ -166,9 +164,19 @@ def track_piece(
     confidence = np.array([0.0 if place is None else place.confidence for place in places])
     outcome, end_in_tool_m, doubts = judge(t_s, state, confidence, np.stack(poses), duration_s, detection.proxy)
     flags = (*camera_flags, *_flags(t_s, places, state, rig.detection), *doubts)
-    if outcome is Outcome.ON_BLADE and at_home is not None and lies_at(*at_home, model, X_BC, detection) is not None:
-        outcome, flags = Outcome.ON_TABLE, (*flags, LOST_ON_THE_WAY)
     return ObjectTrack(t_s, state, outcome, end_in_tool_m, confidence, flags)
+
+
+def at_home(
+    track: ObjectTrack, detection: PieceDetection, before: Frame, after: Frame, model: CameraModel, X_BC: Array
+) -> ObjectTrack:
+    """`track`, but a piece that lies on the table once the arm is home again was lost on the way.
+
+    `before` and `after` show the table with the arm at home, `X_BC` (4, 4) is the colour camera in the base frame.
+    """
+    if track.outcome is not Outcome.ON_BLADE or lies_at(before, after, model, X_BC, detection) is None:
+        return track
+    return replace(track, outcome=Outcome.ON_TABLE, flags=(*track.flags, LOST_ON_THE_WAY))
 
 
 def _prepare(

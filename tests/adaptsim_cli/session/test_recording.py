@@ -35,7 +35,7 @@ def execution() -> Execution:
 def encoded(played: Execution, after: Frame | None = None) -> tuple[bytes, recording.Recording]:
     film, first = [recording.stored(frame) for frame in frames()], recording.stored(before(), lossless=True)
     home = None if after is None else recording.stored(after, lossless=True)
-    return recording.encode(first, film, MODEL, X_BC, played, lambda _: np.eye(4), 0.0123456789, home)
+    return recording.begin(first, film, MODEL, X_BC, played, lambda _: np.eye(4), 0.0123456789).finish(home)
 
 
 @pytest.fixture
@@ -69,7 +69,7 @@ def test_the_tracker_sees_the_same_before_and_after_the_disk_bit_for_bit(tmp_pat
     path.write_bytes(written)
     back = recording.read(path)
     assert content(back) == content(in_memory)
-    assert (back.at_home is not None) == is_carried
+    assert (back.after is not None) == is_carried
 
 
 def test_what_was_recorded_can_be_tracked_again(file: Path) -> None:

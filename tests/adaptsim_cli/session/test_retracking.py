@@ -102,7 +102,7 @@ def test_the_pose_of_the_tool_is_the_stored_one_and_turns_evenly_between_images(
     played = Execution(12.0, np.array([0.0, 0.1]), np.zeros((2, 7)), np.zeros((2, 7)), 1.0)
     path = tmp_path / recording.FILE
     film = [recording.stored(frame) for frame in frames]
-    path.write_bytes(recording.encode(film[0], film, toy_rig.MODEL, toy_rig.X_BC, played, X_BT_at)[0])
+    path.write_bytes(recording.begin(film[0], film, toy_rig.MODEL, toy_rig.X_BC, played, X_BT_at).finish(None)[0])
     found = retracking.tool_poses(path)
     for t_s in (12.0, 12.0 + 1 / 30, 12.05, 12.1):
         assert np.allclose(found(t_s), X_BT_at(t_s), atol=1e-7)

@@ -12,7 +12,7 @@ from table_scenes import AREA, AWAY, Motion, Studio, at, food, studio, tool_mesh
 
 from hw.types import Array, Frame
 from perception.errors import TrackingFailed
-from perception.piece import PieceDetection, find_piece, track_piece
+from perception.piece import PieceDetection, at_home, find_piece, track_piece
 from perception.piece.tracking import LOST_ON_THE_WAY
 from perception.types import ObjectTrack, Outcome
 
@@ -66,11 +66,10 @@ def track(
     frames: Sequence[Frame],
     tool: Motion,
     X_BC: Array | None = None,
-    at_home: tuple[Frame, Frame] | None = None,
 ) -> ObjectTrack:
     s = scene()
     X = s.X_BC if X_BC is None else X_BC
-    return track_piece(frames, s.model, X, detection(), tool_mesh(), lambda t: tool(t - T0), T0, 0.6, at_home)
+    return track_piece(frames, s.model, X, detection(), tool_mesh(), lambda t: tool(t - T0), T0, 0.6)
 
 
 def errors_mm(found: ObjectTrack, piece: Motion) -> Array:
@@ -209,7 +208,7 @@ def test_a_piece_that_was_taken_away_is_refused() -> None:
 def test_a_piece_that_lies_on_the_table_again_was_lost_on_the_way_home(place: tuple[float, float] | None) -> None:
     """Two pictures with the tool away; `place` is where the piece lies afterwards, None: it came home on the tool."""
     s, gone = scene(), at(*START, -5.0)
-    at_home = s.still(at(*START, HALF[2]), AWAY), s.still(gone if place is None else at(*place, HALF[2]), AWAY)
-    found = track(scoop(), scoop_tool, at_home=at_home)
+    before, after = s.still(at(*START, HALF[2]), AWAY), s.still(gone if place is None else at(*place, HALF[2]), AWAY)
+    found = at_home(track(scoop(), scoop_tool), detection(), before, after, s.model, s.X_BC)
     assert found.outcome is (Outcome.ON_BLADE if place is None else Outcome.ON_TABLE)
     assert (LOST_ON_THE_WAY in found.flags) is (place is not None)

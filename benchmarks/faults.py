@@ -41,7 +41,7 @@ import toy_rig
 import toy_session
 from cells import cell
 from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, running
-from hard_paths import LOADED, SCENE, smooth
+from hard_paths import LOADED, SCENE, shares
 from kept import Kept
 from own_judge import wrong
 from players import InProcess
@@ -341,7 +341,7 @@ def one_motion(kind: str, at: int, model: str, rng: np.random.Generator, folder:
     lab = Lab(kind, model, World((IN_MOTION if at > 0 else BEFORE).get(kind, lambda _: None), at), folder)
     samples = int(rng.integers(700, 1400))
     travel = rng.uniform(-0.25, 0.25, 7) * np.array([1.0, 0.6, 1.0, 0.6, 1.0, 0.8, 1.0])
-    path = JointPath(np.arange(samples) / 1e3, HOME + smooth(samples) * travel)
+    path = JointPath(np.arange(samples) / 1e3, HOME + shares(samples) * travel)
     error = lab.move(path)
     q = lab.commanded()
     begun = len(q) > 1

@@ -33,21 +33,6 @@ INFRARED = Intrinsics(
 )
 
 
-@pytest.fixture(scope="module")
-def true() -> Truth:
-    return rig.truth(1)
-
-
-@pytest.fixture(scope="module")
-def views(true: Truth) -> list[View]:
-    return rig.views(true, seed=1, quality=Quality(0.1, 5e-5))
-
-
-@pytest.fixture(scope="module")
-def solution(views: list[View]) -> Solution:
-    return solve(views, rig.SETUP, forward)
-
-
 def test_a_good_calibration_passes_every_gate(solution: Solution) -> None:
     gates = judge(solution, rig.SETUP)
     assert reasons(gates) == ()

@@ -32,7 +32,7 @@ def test_the_derivatives_of_a_lens() -> None:
 
 def test_a_real_camera_lacks_its_distortion() -> None:
     views = real_views.views(2)
-    solution, setup = solve_any_size(views, real_views.setup(2), None)
+    solution, setup = real_views.solved(2)
     assert suspicious(solution)
     found = trial(views, setup, solution, None)
     assert found is not None
@@ -79,7 +79,7 @@ def test_two_cameras_and_two_mountings_at_once() -> None:
     """Without noise every unknown is found again from a start that is off by a centimetre."""
     target = real_views.MARKER
     cameras = [real_views.camera(0), real_views.camera(2)]
-    solved = [solve_any_size(real_views.views(k), real_views.setup(k), None)[0] for k in (0, 2)]
+    solved = [real_views.solved(k)[0] for k in (0, 2)]
     truth = PixelUnknowns(
         np.stack([s.X_AC for s in solved]), np.stack([solved[0].X_HM, solved[1].X_HM]), 0.8, np.zeros((2, LENS))
     )

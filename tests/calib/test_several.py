@@ -48,7 +48,7 @@ def test_the_shared_solution_predicts_what_it_has_not_seen(together: Together) -
 
 
 def test_it_is_better_than_each_alone_by_markers_that_took_no_part(together: Together) -> None:
-    alone = [solve_any_size(c.views, c.setup, None)[0].X_AC for c in cameras()]
+    alone = [real_views.solved(k)[0].X_AC for k in range(3)]
     assert room_px([camera.X_BC for camera in together.cameras]) < 0.75 * room_px(alone)
     known = [camera.worst_95_mm / camera.alone_worst_95_mm for camera in together.cameras]
     assert np.mean(known) < 0.9
@@ -74,7 +74,7 @@ def test_folders_that_do_not_belong_together_are_refused() -> None:
 @pytest.mark.parametrize("number", range(3))
 def test_each_camera_by_itself(number: int) -> None:
     """A marker is printed with a size in whole millimetres: 40 here, by the arm's motion to half a per cent."""
-    solution, setup = solve_any_size(real_views.views(number), real_views.setup(number), None)
+    solution, setup = real_views.solved(number)
     assert len(solution.used) == len(real_views.corners(number))
     assert solution.held_out_px < 0.8
     assert 39.5 < 1e3 * setup.board.spacing_m < 40.2
@@ -85,7 +85,7 @@ def test_each_camera_by_itself(number: int) -> None:
 
 def test_a_wrong_guess_of_the_size_ends_in_the_same_place() -> None:
     known = real_views.setup(2)
-    one, one_setup = solve_any_size(real_views.views(2), known, None)
+    one, one_setup = real_views.solved(2)
     large = Setup(Mounting.FIXED, known.board.scaled(9.0), known.colour, size_known=False)
     other, other_setup = solve_any_size(real_views.views(2), large, None)
     assert other_setup.board.spacing_m == pytest.approx(one_setup.board.spacing_m, rel=1e-3)

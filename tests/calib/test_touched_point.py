@@ -8,29 +8,17 @@ import numpy as np
 import pytest
 import simulated_views as rig
 from scipy.spatial.transform import Rotation
-from simulated_views import Quality, Truth
+from simulated_views import Truth
 
 from calib import touch
 from calib.geometry import move
 from calib.projection import project
-from calib.solve import solve
 from calib.types import Grade, Solution
-from hw.kinematics import forward
 from hw.types import Array
 from perception.board.types import Corners
 
 CORNER = 14
 TIP_M = np.array([0.002, -0.003, 0.16])
-
-
-@pytest.fixture(scope="module")
-def true() -> Truth:
-    return rig.truth(1)
-
-
-@pytest.fixture(scope="module")
-def solution(true: Truth) -> Solution:
-    return solve(rig.views(true, seed=1, quality=Quality(0.1, 5e-5)), rig.SETUP, forward)
 
 
 def laid(true: Truth) -> tuple[Corners, Array]:

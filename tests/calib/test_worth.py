@@ -5,13 +5,12 @@ from __future__ import annotations
 import real_views
 import simulated_views as rig
 
-from calib.foreign.sizing import solve_any_size
 from calib.solve import solve
 from hw.kinematics import forward
 
 
 def test_every_view_that_was_used_has_a_worth_and_more_views_lower_the_error() -> None:
-    whole, _ = solve_any_size(real_views.views(2), real_views.setup(2), None)
+    whole, _ = real_views.solved(2)
     shares = [share for _, share in whole.worth.without]
     assert {name for name, _ in whole.worth.without} == set(whole.used)
     assert shares == sorted(shares, reverse=True)

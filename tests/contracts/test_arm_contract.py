@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from cells import cell
-from fr3_process import Fr3Process, arm_at, fr3
+from fr3_process import Fr3Process, arm_at
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused
 from hw.fake import FakeArm, FakeClock
@@ -54,12 +54,6 @@ KINDS = {
     "fake": Kind(lambda: fake(faulty=False), lambda: fake(faulty=True)),
     "lab": Kind(lambda: lab(faulty=False), lambda: lab(faulty=True)),
 }
-
-
-@pytest.fixture(scope="module")
-def server() -> Iterator[Fr3Process]:
-    with fr3(READY_RAD) as running:
-        yield running
 
 
 def over_the_network(server: Fr3Process) -> Kind:

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from cells import cell
-from fr3_process import Fr3Process, arm_at, fr3
-from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
+from fr3_process import Fr3Process, arm_at
+from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down, tip_m
 
 from hw.collision import Table
 from hw.contact import began, predicted_force_N
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact
 from hw.fake import FakeArm, FakeClock
-from hw.kinematics import forward
 from hw.ports import GuardedArm
-from hw.types import Array, Guard
+from hw.types import Guard
 from sim.lab.touch import TouchLab
 from sim.lab.world import Faults, Mount, load_world
 from sim.tasks import get_task
@@ -62,12 +61,6 @@ KINDS = {
 }
 
 
-@pytest.fixture(scope="module")
-def server() -> Iterator[Fr3Process]:
-    with fr3(Q_TOP_RAD, pace="hurried") as running:
-        yield running
-
-
 def over_the_network(server: Fr3Process) -> Kind:
     def make(height_m: float) -> GuardedArm:
         server.place(Q_TOP_RAD)
@@ -84,12 +77,7 @@ def over_the_network(server: Fr3Process) -> Kind:
 
 @pytest.fixture(params=[*KINDS, "fr3"])
 def kind(request: pytest.FixtureRequest) -> Kind:
-    return KINDS.get(request.param) or over_the_network(request.getfixturevalue("server"))
-
-
-def tip_m(q_rad: Array) -> float:
-    X_BF = forward(q_rad)
-    return float((X_BF[:3, :3] @ TIP + X_BF[:3, 3])[2])
+    return KINDS.get(request.param) or over_the_network(request.getfixturevalue("hurried_fr3"))
 
 
 def test_it_must_be_entered(kind: Kind) -> None:

@@ -19,19 +19,14 @@ def grippers(request: pytest.FixtureRequest) -> Grippers:
     return made
 
 
-def test_it_must_be_entered(grippers: Grippers) -> None:
+def test_it_serves_only_while_it_is_entered(grippers: Grippers) -> None:
     hand = grippers.make(None)
-    for use in (hand.state, hand.home, lambda: hand.move(0.05), lambda: hand.grasp(HANDLE_M, 40.0)):
-        with pytest.raises(DeviceUnavailable, match="not connected"):
-            use()
-
-
-def test_left_it_is_unavailable(grippers: Grippers) -> None:
-    with grippers.make(None) as hand:
-        hand.state()
-    for use in (hand.state, hand.home, lambda: hand.move(0.05), lambda: hand.grasp(HANDLE_M, 40.0)):
-        with pytest.raises(DeviceUnavailable, match="not connected"):
-            use()
+    for _ in range(2):  # before, and once it was left
+        for use in (hand.state, hand.home, lambda: hand.move(0.05), lambda: hand.grasp(HANDLE_M, 40.0)):
+            with pytest.raises(DeviceUnavailable, match="not connected"):
+                use()
+        with hand:
+            hand.state()
 
 
 def test_nothing_before_homing(grippers: Grippers) -> None:

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from cells import READY, cell, joint, move, stick
+from cells import READY, cell, joint, move, smooth, stick
 from hard_paths import LOADED, paths
 
 from hw.braking import LONGEST_S, STOP_S, brake, check_braking, joint_spline, slowed
@@ -14,8 +14,7 @@ PANDA = cell("panda").motion
 
 def path_of(duration_s: float, contact: ContactWindow | None = None) -> JointPath:
     t_s = np.arange(round(duration_s * 1000) + 1) / 1000
-    u = t_s / t_s[-1]
-    share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
+    share = smooth(t_s / t_s[-1])
     change = 0.55 * np.array([0.5, -0.3, 0.4, 0.2, 0.5, 0.3, -0.5])
     return JointPath(
         t_s, READY + np.column_stack([share, share**2, share, share, share**3, share, share]) * change, contact

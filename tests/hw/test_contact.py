@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cells import cell
-from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, down, over
+from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, down, over, tip_m
 
 from hw.collision import LEVEL, KeepOut, Table
 from hw.contact import Detector, began, contact_force, predicted_force_N, vertical_force_N
 from hw.errors import ArmFault, MotionRefused, NoContact
 from hw.fake import FakeArm, FakeClock
-from hw.kinematics import forward, jacobian
+from hw.kinematics import jacobian
 from hw.types import ContactWindow, Guard, JointPath
 from hw.workcell import DEPTH_M, SPEED_M_S, Workcell, check_guarded, require_guarded, withdrawal
 
@@ -54,8 +54,7 @@ def test_where_it_touched_is_found_in_the_noise(height_m: float) -> None:
         contact = feeling.execute_until_contact(path, GUARD)
     touch = began(contact, GUARD)
     assert touch is not None
-    X = forward(touch.q_rad)
-    assert (X[:3, :3] @ TIP + X[:3, 3])[2] == pytest.approx(height_m, abs=2e-4)
+    assert tip_m(touch.q_rad) == pytest.approx(height_m, abs=2e-4)
     assert touch.stiffness_N_m == pytest.approx(4000.0, rel=0.1)
     assert touch.sigma_m < 1e-4
     assert contact.force_N < predicted_force_N(GUARD, 0.004)
@@ -70,8 +69,7 @@ def test_a_touch_is_found_where_the_estimate_drifted_before_it() -> None:
         contact = feeling.execute_until_contact(path, GUARD)
     touch = began(contact, GUARD)
     assert touch is not None
-    X = forward(touch.q_rad)
-    assert (X[:3, :3] @ TIP + X[:3, 3])[2] == pytest.approx(0.0, abs=2e-4)
+    assert tip_m(touch.q_rad) == pytest.approx(0.0, abs=2e-4)
 
 
 def test_a_spike_is_no_touch_and_a_pull_is() -> None:

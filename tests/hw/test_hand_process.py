@@ -9,13 +9,14 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from fr3_process import HandPedal
 from gripper_server import GripperServer, gripper
+from serial_lines import until
 
 from hw.errors import DeviceUnavailable, HandError
 from hw.franka.hand_process import HandProcess
@@ -23,13 +24,6 @@ from hw.franka.hand_process import HandProcess
 PROGRAM = Path(__file__).parents[1] / "support" / "hand_program.py"
 PATIENT_S = 2.0
 """A silence that a busy machine does not make by itself."""
-
-
-def until(holds: Callable[[], bool], within_s: float = 60.0) -> None:
-    began_s = time.monotonic()
-    while not holds():
-        assert time.monotonic() - began_s < within_s, "it never came to hold"
-        threading.Event().wait(0.002)
 
 
 @pytest.mark.long

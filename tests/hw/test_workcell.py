@@ -7,12 +7,11 @@ from dataclasses import MISSING, fields, replace
 import numpy as np
 import pytest
 from cells import cell, stick
-from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
+from guarded_paths import GUARD, Q_TOP_RAD, TOOL, TOP_M, down, tip_m
 
 from hw.collision import BARE_HAND, HAND_MASS, Table
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock
-from hw.kinematics import forward
 from hw.mass import NOTHING, Mass, bar, box
 from hw.types import ContactWindow, JointPath
 from hw.workcell import ArmModel, Workcell, arm_model, require_guarded
@@ -58,9 +57,7 @@ def test_a_guarded_motion_and_what_it_feels_count_for_true_joints_too() -> None:
     assert require_guarded(path, GUARD, off).ok
     with FakeArm(path.q_rad[0], FakeClock(), off, plane=Table(PLANE_M)) as arm:
         contact = arm.execute_until_contact(path, GUARD)
-    X_BF = forward(off.arm.true_rad(contact.q_rad))
-    tip_m = X_BF[:3, :3] @ TIP + X_BF[:3, 3]
-    assert tip_m[2] == pytest.approx(PLANE_M - 0.001, abs=3e-4), "4 N on 4000 N/m"
+    assert tip_m(off.arm.true_rad(contact.q_rad)) == pytest.approx(PLANE_M - 0.001, abs=3e-4), "4 N on 4000 N/m"
 
 
 def test_what_it_holds_and_where_the_table_is_can_change() -> None:

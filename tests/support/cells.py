@@ -15,14 +15,17 @@ from hw.workcell import STOPS_AT_N, STOPS_AT_NM, Workcell, arm_model
 READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 
 
+def smooth(u: Array) -> Array:
+    """The seventh-order step from 0 to 1: at rest at both ends, without acceleration or jerk."""
+    return u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
+
+
 def move(
     change_rad: ArrayLike, duration_s: float = 2.0, contact: ContactWindow | None = None, start_rad: Array = READY
 ) -> JointPath:
     """A seventh-order step by `change_rad` (7,), at rest at both ends."""
     t_s = np.arange(round(duration_s * 1000) + 1) / 1000
-    u = t_s / t_s[-1]
-    share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
-    return JointPath(t_s, start_rad + share[:, None] * np.asarray(change_rad), contact)
+    return JointPath(t_s, start_rad + smooth(t_s / t_s[-1])[:, None] * np.asarray(change_rad), contact)
 
 
 def joint(number: int, change_rad: float) -> Array:

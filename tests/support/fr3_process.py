@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from cells import cell
+from cells import READY, cell
 from numpy.typing import ArrayLike
 
 from hw.collision import BARE_HAND, Tool
@@ -28,7 +28,7 @@ from hw.types import Array
 SERVER = Path(__file__).with_name("fr3_server.py")
 _HOSTS = count()
 RELAXED = Timing(realtime=False, silence_s=2.0, start_s=20.0, overrun_s=60.0)
-READY_RAD = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
+READY_RAD = READY
 
 
 class Fr3Process:

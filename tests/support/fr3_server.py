@@ -70,6 +70,8 @@ RECOVERY_CYCLES = 50
 DAWDLING_S = 0.01
 """A cycle's length after a mark."""
 TORQUE_ERROR_NM = 0.8
+NOWHERE = (-1.0, 0.0, np.zeros(3))
+"""A plane that presses on nothing."""
 KP = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
 KV = (100.0, 100.0, 70.0, 70.0, 20.0, 20.0, 20.0)
 
@@ -152,7 +154,7 @@ class Fr3Server(FrankaRobotServer):
         self.received: list[list[float] | None] = []
         self.recent: deque[bool] = deque(maxlen=100)
         self.mark_s, self.mark_after, self.is_marked = 0.0, 0, False
-        self.plane = Plane(-1.0, 0.0, np.zeros(3))
+        self.plane = Plane(*NOWHERE)
         self.threshold_N = float("inf")
         self._came: list[float] | None = None
         self._answered, self._dropped = 0, False
@@ -275,7 +277,7 @@ class Fr3Server(FrankaRobotServer):
         self.modes.be("Idle")
         self.planned, self.shown_flags, self.strict, self.monitor.most_lost = None, (), False, LOST_IN_A_ROW
         self.losing = (0.0, 0)
-        self.threshold_N = float("inf")
+        self.plane, self.threshold_N = Plane(*NOWHERE), float("inf")
 
     def be_strict(self, most_lost: int) -> None:
         self.strict, self.monitor.most_lost = True, most_lost

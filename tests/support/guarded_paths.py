@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+from cells import smooth
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
@@ -32,6 +33,12 @@ def over(height_m: float, q_near: Array = _NEAR) -> Array:
     return np.asarray(least_squares(off, q_near, xtol=1e-14, ftol=1e-14, gtol=1e-14).x)
 
 
+def tip_m(q_rad: Array) -> float:
+    """The height of the fingertips, in the base."""
+    X_BF = forward(q_rad)
+    return float((X_BF[:3, :3] @ TIP + X_BF[:3, 3])[2])
+
+
 Q_TOP_RAD = frozen_array(over(TOP_M))
 
 
@@ -44,8 +51,7 @@ def down(way_m: float = 0.034, speed_m_s: float = 0.012) -> JointPath:
         postures.append(over(TOP_M - depth, postures[-1]))
     duration_s = 2.1875 * way_m / speed_m_s
     t_s = np.arange(round(1000 * (duration_s + 0.25)) + 1) / 1000
-    u = np.clip((t_s - 0.25) / duration_s, 0.0, 1.0)
-    share = u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
+    share = smooth(np.clip((t_s - 0.25) / duration_s, 0.0, 1.0))
     q_rad = CubicSpline(knots, np.array(postures))(way_m * share)
     q_rad[0] = q_rad[1] = Q_TOP_RAD
     force_N = predicted_force_N(GUARD, speed_m_s)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
-from cells import cell
+from cells import READY, cell, smooth
 from own_judge import MAKERS, Array, Scene, Touching, poses, wrong
 from players import Sink
 
@@ -24,7 +24,6 @@ from hw.franka.settings import FrankaSettings
 from hw.mass import Mass
 from hw.types import ContactWindow, JointPath
 
-READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 TIP_F_M = np.array([0.0, 0.0, 0.2])
 LOADED = replace(
     BARE_HAND, mass=HAND_MASS + Mass(1.5, np.array([0.0, 0.02, 0.12]), 0.002 * np.eye(3)), points_F_m=TIP_F_M[None]
@@ -45,10 +44,9 @@ class Offered:
     window: tuple[float, float, float, float] | None = None  # start, end in s, depth in m, force in N
 
 
-def smooth(samples: int) -> Array:
+def shares(samples: int) -> Array:
     """(samples, 1) from 0 to 1, at rest at both ends."""
-    u = np.linspace(0.0, 1.0, samples)[:, None]
-    return u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
+    return smooth(np.linspace(0.0, 1.0, samples)[:, None])
 
 
 def tip_m(q_rad: Array) -> Array:
@@ -73,7 +71,7 @@ def past_the_rod(rng: np.random.Generator, model: str) -> tuple[Array, Array]:
     travel[0] = rng.choice([-1.0, 1.0]) * rng.uniform(0.2, 0.9) * ddq_max[0] * (samples / 1e3) ** 2 / 7.52
     travel[0] = np.clip(travel[0], -0.9e-3 * samples, 0.9e-3 * samples)  # its velocity peaks at 2.19 times the mean
     start = q_mid - 0.5 * travel
-    return start + smooth(samples) * travel, start
+    return start + shares(samples) * travel, start
 
 
 def into_the_table(rng: np.random.Generator) -> Offered:
@@ -86,7 +84,7 @@ def into_the_table(rng: np.random.Generator) -> Offered:
     begin, end = (float(np.interp(-h, -heights_m, tilts)) for h in (0.02, -rng.uniform(-0.003, 0.015)))
     start[1] = begin
     samples = int(rng.integers(400, 900))
-    q = start + np.concatenate([smooth(samples), np.ones((50, 1))]) * (end - begin) * (np.arange(7) == 1)
+    q = start + np.concatenate([shares(samples), np.ones((50, 1))]) * (end - begin) * (np.arange(7) == 1)
     from_s, to_s = np.sort(rng.uniform(-0.1, len(q) / 1e3 + 0.1, 2))
     depth_m = float(rng.choice([rng.uniform(0.0, 0.012), -1.0, -1e-6, np.nan, np.inf]))
     force_N = float(rng.uniform(-5.0, 90.0))
@@ -103,21 +101,21 @@ def paths(rng: np.random.Generator, model: str) -> Iterator[Offered]:
         samples = int(rng.integers(60, 260))
         most = ddq_max * (samples / 1e3) ** 2 / 7.52  # peak acceleration of `smooth` is 7.513 of its travel per time²
         travel = rng.uniform(-1.0, 1.0, 7) * np.minimum(0.4 * most, 0.1)
-        fair = start + smooth(samples) * travel
+        fair = start + shares(samples) * travel
         row, joint, tiny = int(rng.integers(samples)), int(rng.integers(7)), 10.0 ** rng.uniform(-9.0, -2.0)
         yield Offered("fair", fair, start)
         alone = np.eye(7)[joint] * np.sign(travel) * most * rng.uniform(0.95, 1.05)
-        yield Offered("near the limit", start + smooth(samples) * alone, start)
+        yield Offered("near the limit", start + shares(samples) * alone, start)
         together = np.sign(travel) * most * rng.uniform(0.2, 1.05)
-        yield Offered("all near the limit", start + smooth(samples) * together, start)
-        yield Offered("fast", start + smooth(samples) * travel * rng.uniform(1.0, 20.0), start)
+        yield Offered("all near the limit", start + shares(samples) * together, start)
+        yield Offered("fast", start + shares(samples) * travel * rng.uniform(1.0, 20.0), start)
         yield Offered("from elsewhere", fair, start + tiny * np.eye(7)[joint] * 10.0)
         yield Offered("cut short", fair[: max(2, row)], start)
         late = min(row, samples - 2)
         yield Offered("begun late", fair[late:], fair[late])
         yield Offered("spike", fair + tiny * np.eye(samples)[row][:, None] * np.eye(7)[joint], start)
         yield Offered("step", fair + tiny * (np.arange(samples) >= max(row, 1))[:, None] * np.eye(7)[joint], start)
-        shaking = np.sin(np.arange(samples) * rng.uniform(0.1, np.pi))[:, None] * np.sin(np.pi * smooth(samples)) ** 4
+        shaking = np.sin(np.arange(samples) * rng.uniform(0.1, np.pi))[:, None] * np.sin(np.pi * shares(samples)) ** 4
         yield Offered("shaking", fair + tiny * shaking * rng.uniform(-1.0, 1.0, 7), start)
         yield Offered("held sample", np.insert(fair, row, fair[row], axis=0), start)
         yield Offered("lost sample", np.delete(fair, row, axis=0), start)

@@ -12,16 +12,14 @@ import time
 from contextlib import ExitStack
 from dataclasses import replace
 
-import numpy as np
-from cells import cell
-from fr3_process import READY_RAD, RELAXED
+from cells import cell, move
+from fr3_process import RELAXED
 
 from hw.errors import HardwareError
 from hw.franka.arm import franka
 from hw.franka.playback import Timing, motion_of
 from hw.franka.settings import FrankaSettings
 from hw.serial.enable_pedal import EnablePedal
-from hw.types import JointPath
 
 REAL = replace(Timing(), realtime=False, start_s=RELAXED.start_s)
 
@@ -32,10 +30,7 @@ def say(**what: object) -> None:
 
 
 def main(host: str, port: str = "") -> None:
-    t_s = np.arange(3001) / 1000
-    u = t_s / t_s[-1]
-    share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
-    path = JointPath(t_s, READY_RAD + share[:, None] * np.array([0.5, -0.2, 0.2, 0.2, 0.3, 0.2, -0.4]))
+    path = move([0.5, -0.2, 0.2, 0.2, 0.3, 0.2, -0.4], 3.0)
     for _ in range(3):  # the first checks import SciPy and fetch memory, which holds up the thread of the pedal
         motion_of(path, cell("fr3").motion)
         cell("fr3").require(path, path.q_rad[0])

@@ -13,8 +13,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from calib.foreign.sizing import solve_any_size
 from calib.geometry import difference
-from calib.types import Mounting, Setup, View
+from calib.types import Mounting, Setup, Solution, View
 from hw.joint_limits import LIMITS
 from hw.kinematics import forward
 from hw.poses import pose
@@ -55,6 +56,12 @@ def setup(number: int) -> Setup:
 
 def views(number: int) -> list[View]:
     return [View(f"{i:02d}", Corners(np.arange(4), px), X_BF=X_BF[i]) for i, px in sorted(corners(number).items())]
+
+
+@cache
+def solved(number: int) -> tuple[Solution, Setup]:
+    """One camera by itself, and its setup with the size that was found."""
+    return solve_any_size(views(number), setup(number), None)
 
 
 def as_told(X: Array) -> PoseKeys:

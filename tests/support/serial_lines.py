@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 
 from hw.serial.pedal_protocol import PERIOD_S, line_for
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 
 
 class Line:

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,18 +42,6 @@ CHANGE_RAD = np.array([0.4, -0.2, 0.2, 0.2, 0.3, 0.2, -0.4])
 
 def path_from(q_rad: Array, change_rad: Array = CHANGE_RAD, duration_s: float = 1.5) -> JointPath:
     return move(change_rad, duration_s, start_rad=q_rad)
-
-
-@pytest.fixture(scope="module")
-def shared() -> Iterator[Fr3Process]:
-    with fr3() as running:
-        yield running
-
-
-@pytest.fixture
-def server(shared: Fr3Process) -> Fr3Process:
-    shared.place(READY_RAD)
-    return shared
 
 
 def pause(pid: int, seconds: float) -> None:
@@ -319,18 +306,18 @@ def test_without_a_real_time_kernel_a_real_arm_is_not_driven(server: Fr3Process)
 
 
 @pytest.mark.long
-def test_mode_joints_and_states_are_read_and_nothing_is_set() -> None:
-    with fr3(READY_RAD) as server:
-        reading, rhythm, _ = inspect("fr3", FrankaSettings(server.host), realtime=False, states=200)
-        assert reading.mode == "Idle"
-        np.testing.assert_allclose(reading.q_rad, READY_RAD, atol=0.01)
-        assert rhythm.states == 200
-        assert rhythm.missed >= 0
-        assert 0.0 < rhythm.longest_gap_s < 10.0
-        assert server.configured() == []
-        server.tell("press")
-        stopped, _, _ = inspect("fr3", FrankaSettings(server.host), realtime=False, states=50)
-        assert "the stop button is pressed" in str(stopped.unwilling)
+def test_mode_joints_and_states_are_read_and_nothing_is_set(server: Fr3Process) -> None:
+    before = server.configured()
+    reading, rhythm, _ = inspect("fr3", FrankaSettings(server.host), realtime=False, states=200)
+    assert reading.mode == "Idle"
+    np.testing.assert_allclose(reading.q_rad, READY_RAD, atol=0.01)
+    assert rhythm.states == 200
+    assert rhythm.missed >= 0
+    assert 0.0 < rhythm.longest_gap_s < 10.0
+    assert server.configured() == before
+    server.tell("press")
+    stopped, _, _ = inspect("fr3", FrankaSettings(server.host), realtime=False, states=50)
+    assert "the stop button is pressed" in str(stopped.unwilling)
 
 
 def test_an_arm_that_is_not_there_is_said() -> None:

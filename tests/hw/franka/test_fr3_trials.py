@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
 import pytest
-from fr3_process import Fr3Process, arm_at, fr3
+from fr3_process import Fr3Process, arm_at
 
 from hw.collision import Tool
 from hw.franka.arm import FrankaArm
@@ -37,22 +36,16 @@ def trial(name: str) -> tuple[tuple[JointPath, JointPath, JointPath], Array, Too
     )
 
 
-@pytest.fixture(scope="module")
-def server() -> Iterator[Fr3Process]:
-    with fr3(pace="hurried") as running:
-        yield running
-
-
 def tool_error_m(played: Execution, X_FT: Array) -> float:
     commanded, measured = ((forward(q) @ X_FT)[:, :3, 3] for q in (played.q_commanded_rad, played.q_measured_rad))
     return float(np.linalg.norm(commanded - measured, axis=1).max())
 
 
-def play(server: Fr3Process, arm: FrankaArm, path: JointPath, X_FT: Array) -> None:
+def play(hurried_fr3: Fr3Process, arm: FrankaArm, path: JointPath, X_FT: Array) -> None:
     played = arm.execute(path)
     n = len(path.t_s)
     np.testing.assert_allclose(played.q_commanded_rad[500:n], path.q_rad[500:], atol=2e-6)
-    np.testing.assert_allclose(server.commanded(), played.q_commanded_rad[:-1], atol=1e-12)
+    np.testing.assert_allclose(hurried_fr3.commanded(), played.q_commanded_rad[:-1], atol=1e-12)
     assert played.control_success_rate == 1.0
     assert tool_error_m(played, X_FT) < TRACKING_M
     np.testing.assert_allclose(arm.state().q_rad, path.q_rad[-1], atol=3e-3)
@@ -60,8 +53,8 @@ def play(server: Fr3Process, arm: FrankaArm, path: JointPath, X_FT: Array) -> No
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["pushing", "scooping"])
-def test_the_task_path_arrives_sample_by_sample_and_is_followed(server: Fr3Process, name: str) -> None:
+def test_the_task_path_arrives_sample_by_sample_and_is_followed(hurried_fr3: Fr3Process, name: str) -> None:
     (_, task, _), X_FT, tool = trial(name)
-    server.place(task.q_rad[0])
-    with arm_at(server, tool=tool) as arm:
-        play(server, arm, task, X_FT)
+    hurried_fr3.place(task.q_rad[0])
+    with arm_at(hurried_fr3, tool=tool) as arm:
+        play(hurried_fr3, arm, task, X_FT)

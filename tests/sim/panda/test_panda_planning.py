@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cells import cell
+from cells import READY, cell, smooth
 
 from hw.collision import LEVEL, Capsule, KeepOut, Tool, point_heights
 from hw.joint_limits import LIMITS
@@ -19,9 +19,6 @@ from sim.panda.tool import held
 from sim.types import ToolMotion
 
 X_FT = np.array([[1.0, 0.0, 0.0, 0.05], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.20], [0.0, 0.0, 0.0, 1.0]])
-READY = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
-
-
 TOOL = held(X_FT, NOTHING)
 
 
@@ -34,8 +31,7 @@ def sweep(
 ) -> ToolMotion:
     """Forward along X with a little pitch, and up at the end."""
     t_s = np.arange(round(duration_s * 1000) + 1) / 1000
-    u = t_s / t_s[-1]
-    share = u**4 * (35 - 84 * u + 70 * u**2 - 20 * u**3)
+    share = smooth(t_s / t_s[-1])
     X_BT = np.tile(np.eye(4), (len(t_s), 1, 1))
     pitch = -0.2 * share
     X_BT[:, 0, 0], X_BT[:, 0, 2] = np.cos(pitch), np.sin(pitch)

@@ -1,6 +1,7 @@
 import pickle
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,11 @@ import pytest
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.reward_table import ProspectSettings
 from sim.errors import CheckpointError, ObjectError
-from sim.research.pretraining.evaluation import EvaluationSettings
+from sim.research.pretraining import for_object
 from sim.research.pretraining.for_object import is_inside, make_ready
-from sim.research.pretraining.meta_training import MetaSettings
-from sim.research.pretraining.pipeline import PretrainBudget, pretrain
+from sim.research.pretraining.pipeline import PretrainBudget, Wanted, pretrain
 from sim.rollouts import serial_executor
+from sim.solvers.emulator.training import EmulatorSettings
 from sim.tasks import TASKS, get_task
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.own_object import OwnObject, as_toml, load_object, with_ranges
@@ -28,11 +29,7 @@ e = [1e4, 3e4]
 g = [1, 2]
 h = [2, 2.6]
 """
-TINY = PretrainBudget(
-    meta=MetaSettings(episodes=2, parallel=2, library=64),
-    prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
-    evaluation=EvaluationSettings(targets=2, iterations=1, oracle=4),
-)
+TINY = PretrainBudget(prospects=ProspectSettings(candidates=16, truths=64, contexts=2))
 
 
 def stored(tmp_path, text):
@@ -99,7 +96,7 @@ def test_its_checkpoint_holds_the_ranges_and_serves_no_others(tmp_path):
     usual = get_task("pendulum")
     heavy = with_ranges(usual, OwnObject("pendulum", "heavy pendulum", {"m1": (1.6, 2.0), "m2": (2.0, 2.6)}))
     with serial_executor() as executor:
-        path = pretrain(heavy, tmp_path / "work", TINY, 0, executor, lambda stage, done, total: None)
+        path = pretrain(heavy, tmp_path / "work", TINY, 0, executor, lambda *_: None, wanted=Wanted(False, False))
     checkpoint = load_checkpoint(heavy, str(path))
     assert checkpoint.card.object == "heavy pendulum"
     assert [(d["low"], d["high"]) for d in checkpoint.card.interface["parameters"][:2]] == [(1.6, 2.0), (2.0, 2.6)]
@@ -174,16 +171,17 @@ def test_a_written_file_is_read_back(tmp_path, own):
     assert load_object(stored(tmp_path, text)) == own
 
 
-def test_a_checkpoint_for_an_object_starts_from_the_shipped_one(tmp_path):
+def test_a_checkpoint_for_an_object_starts_from_the_shipped_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(for_object, "EmulatorSettings", partial(EmulatorSettings, least_steps=20, most_steps=20))
     usual = get_task("pushing")
     own = with_ranges(usual, HEAVY)
     assert not is_inside(own, usual)
     assert is_inside(with_ranges(usual, OwnObject("pushing", "jar", {"mu": (0.08, 0.16)})), usual)
     tiny = ProspectSettings(candidates=4, truths=8, contexts=1)
     with serial_executor() as executor:
-        path, found = make_ready(own, load_checkpoint(usual), tmp_path, 0, executor, lambda *_: None, 64, tiny, 16)
+        path, found = make_ready(own, load_checkpoint(usual), tmp_path, 0, executor, lambda *_: None, 64, tiny, 12)
     checkpoint = load_checkpoint(own, str(path))
-    assert found.rollouts == 16
+    assert found.rollouts == 12
     assert found.accuracy > 0.6
     assert checkpoint.emulator.tensors["pw0"].shape == load_checkpoint(usual).emulator.tensors["pw0"].shape
     assert checkpoint.card.facts()["start"] == load_checkpoint(usual).sha256

@@ -66,7 +66,7 @@ def over_the_network(server: Fr3Process) -> Kind:
     return Kind(make, lambda: make("reflex 0.5 joint_reflex"), "fr3", rest_rad=1e-3, rest_rad_s=1e-2)
 
 
-@pytest.fixture(params=[*KINDS, "fr3"])
+@pytest.fixture(params=[*KINDS, pytest.param("fr3", marks=pytest.mark.long)])
 def kind(request: pytest.FixtureRequest) -> Kind:
     return KINDS.get(request.param) or over_the_network(request.getfixturevalue("server"))
 
@@ -105,7 +105,6 @@ def test_the_state_is_at_rest_and_well(kind: Kind) -> None:
         np.testing.assert_allclose(state.dq_rad_s, 0.0, atol=kind.rest_rad_s)
 
 
-@pytest.mark.long
 def test_a_path_is_played_to_its_end(kind: Kind, there: JointPath, back: JointPath) -> None:
     with kind.make() as arm:
         before_s = arm.state().t_s
@@ -138,7 +137,6 @@ def test_a_path_from_elsewhere_is_refused(kind: Kind, back: JointPath) -> None:
         arm.execute(back)
 
 
-@pytest.mark.long
 def test_a_fault_stops_and_needs_recovery_which_never_resumes(kind: Kind, there: JointPath) -> None:
     touching = JointPath(there.t_s, there.q_rad, ContactWindow(0.0, there.duration_s, 0.001, 5.0))
     with kind.make_faulty() as arm:

@@ -75,7 +75,7 @@ def over_the_network(server: Fr3Process) -> Kind:
     return Kind(make, make_faulty, 3e-4, rest_rad=1e-3)
 
 
-@pytest.fixture(params=[*KINDS, "fr3"])
+@pytest.fixture(params=[*KINDS, pytest.param("fr3", marks=pytest.mark.long)])
 def kind(request: pytest.FixtureRequest) -> Kind:
     return KINDS.get(request.param) or over_the_network(request.getfixturevalue("hurried_fr3"))
 
@@ -85,7 +85,6 @@ def test_it_must_be_entered(kind: Kind) -> None:
         kind.make(PLANE_M).execute_until_contact(PATH, GUARD)
 
 
-@pytest.mark.long
 def test_a_touch_says_where_and_how_hard_and_the_arm_is_back(kind: Kind) -> None:
     with kind.make(PLANE_M) as arm:
         contact = arm.execute_until_contact(PATH, GUARD)
@@ -100,7 +99,6 @@ def test_a_touch_says_where_and_how_hard_and_the_arm_is_back(kind: Kind) -> None
     np.testing.assert_allclose(contact.felt_measured_rad, contact.felt_commanded_rad, atol=0.01)
 
 
-@pytest.mark.long
 def test_air_is_no_contact_and_the_arm_is_back(kind: Kind) -> None:
     with kind.make(AIR_M) as arm:
         before = arm.state()
@@ -110,7 +108,6 @@ def test_air_is_no_contact_and_the_arm_is_back(kind: Kind) -> None:
         assert arm.state().fault is None
 
 
-@pytest.mark.long
 def test_what_is_refused_moves_nothing(kind: Kind) -> None:
     with kind.make(PLANE_M) as arm:
         before = arm.state()
@@ -125,7 +122,6 @@ def test_what_is_refused_moves_nothing(kind: Kind) -> None:
         assert arm.state().fault is None
 
 
-@pytest.mark.long
 def test_a_fault_stays_until_it_is_recovered(kind: Kind) -> None:
     with kind.make_faulty() as arm:
         for _ in range(2):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from typing import Any
 
 import fake_k4a
 import numpy as np
 import pytest
-from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, camera_on, frames, meanwhile, running
+from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, camera_on, enter, frames, meanwhile, running
 
 from hw.camera import k4a_library as k4a
 from hw.camera.k4a_device import ColourSettings, model_of
@@ -257,13 +256,14 @@ def test_a_clock_that_settles_minutes_later_is_mapped_anew_before_the_camera_is_
 ) -> None:
     fake, usual_s = FakeK4a("A1"), fake_k4a.BOOT_S
     camera = camera_on(fake, latency_s=LATENCY_S)
-    with ThreadPoolExecutor(1) as pool:
-        entering = pool.submit(camera.__enter__)
+
+    def settle() -> None:
         monkeypatch.setattr(fake_k4a, "BOOT_S", usual_s - 240.0)
         fake.show(*frames(100.0, 6))
         monkeypatch.setattr(fake_k4a, "BOOT_S", usual_s)
         fake.show(*frames(100.0 + 6 * PERIOD_S, 16))
-        entering.result()
+
+    enter(camera, settle)
     asked_s = fake.clock.now_s()
     frame = meanwhile(fake, camera.snapshot, *frames(asked_s + 0.01, 1))
     assert frame.t_s == pytest.approx(asked_s + 0.01, abs=2e-6)

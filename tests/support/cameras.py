@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
-from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, frames, kinect_library, threaded
+from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, enter, frames, kinect_library, threaded, while_shown
 from staged_realsense import SoftRealSense
 
 from hw.camera.k4a_device import ColourSettings
@@ -28,7 +27,6 @@ from sim.panda.moves import move_path
 from sim.panda.tool import cell_as_shipped
 from sim.tasks import get_task
 
-Answer = TypeVar("Answer")
 RATE_HZ = 30.0
 
 
@@ -107,10 +105,7 @@ class Staged:
         started, self._library = self.now_s(), self._make()
         self._library.clock.advance_to(started)
         self._next_s = started
-        with ThreadPoolExecutor(1) as pool:
-            entering = pool.submit(self._camera.__enter__)
-            self.show(20)
-            entering.result()
+        enter(self._camera, lambda: self.show(20))
         return self
 
     def __exit__(self, *exc: object) -> None:
@@ -123,13 +118,13 @@ class Staged:
         return self._camera.model()
 
     def snapshot(self) -> Frame:
-        return self._while_shown(self._camera.snapshot)
+        return while_shown(self._library, self._camera.snapshot, lambda: self.show(3))
 
     def start_recording(self) -> None:
         self._camera.start_recording()
 
     def stop_recording(self) -> Sequence[Frame]:
-        return self._while_shown(self._camera.stop_recording)
+        return while_shown(self._library, self._camera.stop_recording, lambda: self.show(3))
 
     def show(self, count: int) -> None:
         shown = frames(self._next_s, count)
@@ -142,18 +137,6 @@ class Staged:
 
     def spoil(self) -> None:
         self.loses = True
-
-    def _while_shown(self, ask: Callable[[], Answer]) -> Answer:
-        """`ask`, and show captures once it has looked at the clock; none when it was refused before."""
-        asked = self._library.clock.asked
-        asked.clear()
-        with ThreadPoolExecutor(1) as pool:
-            answer = pool.submit(ask)
-            answer.add_done_callback(lambda _: asked.set())
-            asked.wait()
-            if not answer.done():
-                self.show(3)
-            return answer.result()
 
 
 def _library() -> FakeK4a:

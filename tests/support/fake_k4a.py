@@ -93,35 +93,13 @@ class TellingClock(FakeClock):
         self.sleep(max(t_s - super().now_s(), 0.0))
 
 
-class FakeK4a:
-    """`serials`: the cameras that are plugged in; `busy`: those that cannot be opened."""
+class Stage:
+    """What a camera is shown, capture by capture, and the clock that goes along."""
 
-    def __init__(self, *serials: str, busy: tuple[str, ...] = ()) -> None:
-        self.serials, self.busy = serials, busy
+    def __init__(self) -> None:
         self.clock = TellingClock(100.0)
-        self.calibration = k4a.Calibration()
-        for camera in (self.calibration.color_camera_calibration, self.calibration.depth_camera_calibration):
-            camera.intrinsics.type = k4a.BROWN_CONRADY
-        self.controls = {k4a.EXPOSURE_TIME_ABSOLUTE: (0, 33330), k4a.WHITEBALANCE: (0, 5000), k4a.GAIN: (1, 128),
-                         k4a.POWERLINE_FREQUENCY: (1, 2)}  # fmt: skip
-        self.stuck: set[int] = set()  # controls that stay automatic
-        self.refused: set[str] = set()  # functions that fail
-        self.started: k4a.DeviceConfiguration | None = None
-        self.open: set[int] = set()
-        self.handles: dict[int, Any] = {}  # captures and images that have not been released
-        self._numbers = itertools.count(1000)
         self._waiting: queue.Queue[Shown | str] = queue.Queue()
-        self._taken = False
-        self._over = False
-        self._handler: Any = None
-        self._callbacks = {name: self._callback(name) for name in PROTOTYPES}
-
-    def __getattr__(self, name: str) -> Any:
-        return self._callbacks[name]
-
-    def driver(self, now_s: Callable[[], float]) -> K4aDevice:
-        """The camera's driver, on this library."""
-        return K4aDevice(self, now_s)
+        self._taken = self._over = False
 
     def show(self, *shown: Shown) -> None:
         """Hand these captures to the camera, one after the other, each at its time; returns when all were taken."""
@@ -138,6 +116,41 @@ class FakeK4a:
         """From now on there is nothing but timeouts."""
         self._over = True
         self._waiting.put("timeout")
+
+    def next_shown(self) -> Shown | str:
+        """For the camera's thread, which has dealt with the one before: the next capture, or how it fails."""
+        if self._taken:
+            self._waiting.task_done()
+        self._taken = not self._over
+        return "timeout" if self._over else self._waiting.get()
+
+
+class FakeK4a(Stage):
+    """`serials`: the cameras that are plugged in; `busy`: those that cannot be opened."""
+
+    def __init__(self, *serials: str, busy: tuple[str, ...] = ()) -> None:
+        super().__init__()
+        self.serials, self.busy = serials, busy
+        self.calibration = k4a.Calibration()
+        for camera in (self.calibration.color_camera_calibration, self.calibration.depth_camera_calibration):
+            camera.intrinsics.type = k4a.BROWN_CONRADY
+        self.controls = {k4a.EXPOSURE_TIME_ABSOLUTE: (0, 33330), k4a.WHITEBALANCE: (0, 5000), k4a.GAIN: (1, 128),
+                         k4a.POWERLINE_FREQUENCY: (1, 2)}  # fmt: skip
+        self.stuck: set[int] = set()  # controls that stay automatic
+        self.refused: set[str] = set()  # functions that fail
+        self.started: k4a.DeviceConfiguration | None = None
+        self.open: set[int] = set()
+        self.handles: dict[int, Any] = {}  # captures and images that have not been released
+        self._numbers = itertools.count(1000)
+        self._handler: Any = None
+        self._callbacks = {name: self._callback(name) for name in PROTOTYPES}
+
+    def __getattr__(self, name: str) -> Any:
+        return self._callbacks[name]
+
+    def driver(self, now_s: Callable[[], float]) -> K4aDevice:
+        """The camera's driver, on this library."""
+        return K4aDevice(self, now_s)
 
     def _callback(self, name: str) -> Any:
         result, arguments = PROTOTYPES[name]
@@ -222,13 +235,7 @@ class FakeK4a:
         self.started = None
 
     def _device_get_capture(self, handle: int, capture: Any, timeout_ms: int) -> int:
-        if self._taken:
-            self._waiting.task_done()  # the one before has been dealt with
-        self._taken = False
-        if self._over:
-            return k4a.TIMEOUT
-        shown = self._waiting.get()
-        self._taken = True
+        shown = self.next_shown()
         if shown == "timeout":
             return k4a.TIMEOUT
         if isinstance(shown, str):
@@ -327,10 +334,7 @@ def camera_on(fake: FakeK4a, serial: str | None = None, **options: Any) -> Camer
 def running(fake: FakeK4a, serial: str | None = None, **options: Any) -> Iterator[CameraProcess]:
     """A camera on `fake` that has seen 20 images, from 100 s on."""
     camera = camera_on(fake, serial, **options)
-    with ThreadPoolExecutor(1) as pool:
-        entering = pool.submit(camera.__enter__)
-        fake.show(*frames(100.0, 20))
-        entering.result()
+    enter(camera, lambda: fake.show(*frames(100.0, 20)))
     try:
         yield camera
     finally:
@@ -338,14 +342,29 @@ def running(fake: FakeK4a, serial: str | None = None, **options: Any) -> Iterato
         camera.__exit__()
 
 
-def meanwhile(fake: FakeK4a, ask: Callable[[], Answer], *shown: Shown) -> Answer:
-    """`ask` something of the camera, and show it these captures after it has looked at the clock."""
-    fake.clock.asked.clear()
+def enter(camera: CameraProcess, show: Callable[[], None]) -> None:
+    with ThreadPoolExecutor(1) as pool:
+        entering = pool.submit(camera.__enter__)
+        show()
+        entering.result()
+
+
+def while_shown(stage: Stage, ask: Callable[[], Answer], show: Callable[[], None]) -> Answer:
+    """`ask` something of the camera, and show it captures after it has looked at the clock; none where it refused."""
+    asked = stage.clock.asked
+    asked.clear()
     with ThreadPoolExecutor(1) as pool:
         answer = pool.submit(ask)
-        fake.clock.asked.wait()
-        fake.show(*shown)
+        answer.add_done_callback(lambda _: asked.set())
+        asked.wait()
+        if not answer.done():
+            show()
         return answer.result()
+
+
+def meanwhile(stage: Stage, ask: Callable[[], Answer], *shown: Shown) -> Answer:
+    """The same with these captures."""
+    return while_shown(stage, ask, lambda: stage.show(*shown))
 
 
 def kinect_library(made: FakeK4a) -> FakeK4a:

@@ -2,8 +2,8 @@
 
 The modes are libfranka's `RobotMode`. The Panda's stand-in SDK and the FR3's protocol server both keep an `ArmModes`
 and a `Monitor`, so neither takes what the other refuses. The statuses and the order of the error flags on the wire are
-those that libfranka 0.21.3 reads (`test_modes_of_both_arms.py` sends each of them and compares the words); which mode
-takes which command is the maker's documentation and the reports of users (franka_ros issues 25 and 70).
+those that libfranka 0.21.3 reads (`test_modes_of_both_arms.py` compares the words); which mode takes which command is
+the maker's documentation and the reports of users (franka_ros issues 25 and 70).
 """
 
 from __future__ import annotations

@@ -5,13 +5,12 @@ The library is the real one: options, profiles, lens models, extrinsics, time st
 
 from __future__ import annotations
 
-import queue
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
 
 import numpy as np
-from fake_k4a import BOOT_S, DELAY_S, Shown, TellingClock
+from fake_k4a import BOOT_S, Stage
 
 from hw.camera.grabber import Captured
 from hw.camera.k4a_device import ColourSettings
@@ -70,43 +69,25 @@ def _stream(
     return sensor.add_video_stream(stream).as_video_stream_profile()
 
 
-class SoftRealSense:
+class SoftRealSense(Stage):
     """The stage: hands what is shown to the SDK when the camera's thread asks for its next capture."""
 
     def __init__(self, *, units_m: float = 0.001) -> None:
+        super().__init__()
         self._units_m = units_m
-        self.clock = TellingClock(100.0)
         self.handles: dict[int, Any] = {}
         self.open: set[int] = set()
         self.made, self._sensors, self._profiles = software_device(units_m=units_m)
-        self._waiting: queue.Queue[Shown | None] = queue.Queue()
-        self._taken = self._over = False
         self._number = 0
 
     def driver(self, now_s: Callable[[], float]) -> _Fed:
         """The device's driver, fed by this stage."""
         return _Fed(self, RealSenseDevice(now_s, lambda: (self.made,), COLOUR_PX, DEPTH_PX))
 
-    def show(self, *shown: Shown) -> None:
-        """Hand these images to the camera, one after the other, each at its time; returns when all were taken."""
-        for one in shown:
-            self.clock.advance_to(one.t_s + DELAY_S + one.late_s)
-            self._waiting.put(one)
-            self._waiting.join()
-
-    def end(self) -> None:
-        """From now on there is nothing but timeouts."""
-        self._over = True
-        self._waiting.put(None)
-
     def feed(self) -> bool:
         """Push the next images that are shown into the SDK; False at a timeout."""
-        if self._taken:
-            self._waiting.task_done()
-        self._taken = False
-        if self._over or (shown := self._waiting.get()) is None:
+        if isinstance(shown := self.next_shown(), str):
             return False
-        self._taken = True
         width, height = COLOUR_PX
         self._push("color", np.full((height, width, 3), shown.grey, np.uint8), shown.t_s)
         width, height = DEPTH_PX

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from cells import cell, move
 from fr3_process import RELAXED, Fr3Process
-from franka_modes import ANSWERS, COMMANDS, FLAGS, MODES, SETTERS
+from franka_modes import ANSWERS, COMMANDS, MODES, SETTERS
 from players import InProcess, arm_of, driver_of
 from sdk_fake import FakeRobot, FakeSdk
 
@@ -76,22 +76,6 @@ def _until_shown(robot: object, mode: str) -> None:
         if robot.read_once().robot_mode.name == mode:  # type: ignore[attr-defined]
             return
     raise AssertionError(f"the arm never came to {mode}")
-
-
-def test_every_flag_of_the_wire_has_its_name_in_the_sdk(server: Fr3Process) -> None:
-    import pylibfranka  # noqa: PLC0415
-
-    real = pylibfranka.Robot(server.host, pylibfranka.RealtimeConfig.kIgnore)
-    names = [name for name in dir(pylibfranka.Errors) if not name.startswith("_")]
-    assert sorted(names) == sorted(FLAGS)
-    for index, name in enumerate(FLAGS):
-        server.tell(f"flags {index}")
-        for _ in range(2000):
-            errors = real.read_once().current_errors
-            shown = [one for one in names if getattr(errors, one) is True]
-            if shown == [name]:
-                break
-        assert shown == [name]
 
 
 CHANGE_RAD = np.array([0.05, -0.03, 0.03, 0.02, 0.04, 0.03, -0.05])

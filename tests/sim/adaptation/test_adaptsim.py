@@ -44,6 +44,11 @@ def trials(n, effects=None):
     return tuple(trial(action, effects, seed) for seed, action in enumerate(actions))
 
 
+@functools.cache
+def reality_after(n) -> Reality:
+    return Reality(simulators(), trials(n))
+
+
 def earned(policy, effects=None):
     actions = policy.actions(CONTEXTS)
     tracks = [simulate(TARGET, c, a, np.zeros(1), effects) for c, a in zip(CONTEXTS, actions, strict=True)]
@@ -97,7 +102,7 @@ def test_the_scale_of_what_reality_adds_grows_where_trials_contradict_the_simula
 
 
 def test_trials_single_out_the_simulators_that_predict_them():
-    before, after = Reality(simulators(), ()), Reality(simulators(), trials(8))
+    before, after = reality_after(0), reality_after(12)
     truth = PARAMETERS.normalise(TARGET)
     off = [np.abs(PARAMETERS.normalise(r.parameters) - truth).mean(axis=0) for r in (before, after)]
     assert off[1][0] < 0.5 * off[0][0], "friction moves the piece, so trajectories show it"
@@ -106,7 +111,7 @@ def test_trials_single_out_the_simulators_that_predict_them():
 
 
 def test_the_policy_suits_the_target_and_knows_what_it_earns():
-    policy = RealityPolicy(Reality(simulators(), trials(12)))
+    policy = RealityPolicy(reality_after(12))
     assert earned(policy) > 0.9
     mean, low, high = policy.predict(CONTEXTS[0])
     assert low <= mean <= high
@@ -129,7 +134,7 @@ def test_what_no_parameter_expresses_is_learnt_as_a_correction_of_the_action():
 @pytest.mark.long
 def test_an_outlook_says_how_much_is_left_and_less_so_with_every_trial():
     for_e = policy_for(simulators().solver, TARGET[None])
-    found = [outlook_after(Reality(simulators(), trials(n)), for_e, n // 4, 2) for n in (0, 4, 16)]
+    found = [outlook_after(reality_after(n), for_e, n // 4, 2) for n in (0, 4, 16)]
     assert found[0].gain > 0.02, "before any trial four trials are worth something"
     assert found[2].gain < found[0].gain
     assert found[2].likely < found[0].likely
@@ -137,7 +142,7 @@ def test_an_outlook_says_how_much_is_left_and_less_so_with_every_trial():
     assert not found[0].done
     assert not found[2].hopeless
     assert found[2].ci95[0] <= found[2].reward <= found[2].ci95[1]
-    first = outlook_after(Reality(simulators(), trials(16)), for_e, 1, 2)
+    first = outlook_after(reality_after(16), for_e, 1, 2)
     assert first.untried
     assert not first.done, "one iteration never tries the policy that it ends with"
 
@@ -198,7 +203,7 @@ def test_while_every_trial_has_failed_all_particles_explore_and_the_surest_failu
 
 
 def test_actions_that_the_arm_cannot_do_are_passed_over():
-    reality = Reality(simulators(), ())
+    reality = reality_after(0)
     best = RealityPolicy(reality)(CONTEXTS[0])
     other = RealityPolicy(reality, executable=lambda _, action: not np.allclose(action, best))(CONTEXTS[0])
     assert not np.allclose(other, best)

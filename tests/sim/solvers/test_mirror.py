@@ -62,9 +62,10 @@ def test_an_emulator_knows_the_other_side_from_one_side_alone():
     left = asked.nuisance[:, 0] > 0.0
     rows = np.flatnonzero(left)
     half = Dataset(asked[rows], done[rows], len(rows))
+    quick = dataclasses.replace(SETTINGS, least_steps=200, most_steps=200)
 
     def error(task):
-        emulator, report = train_emulator(task, half, 0, SETTINGS)
+        emulator, report = train_emulator(task, half, 0, quick)
         assert report.rollouts < len(half)  # mirror images are not counted
         right = ~left
         said = emulator.predict(asked.parameters[right], asked.action[right], asked.nuisance[right]).observation

@@ -215,15 +215,15 @@ def _measure(
     depth_m = frame.depth_mm[depth_view.rows, depth_view.columns].reshape(-1) / 1000.0
     offset_m = table_offset(depth_m, depth_view, rough)
     valid = depth_m > 0
+    rays, table_m, read_m = directions[valid], table_m[valid], depth_m[valid] - offset_m
 
     def residuals(p: Array, shape: Shape) -> Array:
         proxy, X_BO = Proxy(shape, (p[2], p[3], p[4])), translation([p[0], p[1], p[4]])
         pixels, covered, _ = coverage(proxy.outline(X_BO, near), xy)
         cover = np.zeros(len(xy))
         cover[pixels] = covered
-        front, _ = proxy.front(X_BO, depth_view, directions[valid])
-        off = depth_m[valid] - offset_m - np.minimum(front, table_m[valid])
-        off = np.clip(off, -_DEPTH_CLIP_M, _DEPTH_CLIP_M)
+        front = proxy.depth(X_BO, depth_view, rays)
+        off = np.clip(read_m - np.minimum(front, table_m), -_DEPTH_CLIP_M, _DEPTH_CLIP_M)
         return np.concatenate([(alpha - cover) / _MATTE_NOISE, off / _DEPTH_NOISE_M, [(p[2] - p[3]) / _UNROUND_M]])
 
     metres_per_px = transform(view.X_VB, rough)[2] / view.focal_px

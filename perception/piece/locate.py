@@ -108,7 +108,7 @@ def _free(evidence: Evidence, proxy: Proxy, X_BO: Array, pixels: NDArray[np.intp
     tool_m = evidence.tool_m[pixels]
     tool = np.flatnonzero(np.isfinite(tool_m))
     if len(tool):
-        front, _ = proxy.front(X_BO, evidence.view, evidence.view.directions[pixels[tool]], inflate=1.15)
+        front = proxy.depth(X_BO, evidence.view, evidence.view.directions[pixels[tool]], inflate=1.15)
         free[tool[np.isfinite(front) & (tool_m[tool] < front)]] = 0.0
     return free
 

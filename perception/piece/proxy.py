@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -46,20 +47,28 @@ class Proxy:
         image = view.image_point(transform(X_BO, points * half)).astype(np.float32)
         return np.asarray(cv2.convexHull(image), dtype=np.float64).reshape(-1, 2)
 
-    def front(self, X_BO: Array, view: ImageRegion, directions: Array32, inflate: float = 1.0) -> tuple[Array, Array]:
-        """Where rays (n, 3) with z = 1 of `view` meet the body: depth (n,), inf for a miss, and normal (n, 3).
+    def depth(self, X_BO: Array, view: ImageRegion, directions: Array32, inflate: float = 1.0) -> Array:
+        """(n,) where rays (n, 3) with z = 1 of `view` meet the body, inf for a miss. `inflate` scales the body first."""
+        return self._hit(X_BO, view, directions, np.array(self.half_m) * inflate)[0]
 
-        Normals are unit vectors in the base frame, towards the camera. `inflate` scales the body first.
-        """
-        half = np.array(self.half_m) * inflate
-        R = X_BO[:3, :3]
-        origin = (view.X_BV[:3, 3] - X_BO[:3, 3]) @ R / half
-        along = directions.astype(np.float64) @ (view.X_BV[:3, :3].T @ R) / half
-        with np.errstate(divide="ignore", invalid="ignore"):
-            depth, normal = _FIRST_HIT[self.shape](origin, along)
-        normal = normal / half
+    def front(self, X_BO: Array, view: ImageRegion, directions: Array32) -> tuple[Array, Array]:
+        """As `depth`, with the normals (n, 3) there: unit vectors in the base frame, towards the camera."""
+        half = np.array(self.half_m)
+        depth, normals = self._hit(X_BO, view, directions, half)
+        normal = normals() / half
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        return depth, normal @ R.T
+        return depth, normal @ X_BO[:3, :3].T
+
+    def _hit(self, X_BO: Array, view: ImageRegion, directions: Array32, half_m: Array) -> Hit:
+        R = X_BO[:3, :3]
+        origin = (view.X_BV[:3, 3] - X_BO[:3, 3]) @ R / half_m
+        along = directions.astype(np.float64) @ (view.X_BV[:3, :3].T @ R) / half_m
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return _FIRST_HIT[self.shape](origin, along)
+
+
+Hit = tuple[Array, Callable[[], Array]]
+"""Depth (n,) along rays, inf for a miss, and the normals (n, 3) of the unit body, which take as long to compute."""
 
 
 def _horizon(eye: Array) -> Array:
@@ -73,15 +82,15 @@ def _horizon(eye: Array) -> Array:
     return circle
 
 
-def _unit_sphere(origin: Array, along: Array) -> tuple[Array, Array]:
+def _unit_sphere(origin: Array, along: Array) -> Hit:
     a, b, c = np.einsum("ni,ni->n", along, along), along @ origin, origin @ origin - 1
     root = b * b - a * c
     t = np.where(root > 0, (-b - np.sqrt(np.maximum(root, 0))) / a, np.inf)
-    normal = np.where(np.isfinite(t)[:, None], origin + np.where(np.isfinite(t), t, 0)[:, None] * along, 1.0)
-    return t, normal
+    hit = np.isfinite(t)
+    return t, lambda: np.where(hit[:, None], origin + np.where(hit, t, 0)[:, None] * along, 1.0)
 
 
-def _unit_cylinder(origin: Array, along: Array) -> tuple[Array, Array]:
+def _unit_cylinder(origin: Array, along: Array) -> Hit:
     flat = along[:, :2]
     a, b, c = np.einsum("ni,ni->n", flat, flat), flat @ origin[:2], origin[:2] @ origin[:2] - 1
     root = np.sqrt(np.maximum(b * b - a * c, 0))
@@ -89,23 +98,29 @@ def _unit_cylinder(origin: Array, along: Array) -> tuple[Array, Array]:
     near, far = _slab(origin[2], along[:, 2])
     t = np.maximum(enter, near)
     hit = (b * b - a * c > 0) & (t < np.minimum(leave, far))
-    side = np.concatenate([origin[:2] + t[:, None] * flat, np.zeros((len(t), 1))], axis=1)
-    cap = np.zeros_like(along)
-    cap[:, 2] = -np.sign(along[:, 2])
-    normal = np.where((enter > near)[:, None], side, cap)
-    return np.where(hit, t, np.inf), np.where(hit[:, None], normal, 1.0)
+
+    def normals() -> Array:
+        side = np.concatenate([origin[:2] + t[:, None] * flat, np.zeros((len(t), 1))], axis=1)
+        cap = np.zeros_like(along)
+        cap[:, 2] = -np.sign(along[:, 2])
+        return np.where(hit[:, None], np.where((enter > near)[:, None], side, cap), 1.0)
+
+    return np.where(hit, t, np.inf), normals
 
 
-def _unit_box(origin: Array, along: Array) -> tuple[Array, Array]:
+def _unit_box(origin: Array, along: Array) -> Hit:
     near, far = zip(*(_slab(origin[i], along[:, i]) for i in range(3)), strict=True)
     entries = np.stack(near, axis=1)
     t = entries.max(axis=1)
     hit = t < np.stack(far, axis=1).min(axis=1)
-    face = entries.argmax(axis=1)
-    normal = np.zeros_like(along)
-    rows = np.arange(len(t))
-    normal[rows, face] = -np.sign(along[rows, face])
-    return np.where(hit, t, np.inf), np.where(hit[:, None], normal, 1.0)
+
+    def normals() -> Array:
+        rows, face = np.arange(len(t)), entries.argmax(axis=1)
+        normal = np.zeros_like(along)
+        normal[rows, face] = -np.sign(along[rows, face])
+        return np.where(hit[:, None], normal, 1.0)
+
+    return np.where(hit, t, np.inf), normals
 
 
 def _slab(origin: float, along: Array) -> tuple[Array, Array]:

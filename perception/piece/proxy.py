@@ -48,7 +48,7 @@ class Proxy:
         return np.asarray(cv2.convexHull(image), dtype=np.float64).reshape(-1, 2)
 
     def depth(self, X_BO: Array, view: ImageRegion, directions: Array32, inflate: float = 1.0) -> Array:
-        """(n,) where rays (n, 3) with z = 1 of `view` meet the body, inf for a miss. `inflate` scales the body first."""
+        """(n,) depth where rays (n, 3) with z = 1 of `view` meet the scaled body; inf for a miss."""
         return self._hit(X_BO, view, directions, np.array(self.half_m) * inflate)[0]
 
     def front(self, X_BO: Array, view: ImageRegion, directions: Array32) -> tuple[Array, Array]:

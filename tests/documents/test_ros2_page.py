@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,12 @@ import pytest
 import real_views
 from mcap_ros2.writer import Writer
 
-from adaptsim_cli import app
+from adaptsim_cli import api, app
 from adaptsim_cli.wiring.recorded.folder import read_recorded
+from hw.types import Array
+from perception.types import ObjectTrack, Outcome
+from sim.lab.world import rollouts_in
+from sim.research.benchmark.worlds import targets_of
 from sim.tasks import get_task
 
 PAGE = (Path(__file__).parents[2] / "docs/guide/ros2.md").read_text(encoding="utf-8")
@@ -34,23 +39,52 @@ def posed(p_m: np.ndarray, xyzw: np.ndarray) -> dict[str, object]:
     return {"header": HEAD, "pose": {"position": position, "orientation": orientation}}
 
 
-def test_trials_are_read_by_the_manifest_of_the_page(tmp_path: Path) -> None:
-    task, rng = get_task("pushing"), np.random.default_rng(0)
-    (tmp_path / "recorded.toml").write_text(MANIFEST)
-    actions = task.action.sample(rng, 8)
-    for i, action in enumerate(actions):
-        with (tmp_path / f"push-{i:02d}.mcap").open("wb") as file:
+def write_bags(folder: Path, actions: Array, tracks: Sequence[ObjectTrack]) -> None:
+    folder.mkdir()
+    (folder / "recorded.toml").write_text(MANIFEST)
+    for i, (action, track) in enumerate(zip(actions, tracks, strict=True)):
+        with (folder / f"push-{i:02d}.mcap").open("wb") as file:
             writer = Writer(file)
             command = writer.register_msgdef("std_msgs/msg/Float64MultiArray", "float64[] data\n")
             pose = writer.register_msgdef("geometry_msgs/msg/PoseStamped", POSE)
             writer.write_message("/command", command, {"data": action.tolist()}, 10**12)
-            for t_s in np.arange(0.0, 1.5, 0.05):
-                place = posed(np.array([0.56 + 0.1 * t_s, 0.0, 0.05]), np.array([0.0, 0.0, 0.0, 1.0]))
+            for t_s, place_m in zip(track.t_s, track.state[:, :3], strict=True):
+                place = posed(place_m, np.array([0.0, 0.0, 0.0, 1.0]))
                 writer.write_message("/bottle", pose, place, 10**12 + round(1e9 * t_s))
             writer.finish()
-    found = read_recorded(task, tmp_path)
+
+
+def pushes(n: int) -> tuple[Array, list[ObjectTrack]]:
+    """Random actions in a drawn world, and true rollouts of those under which the bottle stays upright."""
+    task = get_task("pushing")
+    (target,) = targets_of(task, ["drawn-2-0"])
+    world, there = target.world, rollouts_in(target.world)
+    actions = task.action.sample(np.random.default_rng(0), n)
+    tracks = [there(world.parameters, task.reference_context, action, world.nuisance) for action in actions]
+    upright = [track.outcome is Outcome.UPRIGHT for track in tracks]
+    return actions[upright], [track for track, stands in zip(tracks, upright, strict=True) if stands]
+
+
+def test_trials_are_read_by_the_manifest_of_the_page(tmp_path: Path) -> None:
+    actions, tracks = pushes(12)
+    write_bags(tmp_path / "my-pushes", actions, tracks)
+    found = read_recorded(get_task("pushing"), tmp_path / "my-pushes")
     assert np.allclose(found.actions, actions)
-    assert found.tracks[0].at(np.array([1.0]))[0] == pytest.approx([0.66, 0.0, 0.05])
+    for seen, track in zip(found.tracks, tracks, strict=True):
+        assert seen.state == pytest.approx(track.state[:, :3], abs=1e-9)
+
+
+@pytest.mark.long
+def test_the_session_of_the_page_runs_on_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    actions, tracks = pushes(32)
+    write_bags(tmp_path / "my-pushes", actions, tracks)
+    (command,) = re.findall(r"^adaptsim (run-iteration .*)$", PAGE, re.MULTILINE)
+    assert app.run(command.split()) == 0
+    taken = [trial.action_array for trial in api.open_session("pushing-my-pushes").trials]
+    assert len(taken) == 4
+    assert all(np.abs(actions - action).max(axis=1).min() < 1e-12 for action in taken)
 
 
 def test_views_from_bags_calibrate(

@@ -3,9 +3,9 @@
     python docs/film.py
     python docs/film.py setup
 
-The second one practises a setup, answers every question, and writes docs/start/setup.md alone.
+The second one practises a setup and answers every question: docs/figures/setup.cast and docs/start/setup.md.
 
-Writes docs/figures/first-session.cast (asciinema play FILE), and what stands in the terminal at the end as a page,
+The first one writes docs/figures/first-session.cast (asciinema play FILE), and what stands in the terminal at the end as a page,
 docs/start/film.md, and as a picture, docs/figures/first-session.svg. Needs git and tmux; tmux is the terminal that
 turns the stream into text. Waits longer than a second are cut to one; nothing else is changed.
 """
@@ -64,10 +64,11 @@ def commands(clone: Path) -> tuple[str, ...]:
     )
 
 
-SETUP_PAGE = ROOT / "docs/start/setup.md"
+SETUP_PAGE, SETUP_CAST = ROOT / "docs/start/setup.md", ROOT / "docs/figures/setup.cast"
 SETUP_HEAD = """# A setup, practised
 
 Written by `python docs/film.py setup`, which types this command into a terminal of 80 × 24 and answers its questions: mostly with Enter, which takes what stands in brackets.
+[The film](../figures/setup.cast) plays with `asciinema play setup.cast`; waits are cut to one second.
 With a real arm, `adaptsim setup --hw fr3`, the first five steps ask and look at the devices. Of every step the middle is left out here (…).
 
 """
@@ -82,6 +83,7 @@ def setup() -> int:
         place = Path(folder)
         (place / "adaptsim").symlink_to(ROOT)
         events = film(place, ("adaptsim setup --world oreo",))
+        write_cast(SETUP_CAST, "adaptsim: a setup, practised", events)
         shown = screen("".join(text for _, text in events), place)
     steps = re.split(r"\n(?=\d+ of \d+  [a-z])", plain(shown))
     SETUP_PAGE.write_text(f"{SETUP_HEAD}```text\n{chr(10).join(map(shortened, steps))}\n```\n", encoding="utf-8")
@@ -100,14 +102,19 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         events = film(place, commands(place / "adaptsim"))
-        header = {"version": 2, "width": COLUMNS, "height": ROWS, "title": "adaptsim: a first session"}
-        lines = [json.dumps(header), *(json.dumps([round(t_s, 2), "o", text]) for t_s, text in events)]
-        CAST.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        write_cast(CAST, "adaptsim: a first session", events)
         shown = screen("".join(text for _, text in events), place)
     PAGE.write_text(f"{HEAD}```text\n{plain(shown)}\n```\n", encoding="utf-8")
     PICTURE.write_text(picture(shown), encoding="utf-8")
     print(f"{CAST.relative_to(ROOT)}: {events[-1][0]:.0f} s, {CAST.stat().st_size} bytes")
     return 0
+
+
+def write_cast(path: Path, title: str, events: Sequence[tuple[float, str]]) -> None:
+    """A file for asciinema."""
+    header = {"version": 2, "width": COLUMNS, "height": ROWS, "title": title}
+    lines = [json.dumps(header), *(json.dumps([round(t_s, 2), "o", text]) for t_s, text in events)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def film(place: Path, typed: Sequence[str]) -> list[tuple[float, str]]:

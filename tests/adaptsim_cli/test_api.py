@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from toy_session import run as run_toy
 
 from adaptsim_cli import api, app
 from adaptsim_cli.errors import SessionError, UsageError
@@ -15,14 +14,8 @@ from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, to_toml
 
 
-@pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
-    return tmp_path
-
-
 @pytest.mark.long
-def test_an_iteration_of_python_equals_one_of_the_command_line(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_iteration_of_python_equals_one_of_the_command_line(capsys):
     session = api.begin("pendulum", world="wd", seed=3, name="here")
     done = session.run_iteration()
     capsys.readouterr()
@@ -37,7 +30,7 @@ def test_an_iteration_of_python_equals_one_of_the_command_line(home: Path, capsy
 
 
 @pytest.mark.long
-def test_the_best_policy_needs_a_complete_iteration(home: Path) -> None:
+def test_the_best_policy_needs_a_complete_iteration():
     session = api.begin("pendulum")
     assert session.iterations == ()
     with pytest.raises(SessionError, match="no complete iteration"):
@@ -48,7 +41,7 @@ def test_the_best_policy_needs_a_complete_iteration(home: Path) -> None:
     assert session.report().name == "report.html"
 
 
-def test_a_name_that_is_taken_or_unknown_is_refused(home: Path) -> None:
+def test_a_name_that_is_taken_or_unknown_is_refused():
     api.begin("pendulum", name="mine")
     with pytest.raises(UsageError, match=r"'mine' exists already.*open_session"):
         api.begin("pendulum", name="mine")
@@ -56,7 +49,7 @@ def test_a_name_that_is_taken_or_unknown_is_refused(home: Path) -> None:
         api.open_session("yours")
 
 
-def test_a_real_arm_is_never_moved_from_python(home: Path) -> None:
+def test_a_real_arm_is_never_moved_from_python():
     session = api.begin("pendulum", name="mine")
     file = session.folder / "session.toml"
     real: Facts = session.facts.model_copy(update={"hw": "fr3"})
@@ -65,8 +58,7 @@ def test_a_real_arm_is_never_moved_from_python(home: Path) -> None:
         session.run_iteration()
 
 
-def test_a_recording_is_read_by_its_trial(home: Path) -> None:
-    store = run_toy(home)
+def test_a_recording_is_read_by_its_trial(store):
     session = api.open_session(store.facts.name)
     found = session.recording(1)
     assert isinstance(found, Recording)
@@ -77,7 +69,7 @@ def test_a_recording_is_read_by_its_trial(home: Path) -> None:
         session.recording(99)
 
 
-def test_everything_public_is_there_and_documented() -> None:
+def test_everything_public_is_there_and_documented():
     page = (Path(__file__).parents[2] / "docs/reference/python.md").read_text(encoding="utf-8")
     for name in api.__all__:
         assert (getattr(api, name).__doc__ or "").strip(), name

@@ -10,13 +10,13 @@ from adaptsim_cli.errors import UsageError
 
 
 @pytest.fixture
-def home(tmp_path: Path) -> Path:
+def home(tmp_path) -> Path:
     (tmp_path / "home").mkdir()
     return tmp_path / "home"
 
 
 @pytest.fixture
-def project(tmp_path: Path) -> Path:
+def project(tmp_path) -> Path:
     (tmp_path / "project").mkdir()
     return tmp_path / "project"
 
@@ -25,7 +25,7 @@ def load(home: Path, project: Path, flags: dict[str, object] | None = None, **en
     return config.load(flags, {"ADAPTSIM_HOME": str(home), "HOME": "/nowhere", **env}, project)
 
 
-def test_flag_over_environment_over_project_over_user_over_default(home: Path, project: Path) -> None:
+def test_flag_over_environment_over_project_over_user_over_default(home, project):
     (home / "config.toml").write_text("seed = 1\nworld = 'a'\nmethod = 'm'\nworkers = 1\n")
     (project / "adaptsim.toml").write_text("seed = 2\nworld = 'b'\nmethod = 'n'\n")
     found = load(home, project, {"seed": 4, "world": None}, ADAPTSIM_SEED="3", ADAPTSIM_WORLD="c")
@@ -38,7 +38,7 @@ def test_flag_over_environment_over_project_over_user_over_default(home: Path, p
     assert found.sources["particles"] == "default"
 
 
-def test_adaptsim_home_moves_data_and_settings(home: Path, project: Path) -> None:
+def test_adaptsim_home_moves_data_and_settings(home, project):
     assert load(home, project).places.sessions == home / "data" / "sessions"
 
 
@@ -55,21 +55,21 @@ def test_adaptsim_home_moves_data_and_settings(home: Path, project: Path) -> Non
         ("particles = 99", r"less than or equal to 16"),
     ],
 )
-def test_a_bad_file_is_refused_naming_file_key_and_remedy(home: Path, project: Path, text: str, told: str) -> None:
+def test_a_bad_file_is_refused_naming_file_key_and_remedy(home, project, text, told):
     (project / "adaptsim.toml").write_text(text)
     with pytest.raises(UsageError, match=told) as caught:
         load(home, project)
     assert str(project) in str(caught.value)
 
 
-def test_a_bad_environment_variable_is_refused(home: Path, project: Path) -> None:
+def test_a_bad_environment_variable_is_refused(home, project):
     with pytest.raises(UsageError, match=r"environment: seed = 'many'"):
         load(home, project, ADAPTSIM_SEED="many")
     with pytest.raises(UsageError, match="unknown key 'wrld', did you mean 'world'"):
         load(home, project, ADAPTSIM_WRLD="wd")
 
 
-def test_every_documented_variable_may_be_set(tmp_path: Path) -> None:
+def test_every_documented_variable_may_be_set(tmp_path):
     root = Path(__file__).parents[2]
     pages = (*root.glob("*.md"), *(root / "docs").rglob("*.md"))
     ours = set(re.findall(r"ADAPTSIM_[A-Z0-9_]*[A-Z0-9]", "".join(page.read_text() for page in pages)))

@@ -25,7 +25,7 @@ LOG = "log.jsonl"
 @pytest.mark.long
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("what", SAMPLES)
-def test_a_disk_that_fails_at_some_calls_costs_nothing(what: str, tmp_path: Path) -> None:
+def test_a_disk_that_fails_at_some_calls_costs_nothing(what, tmp_path):
     result, outcomes = fail(what, tmp_path, str(SAMPLES[what]))
     assert len(outcomes) == SAMPLES[what]
     assert len({outcome["completed"] for outcome in outcomes}) > 2, "the failures should fall all over it"
@@ -36,7 +36,7 @@ def test_a_disk_that_fails_at_some_calls_costs_nothing(what: str, tmp_path: Path
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("what", SAMPLES)
-def test_a_disk_that_fails_at_any_call_costs_nothing(what: str, way: str, tmp_path: Path) -> None:
+def test_a_disk_that_fails_at_any_call_costs_nothing(what, way, tmp_path):
     result, outcomes = fail(what, tmp_path, way)
     assert [outcome["at"] for outcome in outcomes] == list(range(len(result["calls"])))
     judge(result, outcomes)
@@ -45,7 +45,7 @@ def test_a_disk_that_fails_at_any_call_costs_nothing(what: str, way: str, tmp_pa
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("what", SAMPLES)
-def test_a_disk_that_fails_wherever_the_code_writes_costs_nothing(what: str, tmp_path: Path) -> None:
+def test_a_disk_that_fails_wherever_the_code_writes_costs_nothing(what, tmp_path):
     """In every way, at the first and last call from each place of the code: the calls between differ in names alone."""
     result, outcomes = fail(what, tmp_path, "places")
     assert len({outcome["at"] for outcome in outcomes}) >= result["places"] > 20

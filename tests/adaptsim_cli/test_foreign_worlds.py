@@ -3,22 +3,13 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-
-import pytest
 
 from adaptsim_cli import app
 
 WORLD = ["--task", "pushing", "--world", "mujoco-wd"]
 
 
-@pytest.fixture(autouse=True)
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
-    monkeypatch.chdir(tmp_path)
-
-
-def test_it_is_listed_and_shown_with_its_physics(capfd: pytest.CaptureFixture[str]) -> None:
+def test_it_is_listed_and_shown_with_its_physics(capfd):
     assert app.run(["lab", "list", "--task", "pushing", "--json"]) == 0
     physics = {world["name"]: world["physics"] for world in json.loads(capfd.readouterr().out)["worlds"]}
     assert (physics["wd"], physics["mujoco-wd"]) == ("drake", "mujoco")
@@ -26,13 +17,13 @@ def test_it_is_listed_and_shown_with_its_physics(capfd: pytest.CaptureFixture[st
     assert "Its physics is mujoco: the tool is driven directly" in capfd.readouterr().out
 
 
-def test_nobody_takes_a_picture_there(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_nobody_takes_a_picture_there(tmp_path, capfd):
     assert app.run(["lab", "show", *WORLD, "--png", str(tmp_path / "seen.png")]) != 0
     assert "there the tool is driven directly, without arm and camera" in " ".join(capfd.readouterr().err.split())
     assert not (tmp_path / "seen.png").exists()
 
 
-def test_a_trial_happens_with_the_tool_driven_directly(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_trial_happens_with_the_tool_driven_directly(capfd):
     by_hand = ["--action", "yaw=-0.28", "--action", "speed=0.6"]
     assert app.run(["rollout", *WORLD, "--yes", "--json", *by_hand]) == 0
     trial = json.loads(capfd.readouterr().out)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -71,9 +70,7 @@ def setup(path: Path) -> object:
 @pytest.mark.timeout(60)
 @pytest.mark.parametrize("name", TOML)
 @pytest.mark.parametrize("load", [world, load_object, reading.read, settings, session, card, setup])
-def test_a_hostile_file_ends_in_an_error_that_names_it(
-    tmp_path: Path, load: Callable[[Path], object], name: str
-) -> None:
+def test_a_hostile_file_ends_in_an_error_that_names_it(tmp_path, load, name):
     path = tmp_path / "hostile.toml"
     path.write_bytes(TOML[name])
     if load is settings and name in ("empty", "long text"):  # no task is looked up here

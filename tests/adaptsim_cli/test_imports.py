@@ -23,7 +23,7 @@ PROGRAM = "import sys; {}; sys.stderr.write(' '.join(m for m in {} if m in sys.m
         ("import sim.tasks.scooping, sim.lab.simulated, adaptsim_cli.wiring.session", "cv2 pydrake scipy"),
     ],
 )
-def test_nothing_heavy_is_imported_that_is_not_needed(program: str, needed: str) -> None:
+def test_nothing_heavy_is_imported_that_is_not_needed(program, needed):
     line = [sys.executable, "-c", PROGRAM.format(program, HEAVY)]
     done = subprocess.run(line, check=True, capture_output=True, text=True)
     assert done.stderr == needed

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -42,11 +41,7 @@ def require_typable(line: str) -> None:
 
 
 @pytest.mark.long
-def test_from_the_first_trial_to_the_last_command_there_is_a_next_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
-    monkeypatch.chdir(tmp_path)
+def test_from_the_first_trial_to_the_last_command_there_is_a_next_one(capfd):
     for command in (
         [*SESSION, "s"],
         [*SESSION, "other"],
@@ -73,11 +68,7 @@ def test_from_the_first_trial_to_the_last_command_there_is_a_next_one(
             require_typable(line)
 
 
-def test_so_there_is_without_a_session(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
-    monkeypatch.chdir(tmp_path)
+def test_so_there_is_without_a_session(capfd):
     for command in (
         ["doctor", "--task", "pendulum"],
         ["lab", "list", "--task", "scooping"],

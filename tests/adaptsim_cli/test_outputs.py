@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -30,14 +29,14 @@ def commands(node: Any, name: str = "") -> Iterator[tuple[str, Any]]:
             yield f"{name} {word}".strip(), command
 
 
-def test_every_command_with_json_has_an_output_and_every_output_a_command() -> None:
+def test_every_command_with_json_has_an_output_and_every_output_a_command():
     found = commands(typer.main.get_command(app.app))
     takes = {name for name, command in found if any("--json" in p.opts for p in command.params)}
     assert takes == set(catalogue.OUTPUTS)
 
 
 @pytest.mark.parametrize("command", catalogue.OUTPUTS)
-def test_every_schema_is_one_and_says_what_each_key_means(command: str) -> None:
+def test_every_schema_is_one_and_says_what_each_key_means(command):
     schema = catalogue.schema(command)
     Draft202012Validator.check_schema(schema)
     assert "version" in schema["required"]
@@ -48,7 +47,7 @@ def test_every_schema_is_one_and_says_what_each_key_means(command: str) -> None:
             assert field.get("unit", "") == unit_of(name)
 
 
-def test_the_end_of_a_name_is_its_unit() -> None:
+def test_the_end_of_a_name_is_its_unit():
     names = ("duration_s", "moved_mm", "tilt_mm_m", "turned_deg", "size_bytes", "reward")
     assert [unit_of(name) for name in names] == ["s", "mm", "mm/m", "degree", "byte", ""]
 
@@ -66,11 +65,7 @@ def printed(capfd: pytest.CaptureFixture[str], command: str, *more: str) -> dict
 
 
 @pytest.mark.long
-def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
-    monkeypatch.chdir(tmp_path)
+def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(place, capfd):
     iteration = printed(capfd, "run-iteration", *SESSION)
     assert iteration["iteration"] == 1
     assert set(iteration["particles"][0]["params"]) <= set(iteration["units"])
@@ -100,17 +95,13 @@ def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(
     printed(capfd, "sessions mark", "other", "--restore")
     printed(capfd, "sessions prune", "other", "--yes")
     printed(capfd, "sessions delete", "other", "--yes")
-    damaged = tmp_path / "data/sessions/s/session.toml"
+    damaged = place / "home/data/sessions/s/session.toml"
     damaged.write_text(damaged.read_text()[:100])
     assert "error" in printed(capfd, "sessions list")["sessions"][0]
 
 
 @pytest.mark.long
-def test_what_is_printed_of_rollouts_worlds_checkpoints_and_settings(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
-    monkeypatch.chdir(tmp_path)
+def test_what_is_printed_of_rollouts_worlds_checkpoints_and_settings(place, capfd):
     rollout = printed(capfd, "rollout", "--task", "pendulum", "--yes")
     assert set(rollout["params"]) | set(rollout["action"]) <= set(rollout["units"])
     name = printed(capfd, "rollouts list")["rollouts"][0]["rollout"]
@@ -123,13 +114,13 @@ def test_what_is_printed_of_rollouts_worlds_checkpoints_and_settings(
     printed(capfd, "schema")
 
 
-def test_schema_lists_the_commands_and_names_those_that_are_alike(capfd: pytest.CaptureFixture[str]) -> None:
+def test_schema_lists_the_commands_and_names_those_that_are_alike(capfd):
     assert app.run(["schema"]) == 0
     assert "sessions list" in capfd.readouterr().out
     assert app.run(["schema", "session", "list"]) == 2
     assert "did you mean sessions list" in capfd.readouterr().err
 
 
-def test_a_key_that_no_model_describes_never_leaves_the_program() -> None:
+def test_a_key_that_no_model_describes_never_leaves_the_program():
     with pytest.raises(ValidationError):
         Screen(as_json=True).data("config path", {"data": "a", "user_file": "b", "project_file": "c", "more": 1})

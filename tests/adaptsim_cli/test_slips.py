@@ -44,32 +44,24 @@ class Slip:
 SLIPS = [
     # wrong names
     Slip(("run-iteraton",), 2, says="No such command 'run-iteraton'"),
-    Slip(("run-iteration", "--sped", "3"), 2, says="No such option: --sped"),
     Slip(("rollout", "--yes", "--task", "tyo"), 2, says="task .tyo. is not known: it must be one of"),
     Slip(("run-iteration", "--yes", "--world", "narnia"), 2, says="no world 'narnia'"),
     Slip(("run-iteration", "--yes", "--world", "./missing.toml"), 2, says="no world file"),
     Slip(("run-iteration", "--yes", "--session", "studdy"), 2, says="did you mean study"),
-    Slip(("run-iteration", "--yes", "--session", "Study"), 2),
-    Slip(("run-iteration", "--yes", "--session", "../study"), 2, says="session name '../study'"),
     Slip(("run-iteration", "--yes", "--world", "wd"), 2),
-    Slip(("run-iteration", "--yes", "--world", "ligt-bottle"), 2, says="did you mean light-bottle"),
     Slip(("run-iteration", "--yes", "--seed", "4"), 2),
     Slip(("run-iteration", "--yes", "--session", "study", "--method", "adaptsin"), 2),
     Slip(("run-iteration", "--yes", "--session", "study", "--seed", "9"), 2, says="was begun with seed = 0, not 9"),
     Slip(("run-iteration", "--yes", "--session", "study", "--task", "pushing"), 2),
     Slip(("run-iteration", "--yes", "--session", "study", "--hw", "ur5"), 2, says="choose one of fake, panda, fr3"),
     Slip(("report", "studdy"), 8),
-    Slip(("compare", "study", "nosuch"), 8),
     Slip(("rollout", "--session", "nosuch", "--best", "--yes"), 8),
-    Slip(("sessions", "redo", "studdy", "1"), 8),
     # wrong numbers
     Slip((*BEGIN, "-n", "0"), 2, says="greater than or equal to 1|not in the range x>=1"),
-    Slip((*BEGIN, "-n", "two"), 2),
     Slip((*BEGIN, "--pace", "7"), 2),
     Slip((*BEGIN, "--seed", "-1"), 2, says="seed = -1"),
     Slip((*BEGIN, "--view-port", "80"), 2),
     Slip(("sessions", "redo", "study"), 2, says="Missing argument"),
-    Slip(("sessions", "redo", "study", "0"), 2),
     Slip(("sessions", "redo", "study", "99"), 2),
     Slip(("sessions", "accept", "study", "1"), 2),
     Slip(BEGIN, 2, env={"ADAPTSIM_SEED": "many"}),
@@ -87,11 +79,9 @@ SLIPS = [
         Slip(GO_ON, code, (*agreed, *answers), motions)
         for agreed, motions in (((), 0), (("",), 0), (("", ""), 1))
         for code, answers in (
-            (7, ("q",)),
-            (7, ("Q",)),
             (130, (CTRL_C,)),
             (7, ()),  # the terminal was closed
-            (7, ("?", "yes", "start", "123", "q")),
+            (7, ("?", "yes", "start", "123", "Q")),
         )
     ),
     Slip(GO_ON, 7, ("", "", "r", "?", "q", "q"), 1),
@@ -113,7 +103,7 @@ class Keyboard(io.StringIO):
 
 
 @pytest.fixture(scope="module")
-def before(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def before(tmp_path_factory) -> Iterator[Path]:
     """The home of a session with one iteration."""
     home = tmp_path_factory.mktemp("slips") / "home"
     with pytest.MonkeyPatch.context() as patch:
@@ -138,14 +128,11 @@ def begun(home: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("slip", SLIPS, ids=str)
-def test_a_slip_costs_nothing(
-    slip: Slip, before: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_slip_costs_nothing(slip, before, tmp_path, monkeypatch, capfd):
     home, lab = tmp_path / "home", ToyLab(0)
     shutil.copytree(before, home)
     for name, value in {"ADAPTSIM_HOME": str(home), **slip.env}.items():
         monkeypatch.setenv(name, value)
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(wiring, "open_parts", opener(lab))
     monkeypatch.setattr("sys.stdin", Keyboard(slip.typed))
     if slip.code in (7, 130):
@@ -160,9 +147,7 @@ def test_a_slip_costs_nothing(
     assert not [folder for folder in tmp_path.iterdir() if folder.name != "home"]
 
 
-def test_a_trial_done_again_is_not_lost(
-    before: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_trial_done_again_is_not_lost(before, tmp_path, monkeypatch, capfd):
     """Redo after accept, twice, and everything taken back."""
     home = tmp_path / "home"
     shutil.copytree(before, home)
@@ -186,7 +171,7 @@ def run(home: Path, *line: str, **env: str) -> subprocess.Popen[str]:
 PENDULUM = ("run-iteration", "--task", "pendulum", "--world", "wd", "--yes")
 
 
-def test_a_pipe_that_breaks_and_a_terminal_without_unicode_leave_a_session_that_goes_on(tmp_path: Path) -> None:
+def test_a_pipe_that_breaks_and_a_terminal_without_unicode_leave_a_session_that_goes_on(tmp_path):
     with run(tmp_path, *PENDULUM) as broken:
         assert broken.stdout is not None and broken.stderr is not None
         broken.stdout.close()
@@ -199,7 +184,7 @@ def test_a_pipe_that_breaks_and_a_terminal_without_unicode_leave_a_session_that_
     assert len(kept(tmp_path)) == 4, "two iterations of two trials, none lost to the pipe"
 
 
-def test_a_port_in_use_begins_nothing(tmp_path: Path) -> None:
+def test_a_port_in_use_begins_nothing(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         process = run(tmp_path, *PENDULUM, "--view-port", str(taken.getsockname()[1]))
         _, err = process.communicate()
@@ -208,7 +193,7 @@ def test_a_port_in_use_begins_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_home_without_rights_is_named(tmp_path: Path) -> None:
+def test_a_home_without_rights_is_named(tmp_path):
     tmp_path.chmod(0o500)
     process = run(tmp_path / "home", *PENDULUM)
     _, err = process.communicate()

@@ -13,7 +13,7 @@ from documents import ROOT
 
 
 @pytest.mark.long
-def test_the_short_form_runs_from_nothing_and_continues(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_short_form_runs_from_nothing_and_continues(tmp_path, monkeypatch):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     script = str(ROOT / "benchmarks/results.py")
     command = [sys.executable, script, "--short", "--folder", str(tmp_path), "--workers", "1"]
@@ -31,19 +31,19 @@ def test_the_short_form_runs_from_nothing_and_continues(tmp_path: Path, monkeypa
     assert len(results.read(tmp_path / "sessions.csv")) == 10
 
 
-def test_a_reward_is_bold_where_it_is_the_best_of_the_methods() -> None:
+def test_a_reward_is_bold_where_it_is_the_best_of_the_methods():
     earned = results.by_world([session("a", 0.2), session("a", 0.4, seed=1), session("b", 1.0)], "udr")
     assert earned == {"a": {0: 0.2, 1: 0.4}, "b": {0: 1.0}}
     assert results.reward(earned, 0.65, is_limit=False) == "**0.650**"
     assert results.reward(earned, 0.65, is_limit=True) == "0.650"
 
 
-def test_a_lead_is_paired_by_world_and_seed_and_names_its_least_world() -> None:
+def test_a_lead_is_paired_by_world_and_seed_and_names_its_least_world():
     ours = {"a": {0: 0.5, 1: 0.9}, "b": {0: 0.2, 1: 0.2}}
     assert results.lead(ours, {"a": {0: 0.4}, "b": {0: 0.4}}) == "-0.050; -0.20 in b"
 
 
-def test_only_whole_sets_are_compared_and_the_page_comes_from_the_table(tmp_path: Path) -> None:
+def test_only_whole_sets_are_compared_and_the_page_comes_from_the_table(tmp_path):
     part = results.SHORT[0]
     methods = [("adaptsim", "a"), ("adaptsim", "b"), ("random", "a"), ("udr", "a"), ("udr", "b")]
     table = tmp_path / "sessions.csv"
@@ -73,5 +73,5 @@ def imported(path: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("path", sorted(LAB.glob("*.py")), ids=lambda path: path.name)
-def test_only_the_program_imports_ours(path: Path) -> None:
+def test_only_the_program_imports_ours(path):
     assert bool(imported(path) & OURS) == (path.name == OFFERED_TO)

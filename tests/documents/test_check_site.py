@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import shutil
-from pathlib import Path
 
 import check_site
 import pytest
 
 
-def test_a_folder_without_pages_and_a_machine_without_a_browser_are_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_without_pages_and_a_machine_without_a_browser_are_named(tmp_path, monkeypatch):
     with pytest.raises(SystemExit, match="holds no pages: build them with make site"):
         check_site.widths(tmp_path, "chromium")
     monkeypatch.setattr(shutil, "which", lambda name: None)
@@ -19,9 +16,7 @@ def test_a_folder_without_pages_and_a_machine_without_a_browser_are_named(
         check_site.main([str(tmp_path)])
 
 
-def test_pages_wider_than_a_phone_are_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_pages_wider_than_a_phone_are_named(tmp_path, monkeypatch, capsys):
     page = (tmp_path / "guide/index.html").resolve().as_uri()
     monkeypatch.setattr(shutil, "which", lambda name: name)
     monkeypatch.setattr(check_site, "widths", lambda site, browser: {page: 500})
@@ -33,7 +28,7 @@ def test_pages_wider_than_a_phone_are_named(
 
 
 @pytest.mark.slow
-def test_a_browser_measures_them(tmp_path: Path) -> None:
+def test_a_browser_measures_them(tmp_path):
     browser = next(path for name in check_site.BROWSERS if (path := shutil.which(name)))
     (tmp_path / "fits.html").write_text("<p>short</p>")
     (tmp_path / "wide.html").write_text('<div style="width: 900px">wide</div>')

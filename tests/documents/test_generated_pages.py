@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from generate import stale
 from pages.file_fields import SAID
@@ -14,11 +12,11 @@ from pages.parameters import parameters
 from sim.tasks import TASKS, get_task
 
 
-def test_committed_pages_are_current() -> None:
+def test_committed_pages_are_current():
     assert not (old := stale()), f"run `make docs` and commit: {', '.join(old)}"
 
 
-def test_every_documented_error_has_an_exit_code_and_advice() -> None:
+def test_every_documented_error_has_an_exit_code_and_advice():
     page = messages()
     for kind in error_classes():
         assert kind.__name__ in page
@@ -26,7 +24,7 @@ def test_every_documented_error_has_an_exit_code_and_advice() -> None:
     assert "must be positive" in page
 
 
-def test_every_number_of_every_task_is_explained() -> None:
+def test_every_number_of_every_task_is_explained():
     page = parameters()
     for name in TASKS:
         task = get_task(name)
@@ -35,7 +33,7 @@ def test_every_number_of_every_task_is_explained() -> None:
                 assert f"| `{dimension.name}` |" in page
 
 
-def test_a_field_without_a_meaning_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_field_without_a_meaning_is_an_error(tmp_path, monkeypatch):
     (tmp_path / "nameless.py").write_text("class Model:\n    quux: int = 3\n    good: int  # says what it is\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     with pytest.raises(SystemExit, match="quux says nowhere what it means"):

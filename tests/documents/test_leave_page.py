@@ -38,9 +38,7 @@ def run(code: str, files: dict[str, bytes], folder: Path) -> tuple[np.ndarray, n
 
 
 @pytest.mark.parametrize(("name", "seed"), [(name, seed) for name, seeds in SEEDS.items() for seed in seeds])
-def test_drake_ends_within_a_millimetre_of_the_prediction(
-    name: str, seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_drake_ends_within_a_millimetre_of_the_prediction(name, seed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     trial = drawn(name, seed)
     end_m, wanted_m = run(IN_DRAKE, as_sdf(trial, {}, ["mu = 0.3"]), tmp_path / "adapted")
@@ -51,16 +49,14 @@ def test_drake_ends_within_a_millimetre_of_the_prediction(
 
 
 @pytest.mark.parametrize(("name", "seed"), [("pushing", 4), ("scooping", 1)])
-def test_mujoco_loads_the_scene_and_ends_near_our_own_rollout_in_it(
-    name: str, seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_mujoco_loads_the_scene_and_ends_near_our_own_rollout_in_it(name, seed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     pytest.importorskip("mujoco")
     end_m, wanted_m = run(IN_MUJOCO, as_mjcf(drawn(name, seed), {}, ["mu = 0.3"]), tmp_path / "adapted-mujoco")
     assert np.linalg.norm(end_m - wanted_m) < 1e-3
 
 
-def test_the_policy_is_read_in_ten_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_policy_is_read_in_ten_lines(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     task = get_task("pushing")
     contexts = contexts_of(task)

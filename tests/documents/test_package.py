@@ -23,7 +23,7 @@ def setup() -> ModuleType:
     return module(ROOT / "setup.py")
 
 
-def test_every_link_is_absolute_and_leads_to_a_file(setup: ModuleType) -> None:
+def test_every_link_is_absolute_and_leads_to_a_file(setup):
     text = setup.readme((ROOT / "README.md").read_text(encoding="utf-8"), URL)
     targets = TARGET.findall(text)
     assert len(targets) > 20
@@ -34,7 +34,7 @@ def test_every_link_is_absolute_and_leads_to_a_file(setup: ModuleType) -> None:
             assert path is not None and (ROOT / path[1]).is_file(), target
 
 
-def test_pictures_are_raw_files_and_pages_are_not(setup: ModuleType) -> None:
+def test_pictures_are_raw_files_and_pages_are_not(setup):
     text = setup.readme("![a](docs/figures/session.jpg) [b](docs/README.md#start) [c](https://arxiv.org/x)", URL)
     picture, page, paper = TARGET.findall(text)
     assert picture == f"{URL}/raw/main/docs/figures/session.jpg"
@@ -42,7 +42,7 @@ def test_pictures_are_raw_files_and_pages_are_not(setup: ModuleType) -> None:
     assert paper == "https://arxiv.org/x"
 
 
-def test_without_a_repository_links_keep_their_words(setup: ModuleType) -> None:
+def test_without_a_repository_links_keep_their_words(setup):
     assert (
         setup.readme("![a](x.png)see [b](docs/README.md), [c](https://arxiv.org/x)", "")
         == "see b, [c](https://arxiv.org/x)"
@@ -51,7 +51,7 @@ def test_without_a_repository_links_keep_their_words(setup: ModuleType) -> None:
     assert setup.urls(URL)["Issues"] == f"{URL}/issues"
 
 
-def test_the_readme_has_a_picture_that_is_small() -> None:
+def test_the_readme_has_a_picture_that_is_small():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     first = re.search(r"!\[[^\]]+\]\((\S+\.(?:png|jpg))\)", text)
     assert first is not None
@@ -80,20 +80,20 @@ def needed(wanted: list[str]) -> set[str]:
     return names
 
 
-def test_what_the_program_runs_with_is_a_part_of_everything() -> None:
+def test_what_the_program_runs_with_is_a_part_of_everything():
     run, everything = locked("requirements-run.lock"), locked("requirements.lock")
     assert run.items() <= everything.items()
     assert not run.keys() & {"mujoco", "pin", "sbi", "botorch", "pytest", "mypy", "ruff", "distributed"}
 
 
-def test_it_holds_all_that_the_program_needs() -> None:
+def test_it_holds_all_that_the_program_needs():
     wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
     assert needed(wanted) - NOT_FROZEN <= locked("requirements-run.lock").keys()
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
-def test_the_wheel_works_outside_of_the_checkout() -> None:
+def test_the_wheel_works_outside_of_the_checkout():
     env = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "VIRTUAL_ENV")}
     done = subprocess.run(["make", "package"], cwd=ROOT, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -151,7 +151,7 @@ def sessions_of_the_readme(home: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("document", PAGES, ids=shown)
-def test_every_command_path_and_link_of_a_page_names_what_exists(document: Path) -> None:
+def test_every_command_path_and_link_of_a_page_names_what_exists(document):
     text = read(document)
     lines = [line for program in ("adaptsim", "make", "pytest", "python") for line in commands(text, program)]
     links = LINK.findall(FENCE.sub("", text))
@@ -163,14 +163,14 @@ def test_every_command_path_and_link_of_a_page_names_what_exists(document: Path)
 
 
 @pytest.mark.parametrize("command", HELPS)
-def test_every_help_ends_with_one_example_of_its_own_command(command: str) -> None:
+def test_every_help_ends_with_one_example_of_its_own_command(command):
     (example,) = EXAMPLE.findall(HELPS[command])
     assert f"{example} ".startswith(f"{command} ")
     assert HELPS[command].rstrip().endswith(example)
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
-def test_every_example_of_help_parses_and_names_what_can_exist(example: str, tmp_path: Path) -> None:
+def test_every_example_of_help_parses_and_names_what_can_exist(example, tmp_path):
     found = parse(example)
     assert not world_missing(found)
     session = found.get("name" if example.startswith("adaptsim sessions") else "session")
@@ -194,12 +194,12 @@ def test_every_example_of_help_parses_and_names_what_can_exist(example: str, tmp
         ("python benchmarks/stopping.py --scops 3", "no such option: --scops"),
     ],
 )
-def test_a_wrong_line_is_noticed(line: str, why: str) -> None:
+def test_a_wrong_line_is_noticed(line, why):
     (found,) = commands(f"see\n```sh\n{line}   # says the comment\n```\n", line.split(maxsplit=1)[0])
     assert re.search(why, wrong(found))
 
 
-def test_commands_are_found_in_fences_indented_and_in_prose() -> None:
+def test_commands_are_found_in_fences_indented_and_in_prose():
     text = "`adaptsim\ndoctor`, not\nadaptsim at large.\n\n    adaptsim lab list\n\n"
     text += "```sh\nA=1 adaptsim report X # y\n```\n"
     assert commands(text) == ["adaptsim report X # y", "adaptsim lab list", "adaptsim doctor"]
@@ -209,7 +209,7 @@ def test_commands_are_found_in_fences_indented_and_in_prose() -> None:
 
 
 @pytest.mark.parametrize("picture", GUIDE_PICTURES, ids=shown)
-def test_pictures_of_the_guide_are_small_and_shown(picture: Path) -> None:
+def test_pictures_of_the_guide_are_small_and_shown(picture):
     image = cv2.imread(str(picture))
     assert image is not None
     assert image.shape[1] <= 1200
@@ -217,7 +217,7 @@ def test_pictures_of_the_guide_are_small_and_shown(picture: Path) -> None:
     assert f"figures/{picture.name})" in (DOCS / "guide/operators-guide.md").read_text(encoding="utf-8")
 
 
-def test_every_document_that_the_code_names_exists() -> None:
+def test_every_document_that_the_code_names_exists():
     gone = []
     for path in (path for folder in PACKAGES for path in (ROOT / folder).rglob("*.py")):
         text = path.read_text(encoding="utf-8")
@@ -227,7 +227,7 @@ def test_every_document_that_the_code_names_exists() -> None:
     assert not gone, gone
 
 
-def test_every_page_is_on_the_menu_of_the_site_and_linked_from_an_index() -> None:
+def test_every_page_is_on_the_menu_of_the_site_and_linked_from_an_index():
     pages = {str(page.relative_to(DOCS)) for page in PAGES if DOCS in page.parents and page.suffix == ".md"}
     menu = re.findall(r"- (?:\w+: )?(\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
     assert sorted(menu) == sorted(pages)
@@ -238,7 +238,7 @@ def test_every_page_is_on_the_menu_of_the_site_and_linked_from_an_index() -> Non
     assert not pages - linked
 
 
-def test_a_decision_fits_on_a_page() -> None:
+def test_a_decision_fits_on_a_page():
     lengths = {page.name: len(page.read_text(encoding="utf-8").split()) for page in (DOCS / "decisions").glob("0*.md")}
     assert len(lengths) > 10
     assert not {name: words for name, words in lengths.items() if words > PAGE_WORDS}

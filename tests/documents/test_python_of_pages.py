@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import json
 import re
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,9 +14,7 @@ NOTEBOOK = ROOT / "docs/guide/session-from-python.ipynb"
 
 
 @pytest.mark.long
-def test_every_cell_runs_in_order(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_cell_runs_in_order(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
     names: dict[str, Any] = {"__name__": "notebook"}
     shown: list[Any] = []
@@ -34,7 +31,7 @@ def test_every_cell_runs_in_order(
     assert shown[-1] == tmp_path / "data/sessions/notebook/report.html"
 
 
-def test_it_is_a_notebook_without_outputs() -> None:
+def test_it_is_a_notebook_without_outputs():
     notebook = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
     assert notebook["nbformat"] == 4
     ids = [cell["id"] for cell in notebook["cells"]]
@@ -54,7 +51,7 @@ def _run(source: str, names: dict[str, Any]) -> Any:
     return eval(compile(ast.Expression(last.value), NOTEBOOK.name, "eval"), names)  # noqa: S307 - the notebook of this repository
 
 
-def test_the_examples_of_the_python_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_examples_of_the_python_page_run(tmp_path, monkeypatch):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
     names: dict[str, object] = {}
     for _, language, code in FENCE.findall((ROOT / "docs/reference/python.md").read_text(encoding="utf-8")):

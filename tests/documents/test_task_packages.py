@@ -22,7 +22,7 @@ PACKAGES, FEW = ("toss", "swing"), ROOT / "tests/data/tosses"
 
 
 @pytest.fixture(autouse=True)
-def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def installed(tmp_path, monkeypatch) -> Iterator[None]:
     for name in PACKAGES:
         install(tmp_path, name, {name: name})
         monkeypatch.syspath_prepend(ROOT / "benchmarks" / name)
@@ -46,11 +46,11 @@ def swing(installed: None) -> Task:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", PACKAGES)
-def test_it_keeps_the_contract_of_every_task(name: str) -> None:
+def test_it_keeps_the_contract_of_every_task(name):
     require_kept(module(ROOT / "tests/contracts/test_task_contract.py"), task=tasks.get_task(name))
 
 
-def test_a_cube_earns_at_its_goal_only_with_the_wanted_face_on_top(toss: Task) -> None:
+def test_a_cube_earns_at_its_goal_only_with_the_wanted_face_on_top(toss):
     trials = read_recorded(toss, FEW)
     assert len(trials) == 12
     for track in trials.tracks:
@@ -65,7 +65,7 @@ def test_a_cube_earns_at_its_goal_only_with_the_wanted_face_on_top(toss: Task) -
         assert anywhere == pytest.approx(max(0.0, 1.0 - np.hypot(x, y) / 0.1))
 
 
-def test_a_cube_that_starts_at_rest_stays_and_a_slippery_one_slides_farther(toss: Task) -> None:
+def test_a_cube_that_starts_at_rest_stays_and_a_slippery_one_slides_farther(toss):
     nowhere, still = np.asarray(toss.reference_context), np.array([0.0, 0.0, 0.3, 0.1, 0.2, 0.0524, *np.zeros(6)])
     track = toss.simulate(np.array([0.2, 1e6, 4.0]), nowhere, still, np.zeros(0))
     assert track.state[-1, :2] == pytest.approx([0.1, 0.2], abs=2e-3)
@@ -92,8 +92,8 @@ def write_file(toss: Task, path: Path) -> None:
 
 @pytest.mark.long
 def test_the_experiment_scores_by_tosses_that_no_session_saw_writes_its_page_and_goes_on_where_it_was(
-    toss: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+    toss, tmp_path, monkeypatch, capsys
+):
     experiment = importlib.import_module("toss.experiment")
     for name, value in {"CONDITIONS": experiment.Conditions(4, 2, judged=16), "GRID": 3, "AUTHORS": 2}.items():
         monkeypatch.setattr(experiment, name, value)
@@ -117,9 +117,7 @@ def test_the_experiment_scores_by_tosses_that_no_session_saw_writes_its_page_and
     assert "simulated" not in told
 
 
-def test_a_damaged_file_of_tosses_is_refused(
-    toss: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_damaged_file_of_tosses_is_refused(toss, tmp_path, monkeypatch, capsys):
     experiment = importlib.import_module("toss.experiment")
     np.savez(tmp_path / "short.npz", state=np.zeros((9, 13)), start=[0, 12], number=[0])
     np.savez(tmp_path / "narrow.npz", state=np.zeros((9, 12)), start=[0, 9], number=[0])
@@ -131,7 +129,7 @@ def test_a_damaged_file_of_tosses_is_refused(
         assert reason in capsys.readouterr().err
 
 
-def test_a_pendulum_keeps_its_energy_without_friction_and_rests_below_its_friction(swing: Task) -> None:
+def test_a_pendulum_keeps_its_energy_without_friction_and_rests_below_its_friction(swing):
     physics = importlib.import_module("swing")
     j1, lever, g1, g2 = 0.06, 0.33, 0.23, 0.16
     free = np.array([j1, lever, g1, g2, 0.0, 0.0, 0.0, 0.0])
@@ -148,9 +146,7 @@ def test_a_pendulum_keeps_its_energy_without_friction_and_rests_below_its_fricti
 
 
 @pytest.mark.long
-def test_twenty_windows_of_a_simulated_pendulum_find_its_parameters_and_predict_the_others(
-    swing: Task, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_twenty_windows_of_a_simulated_pendulum_find_its_parameters_and_predict_the_others(swing, monkeypatch):
     experiment = importlib.import_module("swing.experiment")
     monkeypatch.setattr(experiment, "POINTS", 64)
     monkeypatch.setattr(experiment, "SEEDS", 2)
@@ -165,7 +161,7 @@ def test_twenty_windows_of_a_simulated_pendulum_find_its_parameters_and_predict_
     assert by_hand == pytest.approx(load_world("wd", swing).parameters, rel=2e-3)
 
 
-def test_a_damaged_run_is_refused(swing: Task, tmp_path: Path) -> None:
+def test_a_damaged_run_is_refused(swing, tmp_path):
     experiment = importlib.import_module("swing.experiment")
     t_s = np.arange(0.0, 3.0, 0.01)
     good = {name: np.zeros(len(t_s)) for name in ("pos_meas1", "pos_meas2", "tau_meas1", "tau_meas2")}

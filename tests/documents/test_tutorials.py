@@ -8,7 +8,6 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,7 +29,7 @@ def blocks(page: str) -> list[tuple[str, str, str]]:
 
 
 @pytest.fixture
-def curling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Task]:
+def curling(tmp_path, monkeypatch) -> Iterator[Task]:
     """The task of the tutorial, its package installed for as long as a test runs."""
     for _, path, code in [block for block in blocks("add-a-task.md") if block[0] == "file"]:
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
@@ -44,11 +43,11 @@ def curling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Task]:
     sys.modules.pop("curling", None)
 
 
-def test_the_task_of_the_tutorial_keeps_the_contract_of_every_task(curling: Task) -> None:
+def test_the_task_of_the_tutorial_keeps_the_contract_of_every_task(curling):
     require_kept(module(ROOT / "tests/contracts/test_task_contract.py"), task=curling)
 
 
-def test_the_worlds_of_the_tutorial_are_listed_and_differ(curling: Task, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_worlds_of_the_tutorial_are_listed_and_differ(curling, capsys):
     assert app.run(["lab", "list", "--task", "curling", "--json"]) == 0
     assert "A slippery table that slopes." in capsys.readouterr().out
     uphill = world.load_world("uphill", curling)
@@ -61,9 +60,7 @@ def test_the_worlds_of_the_tutorial_are_listed_and_differ(curling: Task, capsys:
 
 
 @pytest.mark.long
-def test_the_task_of_the_tutorial_is_pretrained_listed_and_run(
-    curling: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_task_of_the_tutorial_is_pretrained_listed_and_run(curling, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     with pytest.raises(UnknownName, match="it must be one of pendulum, pushing, scooping, curling"):
         tasks.get_task("darts")
@@ -88,9 +85,7 @@ def test_the_task_of_the_tutorial_is_pretrained_listed_and_run(
         ("TASK = 3", "is offered by broken, whose TASK is a int: both names must agree"),
     ],
 )
-def test_a_package_that_cannot_be_used_is_named(
-    code: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_package_that_cannot_be_used_is_named(code, said, tmp_path, monkeypatch):
     (tmp_path / "broken.py").write_text(code, encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(tasks, "_installed", lambda: {"darts": "broken"})
@@ -99,7 +94,7 @@ def test_a_package_that_cannot_be_used_is_named(
     assert world.tasks_of_world("wd") == ("pendulum", "pushing", "scooping")
 
 
-def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(monkeypatch):
     found = blocks("add-a-device.md")
     (adapter,) = [code for kind, _, code in found if kind == "file"]
     (said,) = [code for kind, _, code in found if kind == "contract"]

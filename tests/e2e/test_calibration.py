@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from importlib import resources
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,7 +31,7 @@ PLACES_M = ((0.66, -0.02), (0.68, 0.015), (0.70, -0.01), (0.69, 0.02))
 
 
 @pytest.fixture
-def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+def world(tmp_path, monkeypatch) -> str:
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     path = tmp_path / "offset.toml"
     path.write_text((resources.files("sim") / "worlds/scooping/wd.toml").read_text() + SENSING)
@@ -54,7 +53,7 @@ def found_off_mm(world: str, X_BC: Array) -> float:
 
 
 @pytest.mark.slow
-def test_the_command_finds_what_the_world_hides(world: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_command_finds_what_the_world_hides(world, capfd):
     here = ["--world", world, "--seed", "1", "--yes", "--json"]
     assert app.run(["calibrate", *here]) == 0
     found = json.loads(capfd.readouterr().out)

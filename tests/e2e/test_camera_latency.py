@@ -58,7 +58,7 @@ def error_m(sensing: Sensing, believed_late_s: float) -> Array:
 
 
 @pytest.mark.slow
-def test_a_late_camera_is_tracked_as_well_as_one_in_time() -> None:
+def test_a_late_camera_is_tracked_as_well_as_one_in_time():
     late = Sensing(camera="small", clock_offset_ms=LATE_MS)
     unaware_m, corrected_m = (error_m(late, late_s) for late_s in (0.0, 1e-3 * LATE_MS))
     assert len(corrected_m) > 5

@@ -146,7 +146,7 @@ def views(place: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(4 * 3600)
-def test_every_documented_call_works() -> None:
+def test_every_documented_call_works():
     with tempfile.TemporaryDirectory(prefix="c") as folder:
         place = Path(folder)
         views(place)
@@ -155,7 +155,7 @@ def test_every_documented_call_works() -> None:
         assert not (wrong := [why for line in lines if (why := run(line, place))]), "\n\n".join(wrong)
 
 
-def test_whatever_is_not_executed_is_documented_and_has_a_reason() -> None:
+def test_whatever_is_not_executed_is_documented_and_has_a_reason():
     lines = documented()
     for pattern in ELSEWHERE:
         assert any(re.search(pattern, line) for line in lines), pattern
@@ -163,7 +163,7 @@ def test_whatever_is_not_executed_is_documented_and_has_a_reason() -> None:
     assert not [line for line in lines if {"NAME", "TRIAL", *STANDS_FOR} & set(shlex.split(line))]
 
 
-def test_a_session_is_begun_before_it_is_read_and_deleted_last() -> None:
+def test_a_session_is_begun_before_it_is_read_and_deleted_last():
     lines = [line for line in documented() if not elsewhere(line)]
     begun = lines.index("adaptsim run-iteration --task scooping --world oreo --seed 0 --yes")
     reading = [i for i, line in enumerate(lines) if SESSION in line and "run-iteration" not in line]
@@ -172,7 +172,7 @@ def test_a_session_is_begun_before_it_is_read_and_deleted_last() -> None:
     assert lines[-1] == f"adaptsim sessions delete {SESSION}"
 
 
-def test_a_call_is_told_from_a_name() -> None:
+def test_a_call_is_told_from_a_name():
     assert not _says_more(["adaptsim", "calibrate", "--json"])
     assert not _says_more(["adaptsim", "sessions", "redo"])
     assert not _says_more(["adaptsim", "--debug"])

@@ -28,7 +28,7 @@ def run(home: Path, lab: ToyLab, calibration: str = "h" * 64) -> tuple[int, str,
     """The command itself, in this process: exit code, stderr on one line, stdout."""
     home.parent.mkdir(exist_ok=True)
     out = io.StringIO()
-    code, said = call(home, SESSION, lab, out, calibration=calibration)
+    code, said = call(home, SESSION, lab, out, calibration_sha256=calibration)
     return code, said, out.getvalue()
 
 
@@ -71,9 +71,7 @@ NO_FRAME = CameraError("no frame within 1 s; check the camera's cable and power,
     ],
     ids=["reflex", "network", "pedal", "camera before", "camera half-way"],
 )
-def test_a_fault_is_told_costs_one_attempt_and_the_same_command_goes_on(
-    moment: str, error: Exception, code: int, words: str, tmp_path: Path
-) -> None:
+def test_a_fault_is_told_costs_one_attempt_and_the_same_command_goes_on(moment, error, code, words, tmp_path):
     home, whole = tmp_path / "a/home", tmp_path / "b/home"
     assert run(whole, ToyLab(0))[0] == 0
     ended, told, data = run(home, ToyLab(0, hooks={moment: raising(error)}))
@@ -115,9 +113,7 @@ def full(trial: int, attempt: int) -> None:
     ],
     ids=["disk full", "ctrl-c"],
 )
-def test_what_stops_the_program_costs_nothing_in_the_simulated_lab(
-    hook: Callable[[int, int], None], code: int, words: str, tmp_path: Path
-) -> None:
+def test_what_stops_the_program_costs_nothing_in_the_simulated_lab(hook, code, words, tmp_path):
     """There an attempt begins from the same state; a real arm's is spent (`test_session_flow.py`)."""
     home, whole = tmp_path / "a/home", tmp_path / "b/home"
     assert run(whole, ToyLab(0))[0] == 0
@@ -135,7 +131,7 @@ def test_what_stops_the_program_costs_nothing_in_the_simulated_lab(
     assert digest(home) == digest(whole)
 
 
-def test_a_calibration_that_changed_half_way_moves_nothing(tmp_path: Path) -> None:
+def test_a_calibration_that_changed_half_way_moves_nothing(tmp_path):
     home = tmp_path / "a/home"
     assert run(home, ToyLab(0, hooks={"execute": raising(REFLEX)}))[0] == 5
     lab = ToyLab(0)

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 import signal
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +26,7 @@ AT_S = 0.4
 
 
 @pytest.fixture
-def drill(tmp_path: Path) -> Iterator[Drill]:
+def drill(tmp_path) -> Iterator[Drill]:
     with drilling(tmp_path) as there:
         yield there
 
@@ -78,7 +77,7 @@ def goes_on(drill: Drill) -> Ended:
     return ended
 
 
-def test_a_reflex_and_a_released_pedal_spend_an_attempt_each_and_the_session_comes_to_its_end(drill: Drill) -> None:
+def test_a_reflex_and_a_released_pedal_spend_an_attempt_each_and_the_session_comes_to_its_end(drill):
     reflex = drill.run(at_first("approach", lambda _: drill.arm.tell(f"reflex {AT_S} joint_reflex")))
     told(reflex, 5, r"fr3 stopped 0\.\d+ s into the path: .*joint_reflex.*check what it touched.*clear it", THEN)
     stands(drill)
@@ -98,7 +97,7 @@ def test_a_reflex_and_a_released_pedal_spend_an_attempt_each_and_the_session_com
     assert [bool(re.search(w, r)) for w, r in zip(("reflex", "pedal"), drill.rejected(), strict=True)] == [True, True]
 
 
-def test_the_stop_button_is_waited_for_by_the_same_command(drill: Drill) -> None:
+def test_the_stop_button_is_waited_for_by_the_same_command(drill):
     pressed = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, lambda: drill.arm.tell("press"))))
     told(pressed, 5, "the stop button was pressed", THEN)
     stands(drill)
@@ -115,7 +114,7 @@ def test_the_stop_button_is_waited_for_by_the_same_command(drill: Drill) -> None
     assert len(drill.rejected()) == 1
 
 
-def test_a_pedal_that_falls_silent_or_is_pulled_out_brakes_the_arm(drill: Drill) -> None:
+def test_a_pedal_that_falls_silent_or_is_pulled_out_brakes_the_arm(drill):
     silent = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, drill.pedal.fall_silent)))
     told(silent, 7, "the enabling pedal was released", THEN)
     assert braked(stands(drill))
@@ -133,7 +132,7 @@ def test_a_pedal_that_falls_silent_or_is_pulled_out_brakes_the_arm(drill: Drill)
     assert len(drill.rejected()) == 2
 
 
-def test_a_network_that_is_lost_for_a_moment_and_for_good(drill: Drill) -> None:
+def test_a_network_that_is_lost_for_a_moment_and_for_good(drill):
     moment = drill.run(at_first("approach", lambda _: drill.arm.at(AT_S, lambda: drill.arm.signal(signal.SIGSTOP))))
     told(moment, 5, "does not answer .*check cable, address and power", THEN)
     drill.arm.signal(signal.SIGCONT)
@@ -149,7 +148,7 @@ def test_a_network_that_is_lost_for_a_moment_and_for_good(drill: Drill) -> None:
     assert len(drill.rejected()) == 2
 
 
-def test_a_program_killed_half_way_leaves_the_arm_at_rest_and_its_completed_trial_alone(drill: Drill) -> None:
+def test_a_program_killed_half_way_leaves_the_arm_at_rest_and_its_completed_trial_alone(drill):
     def second_task(now: str, command: Command) -> None:
         if now == "task" and drill.completed():
             drill.arm.at(AT_S, lambda: command.signal(signal.SIGKILL))
@@ -169,7 +168,7 @@ def test_a_program_killed_half_way_leaves_the_arm_at_rest_and_its_completed_tria
     assert any("interrupted while the arm may have moved" in reason for reason in drill.rejected())
 
 
-def test_ctrl_c_brakes_the_arm_and_spends_the_attempt(drill: Drill) -> None:
+def test_ctrl_c_brakes_the_arm_and_spends_the_attempt(drill):
     ended = drill.run(at_first("approach", lambda command: drill.arm.at(AT_S, lambda: command.signal(signal.SIGINT))))
     told(ended, 130, "interrupted on the way there: the arm brakes and stays there")
     assert braked(stands(drill))
@@ -177,7 +176,7 @@ def test_ctrl_c_brakes_the_arm_and_spends_the_attempt(drill: Drill) -> None:
     assert drill.completed() == {}
 
 
-def test_a_camera_that_gives_no_frame_stops_before_the_next_motion(drill: Drill) -> None:
+def test_a_camera_that_gives_no_frame_stops_before_the_next_motion(drill):
     silent = drill.run(at_first("task", own("camera")))
     told(silent, 6, "no frame within 1 s; check the camera's cable and power")
     until(lambda: not drill.arm.moves())
@@ -189,7 +188,7 @@ def test_a_camera_that_gives_no_frame_stops_before_the_next_motion(drill: Drill)
     assert len(drill.rejected()) == 2
 
 
-def test_a_full_disk_keeps_every_completed_trial(drill: Drill) -> None:
+def test_a_full_disk_keeps_every_completed_trial(drill):
     def second_task(now: str, command: Command) -> None:
         if now == "task" and drill.completed():
             command.fault = "disk"
@@ -202,7 +201,7 @@ def test_a_full_disk_keeps_every_completed_trial(drill: Drill) -> None:
     assert drill.completed() == first
 
 
-def test_what_ends_the_program_after_the_motion_costs_nothing(drill: Drill) -> None:
+def test_what_ends_the_program_after_the_motion_costs_nothing(drill):
     """Killed, and then q, at the review: the recording is there, and the review comes again without a motion."""
     running: list[Command] = []
 
@@ -225,7 +224,7 @@ def test_what_ends_the_program_after_the_motion_costs_nothing(drill: Drill) -> N
     assert drill.rejected() == []
 
 
-def test_another_calibration_moves_nothing(drill: Drill) -> None:
+def test_another_calibration_moves_nothing(drill):
     goes_on(drill)
     drill.calibrate(0.005)
     changed = drill.run()

@@ -103,7 +103,7 @@ def place() -> Iterator[Path]:
 
 
 @pytest.mark.slow
-def test_every_command_of_the_guide_works_and_prints_what_it_shows(place: Path) -> None:
+def test_every_command_of_the_guide_works_and_prints_what_it_shows(place):
     text, done = GUIDE.read_text(encoding="utf-8"), 0
     for name, content in files(text).items():
         (place / name).write_text(content, encoding="utf-8")
@@ -127,7 +127,7 @@ def hidden(world: str) -> dict[str, object]:
     return {key: value for key, value in tomllib.loads(world).items() if key not in ("description", "sensing")}
 
 
-def test_the_guide_has_steps_and_every_one_shows_something_or_says_its_exit_code() -> None:
+def test_the_guide_has_steps_and_every_one_shows_something_or_says_its_exit_code():
     text = GUIDE.read_text(encoding="utf-8")
     found = list(steps(text))
     assert len(found) > 10
@@ -136,7 +136,7 @@ def test_the_guide_has_steps_and_every_one_shows_something_or_says_its_exit_code
     assert hidden(files(text)["quick.toml"]) == hidden((WORLDS / "cucumber.toml").read_text())
 
 
-def test_what_a_guide_shows_is_compared_with_what_was_printed() -> None:
+def test_what_a_guide_shows_is_compared_with_what_was_printed():
     text = "<!-- run exit=3 -->\n```sh\nadaptsim doctor  # why\n```\n\n"
     text += "```text\n✓  disk   75.5 GB …\n…\n```\nsay\n```text\nno\n```\n"
     (step,) = steps(text)

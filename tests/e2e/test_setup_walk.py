@@ -67,7 +67,7 @@ def plain(text: str) -> str:
 
 
 @pytest.mark.slow
-def test_from_nothing_to_the_first_scoop_with_a_kill_in_the_middle(tmp_path: Path) -> None:
+def test_from_nothing_to_the_first_scoop_with_a_kill_in_the_middle(tmp_path):
     there, began_s = Terminal(tmp_path), time.monotonic()
     assert there.run(TYPED, kill_at="9 of 25  ") == -signal.SIGKILL, there.said
     rig = read(tmp_path / "home/practice.toml")

@@ -43,7 +43,7 @@ print(json.dumps({
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
+def store(tmp_path_factory) -> SessionStore:
     return run(tmp_path_factory.mktemp("exports"))
 
 
@@ -69,7 +69,7 @@ def values(file: Path, entity: str, component: str) -> list[Any]:
     return [row for b in batches if component in b.schema.names for row in b.column(component).to_pylist() if row]
 
 
-def test_in_rerun_depth_is_depth_and_the_arm_moves(store: SessionStore, tmp_path: Path) -> None:
+def test_in_rerun_depth_is_depth_and_the_arm_moves(store, tmp_path):
     trial = replaying.open_trial(store, store.trials(0)[0])
     played = trial.stored.execution  # the toy's arm rests: here it turns about its base
     turned = played.q_measured_rad + np.outer(np.linspace(0.0, 0.5, len(played.t_s)), np.eye(7)[0])
@@ -85,7 +85,7 @@ def test_in_rerun_depth_is_depth_and_the_arm_moves(store: SessionStore, tmp_path
     assert any("outcome" in row[0] for row in values(file, "/events", "TextLog:text"))
 
 
-def test_rerun_reads_the_mcap_file_itself(store: SessionStore, tmp_path: Path) -> None:
+def test_rerun_reads_the_mcap_file_itself(store, tmp_path):
     file, *_ = exporting.export(store, "mcap", tmp_path, scene_files)
     out = tmp_path / "converted.rrd"
     subprocess.run([sys.executable, "-m", "rerun", "mcap", "convert", str(file), "-o", str(out)], check=True)
@@ -93,7 +93,7 @@ def test_rerun_reads_the_mcap_file_itself(store: SessionStore, tmp_path: Path) -
     assert "EncodedImage:blob" in components(out, "/camera/colour")
 
 
-def test_a_parquet_table_has_names_units_and_every_trial(store: SessionStore, tmp_path: Path) -> None:
+def test_a_parquet_table_has_names_units_and_every_trial(store, tmp_path):
     import pyarrow.parquet as pq  # noqa: PLC0415 - collected without the extra too
 
     (file,) = exporting.export(store, "parquet", tmp_path / "t.parquet", scene_files)
@@ -102,7 +102,7 @@ def test_a_parquet_table_has_names_units_and_every_trial(store: SessionStore, tm
     assert found.schema.metadata[b"unit of duration_s"] == b"s"
 
 
-def test_lerobot_loads_the_data_set(store: SessionStore, tmp_path: Path) -> None:
+def test_lerobot_loads_the_data_set(store, tmp_path):
     trials = trials_of(store)
     episodes.write(store, trials, tmp_path / "set")
     env = {**os.environ, "HF_HUB_OFFLINE": "1", "HF_HOME": str(tmp_path / "hf")}

@@ -34,9 +34,7 @@ def write_parquet(folder: Path) -> Path:
     return folder
 
 
-def test_a_session_on_parquet_has_the_trials_of_the_same_tables_in_csv_and_ends_with_a_verdict(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_session_on_parquet_has_the_trials_of_the_same_tables_in_csv_and_ends_with_a_verdict(tmp_path, monkeypatch):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
     folder = write_parquet(tmp_path / "parquet")
     assert digest(read_recorded(TASK, folder)) == digest(read_recorded(TASK, write_tables(tmp_path / "csv", 24)))
@@ -45,7 +43,7 @@ def test_a_session_on_parquet_has_the_trials_of_the_same_tables_in_csv_and_ends_
     assert api.open_session("p").iterations[-1].verdict.trials == 4
 
 
-def test_a_damaged_parquet_file_and_an_empty_cell_are_refused(tmp_path: Path) -> None:
+def test_a_damaged_parquet_file_and_an_empty_cell_are_refused(tmp_path):
     from pyarrow import csv, parquet  # noqa: PLC0415
 
     folder = write_parquet(tmp_path / "parquet")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -259,15 +259,17 @@ def flange(q_rad: np.ndarray) -> np.ndarray:
 
 
 def toy_parts(
-    lab: ToyLab, name: str = "fake", check: Callable[[JointPath], None] = lambda _: None, calibration: str = "h" * 64
+    lab: ToyLab, name: str = "fake", check: Callable[[JointPath], None] = lambda _: None, **origin: Any
 ) -> Parts:
-    rig = Rig(name, "toy lab", lab, ToyCamera(lab), lab, HandEye(X_BC, 1.0, 0.1, "toy", "2024-01-01T00:00:00+00:00"))
+    """`origin` are fields of the provenance that differ."""
+    provenance = replace(Provenance("toy", "c" * 64, "w" * 64, "toy", "h" * 64, {"adaptsim": "0.1.0"}), **origin)
+    eye = HandEye(X_BC, 1.0, 0.1, "toy", "2024-01-01T00:00:00+00:00", provenance.camera_late_s)
+    rig = Rig(name, "toy lab", lab, ToyCamera(lab), lab, eye)
     tracker = Tracker(
         find, lambda frame, *_: frame.colour, track, lambda drawn: drawn, lambda drawn, found: found.xy_m, OUTCOMES
     )
-    origin = Provenance("toy", "c" * 64, "w" * 64, "toy", calibration, {"adaptsim": "0.1.0"})
     target = OnRig(TASK, rig, tracker, Planner(paths, check, flange))
-    return Parts(TASK, target, ToyLearner(), origin)
+    return Parts(TASK, target, ToyLearner(), provenance)
 
 
 def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config, Path], Any]:

@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -35,18 +34,13 @@ RUN = ["calibrate", "--world", "wd", "--seed", "0", "--yes"]
 
 
 @pytest.fixture(autouse=True)
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for key in [key for key in os.environ if key.startswith("ADAPTSIM_")]:
-        monkeypatch.delenv(key)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+def wide(monkeypatch) -> None:
     monkeypatch.setenv("TERM", "dumb")
     monkeypatch.setenv("COLUMNS", "200")
-    return tmp_path
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> ToyBench:
+def bench(monkeypatch) -> ToyBench:
     """The commands run on a bench in memory, at places that are known to be reachable."""
     bench = ToyBench()
 
@@ -64,9 +58,7 @@ def told(capfd: pytest.CaptureFixture[str]) -> str:
 
 
 @pytest.mark.long
-def test_a_calibration_from_the_command_line_and_what_follows(
-    bench: ToyBench, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_calibration_from_the_command_line_and_what_follows(bench, capfd):
     assert app.run([*RUN, "--json"]) == 0
     out, err = capfd.readouterr()
     found = json.loads(out)
@@ -97,9 +89,7 @@ def test_a_calibration_from_the_command_line_and_what_follows(
 
 
 @pytest.mark.long
-def test_what_stops_it_has_its_code_and_says_how_to_continue(
-    bench: ToyBench, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_what_stops_it_has_its_code_and_says_how_to_continue(bench, capfd):
     def unplugged(_: ToyBench, picture: int) -> None:
         if picture == 4:
             raise CameraError("no frame within 1 s")
@@ -119,7 +109,7 @@ def test_what_stops_it_has_its_code_and_says_how_to_continue(
 
 
 @pytest.mark.long
-def test_two_calibrations_of_one_rig_never_run_at_once(bench: ToyBench, capfd: pytest.CaptureFixture[str]) -> None:
+def test_two_calibrations_of_one_rig_never_run_at_once(bench, capfd):
     assert app.run(RUN) == 0
     capfd.readouterr()
     resolved = config.load({"world": "wd", "seed": 0}, {"ADAPTSIM_HOME": os.environ["ADAPTSIM_HOME"]})
@@ -133,9 +123,7 @@ def test_two_calibrations_of_one_rig_never_run_at_once(bench: ToyBench, capfd: p
     assert app.run(["calibrate", "check", *RUN[1:]]) == 0
 
 
-def test_nothing_to_check_and_no_terminal_are_said(
-    bench: ToyBench, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_to_check_and_no_terminal_are_said(bench, capfd, monkeypatch):
     assert app.run(["calibrate", "check", "--yes"]) == 3
     assert "there is no calibration of this rig to check" in told(capfd)
     monkeypatch.setattr("sys.stdin", io.StringIO())
@@ -143,16 +131,14 @@ def test_nothing_to_check_and_no_terminal_are_said(
     assert "no terminal" in told(capfd)
 
 
-def test_an_operator_who_is_asked_once_may_stop(
-    bench: ToyBench, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_operator_who_is_asked_once_may_stop(bench, capfd, monkeypatch):
     monkeypatch.setattr("adaptsim_cli.screen.console.require_terminal", lambda: None)
     monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
     assert app.run(["calibrate", "--world", "wd"]) == 7
     assert bench.motions == 0
 
 
-def test_guiding_by_hand_asks_for_every_place(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_guiding_by_hand_asks_for_every_place(monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO("\n" * COUNT + "q\n"))
     screen, bench = quiet(), ToyBench()
     guided = HandGuided(screen)
@@ -164,7 +150,7 @@ def test_guiding_by_hand_asks_for_every_place(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.long
-def test_drift_uses_three_views_and_skips_those_without_a_board(tmp_path: Path) -> None:
+def test_drift_uses_three_views_and_skips_those_without_a_board(tmp_path):
     solved, _ = run(tmp_path, ToyBench())
     bench, screen = ToyBench(), quiet()
     real = bench.paint
@@ -179,9 +165,7 @@ def test_drift_uses_three_views_and_skips_those_without_a_board(tmp_path: Path) 
 
 
 @pytest.mark.long
-def test_the_board_is_printed_to_scale_and_its_measured_size_kept(
-    place: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_the_board_is_printed_to_scale_and_its_measured_size_kept(place, capfd):
     assert app.run(["calibrate", "board", "--out", "board.png", "--width-mm", "258.3", "--json"]) == 0
     shown = json.loads(capfd.readouterr().out)
     assert shown["board"]["square_mm"] == pytest.approx(36.9)
@@ -213,15 +197,13 @@ def test_the_board_is_printed_to_scale_and_its_measured_size_kept(
         (["--out", "board.docx"], "one of .pdf, .png"),
     ],
 )
-def test_an_impossible_board_is_refused(
-    flags: list[str], message: str, place: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_an_impossible_board_is_refused(flags, message, place, capfd):
     assert app.run(["calibrate", "board", *flags]) == 2
     assert message in told(capfd)
 
 
 @pytest.mark.long
-def test_a_pdf_has_the_size_of_the_paper(place: Path) -> None:
+def test_a_pdf_has_the_size_of_the_paper(place):
     content = printing.page(printing.fitting("a4", None), "a4", ".pdf")
     assert content.startswith(b"%PDF")
     box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", content)
@@ -229,12 +211,12 @@ def test_a_pdf_has_the_size_of_the_paper(place: Path) -> None:
     assert [float(side) / 72 * 25.4 for side in box.groups()] == pytest.approx([297, 210], abs=0.01)
 
 
-def test_views_from_elsewhere_that_are_not_there_end_with_8(capfd: pytest.CaptureFixture[str]) -> None:
+def test_views_from_elsewhere_that_are_not_there_end_with_8(capfd):
     assert app.run(["calibrate", "solve", "nowhere"]) == 8
     assert "there is no folder" in told(capfd)
 
 
-def test_an_old_calibration_is_warned_of() -> None:
+def test_an_old_calibration_is_warned_of():
     eye = HandEye(np.eye(4), 0.5, 0.02, "calibration of the panda, 2024-03-01", "2024-03-01T10:00:00+00:00")
     now = datetime(2024, 4, 20, tzinfo=UTC)
     old = calibration_check(eye, 30, now)

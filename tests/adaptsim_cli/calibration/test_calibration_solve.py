@@ -51,7 +51,7 @@ def pose(X: Array) -> dict[str, object]:
 
 
 @pytest.fixture(scope="module")
-def wrist(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wrist(tmp_path_factory) -> Path:
     """A folder as someone with another robot would write it: JPEG pictures, poses as position and quaternion."""
     folder = tmp_path_factory.mktemp("wrist")
     (folder / "setup.toml").write_text(SETUP)
@@ -63,7 +63,7 @@ def wrist(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_camera_on_the_wrist_of_any_robot(wrist: Path) -> None:
+def test_a_camera_on_the_wrist_of_any_robot(wrist):
     solved = solving.solve_folder(wrist)
     X = np.array(solved.record.X_AC)
     assert 1e3 * np.linalg.norm(X[:3, 3] - X_FC[:3, 3]) < 1.0
@@ -90,7 +90,7 @@ def test_a_camera_on_the_wrist_of_any_robot(wrist: Path) -> None:
         ({"q_rad": [0.0] * 7, "image": "../other/shot.jpg"}, "without a folder"),
     ],
 )
-def test_what_is_swapped_or_mistyped_is_named(view: dict[str, object], message: str, tmp_path: Path) -> None:
+def test_what_is_swapped_or_mistyped_is_named(view, message, tmp_path):
     (tmp_path / "setup.toml").write_text(SETUP)
     (tmp_path / "view-1.json").write_text(json.dumps({"image": "shot.jpg", **view}))
     with pytest.raises(ViewFolderError, match=message):

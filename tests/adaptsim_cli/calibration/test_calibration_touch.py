@@ -31,13 +31,13 @@ def views_of(root: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, solving.Solved]:
+def touched(tmp_path_factory) -> tuple[Path, solving.Solved]:
     root, bench = tmp_path_factory.mktemp("touched"), ToyBench(warmth_C=lambda picture: 31.5)
     return root, run(root, bench, hands=ToyHands(bench))[0]
 
 
 @pytest.fixture
-def copied(touched: tuple[Path, solving.Solved], tmp_path: Path) -> Path:
+def copied(touched: tuple[Path, solving.Solved], tmp_path) -> Path:
     folder = tmp_path / "views"
     shutil.copytree(views_of(touched[0]), folder)
     return folder
@@ -53,7 +53,7 @@ def edit(folder: Path, **values: object) -> None:
 
 
 @pytest.mark.long
-def test_a_corner_is_seen_and_touched_at_the_same_place(touched: tuple[Path, solving.Solved]) -> None:
+def test_a_corner_is_seen_and_touched_at_the_same_place(touched):
     root, solved = touched
     found = check(solved.record, "touched point")
     assert found.verdict == "good"
@@ -65,7 +65,7 @@ def test_a_corner_is_seen_and_touched_at_the_same_place(touched: tuple[Path, sol
 
 
 @pytest.mark.long
-def test_temperatures_are_kept_where_devices_tell_them(touched: tuple[Path, solving.Solved], tmp_path: Path) -> None:
+def test_temperatures_are_kept_where_devices_tell_them(touched, tmp_path):
     record = touched[1].record
     assert record.temperatures_C == {"arm": None, "camera": 31.5}
     assert check(record, "camera temperature").verdict == "good"
@@ -75,7 +75,7 @@ def test_temperatures_are_kept_where_devices_tell_them(touched: tuple[Path, solv
 
 
 @pytest.mark.long
-def test_a_camera_that_still_warms_up_is_suspect(tmp_path: Path) -> None:
+def test_a_camera_that_still_warms_up_is_suspect(tmp_path):
     record = run(tmp_path, ToyBench(warmth_C=lambda picture: 25.0 + 0.5 * picture))[0].record
     found = check(record, "camera temperature")
     assert found.verdict == "suspect"
@@ -84,9 +84,7 @@ def test_a_camera_that_still_warms_up_is_suspect(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_person_is_asked_before_each_touch_and_may_leave_it_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_person_is_asked_before_each_touch_and_may_leave_it_out(tmp_path, monkeypatch):
     bench, screen = ToyBench(), quiet()
     monkeypatch.setattr("sys.stdin", io.StringIO("\n" * (1 + MIN_TOUCHES)))
     record = run(tmp_path / "yes", bench, screen=screen, hands=ToyHands(bench), unattended=False)[0].record
@@ -104,7 +102,7 @@ def test_a_person_is_asked_before_each_touch_and_may_leave_it_out(
 
 
 @pytest.mark.long
-def test_stopping_at_the_touch_loses_no_view(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stopping_at_the_touch_loses_no_view(tmp_path, monkeypatch):
     bench = ToyBench()
     monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
     with pytest.raises(StoppedByOperator):
@@ -117,7 +115,7 @@ def test_stopping_at_the_touch_loses_no_view(tmp_path: Path, monkeypatch: pytest
 
 @pytest.mark.long
 @pytest.mark.parametrize(("slips", "verdict"), [((1,), "good"), ((1, 5, 9), "not measured")])
-def test_a_tip_that_slips_is_touched_again(slips: tuple[int, ...], verdict: str, tmp_path: Path) -> None:
+def test_a_tip_that_slips_is_touched_again(slips, verdict, tmp_path):
     bench, screen = ToyBench(), quiet()
     hands = ToyHands(bench, slip_m=lambda number: 0.02 if number in slips else 0.0)
     record = run(tmp_path, bench, screen=screen, hands=hands)[0].record
@@ -126,7 +124,7 @@ def test_a_tip_that_slips_is_touched_again(slips: tuple[int, ...], verdict: str,
     assert record.accepted
 
 
-def test_a_board_that_is_not_laid_in_view_is_said(tmp_path: Path) -> None:
+def test_a_board_that_is_not_laid_in_view_is_said(tmp_path):
     bench, screen = ToyBench(), quiet()
     toy = rig(bench, hands=ToyHands(bench))
     series = store(tmp_path).series(setup_record(toy.camera.model(), toy.board, "panda"), fresh=True)[0]
@@ -137,7 +135,7 @@ def test_a_board_that_is_not_laid_in_view_is_said(tmp_path: Path) -> None:
     assert not series.has_touch
 
 
-def test_another_corner_than_the_one_stated_forbids_the_calibration(copied: Path, tmp_path: Path) -> None:
+def test_another_corner_than_the_one_stated_forbids_the_calibration(copied, tmp_path):
     corner = json.loads((copied / "touch.json").read_text())["corner"]
     edit(copied, corner=corner + 1)
     record = solve(copied).record
@@ -148,7 +146,7 @@ def test_another_corner_than_the_one_stated_forbids_the_calibration(copied: Path
 
 
 @pytest.mark.long
-def test_a_refused_touch_leaves_what_is_in_use(tmp_path: Path) -> None:
+def test_a_refused_touch_leaves_what_is_in_use(tmp_path):
     bench = ToyBench()
     run(tmp_path, bench, hands=ToyHands(bench))
     before = store(tmp_path).current()
@@ -163,7 +161,7 @@ def test_a_refused_touch_leaves_what_is_in_use(tmp_path: Path) -> None:
     assert check(record, "touched point").verdict == "good"
 
 
-def test_poses_serve_where_joints_are_not_known(copied: Path) -> None:
+def test_poses_serve_where_joints_are_not_known(copied):
     stored = json.loads((copied / "touch.json").read_text())
     X_BF = forward(np.array(stored.pop("q_rad")))
     (copied / "touch.json").write_text(json.dumps(stored | {"X_BF": X_BF.tolist()}))
@@ -181,7 +179,7 @@ def test_poses_serve_where_joints_are_not_known(copied: Path) -> None:
         (lambda folder: (folder / "touch.png").unlink(), r"touch\.png, named by touch\.json, is missing"),
     ],
 )
-def test_a_damaged_touch_is_named(change: object, message: str, copied: Path) -> None:
-    change(copied)  # type: ignore[operator]
+def test_a_damaged_touch_is_named(change, message, copied):
+    change(copied)
     with pytest.raises(ViewFolderError, match=message):
         solve(copied)

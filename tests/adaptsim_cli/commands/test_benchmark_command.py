@@ -11,10 +11,9 @@ PENDULUM = ["benchmark", "--task", "pendulum", "--targets", "wd,ood-1", "--budge
 
 
 @pytest.fixture(autouse=True)
-def home(tmp_path, monkeypatch):
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+def home(place, monkeypatch):
     monkeypatch.setenv("ADAPTSIM_WORKERS", "1")
-    return tmp_path
+    return place / "home"
 
 
 def said(capsys):

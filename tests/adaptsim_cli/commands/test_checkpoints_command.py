@@ -20,12 +20,9 @@ PENDULUM = ("--task", "pendulum", "--rollouts", "36", "--json")
 
 
 @pytest.fixture
-def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def copied(place) -> Path:
     """The shipped checkpoint of the pendulum, to be tampered with."""
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
-    monkeypatch.setenv("COLUMNS", "120")
-    monkeypatch.chdir(tmp_path)
-    folder = tmp_path / "mine"
+    folder = place / "mine"
     shutil.copytree(files_of("pendulum", "checkpoints") / "default", folder)
     return folder
 
@@ -37,7 +34,7 @@ def claim(folder: Path, **evaluation: float) -> None:
     write_toml(folder / CARD, card)
 
 
-def test_a_card_that_holds_ends_with_0(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_card_that_holds_ends_with_0(copied, capfd):
     assert app.run(["checkpoints", "verify", str(copied), *PENDULUM]) == 0
     out, err = capfd.readouterr()
     assert "12 of 12" in err  # targets
@@ -51,7 +48,7 @@ def test_a_card_that_holds_ends_with_0(copied: Path, capfd: pytest.CaptureFixtur
 
 
 @pytest.mark.long
-def test_a_card_that_claims_too_much_ends_with_8(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_card_that_claims_too_much_ends_with_8(copied, capfd):
     claim(copied, udr=0.99)
     assert app.run(["checkpoints", "verify", str(copied), *PENDULUM]) == 8
     out, err = capfd.readouterr()
@@ -62,7 +59,7 @@ def test_a_card_that_claims_too_much_ends_with_8(copied: Path, capfd: pytest.Cap
     assert "says: mean reward of udr" in err
 
 
-def test_files_alone_can_be_checked(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_files_alone_can_be_checked(copied, capfd):
     claim(copied, udr=0.99)
     assert app.run(["checkpoints", "verify", str(copied), "--task", "pendulum", "--rollouts", "0", "--json"]) == 0
     assert json.loads(capfd.readouterr().out)["figures"] == []
@@ -72,9 +69,7 @@ def test_files_alone_can_be_checked(copied: Path, capfd: pytest.CaptureFixture[s
     assert "damaged or was changed" in capfd.readouterr().err
 
 
-def test_an_own_object_has_the_checkpoint_that_was_pretrained_for_it(
-    copied: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_an_own_object_has_the_checkpoint_that_was_pretrained_for_it(copied, capfd):
     own = copied.parent / "heavy.toml"
     own.write_text('task = "pendulum"\nname = "heavy"\n[ranges]\nm1 = [1.5, 2.0]\n')
     task = task_of(config.load({"task": "pendulum", "object": str(own)}).config)
@@ -88,7 +83,7 @@ def test_an_own_object_has_the_checkpoint_that_was_pretrained_for_it(
     assert json.loads(capfd.readouterr().out)["folder"] == str(files_of("pendulum", "checkpoints") / "default")
 
 
-def test_a_damaged_card_does_not_hide_the_others(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_damaged_card_does_not_hide_the_others(copied, capfd):
     broken = config.places().pretraining / "scooping-small-seed0" / "checkpoint"
     shutil.copytree(copied, broken)
     (broken / CARD).write_text("task = ")
@@ -98,7 +93,7 @@ def test_a_damaged_card_does_not_hide_the_others(copied: Path, capfd: pytest.Cap
     assert found["default"]["task"] in TASKS
 
 
-def test_wrong_flags_and_objects_are_named(copied: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_wrong_flags_and_objects_are_named(copied, capfd):
     assert app.run(["checkpoints", "verify", "--task", "pendulum", "--quick", "--rollouts", "9"]) == 2
     assert "--quick and --rollouts contradict each other" in capfd.readouterr().err
     own = copied.parent / "heavy.toml"

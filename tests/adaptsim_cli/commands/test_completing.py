@@ -16,14 +16,13 @@ PROGRAM = "import sys; sys.argv = ['adaptsim']; from adaptsim_cli.app import mai
 
 
 @pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+def home(place) -> Path:
     for name in ("sessions/scoop-1", "sessions/push-1", "sessions/.hidden", "archived-sessions/old", "rollouts/one"):
-        (tmp_path / "data" / name).mkdir(parents=True)
-    return tmp_path
+        (place / "home/data" / name).mkdir(parents=True)
+    return place / "home"
 
 
-def test_names_of_this_machine_are_completed(home: Path) -> None:
+def test_names_of_this_machine_are_completed(home):
     assert options.session_names("") == ["push-1", "scoop-1"]
     assert options.session_names("sc") == ["scoop-1"]
     assert options.all_session_names("") == ["push-1", "scoop-1", "old"]
@@ -32,8 +31,7 @@ def test_names_of_this_machine_are_completed(home: Path) -> None:
     assert "ood-1" in options.world_names("ood")
 
 
-def test_without_data_there_is_nothing_to_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+def test_without_data_there_is_nothing_to_complete():
     assert options.session_names("") == options.all_session_names("") == options.rollout_names("") == []
 
 
@@ -47,7 +45,7 @@ def test_without_data_there_is_nothing_to_complete(tmp_path: Path, monkeypatch: 
         ("adaptsim sessions mark o", ["old"]),
     ],
 )
-def test_a_shell_gets_them(home: Path, typed: str, expected: list[str]) -> None:
+def test_a_shell_gets_them(home, typed, expected):
     asked = {"_ADAPTSIM_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" "))}
     program = [sys.executable, "-c", PROGRAM]
     found = subprocess.run(program, env={**os.environ, **asked}, capture_output=True, text=True, check=False)

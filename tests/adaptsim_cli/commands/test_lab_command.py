@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import cv2
 import numpy as np
-import pytest
 from typer.testing import CliRunner
 
 from adaptsim_cli.commands.lab import app
@@ -15,13 +13,7 @@ from adaptsim_cli.commands.lab import app
 runner = CliRunner()
 
 
-@pytest.fixture(autouse=True)
-def own_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
-    monkeypatch.chdir(tmp_path)
-
-
-def test_show_prints_the_truth_as_json() -> None:
+def test_show_prints_the_truth_as_json():
     result = runner.invoke(app, ["show", "--task", "scooping", "--world", "ood-1", "--json"])
     assert result.exit_code == 0
     truth = json.loads(result.stdout)
@@ -30,7 +22,7 @@ def test_show_prints_the_truth_as_json() -> None:
     np.testing.assert_allclose(X_BC[:3, :3] @ X_BC[:3, :3].T, np.eye(3), atol=1e-9)
 
 
-def test_show_prints_a_table_by_default() -> None:
+def test_show_prints_a_table_by_default():
     result = runner.invoke(app, ["show", "--task", "scooping", "--world", "ood-1"])
     assert result.exit_code == 0
     assert "0.45" in result.stdout
@@ -38,7 +30,7 @@ def test_show_prints_a_table_by_default() -> None:
     assert "piece height" in result.stdout
 
 
-def test_show_draws_what_the_camera_sees(tmp_path: Path) -> None:
+def test_show_draws_what_the_camera_sees(tmp_path):
     world = tmp_path / "mine.toml"
     world.write_text('task = "scooping"\n[params]\nmu = 0.3\ne = 5e4\ng = 1\nh = 2.0\n[sensing]\ncamera = "small"\n')
     picture = tmp_path / "seen.png"
@@ -50,7 +42,7 @@ def test_show_draws_what_the_camera_sees(tmp_path: Path) -> None:
     assert ((red > 1.5 * green) & (red > 1.5 * blue)).sum() > 3  # the piece
 
 
-def test_list_explains_the_numbers_of_a_task() -> None:
+def test_list_explains_the_numbers_of_a_task():
     shown = " ".join(runner.invoke(app, ["list", "--task", "pendulum"]).stdout.split())
     assert "m1 inner mass 1 to 2 kg" in shown
     assert "torque of joint" in shown

@@ -14,14 +14,8 @@ from adaptsim_cli.wiring.settings import checkpoint_of
 VALUES = ["--task", "pendulum", "--range", "m1=1.5:2.0"]
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
-    monkeypatch.chdir(tmp_path)
-
-
 @pytest.mark.long
-def test_a_session_finds_the_checkpoint_of_an_object(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_session_finds_the_checkpoint_of_an_object(capsys):
     assert app.run(["object", "rod", *VALUES, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert (told["inside"], told["held_out"], told["picture"]) == (True, None, None)
@@ -45,15 +39,13 @@ def test_a_session_finds_the_checkpoint_of_an_object(capsys: pytest.CaptureFixtu
         ([], "there is no terminal to ask at"),
     ],
 )
-def test_a_wrong_value_writes_nothing(
-    values: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_wrong_value_writes_nothing(values, message, tmp_path, capsys):
     assert app.run(["object", "rod", "--task", "pendulum", *values]) == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.glob("rod*"))
 
 
-def test_without_values_it_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_values_it_asks(monkeypatch):
     from adaptsim_cli.research.own_object import _asked  # noqa: PLC0415 - what the command asks
     from sim.tasks import get_task  # noqa: PLC0415
 

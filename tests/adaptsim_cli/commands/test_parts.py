@@ -33,7 +33,7 @@ def parts() -> dict[str, Part]:
     return {part.name: part for part in all_parts()}
 
 
-def test_every_part_is_closed_and_fits_between_the_fingers(parts: dict[str, Part]) -> None:
+def test_every_part_is_closed_and_fits_between_the_fingers(parts):
     assert set(parts) == {"pusher", "patch", "adapter", "board-holder"}
     for part in parts.values():
         assert part.solid.is_watertight
@@ -42,7 +42,7 @@ def test_every_part_is_closed_and_fits_between_the_fingers(parts: dict[str, Part
         assert sheet.printed(part).bounds[0, 2] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_pusher_has_the_mass_and_the_surface_of_the_scene(parts: dict[str, Part]) -> None:
+def test_the_pusher_has_the_mass_and_the_surface_of_the_scene(parts):
     pusher = parts["pusher"]
     assert pusher.mass is not None
     share = sheet.infill(pusher)
@@ -58,17 +58,14 @@ def test_the_pusher_has_the_mass_and_the_surface_of_the_scene(parts: dict[str, P
     assert (outside_m(pusher, np.array([GRIP_M, [-0.002, 0.0, PLATE_HEIGHT_M / 2]])) < 0.0).all()
 
 
-def test_a_handle_fits_into_the_adapter(parts: dict[str, Part]) -> None:
+def test_a_handle_fits_into_the_adapter(parts):
     half = parts["adapter"]
     assert half.solid.bounds[1, 2] < 0.0, "the halves do not touch: screws clamp the handle"
     assert (outside_m(half, np.array([[0.0, 0.0115, -0.0088], [0.0, -0.0115, -0.0088]])) > 0.0).all()
     assert (outside_m(half, np.array([[0.0, 0.018, -0.005], [0.0, 0.0, -0.013]])) < 0.0).all()
 
 
-def test_the_command_writes_solids_and_a_sheet(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+def test_the_command_writes_solids_and_a_sheet(tmp_path, capsys):
     out = tmp_path / "parts"
     assert app.run(["parts", "--out", str(out), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

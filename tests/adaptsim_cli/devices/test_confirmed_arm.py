@@ -4,7 +4,6 @@ motion that did not come to its end is remembered."""
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,7 +31,7 @@ from hw.types import Execution, JointPath
 STILL = JointPath(np.linspace(0.0, 0.01, 11), np.tile(READY_RAD, (11, 1)))
 
 
-def test_the_model_is_typed_once_before_the_first_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_model_is_typed_once_before_the_first_motion(monkeypatch):
     bare, screen = FakeArm(READY_RAD, FakeClock(), cell()), quiet()
     typing(monkeypatch, "", "y", "yes", "Panda")
     with ConfirmedArm(bare, Consent(screen, "panda at 10.0.0.1", operator="Kim"), None) as arm:
@@ -44,7 +43,7 @@ def test_the_model_is_typed_once_before_the_first_motion(monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize("answers", [("q",), ("yes", "q"), ()])
-def test_nothing_moves_unless_it_is_typed(answers: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_moves_unless_it_is_typed(answers, monkeypatch):
     bare = FakeArm(READY_RAD, FakeClock(), cell())
     typing(monkeypatch, *answers)
     with (
@@ -55,7 +54,7 @@ def test_nothing_moves_unless_it_is_typed(answers: tuple[str, ...], monkeypatch:
     assert bare.executed == []
 
 
-def test_a_motion_waits_for_the_pedal_and_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_motion_waits_for_the_pedal_and_gives_up(monkeypatch):
     typing(monkeypatch, "panda")
     bare, clock, screen = FakeArm(READY_RAD, FakeClock(), cell()), FakeClock(), quiet()
     pedal = ToyPedal([False, False, False, True]).__enter__()
@@ -70,7 +69,7 @@ def test_a_motion_waits_for_the_pedal_and_gives_up(monkeypatch: pytest.MonkeyPat
     assert len(bare.executed) == 1
 
 
-def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_moves() -> None:
+def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_moves():
     """The stop button, a reflex behind it that needs a joint to be guided first, and then an arm that is Idle."""
     sdk = FakeSdk(k=True)
     sdk.modes.pressed = True
@@ -94,7 +93,7 @@ def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_mov
     assert not any(name in ("command", "set_load") for name, _ in sdk.calls)
 
 
-def test_who_leaves_a_pressed_stop_button_stops_the_command() -> None:
+def test_who_leaves_a_pressed_stop_button_stops_the_command():
     sdk = FakeSdk(k=False)
     sdk.modes.pressed = True
     screen = quiet()
@@ -107,7 +106,7 @@ def remembering(screen: Screen, known: KnownArm) -> Consent:
     return Consent(screen, "panda", operator="Kim", known=known, waived=("stop_button", "slow_start"))
 
 
-def test_every_motion_says_how_many_commands_came_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_motion_says_how_many_commands_came_in_time(monkeypatch):
     typing(monkeypatch, "panda")
     screen, rates = quiet(), [0.9995, 0.9312]
 
@@ -136,9 +135,7 @@ def test_every_motion_says_how_many_commands_came_in_time(monkeypatch: pytest.Mo
         (None, "the program ended during the motion: it was killed"),
     ],
 )
-def test_a_stop_is_never_forgotten(
-    error: BaseException | None, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stop_is_never_forgotten(error, why, tmp_path, monkeypatch):
     known = KnownArm(tmp_path / "arms" / "panda-lab")
 
     class Stopping(FakeArm):
@@ -171,7 +168,7 @@ def test_a_stop_is_never_forgotten(
     assert known.unended() is None, "a motion that ended well takes the note away"
 
 
-def test_a_refused_motion_is_no_stop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refused_motion_is_no_stop(tmp_path, monkeypatch):
     typing(monkeypatch, "panda")
     known = KnownArm(tmp_path)
     far = JointPath(STILL.t_s, STILL.q_rad + 0.5)
@@ -184,6 +181,6 @@ def test_a_refused_motion_is_no_stop(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert known.unended() is None
 
 
-def test_a_damaged_note_of_the_last_motion_counts_as_a_stop(tmp_path: Path) -> None:
+def test_a_damaged_note_of_the_last_motion_counts_as_a_stop(tmp_path):
     (tmp_path / "last-motion.json").write_text("{")
     assert KnownArm(tmp_path).unended() is not None

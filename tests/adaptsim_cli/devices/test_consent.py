@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,9 +39,7 @@ def arm_with(consent: Consent) -> tuple[ConfirmedArm, FakeArm]:
     return ConfirmedArm(bare, consent, None), bare
 
 
-def test_every_question_answer_and_rate_is_in_the_log_with_the_operators_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_question_answer_and_rate_is_in_the_log_with_the_operators_name(tmp_path, monkeypatch):
     screen = quiet()
     screen.note("The processor may fall asleep")  # before the session has its log
     screen.tell(SessionLog(tmp_path, screen))
@@ -70,9 +67,7 @@ def test_every_question_answer_and_rate_is_in_the_log_with_the_operators_name(
     assert all(datetime.fromisoformat(line.at) for line in lines)
 
 
-def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(tmp_path, monkeypatch):
     place, devices, screen = own_place(tmp_path, monkeypatch), ToyDevices(), quiet()
     write_rig(place)
     there = config.load({"hw": "panda", "task": "scooping"})
@@ -92,7 +87,7 @@ def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(
         assert said_there == ["panda"], folder
 
 
-def test_each_motion_is_agreed_to_if_the_rig_asks_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_motion_is_agreed_to_if_the_rig_asks_for_it(monkeypatch):
     screen = quiet()
     arm, bare = arm_with(Consent(screen, "panda", operator="Kim", each="motion"))
     typing(monkeypatch, "panda", "", "", "q")
@@ -106,7 +101,7 @@ def test_each_motion_is_agreed_to_if_the_rig_asks_for_it(monkeypatch: pytest.Mon
     assert said(screen).count("Enter to let it move") == 3
 
 
-def test_a_rig_asks_for_each_motion_until_it_has_moved_slowly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rig_asks_for_each_motion_until_it_has_moved_slowly(tmp_path, monkeypatch):
     place, devices = own_place(tmp_path, monkeypatch), ToyDevices()
     write_rig(place, RIG.replace('consent = "command"\n', "").replace(', "slow_start"', ""))
     for pace, each in ((0.3, "motion"), (1.0, "command")):
@@ -138,7 +133,7 @@ class Buttoned:
         self.recovered.append(None)
 
 
-def test_the_stop_button_is_checked_once_a_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_stop_button_is_checked_once_a_day(tmp_path, monkeypatch):
     known = KnownArm(tmp_path / "arm")
     pressed, free = ("the stop button is pressed", True), (None, False)
     screen = quiet()
@@ -156,7 +151,7 @@ def test_the_stop_button_is_checked_once_a_day(tmp_path: Path, monkeypatch: pyte
     assert "stop button now" not in said(again)
 
 
-def test_who_does_not_check_the_stop_button_moves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_does_not_check_the_stop_button_moves_nothing(tmp_path, monkeypatch):
     typing(monkeypatch, "q")
     arm: Any = Buttoned([(None, False)])
     with pytest.raises(StoppedByOperator):
@@ -167,9 +162,7 @@ def test_who_does_not_check_the_stop_button_moves_nothing(tmp_path: Path, monkey
 @pytest.mark.parametrize(
     ("age", "verdict"), [(None, Severity.ADVICE), (1.0, Severity.OK), (25.0, Severity.ADVICE), (-3.0, Severity.ADVICE)]
 )
-def test_the_doctor_says_when_the_check_is_older_than_a_day(
-    age: float | None, verdict: Severity, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_doctor_says_when_the_check_is_older_than_a_day(age, verdict, tmp_path, monkeypatch):
     lab = Examined(config.load({"hw": "panda"}), {"rig file": ok("")})
     vars(lab)["rig"] = as_shipped("panda")
     monkeypatch.setattr(checks, "folder_of", lambda *_: tmp_path)
@@ -180,7 +173,7 @@ def test_the_doctor_says_when_the_check_is_older_than_a_day(
     assert CHECKS["stop button"](lab).verdict is verdict
 
 
-def test_a_damaged_memory_asks_everything_again(tmp_path: Path) -> None:
+def test_a_damaged_memory_asks_everything_again(tmp_path):
     no_time = '{"stop_button": "x", "stop_button_by": "", "setups": {}, "steps": []}'
     for content in ("{", "[]", '{"stop_button": 3}', no_time):
         (tmp_path / "known.json").write_text(content)
@@ -188,9 +181,7 @@ def test_a_damaged_memory_asks_everything_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("answer", "moves"), [("kim", True), ("", False), ("q", False)])
-def test_a_new_set_up_moves_slowly_first_or_by_name(
-    answer: str, moves: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_new_set_up_moves_slowly_first_or_by_name(answer, moves, tmp_path, monkeypatch):
     known, screen = KnownArm(tmp_path), quiet()
     typing(monkeypatch, answer, "panda")
 
@@ -218,7 +209,7 @@ def test_a_new_set_up_moves_slowly_first_or_by_name(
     assert "Full speed" not in said(after)
 
 
-def test_a_set_up_is_rig_file_tool_and_calibration() -> None:
+def test_a_set_up_is_rig_file_tool_and_calibration():
     rig, zeros = as_shipped("panda"), np.zeros(7)
     first = setup_of(rig, cell(zeros_rad=zeros))
     assert first == setup_of(as_shipped("panda"), cell(zeros_rad=zeros))
@@ -231,9 +222,7 @@ def test_a_set_up_is_rig_file_tool_and_calibration() -> None:
     assert len(others | {first}) == 5
 
 
-def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(tmp_path, monkeypatch):
     place = own_place(tmp_path, monkeypatch)
     bare = 'name = "lab-1"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n'
     rig = read(write_rig(place, bare))

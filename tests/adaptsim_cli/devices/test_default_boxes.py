@@ -65,14 +65,14 @@ def _way(without: MountedTask, within: MountedTask, context: Array, action: Arra
 
 
 @pytest.mark.long
-def test_beside_the_person_the_food_is_reached_as_if_there_were_no_boxes() -> None:
+def test_beside_the_person_the_food_is_reached_as_if_there_were_no_boxes():
     assert counted("scooping", "panda", boxes("left"), LEFT) == {"direct": 2}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 @pytest.mark.parametrize("name", ["scooping", "pushing"])
-def test_the_corners_are_reached_as_if_there_were_no_boxes(name: str, model: Model) -> None:
+def test_the_corners_are_reached_as_if_there_were_no_boxes(name, model):
     assert counted(name, model, boxes("left"), CORNERS) == {"direct": 4}
 
 
@@ -80,11 +80,11 @@ def test_the_corners_are_reached_as_if_there_were_no_boxes(name: str, model: Mod
 @pytest.mark.parametrize("side", ["left", "right", "back"])
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 @pytest.mark.parametrize("name", ["scooping", "pushing"])
-def test_a_grid_is_reached_from_every_side_at_which_a_person_can_stand(name: str, model: Model, side: Side) -> None:
+def test_a_grid_is_reached_from_every_side_at_which_a_person_can_stand(name, model, side):
     assert counted(name, model, boxes(side), grid(3)) == {"direct": 9}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["scooping", "pushing"])
-def test_a_person_in_front_would_stand_in_the_work_area_and_every_trial_says_so(name: str) -> None:
+def test_a_person_in_front_would_stand_in_the_work_area_and_every_trial_says_so(name):
     assert counted(name, "panda", boxes("front"), CORNERS) == {"refused": 4}

@@ -46,7 +46,7 @@ class FeelingArm(FakeArm):
 
 
 @pytest.mark.parametrize(("computing_s", "taken_s"), [(0.0, PATH.duration_s), (0.3, PATH.duration_s), (99.0, 99.0)])
-def test_a_motion_takes_as_long_as_the_arm_or_as_computing_it(computing_s: float, taken_s: float) -> None:
+def test_a_motion_takes_as_long_as_the_arm_or_as_computing_it(computing_s, taken_s):
     inner = SlowArm(Q_TOP_RAD, FakeClock(5.0), CELL)
     inner.wall, inner.computing_s = FakeClock(70.0), computing_s
     with PacedArm(inner, realtime=True, now_s=inner.wall.now_s, pause=inner.wall.sleep) as arm:
@@ -55,7 +55,7 @@ def test_a_motion_takes_as_long_as_the_arm_or_as_computing_it(computing_s: float
     assert inner.wall.now_s() == pytest.approx(70.0 + taken_s)
 
 
-def test_a_motion_that_stops_takes_until_its_stop() -> None:
+def test_a_motion_that_stops_takes_until_its_stop():
     wall = FakeClock()
     inner = FakeArm(Q_TOP_RAD, FakeClock(), CELL, faults={1: ArmFault("reflex")})
     with (
@@ -66,7 +66,7 @@ def test_a_motion_that_stops_takes_until_its_stop() -> None:
     assert wall.now_s() == pytest.approx(PATH.duration_s / 2, abs=0.002)
 
 
-def test_a_touch_takes_its_way_there_and_back() -> None:
+def test_a_touch_takes_its_way_there_and_back():
     wall = FakeClock()
     with PacedArm(FeelingArm(), realtime=True, now_s=wall.now_s, pause=wall.sleep) as arm:
         assert arm.execute_until_contact(down(), GUARD).t_s > 0.0
@@ -74,7 +74,7 @@ def test_a_touch_takes_its_way_there_and_back() -> None:
 
 
 @pytest.mark.parametrize("realtime", [False, True])
-def test_only_who_asks_for_it_waits(realtime: bool) -> None:
+def test_only_who_asks_for_it_waits(realtime):
     wall = FakeClock()
     inner = FakeArm(Q_TOP_RAD, FakeClock(), CELL)
     with PacedArm(inner, 0.5, realtime=realtime, now_s=wall.now_s, pause=wall.sleep) as arm:
@@ -83,7 +83,7 @@ def test_only_who_asks_for_it_waits(realtime: bool) -> None:
     assert wall.now_s() == pytest.approx(played.t_s[-1] if realtime else 0.0, abs=0.002)
 
 
-def test_a_real_arm_keeps_its_own_pace(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_real_arm_keeps_its_own_pace(capfd):
     real = config.load().config.model_copy(update={"hw": "fr3", "realtime": True})
     said = r"--realtime slows the simulated lab down, but this is a real arm \(fr3\)"
     with pytest.raises(UsageError, match=said), open_lab(real, get_task("scooping")):

@@ -58,7 +58,7 @@ KEY = TrialKey(1, 0)
 
 
 @pytest.fixture(autouse=True)
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def place(tmp_path, monkeypatch) -> Path:
     return own_place(tmp_path, monkeypatch)
 
 
@@ -80,7 +80,7 @@ def beside(real: OnRig) -> PersonBeside:
     return real.rig.attendant
 
 
-def test_without_a_calibration_no_device_is_touched(place: Path) -> None:
+def test_without_a_calibration_no_device_is_touched(place):
     there = resolved(place)
     with (
         pytest.raises(CalibrationMissing, match="adaptsim calibrate --hw panda"),
@@ -89,9 +89,7 @@ def test_without_a_calibration_no_device_is_touched(place: Path) -> None:
         pass
 
 
-def test_without_a_terminal_no_device_is_touched(
-    place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_without_a_terminal_no_device_is_touched(place, monkeypatch, capfd):
     calibrated(resolved(place))
     monkeypatch.undo()
     monkeypatch.chdir(place)
@@ -102,9 +100,7 @@ def test_without_a_terminal_no_device_is_touched(
     assert not (place / "home/data/sessions").exists()
 
 
-def test_a_broken_rig_file_ends_with_2_and_a_missing_driver_with_3(
-    place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_broken_rig_file_ends_with_2_and_a_missing_driver_with_3(place, monkeypatch, capfd):
     calibrated(resolved(place))
     run = ["rollout", "--task", "scooping", "--hw", "panda"]
     for lacking in ("arm", "camera", "pedal", "balance"):
@@ -121,7 +117,7 @@ def test_a_broken_rig_file_ends_with_2_and_a_missing_driver_with_3(
     assert "there is no rig file" in capfd.readouterr().err
 
 
-def test_the_devices_are_given_what_the_rig_file_says(place: Path) -> None:
+def test_the_devices_are_given_what_the_rig_file_says(place):
     devices = ToyDevices()
     with opened(place, devices) as real:
         arm, camera = devices.opened["arm"], devices.opened["camera"]
@@ -140,7 +136,7 @@ def test_the_devices_are_given_what_the_rig_file_says(place: Path) -> None:
         assert all(check.ok for check in real.checks())
 
 
-def test_a_session_gets_the_task_as_it_is_mounted(place: Path) -> None:
+def test_a_session_gets_the_task_as_it_is_mounted(place):
     there = resolved(place)
     calibrated(there)
     with wiring.open_parts(there.config, place, ToyDevices().drivers()) as parts:
@@ -150,7 +146,7 @@ def test_a_session_gets_the_task_as_it_is_mounted(place: Path) -> None:
         assert parts.provenance.calibration == "calibrated"
 
 
-def test_the_arm_goes_home_before_the_object_is_placed(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_arm_goes_home_before_the_object_is_placed(place, monkeypatch):
     devices = ToyDevices(balance=ToyBalance([None, 0.4123]))
     typing(monkeypatch, "panda", "", "", "", "")
     with opened(place, devices) as real:
@@ -173,7 +169,7 @@ def test_the_arm_goes_home_before_the_object_is_placed(place: Path, monkeypatch:
         assert facts.weighed is not None
 
 
-def test_who_stops_at_the_way_home_moves_nothing(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_stops_at_the_way_home_moves_nothing(place, monkeypatch):
     devices = ToyDevices()
     typing(monkeypatch, "panda", "q")
     with opened(place, devices) as real, pytest.raises(StoppedByOperator):
@@ -182,7 +178,7 @@ def test_who_stops_at_the_way_home_moves_nothing(place: Path, monkeypatch: pytes
     assert devices.arm.executed == []
 
 
-def test_a_fault_is_cleared_only_on_a_word(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_is_cleared_only_on_a_word(place, monkeypatch):
     devices = ToyDevices()
     with opened(place, devices) as real:
         assert devices.arm is not None
@@ -194,7 +190,7 @@ def test_a_fault_is_cleared_only_on_a_word(place: Path, monkeypatch: pytest.Monk
         assert devices.arm.executed == []
 
 
-def test_a_lab_without_pedal_and_balance_asks_less(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lab_without_pedal_and_balance_asks_less(place, monkeypatch):
     devices = ToyDevices()
     text = RIG[: RIG.index("[pedal]")] + RIG[RIG.index("[person]") :]
     with pytest.raises(UsageError, match="pedal"), opened(place, devices, text):
@@ -207,9 +203,7 @@ def test_a_lab_without_pedal_and_balance_asks_less(place: Path, monkeypatch: pyt
         assert beside(real).facts() == RigFacts(pedal="waived", tool="waived", operator="Kim", waived=waived)
 
 
-def test_a_tool_that_is_lost_or_slips_is_noticed_before_the_next_motion(
-    place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_tool_that_is_lost_or_slips_is_noticed_before_the_next_motion(place, monkeypatch):
     devices = ToyDevices()
     typing(monkeypatch, "panda")
     with opened(place, devices) as real:
@@ -234,7 +228,7 @@ def test_a_tool_that_is_lost_or_slips_is_noticed_before_the_next_motion(
         real.rig.arm.execute(STILL)
 
 
-def test_a_tool_lost_during_the_motion_keeps_its_recording(tmp_path: Path) -> None:
+def test_a_tool_lost_during_the_motion_keeps_its_recording(tmp_path):
     lab = ToyLab(0)
     target, moved = toy_parts(lab).target, list[JointPath]()
     assert isinstance(target, OnRig)
@@ -253,7 +247,7 @@ def test_a_tool_lost_during_the_motion_keeps_its_recording(tmp_path: Path) -> No
     assert len(recording.read(tmp_path / "recording.mcap").execution.t_s), "the motion itself was recorded"
 
 
-def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_weighing_may_be_left_out(monkeypatch):
     typing(monkeypatch, "n")
     scales = Scales(ToyBalance([]), quiet())
     scales.weigh("bottle")
@@ -261,14 +255,14 @@ def test_weighing_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     assert scales.facts == RigFacts()
 
 
-def test_a_tool_that_leaves_the_work_area_is_not_planned(place: Path) -> None:
+def test_a_tool_that_leaves_the_work_area_is_not_planned(place):
     write_rig(place, RIG + "[table]\nx_m = [0.3, 0.7]\n")
     there = mounted(SCOOPING, read(place / "rig.toml"), np.zeros(7))
     with pytest.raises(NotExecutable, match=r"outside the work area.*\[table\] of the rig file"):
         there.paths(there.hardware.plan(SCOOPING.reference_context, SCOOPING.action.denormalise(np.full(3, 0.5))))
 
 
-def test_a_calibration_opens_the_same_lab_with_the_board(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_calibration_opens_the_same_lab_with_the_board(place, monkeypatch):
     there, devices = resolved(place), ToyDevices()
     open_rig = wiring_calibration.open_calibration_rig
     with open_rig(there.config, Board(), None, devices.drivers()) as rig:
@@ -288,7 +282,7 @@ def test_a_calibration_opens_the_same_lab_with_the_board(place: Path, monkeypatc
         assert devices.opened["arm"]["cell"].keep_out[0].name == "the camera"
 
 
-def test_a_fault_is_cleared_on_a_word_before_a_calibration(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_is_cleared_on_a_word_before_a_calibration(place, monkeypatch):
     there, devices = resolved(place), ToyDevices()
     faulty = devices.drivers_of_a_stopped_arm()
     for answer, fault in (("", "cartesian_reflex"), ("recover", None)):
@@ -297,7 +291,7 @@ def test_a_fault_is_cleared_on_a_word_before_a_calibration(place: Path, monkeypa
             assert rig.arm.state().fault == fault
 
 
-def test_a_calibration_is_planned_over_the_table_of_the_rig_file(place: Path) -> None:
+def test_a_calibration_is_planned_over_the_table_of_the_rig_file(place):
     home_rad = np.array(wiring_calibration.BOARD_HOME_RAD)
     low_rad = np.array([*home_rad[:1], -0.05, *home_rad[2:]])  # the board 47 mm over z = 0
     for text, free in (("", True), ("[table]\nheight_m = 0.05\n", False)):
@@ -313,7 +307,7 @@ def test_a_calibration_is_planned_over_the_table_of_the_rig_file(place: Path) ->
                     rig.ways.way(home_rad, low_rad)
 
 
-def test_a_contact_is_planned_against_the_threshold_that_the_arm_itself_keeps_to(place: Path) -> None:
+def test_a_contact_is_planned_against_the_threshold_that_the_arm_itself_keeps_to(place):
     devices = ToyDevices()
     sideways = "[arm.collision]\nforce_collision_N = [30.0, 80.0, 80.0, 40.0, 40.0, 40.0]\n"
     with opened(place, devices, RIG + sideways) as real:
@@ -321,7 +315,7 @@ def test_a_contact_is_planned_against_the_threshold_that_the_arm_itself_keeps_to
         assert beside(real).mounted.cell.stops_at_N == devices.opened["arm"]["cell"].stops_at_N == 30.0
 
 
-def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
+def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path):
     parts = toy_parts(ToyLab(0))
     target = on_rig(parts)
     rig = replace(target.rig, attendant=Weighed())
@@ -329,7 +323,7 @@ def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
     assert json.loads(files["rig.json"])["object_mass_kg"] == 0.5
 
 
-def test_no_recording_runs_while_the_arm_waits_for_its_pedal() -> None:
+def test_no_recording_runs_while_the_arm_waits_for_its_pedal():
     lab, waited = ToyLab(0), list[bool]()
     target = on_rig(toy_parts(lab))
     rig = replace(target.rig, await_enabled=lambda: waited.append(lab._recording is None))

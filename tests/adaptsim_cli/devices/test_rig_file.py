@@ -29,7 +29,7 @@ TASKS = ("scooping", "pushing")
 DOCS = Path(__file__).parents[3] / "docs" / "guide" / "rig.md"
 
 
-def test_two_keys_are_enough_and_the_rest_is_what_the_adapters_have() -> None:
+def test_two_keys_are_enough_and_the_rest_is_what_the_adapters_have():
     rig = described(LEAST, "rig.toml")
     settings, usual = rig.arm.settings(), FrankaSettings("172.16.0.2")
     np.testing.assert_array_equal(settings.joint_impedance_Nm_rad, usual.joint_impedance_Nm_rad)
@@ -76,26 +76,26 @@ def test_two_keys_are_enough_and_the_rest_is_what_the_adapters_have() -> None:
         ({"keep_out": [{"name": "a", "low": [0, 0, 0]}]}, "unknown key 'keep_out[0].low', did you mean 'low_m'?"),
     ],
 )
-def test_what_is_wrong_is_named_with_key_value_and_limit(wrong: dict[str, Any], message: str) -> None:
+def test_what_is_wrong_is_named_with_key_value_and_limit(wrong, message):
     with pytest.raises(UsageError, match=re.escape(message)) as caught:
         described(LEAST | wrong, "rig.toml", TASKS)
     assert str(caught.value).startswith("rig.toml: ")
 
 
-def test_what_is_no_toml_or_not_there_is_said(tmp_path: Path) -> None:
+def test_what_is_no_toml_or_not_there_is_said(tmp_path):
     with pytest.raises(UsageError, match="TOML"):
         read(write_rig(tmp_path, "name = "))
     with pytest.raises(UsageError, match=r"no rig file.*adaptsim setup"):
         read(tmp_path / "none.toml")
 
 
-def test_a_template_reads_as_what_it_was_made_of() -> None:
+def test_a_template_reads_as_what_it_was_made_of():
     for text in (RIG, 'name = "lab"\n[arm]\nmodel = "fr3"\naddress = "a.b"\n'):
         rig = described(tomllib.loads(text), "here")
         assert described(tomllib.loads(template(rig, TASKS)), "there", TASKS) == rig
 
 
-def test_everything_that_a_template_offers_as_a_comment_is_valid() -> None:
+def test_everything_that_a_template_offers_as_a_comment_is_valid():
     written = template(described(LEAST, "here"), TASKS)
     lines = [line[1:] if re.match(r"#[\[A-Za-z]", line) else line for line in written.splitlines()]
     rig = described(tomllib.loads("\n".join(lines)), "there", TASKS)
@@ -104,12 +104,12 @@ def test_everything_that_a_template_offers_as_a_comment_is_valid() -> None:
     assert [box.name for box in rig.boxes()] == ["the person's side (left)", "lamp"]
 
 
-def test_the_balances_that_a_file_may_name_are_those_that_are_spoken() -> None:
+def test_the_balances_that_a_file_may_name_are_those_that_are_spoken():
     for protocol in PROTOCOLS:
         described(LEAST | {"balance": {"port": "/dev/a", "protocol": protocol}}, "rig.toml")
 
 
-def test_a_touched_off_tool_hangs_where_it_was_measured() -> None:
+def test_a_touched_off_tool_hangs_where_it_was_measured():
     task = get_task("scooping")
     part = {"height_m": 0.003, "forward_m": -0.001, "pitch_rad": 0.1}
     table = {"height_m": -0.004, "slope_x": 0.01}
@@ -131,7 +131,7 @@ def load(tmp_path: Path, **flags: object) -> config.Resolved:
     return config.load(flags, {"ADAPTSIM_HOME": str(tmp_path / "home")}, tmp_path / "project")
 
 
-def test_the_file_is_found_beside_the_settings_or_where_they_say(tmp_path: Path) -> None:
+def test_the_file_is_found_beside_the_settings_or_where_they_say(tmp_path):
     for folder in ("home", "project", "project/labs"):
         (tmp_path / folder).mkdir()
     assert load(tmp_path).config.rig == ""
@@ -145,7 +145,7 @@ def test_the_file_is_found_beside_the_settings_or_where_they_say(tmp_path: Path)
     assert load(tmp_path, rig="elsewhere.toml").config.rig == str(Path.cwd() / "elsewhere.toml")
 
 
-def test_a_real_arm_needs_the_rig_file_of_its_own_model(tmp_path: Path) -> None:
+def test_a_real_arm_needs_the_rig_file_of_its_own_model(tmp_path):
     (tmp_path / "project").mkdir()
     with pytest.raises(UsageError, match=r"there is no rig file.*adaptsim setup --hw fr3"):
         rig_of(load(tmp_path, hw="fr3").config)
@@ -155,12 +155,12 @@ def test_a_real_arm_needs_the_rig_file_of_its_own_model(tmp_path: Path) -> None:
         rig_of(load(tmp_path, hw="fr3").config)
 
 
-def test_the_file_is_shown_key_by_key() -> None:
+def test_the_file_is_shown_key_by_key():
     shown = dict(flat({"name": "lab", "arm": {"model": "fr3"}, "pedal": None, "keep_out": [{"name": "lamp"}]}))
     assert shown == {"name": "lab", "arm.model": "fr3", "keep_out.name": "lamp"}
 
 
-def test_the_example_of_the_documentation_is_a_rig_file() -> None:
+def test_the_example_of_the_documentation_is_a_rig_file():
     (block,) = re.findall(r"```toml\n(.*?)```", DOCS.read_text(encoding="utf-8"), re.DOTALL)
     rig = described(tomllib.loads(block), "docs/guide/rig.md", TASKS)
     assert isinstance(rig, RigDescription)

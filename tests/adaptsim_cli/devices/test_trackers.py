@@ -17,13 +17,13 @@ from sim.tasks import get_task
 from sim.tasks.pushing.params import START_M, goal_m
 
 
-def test_an_unknown_tracker_is_refused_with_the_known_ones() -> None:
+def test_an_unknown_tracker_is_refused_with_the_known_ones():
     task = get_task("pushing")
     with pytest.raises(UnknownName, match=r"'cloth'.*piece, bottle"):
         tracker_of(replace(task, hardware=replace(task.require_hardware(), tracker="cloth")))
 
 
-def test_a_bottle_is_placed_on_its_mark_whatever_the_goal() -> None:
+def test_a_bottle_is_placed_on_its_mark_whatever_the_goal():
     tracker = tracker_of(get_task("pushing"))
     goal = np.array([0.9, 0.1])
     assert tracker.placement(goal) == pytest.approx(START_M)
@@ -32,12 +32,12 @@ def test_a_bottle_is_placed_on_its_mark_whatever_the_goal() -> None:
     assert tracker.outcomes == (Outcome.UPRIGHT, Outcome.TIPPED, Outcome.LOST)
 
 
-def test_a_piece_of_food_lies_where_the_context_says() -> None:
+def test_a_piece_of_food_lies_where_the_context_says():
     tracker = tracker_of(get_task("scooping"))
     assert tracker.placement(np.array([0.68, 0.01])) == pytest.approx([0.68, 0.01])
 
 
-def test_a_picture_is_searched_once_and_another_one_again() -> None:
+def test_a_picture_is_searched_once_and_another_one_again():
     searched = []
 
     def find(frame: Frame, model: CameraModel, X_BC: np.ndarray) -> Any:

@@ -35,7 +35,7 @@ def sheet(folder: Path, rig_text: str = RIG) -> str:
     return " ".join(html.unescape(re.sub(r"<style>.*</style>|<[^>]*>", " ", text, flags=re.DOTALL)).split())
 
 
-def test_the_sheet_has_the_rigs_own_numbers(tmp_path: Path) -> None:
+def test_the_sheet_has_the_rigs_own_numbers(tmp_path):
     text = sheet(tmp_path)
     for words in (
         "lab-1, panda at 172.16.0.2, scooping",
@@ -53,7 +53,7 @@ def test_the_sheet_has_the_rigs_own_numbers(tmp_path: Path) -> None:
         assert words in text
 
 
-def test_what_is_waived_is_no_measure_and_has_its_own_line(tmp_path: Path) -> None:
+def test_what_is_waived_is_no_measure_and_has_its_own_line(tmp_path):
     assert set(WITHOUT) == set(get_args(Waivable))
     bare, full = sheet(tmp_path, BARE), sheet(tmp_path, RIG)
     for name in get_args(Waivable):
@@ -65,9 +65,7 @@ def test_what_is_waived_is_no_measure_and_has_its_own_line(tmp_path: Path) -> No
 
 
 @pytest.mark.long
-def test_the_command_plans_with_the_rig_of_the_guide_and_writes_a_new_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_plans_with_the_rig_of_the_guide_and_writes_a_new_file(tmp_path, monkeypatch):
     place = own_place(tmp_path, monkeypatch)
     write_rig(place, GUIDE.read_text().split("```toml\n")[1].split("```")[0])
     calibrated(config.load({"hw": "fr3", "task": "scooping"}))

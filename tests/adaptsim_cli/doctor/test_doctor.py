@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 from real_lab import READY_RAD, RIG, calibrated, calibration, write_rig
@@ -139,14 +138,7 @@ def aged(days: int) -> SavedCalibration:
         ("calibration", {CALIBRATION: always(aged(-5))}, ADVICE, "in the future"),
     ],
 )  # fmt: skip
-def test_each_check_over_its_readings(
-    name: str,
-    reading: dict[str, Any],
-    verdict: Severity,
-    says: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_each_check_over_its_readings(name, reading, verdict, says, tmp_path, monkeypatch):
     """A reading is that of `readings`, or a whole name; "rig" are parts of the rig file."""
     for what, made_up in reading.items():
         if what != "rig":
@@ -165,9 +157,7 @@ def test_each_check_over_its_readings(
         ("hangs 24", (MISSING,), "camera's driver has not answered for 3 s"),
     ],
 )
-def test_the_camera_streams_or_its_driver_is_given_up(
-    wrong: str, verdicts: tuple[Severity, ...], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_camera_streams_or_its_driver_is_given_up(wrong, verdicts, says, tmp_path, monkeypatch):
     root = Path(__file__).parents[3]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(root / "tests" / "support"), str(root))))
     monkeypatch.setenv("ADAPTSIM_STAGED_KINECT", wrong)
@@ -180,9 +170,7 @@ def test_the_camera_streams_or_its_driver_is_given_up(
         assert int(found.detail.split()[0]) >= 10
 
 
-def test_a_device_that_does_not_answer_is_named_with_its_own_words(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_device_that_does_not_answer_is_named_with_its_own_words(tmp_path, monkeypatch):
     def silent(*_: object) -> None:
         raise DeviceUnavailable("the arm has not sent anything")
 
@@ -194,7 +182,7 @@ def test_a_device_that_does_not_answer_is_named_with_its_own_words(
         CHECKS["arm"](lab_of(tmp_path))
 
 
-def test_round_trips_to_a_port_that_listens_and_to_one_that_does_not() -> None:
+def test_round_trips_to_a_port_that_listens_and_to_one_that_does_not():
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         open_trips = readings.round_trips("127.0.0.1", port, tries=5)
@@ -204,7 +192,7 @@ def test_round_trips_to_a_port_that_listens_and_to_one_that_does_not() -> None:
     assert "no such address" in readings.round_trips("not an address", tries=5)[2]
 
 
-def test_the_disk_is_measured_and_left_as_it_was(tmp_path: Path) -> None:
+def test_the_disk_is_measured_and_left_as_it_was(tmp_path):
     assert min(readings.write_speed(tmp_path)) > 0.0
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(OSError, match="No such"):
@@ -212,7 +200,7 @@ def test_the_disk_is_measured_and_left_as_it_was(tmp_path: Path) -> None:
     assert readings.existing(tmp_path / "a" / "b") == tmp_path
 
 
-def test_ports_and_governors_are_read_from_the_file_system(tmp_path: Path) -> None:
+def test_ports_and_governors_are_read_from_the_file_system(tmp_path):
     assert readings.port(tmp_path / "none") == (False, None)
     assert readings.port(tmp_path)[0]
     for core in (0, 1):
@@ -235,7 +223,7 @@ def line() -> Iterator[tuple[int, str]]:
 
 
 @pytest.mark.long
-def test_a_pedal_that_speaks_is_heard_and_one_that_does_not_is_named(line: tuple[int, str], tmp_path: Path) -> None:
+def test_a_pedal_that_speaks_is_heard_and_one_that_does_not_is_named(line, tmp_path):
     device, port = line
     over = threading.Event()
 
@@ -261,7 +249,7 @@ def test_a_pedal_that_speaks_is_heard_and_one_that_does_not_is_named(line: tuple
     assert CHECKS["pedal"](lab_of(tmp_path, pedal=PedalPart("/dev/none"))).verdict is MISSING
 
 
-def test_a_balance_that_speaks_is_heard(line: tuple[int, str], tmp_path: Path) -> None:
+def test_a_balance_that_speaks_is_heard(line, tmp_path):
     device, port = line
 
     def answer() -> None:
@@ -276,15 +264,7 @@ def test_a_balance_that_speaks_is_heard(line: tuple[int, str], tmp_path: Path) -
     assert CHECKS["balance"](lab_of(tmp_path)).verdict is SKIPPED
 
 
-@pytest.fixture
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
-    monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def test_the_simulated_lab_needs_no_device(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_simulated_lab_needs_no_device(place, capfd):
     assert app.run(["doctor", "--json"]) == 0
     out, _ = capfd.readouterr()
     found = json.loads(out)
@@ -295,7 +275,7 @@ def test_the_simulated_lab_needs_no_device(place: Path, capfd: pytest.CaptureFix
     assert list(place.iterdir()) == [], "it leaves nothing behind"
 
 
-def test_a_world_and_a_checkpoint_that_are_not_there(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_world_and_a_checkpoint_that_are_not_there(place, monkeypatch):
     monkeypatch.setenv("ADAPTSIM_CHECKPOINT", str(place / "none"))
     found = tuple(checks.examine(config.load({"world": "narnia"})))
     wrong = {finding.name: finding for finding in found if finding.verdict is MISSING}
@@ -304,9 +284,7 @@ def test_a_world_and_a_checkpoint_that_are_not_there(place: Path, monkeypatch: p
 
 
 @pytest.mark.long
-def test_a_real_lab_is_looked_at_device_by_device(
-    place: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_real_lab_is_looked_at_device_by_device(place, capfd, monkeypatch):
     assert app.run(["doctor", "--hw", "panda", "--json"]) == 3
     out, err = capfd.readouterr()
     assert {c["name"]: c["verdict"] for c in json.loads(out)["checks"]}["rig file"] == "missing"
@@ -329,7 +307,7 @@ def test_a_real_lab_is_looked_at_device_by_device(
     assert "% of the tightest limit" in checks["motion"]["detail"]
 
 
-def test_remedies_stand_whole_below_a_table_that_fits_the_screen(place: Path) -> None:
+def test_remedies_stand_whole_below_a_table_that_fits_the_screen(place):
     file = io.StringIO()
     screen = Screen(console=Console(file=file, width=80, highlight=False, markup=False))
     found = (

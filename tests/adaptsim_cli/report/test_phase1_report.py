@@ -52,10 +52,8 @@ def finished() -> TemporaryDirectory[str]:
 
 
 @pytest.fixture
-def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def made(tmp_path) -> Path:
     """The folder of a pretraining, to be reported on."""
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
-    monkeypatch.setenv("COLUMNS", "120")
     return Path(shutil.copytree(finished().name, tmp_path / "made"))
 
 
@@ -70,7 +68,7 @@ def verification(made: Path) -> Verification:
         )
 
 
-def test_the_command_writes_the_report_of_a_finished_folder(made: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_command_writes_the_report_of_a_finished_folder(made, capfd):
     docs = made.parent / "docs"
     call = ["pretrain", "--task", "pendulum", "--out", str(made), "--report", "--docs", str(docs), "--workers", "1"]
     assert app.run([*call, "--json"]) == 0
@@ -94,15 +92,13 @@ def test_the_command_writes_the_report_of_a_finished_folder(made: Path, capfd: p
     ("more", "told"),
     [(("--docs", "docs"), "add --report"), (("--targets", "far"), "--targets far: choose one of paper, wide")],
 )
-def test_wrong_options_are_refused(
-    more: tuple[str, str], told: str, made: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_options_are_refused(more, told, made, capfd):
     assert app.run(["pretrain", "--task", "pendulum", "--out", str(made.parent / "new"), *more]) == 2
     assert told in capfd.readouterr().err
     assert not (made.parent / "new").exists()
 
 
-def test_wide_targets_have_a_section_of_their_own(made: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_wide_targets_have_a_section_of_their_own(made, capfd):
     wide, docs = made.parent / "wide", made.parent / "docs"
     with serial_executor() as executor:
         pretrain(get_task("pendulum"), wide, BUDGET.on_targets("wide"), 0, executor, lambda stage, done, total: None)
@@ -118,9 +114,9 @@ def test_wide_targets_have_a_section_of_their_own(made: Path, capfd: pytest.Capt
     capfd.readouterr()
 
 
-def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(verification: Verification) -> None:
+def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(verification):
     made = verification.pretrained
-    learnt = dataclasses.replace(made, emulator=object())  # type: ignore[arg-type]
+    learnt = dataclasses.replace(made, emulator=object())
     assert phase1.command(made) == "adaptsim pretrain --task pendulum --episodes 8 --judged 3"
     usual = dataclasses.asdict(PretrainBudget.full(made.task))
     assert phase1.command(dataclasses.replace(made, plan={**made.plan, "budget": usual})) == (
@@ -134,7 +130,7 @@ def test_sizes_that_are_not_the_usual_ones_are_part_of_the_command(verification:
     assert told == "adaptsim pretrain --task pendulum --budget small"
 
 
-def test_the_rewards_of_an_exact_task_hold(verification: Verification) -> None:
+def test_the_rewards_of_an_exact_task_hold(verification):
     assert verification.replays is not None
     for found in verification.replays.returns:
         assert found.paid == pytest.approx(found.true, abs=1e-3)
@@ -142,7 +138,7 @@ def test_the_rewards_of_an_exact_task_hold(verification: Verification) -> None:
     assert verification.held_out is None
 
 
-def test_a_whole_report_names_every_number(verification: Verification, tmp_path: Path) -> None:
+def test_a_whole_report_names_every_number(verification, tmp_path):
     rng = np.random.default_rng(0)
     probability = rng.random(500)
     held = EmulatorHeldOut(
@@ -187,14 +183,14 @@ def _pairs(rng: np.random.Generator, noise: float) -> Pairs:
     return Pairs(rewards, rewards, expected, estimate, estimate, rank_correlation(expected, rewards, rng), 48)
 
 
-def test_a_missed_bar_is_said_and_where_nothing_differs_too() -> None:
+def test_a_missed_bar_is_said_and_where_nothing_differs_too():
     rng = np.random.default_rng(0)
     assert "the bar of 0.9 is missed" in phase1.rank_verdict(_pairs(rng, noise=0.6).ranks)
     same = rank_correlation(rng.random((13, 4)), 0.5 + rng.normal(0.0, 0.2, (13, 4, 10)), rng)
     assert "nothing to rank" in phase1.rank_verdict(same)
 
 
-def test_a_section_replaces_its_own_and_leaves_the_others() -> None:
+def test_a_section_replaces_its_own_and_leaves_the_others():
     one = phase1.merged("", "scooping", "## Scooping\n\nfirst")
     two = phase1.merged(one, "pushing", "## Pushing")
     three = phase1.merged(two, "scooping", "## Scooping\n\nsecond")

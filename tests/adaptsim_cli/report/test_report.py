@@ -39,7 +39,7 @@ class Outline(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
+def store(tmp_path_factory) -> SessionStore:
     home = tmp_path_factory.mktemp("report")
     reviews: list[Review] = [Review(rejected="the <piece> was touched"), Review(Outcome.LOST)]
     session = attended(home, ScriptedOperator(reviews=reviews))
@@ -56,9 +56,7 @@ def outline(html: str) -> Outline:
     return found
 
 
-def test_the_page_holds_every_trial_what_the_operator_changed_and_where_the_numbers_come_from(
-    store: SessionStore,
-) -> None:
+def test_the_page_holds_every_trial_what_the_operator_changed_and_where_the_numbers_come_from(store):
     html = page.render(store)
     found = outline(html)
     assert found.references
@@ -73,22 +71,22 @@ def test_the_page_holds_every_trial_what_the_operator_changed_and_where_the_numb
         assert fact in html
 
 
-def test_a_session_without_a_complete_iteration_has_a_page_too(tmp_path: Path) -> None:
+def test_a_session_without_a_complete_iteration_has_a_page_too(tmp_path):
     session = attended(tmp_path, ScriptedOperator())
     assert "No iteration is complete yet" in page.render(session.store)
 
 
-def test_the_default_place_is_the_session_folder_and_it_is_replaced(store: SessionStore) -> None:
+def test_the_default_place_is_the_session_folder_and_it_is_replaced(store):
     assert page.write(store) == page.write(store) == store.folder / "report.html"
 
 
-def test_no_template_hides_a_figure() -> None:
+def test_no_template_hides_a_figure():
     """`wide` and `narrow` are shown at one width only; only `page.both` may use them, as a pair."""
     for template in Path(page.__file__).parents[1].rglob("*.j2"):
         assert not re.search(r'class="[^"]*\b(wide|narrow)\b', template.read_text()), template.name
 
 
-def test_ticks_are_round_and_inside() -> None:
+def test_ticks_are_round_and_inside():
     assert Scale(0.2, 0.4, 0, 100).ticks(4) == pytest.approx([0.2, 0.25, 0.3, 0.35, 0.4])
     assert Scale(1e4, 5e5, 0, 100, log=True).ticks() == [1e4, 1e5]
     assert Scale(1e4, 1e6, 0, 100, log=True)(1e5) == pytest.approx(50)
@@ -98,11 +96,11 @@ def test_ticks_are_round_and_inside() -> None:
     ("value", "text"),
     [(0.25, "0.25"), (-0.02, "−0.02"), (1e5, "10⁵"), (3.88e5, "3.88 · 10⁵"), (0, "0"), (2e-4, "2 · 10⁻⁴")],
 )
-def test_numbers_read_well(value: float, text: str) -> None:
+def test_numbers_read_well(value, text):
     assert plain(value) == text
 
 
-def test_a_trial_with_a_goal_tells_how_far_it_missed_it(store: SessionStore) -> None:
+def test_a_trial_with_a_goal_tells_how_far_it_missed_it(store):
     record = store.trials(0)[0]
     x, y = record.track.state[-1][:2]
     aimed = record.model_copy(update={"goal_m": (x + 0.03, y - 0.04)})
@@ -113,7 +111,7 @@ def test_a_trial_with_a_goal_tells_how_far_it_missed_it(store: SessionStore) -> 
     assert "miss" not in figures.table_view([record], store.facts.context, 1)
 
 
-def test_the_times_of_an_iteration_add_up(store: SessionStore) -> None:
+def test_the_times_of_an_iteration_add_up(store):
     table = re.search(r'<h2>Time</h2>.*?<table class="times">.*?</table>', page.render(store), re.DOTALL)
     assert table is not None
     cells = re.findall(r'<td>([^<]+)</td><td class="n" data-label="iteration 1">([\d.]+)</td>', table[0])
@@ -124,12 +122,12 @@ def test_the_times_of_an_iteration_add_up(store: SessionStore) -> None:
     assert sum(spent.values()) == pytest.approx(total, abs=0.05 * (len(spent) + 1))
 
 
-def test_a_line_never_breaks_within_a_quantity(store: SessionStore) -> None:
+def test_a_line_never_breaks_within_a_quantity(store):
     (first, *_) = re.findall(r'<p class="detail">([^<]+)</p>', page.render(store))
     assert all(" " not in part for part in first.replace(" · ", ", ").strip().split(", "))
 
 
-def test_trials_held_out_say_whether_to_believe_the_posterior() -> None:
+def test_trials_held_out_say_whether_to_believe_the_posterior():
     held = figures.HeldOut(16, 64, (0.9, 0.8, 1.0), (0.5, 0.4, 0.6), 0.97, before=0.25, after=0.006)
     assert held.in_words.startswith("Believe the posterior")
     assert replace(held, after=0.25).in_words.startswith("Do not believe the posterior")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from toy_rig import ToyLab, flange
@@ -16,7 +14,7 @@ from hw.errors import ArmFault
 from hw.types import JointPath
 
 
-def test_it_says_who_does_what_how_long_and_how_fast() -> None:
+def test_it_says_who_does_what_how_long_and_how_fast():
     text = clear_to_move(True, "scoops and goes back", 11.6, 0.804)
     assert text == (
         "Is the work area clear, nobody within reach? THE REAL ROBOT then scoops and goes back: 12 s in all, "
@@ -25,7 +23,7 @@ def test_it_says_who_does_what_how_long_and_how_fast() -> None:
     assert clear_to_move(False, "goes home").endswith("The simulated robot then goes home")
 
 
-def test_the_speed_is_the_largest_of_all_paths() -> None:
+def test_the_speed_is_the_largest_of_all_paths():
     def along(duration_s: float) -> JointPath:
         t_s = np.linspace(0.0, duration_s, round(1000 * duration_s) + 1)
         u = t_s / duration_s
@@ -37,7 +35,7 @@ def test_the_speed_is_the_largest_of_all_paths() -> None:
 
 
 @pytest.mark.parametrize("name", ["fake", "panda"])
-def test_it_is_asked_after_every_placing_and_before_anything_moves(name: str, tmp_path: Path) -> None:
+def test_it_is_asked_after_every_placing_and_before_anything_moves(name, tmp_path):
     events: list[str] = []
 
     class Person(ScriptedOperator):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -37,7 +36,7 @@ def answering(monkeypatch: pytest.MonkeyPatch, *answers: str, width: int = 80) -
     return Attended(Screen(console=Console(file=said, width=width, highlight=False, markup=False))), said
 
 
-def test_enter_is_enough_for_a_whole_iteration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_enter_is_enough_for_a_whole_iteration(tmp_path, monkeypatch):
     operator, said = answering(monkeypatch, *[""] * 12)
     session = attended(tmp_path, operator)
     object.__setattr__(session, "screen", operator.screen)
@@ -49,9 +48,7 @@ def test_enter_is_enough_for_a_whole_iteration(tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("answers", [("q",), ("", "q"), ("", "", "q"), ()])
-def test_q_or_the_end_of_input_stops_at_every_question(
-    answers: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_q_or_the_end_of_input_stops_at_every_question(answers, tmp_path, monkeypatch):
     lab = ToyLab(0)
     operator, _ = answering(monkeypatch, *answers)
     with pytest.raises(StoppedByOperator) as stopped:
@@ -61,7 +58,7 @@ def test_q_or_the_end_of_input_stops_at_every_question(
     assert ("asks for its review again" in str(stopped.value)) == at_review
 
 
-def test_an_unknown_key_says_so_and_a_question_mark_explains(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unknown_key_says_so_and_a_question_mark_explains(tmp_path, monkeypatch):
     lab = ToyLab(0)
     operator, said = answering(monkeypatch, "go", "?", "q", width=200)
     with pytest.raises(StoppedByOperator):
@@ -72,14 +69,14 @@ def test_an_unknown_key_says_so_and_a_question_mark_explains(tmp_path: Path, mon
     assert lab.executions == []
 
 
-def test_what_q_promises_is_what_it_then_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_q_promises_is_what_it_then_says(monkeypatch):
     operator, said = answering(monkeypatch, "?", "q")
     with pytest.raises(StoppedByOperator, match="stopped by the operator; nothing was stored"):
         operator.screen.go_on("Is the hand empty?", then="The hand opens.", kept="nothing was stored")
     assert "The command ends; nothing was stored." in said.getvalue()
 
 
-def test_a_rejection_begun_by_mistake_is_left_without_a_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rejection_begun_by_mistake_is_left_without_a_trace(tmp_path, monkeypatch):
     """`r`, then second thoughts; then the list of outcomes, and second thoughts again."""
     operator, said = answering(monkeypatch, "", "", "r", "q", "o", "q", "", "q")
     session = attended(tmp_path, operator)
@@ -90,9 +87,7 @@ def test_a_rejection_begun_by_mistake_is_left_without_a_trace(tmp_path: Path, mo
     assert said.getvalue().count("Is this what you saw?") == 3
 
 
-def test_overruling_offers_the_outcomes_that_the_track_supports(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_overruling_offers_the_outcomes_that_the_track_supports(tmp_path, monkeypatch):
     operator, said = answering(monkeypatch, "", "", "o", "9", "o", "2", "q")
     session = attended(tmp_path, operator)
     with pytest.raises(StoppedByOperator):
@@ -101,7 +96,7 @@ def test_overruling_offers_the_outcomes_that_the_track_supports(
     assert "1  on blade (reward 0.9" in said.getvalue()
 
 
-def test_a_redo_asks_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_redo_asks_why(tmp_path, monkeypatch):
     operator, said = answering(monkeypatch, "", "", "r", "?", "a hand was in the way", "q")
     session = attended(tmp_path, operator)
     object.__setattr__(session, "screen", operator.screen)
@@ -111,7 +106,7 @@ def test_a_redo_asks_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize("width", [80, 50, 40])
-def test_nothing_runs_past_a_narrow_screen(width: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_runs_past_a_narrow_screen(width, tmp_path, monkeypatch):
     operator, said = answering(monkeypatch, *[""] * 12, width=width)
     session = attended(tmp_path, operator)
     object.__setattr__(session, "screen", operator.screen)
@@ -124,7 +119,7 @@ def test_nothing_runs_past_a_narrow_screen(width: int, tmp_path: Path, monkeypat
 
 
 @pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
-def test_no_colour_where_none_is_wanted(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_colour_where_none_is_wanted(name, value, monkeypatch):
     monkeypatch.setenv(name, value)
     said = io.StringIO()
     screen = Screen(console=Console(file=said, force_terminal=True, width=60, markup=False))
@@ -134,7 +129,7 @@ def test_no_colour_where_none_is_wanted(name: str, value: str, monkeypatch: pyte
     assert "\x1b[3" not in said.getvalue()
 
 
-def test_progress_off_a_terminal_is_a_line_a_tenth() -> None:
+def test_progress_off_a_terminal_is_a_line_a_tenth():
     said = io.StringIO()
     with Screen(console=Console(file=said, width=60)).progress() as update:
         for done in range(1001):
@@ -144,6 +139,6 @@ def test_progress_off_a_terminal_is_a_line_a_tenth() -> None:
     assert lines[-1].strip() == "dataset: 100 % (1000 of 1000)"
 
 
-def test_an_error_is_one_line_that_can_be_copied(capfd: pytest.CaptureFixture[str]) -> None:
+def test_an_error_is_one_line_that_can_be_copied(capfd):
     console.error("something long " * 20 + "\nContinue with: adaptsim run-iteration --session a[b]")
     assert capfd.readouterr().err.splitlines()[-1] == "Continue with: adaptsim run-iteration --session a[b]"

@@ -7,14 +7,13 @@ import os
 import pty
 import threading
 
-import pytest
 from rich.console import Console
 
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import enter, stop
 
 
-def test_an_enter_typed_ahead_starts_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_enter_typed_ahead_starts_nothing(monkeypatch):
     ours, theirs = pty.openpty()
     said = io.StringIO()
     screen = Screen(console=Console(file=said, width=80))

@@ -25,17 +25,17 @@ def stderr_of(monkeypatch: pytest.MonkeyPatch, stderr: io.StringIO, *line: str, 
     return stderr.getvalue()
 
 
-def test_it_comes_first_and_gives_way_to_what_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_comes_first_and_gives_way_to_what_is_said(monkeypatch):
     assert stderr_of(monkeypatch, Terminal(), "config", "path") == loading.LINE + ERASED
     refused = stderr_of(monkeypatch, Terminal(), "config", "nonsense")
     assert refused.startswith(loading.LINE + ERASED) and "nonsense" in refused
 
 
 @pytest.mark.parametrize("line", [("--help",), ("config", "-h"), ("--version",)])
-def test_it_is_not_shown_where_nothing_is_loaded(line: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_is_not_shown_where_nothing_is_loaded(line, monkeypatch):
     assert stderr_of(monkeypatch, Terminal(), *line) == ""
 
 
-def test_no_pipe_and_no_dumb_terminal_holds_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_pipe_and_no_dumb_terminal_holds_it(monkeypatch):
     assert stderr_of(monkeypatch, io.StringIO(), "config", "path") == ""
     assert stderr_of(monkeypatch, Terminal(), "config", "path", term="dumb") == ""

@@ -22,11 +22,11 @@ from adaptsim_cli.screen import views
         ({"TERM": "xterm-kitty", "TMUX": "/tmp/tmux-0/default,1,0"}, False),
     ],
 )
-def test_the_environment_names_the_terminal(environment: dict[str, str], shows: bool) -> None:
+def test_the_environment_names_the_terminal(environment, shows):
     assert views.knows_kitty(environment) is shows
 
 
-def test_kitty_gets_the_whole_picture_in_chunks() -> None:
+def test_kitty_gets_the_whole_picture_in_chunks():
     png = bytes(cv2.imencode(".png", np.random.default_rng(0).integers(0, 255, (60, 80, 3), np.uint8))[1])
     sent = re.findall(r"\x1b_G([^;]*);([^\x1b]*)\x1b\\", views.kitty(png))
     assert len(sent) > 1 and all(len(data) <= 4096 for _, data in sent)
@@ -34,7 +34,7 @@ def test_kitty_gets_the_whole_picture_in_chunks() -> None:
     assert base64.standard_b64decode("".join(data for _, data in sent)) == png
 
 
-def test_a_large_picture_is_made_small() -> None:
+def test_a_large_picture_is_made_small():
     jpeg = bytes(cv2.imencode(".jpg", np.zeros((960, 1280, 3), np.uint8))[1])
     sent = re.findall(r"\x1b_G[^;]*;([^\x1b]*)\x1b", views.drawn(jpeg))
     png = np.frombuffer(base64.standard_b64decode("".join(sent)), np.uint8)

@@ -53,11 +53,11 @@ UP, LATER = (False, 0.2), (False, PAUSE_S + 0.1)
         ((LATER, LATER), 0),
     ],
 )
-def test_a_press_counts_from_its_beginning_to_its_end(looks: tuple[tuple[bool | None, float], ...], count: int) -> None:
+def test_a_press_counts_from_its_beginning_to_its_end(looks, count):
     assert counted(*looks) == count
 
 
-def test_a_silent_or_restarted_box_is_neither_up_nor_down() -> None:
+def test_a_silent_or_restarted_box_is_neither_up_nor_down():
     state = PedalState()
     for counter, pressed in enumerate((False, False, True)):
         state = state.feed(line_for(counter, pressed), counter * PERIOD_S)
@@ -83,7 +83,7 @@ class Foot(threading.Thread):
 
 
 @pytest.fixture
-def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+def keyboard(monkeypatch) -> Iterator[int]:
     ours, theirs = pty.openpty()
     stdin = os.fdopen(theirs, encoding="utf-8")
     monkeypatch.setattr("sys.stdin", stdin)
@@ -102,9 +102,7 @@ REVIEW = (enter("to accept", "It counts."), Key("r", "to reject it", "It is made
         (REVIEW, ((False, 0.2), (True, 0.2), (False, 0.2), (True, 0.2), (False, 1.0)), "r"),
     ],
 )
-def test_one_press_is_enter_and_two_are_r(
-    keyboard: int, keys: tuple[Key, ...], steps: tuple[tuple[bool, float], ...], answer: str
-) -> None:
+def test_one_press_is_enter_and_two_are_r(keyboard, keys, steps, answer):
     screen = Screen(console=Console(file=io.StringIO(), width=80))
     with ToyPedal([False]) as pedal:
         screen.hear(pedal)
@@ -113,7 +111,7 @@ def test_one_press_is_enter_and_two_are_r(
         foot.join()
 
 
-def test_what_has_to_be_typed_is_typed(keyboard: int) -> None:
+def test_what_has_to_be_typed_is_typed(keyboard):
     """No press confirms the first motion; two ask the question again."""
     said = io.StringIO()
     screen = Screen(console=Console(file=said, width=80))
@@ -130,7 +128,7 @@ def test_what_has_to_be_typed_is_typed(keyboard: int) -> None:
     assert said.getvalue().count("Have you checked all of this?") == 2
 
 
-def test_the_press_that_answered_starts_no_motion(keyboard: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_press_that_answered_starts_no_motion(keyboard, monkeypatch):
     """After the answer the arm waits for the pedal, and refuses when nobody presses it again."""
     monkeypatch.setattr(confirmed, "PATIENCE_S", 0.3)
     screen = Screen(console=Console(file=io.StringIO(), width=80))

@@ -6,7 +6,6 @@ import io
 import time
 from pathlib import Path
 
-import pytest
 from real_lab import own_place
 from rich.console import Console
 
@@ -24,7 +23,7 @@ def spoken(file: Path, lines: int) -> list[str]:
     return file.read_text().splitlines()
 
 
-def test_warnings_and_questions_are_spoken_without_their_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_warnings_and_questions_are_spoken_without_their_keys(tmp_path, monkeypatch):
     program = tmp_path / "espeak-ng"
     program.write_text(f'#!/bin/sh\necho "$@" >> {tmp_path}/said\n')
     program.chmod(0o755)
@@ -38,9 +37,7 @@ def test_warnings_and_questions_are_spoken_without_their_keys(tmp_path: Path, mo
     assert spoken(tmp_path / "said", 2)[1:] == ["-- Is the work area clear?"]
 
 
-def test_without_a_program_that_speaks_the_command_says_which_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_without_a_program_that_speaks_the_command_says_which_to_install(tmp_path, monkeypatch, capfd):
     own_place(tmp_path, monkeypatch)
     monkeypatch.setenv("ADAPTSIM_SPEAK", "")  # taken back after the test
     monkeypatch.setenv("PATH", str(tmp_path))

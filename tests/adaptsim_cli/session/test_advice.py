@@ -46,7 +46,7 @@ def steps(verdict: Verdict, iteration: int = 1, facts: Facts = FACTS) -> list[st
         (Kind.STAYS_LOW, 4, [RANGES, USE]),
     ],
 )
-def test_the_next_commands_follow_from_the_kind(kind: Kind, iteration: int, expected: list[str]) -> None:
+def test_the_next_commands_follow_from_the_kind(kind, iteration, expected):
     assert steps(found(kind), iteration) == expected
 
 
@@ -59,26 +59,24 @@ def test_the_next_commands_follow_from_the_kind(kind: Kind, iteration: int, expe
         (Kind.STAYS_LOW, [CHECK, TOUCH, USE]),
     ],
 )
-def test_what_the_simulator_cannot_express_adds_checks_and_never_takes_the_place_of_going_on(
-    kind: Kind, expected: list[str]
-) -> None:
+def test_what_the_simulator_cannot_express_adds_checks_and_never_takes_the_place_of_going_on(kind, expected):
     assert steps(found(kind, Reason.INEXPRESSIBLE, reward=0.95)) == expected
 
 
-def test_a_target_without_a_camera_has_nothing_to_check() -> None:
+def test_a_target_without_a_camera_has_nothing_to_check():
     without = FACTS.model_copy(update={"calibration": ""})
     assert steps(found(Kind.HOPELESS), facts=without) == [USE]
     assert steps(found(Kind.GO_ON, Reason.INEXPRESSIBLE), facts=without) == [RUN, USE]
 
 
 @pytest.mark.parametrize("kind", Kind)
-def test_every_verdict_has_words_with_its_numbers(kind: Kind) -> None:
+def test_every_verdict_has_words_with_its_numbers(kind):
     words = in_words(found(kind, Reason.INEXPRESSIBLE), "piece")
     assert words.startswith(HEADLINES[kind])
     for number in ("8",) if kind is Kind.TOO_FEW else ("0.50", "0.20", "0.95", "6 of 8"):
         assert number in words
 
 
-def test_beside_a_real_arm_the_world_is_the_hardware() -> None:
+def test_beside_a_real_arm_the_world_is_the_hardware():
     assert same_lab("scooping", "fr3", "", 3) == "--task scooping --hw fr3"
     assert same_lab("scooping", "fake", "ood-1") == "--task scooping --world ood-1"

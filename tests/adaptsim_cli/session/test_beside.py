@@ -19,7 +19,7 @@ from adaptsim_cli.session.store import SessionStore, results_of, trials_of
 WAIT_S = 30.0  # no test waits so long unless it fails
 
 
-def test_work_is_done_in_the_thread_or_by_whoever_needs_it_first() -> None:
+def test_work_is_done_in_the_thread_or_by_whoever_needs_it_first():
     release = threading.Event()
     with ThreadPoolExecutor(1) as thread:
         first = begin_beside(thread, lambda: release.wait(WAIT_S) and threading.current_thread())
@@ -35,7 +35,7 @@ def test_work_is_done_in_the_thread_or_by_whoever_needs_it_first() -> None:
     assert done == ["needed"]
 
 
-def test_an_error_reaches_whoever_asks_and_nobody_else() -> None:
+def test_an_error_reaches_whoever_asks_and_nobody_else():
     def failing() -> None:
         raise SessionError("no room")
 
@@ -47,7 +47,7 @@ def test_an_error_reaches_whoever_asks_and_nobody_else() -> None:
                 asked()
 
 
-def test_a_report_shows_its_iterations_while_the_session_is_beyond_them(tmp_path: Path) -> None:
+def test_a_report_shows_its_iterations_while_the_session_is_beyond_them(tmp_path):
     """The first drawing begins to read only after a trial of the second iteration was stored."""
     went_on, drawn = threading.Event(), list[list[int]]()
 
@@ -65,7 +65,7 @@ def test_a_report_shows_its_iterations_while_the_session_is_beyond_them(tmp_path
     assert store.existing().shown == {0, 1}
 
 
-def test_a_report_that_fails_stops_the_command_and_is_drawn_again_by_the_next_one(tmp_path: Path) -> None:
+def test_a_report_that_fails_stops_the_command_and_is_drawn_again_by_the_next_one(tmp_path):
     def full(store: SessionStore) -> Path:
         raise SessionError("the disk is full")
 

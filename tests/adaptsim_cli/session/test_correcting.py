@@ -24,12 +24,18 @@ def opened(home: Path) -> SessionStore:
     return SessionStore.open(home / "data" / "sessions", NAME)
 
 
+@pytest.fixture
+def home(store: SessionStore, place) -> Path:
+    """Of a session of one iteration."""
+    return place / "home"
+
+
 def changed(store: SessionStore, number: int, outcome: Outcome) -> str:
     _, choices = amendable(store, TASK, OUTCOMES, number)
     return amend(store, TASK, number, outcome, choices[outcome], "seen on the recording")[1]
 
 
-def test_a_rejection_is_taken_back_and_its_recording_is_reviewed_again(tmp_path: Path) -> None:
+def test_a_rejection_is_taken_back_and_its_recording_is_reviewed_again(tmp_path):
     lab = ToyLab(0)
     operator = ScriptedOperator(reviews=[Review(rejected="slip of the finger")])
     operator.before_motion = lambda made: stop_at_second(made.trial.attempt - 1)
@@ -48,15 +54,14 @@ def test_a_rejection_is_taken_back_and_its_recording_is_reviewed_again(tmp_path:
     assert verify(tmp_path / "data" / "sessions", NAME).damage == ()
 
 
-def test_of_two_attempts_either_can_count_and_each_change_adapts_again(tmp_path: Path) -> None:
-    store = run(tmp_path)
+def test_of_two_attempts_either_can_count_and_each_change_adapts_again(store, home):
     redo(store, 2, "the piece was touched")
-    run(tmp_path)
-    assert [t.attempt for t in opened(tmp_path).trials(0)] == [1, 2, 1, 1]
+    run(home)
+    assert [t.attempt for t in opened(home).trials(0)] == [1, 2, 1, 1]
     assert (store.folder / "iteration-01" / "result-1").is_dir(), "the earlier result is kept"
-    restore(opened(tmp_path), 2, None, "it was not")
-    run(tmp_path)
-    store = opened(tmp_path)
+    restore(opened(home), 2, None, "it was not")
+    run(home)
+    store = opened(home)
     assert [t.attempt for t in store.trials(0)] == [1, 1, 1, 1]
     result = store.result(0)
     assert result is not None
@@ -64,32 +69,31 @@ def test_of_two_attempts_either_can_count_and_each_change_adapts_again(tmp_path:
     assert "trial 2" in amended and "it was not" in amended
     assert redo(store, 2, "it was after all") == 3, "done again means a new attempt, not the one of before"
     lab = ToyLab(0)
-    run(tmp_path, lab)
+    run(home, lab)
     assert lab.executions == [(2, 2)]
-    assert [t.attempt for t in opened(tmp_path).trials(0)] == [1, 3, 1, 1]
-    restore(opened(tmp_path), 2, 1, "the second was best")
-    assert [t.attempt for t in opened(tmp_path).trials(0)] == [1, 2, 1, 1]
+    assert [t.attempt for t in opened(home).trials(0)] == [1, 3, 1, 1]
+    restore(opened(home), 2, 1, "the second was best")
+    assert [t.attempt for t in opened(home).trials(0)] == [1, 2, 1, 1]
 
 
-def test_an_amended_outcome_counts_and_the_new_result_says_so(tmp_path: Path) -> None:
-    store = run(tmp_path)
+def test_an_amended_outcome_counts_and_the_new_result_says_so(store, home):
     before = store.trials(0)[2]
     assert before.outcome is Outcome.ON_BLADE
     assert "adapts again" in changed(store, 3, Outcome.ON_TABLE)
-    after = opened(tmp_path).trials(0)[2]
+    after = opened(home).trials(0)[2]
     assert (after.outcome, after.reward, after.overruled_from) == (Outcome.ON_TABLE, 0.0, Outcome.ON_BLADE)
     lab = ToyLab(0)
-    run(tmp_path, lab)
+    run(home, lab)
     assert lab.executions == [], "nothing moves"
-    result = opened(tmp_path).result(0)
+    result = opened(home).result(0)
     assert result is not None and result.changes == 1
     assert result.amended[0].startswith("trial 3 counts as on table instead of on blade, reward 0.00 instead of ")
-    changed(opened(tmp_path), 3, Outcome.ON_BLADE)
-    assert opened(tmp_path).trials(0)[2] == before, "back to what tracking had said"
+    changed(opened(home), 3, Outcome.ON_BLADE)
+    assert opened(home).trials(0)[2] == before, "back to what tracking had said"
 
 
 @pytest.mark.long
-def test_later_iterations_keep_what_they_were_made_with_and_the_next_result_says_what_changed(tmp_path: Path) -> None:
+def test_later_iterations_keep_what_they_were_made_with_and_the_next_result_says_what_changed(tmp_path):
     store = run(tmp_path, iterations=2)
     first = store.result(0)
     assert "Iteration 2 was made with policies from before" in changed(store, 1, Outcome.ON_TABLE)
@@ -106,8 +110,7 @@ def test_later_iterations_keep_what_they_were_made_with_and_the_next_result_says
     assert third is not None and (third.changes, third.amended) == (1, ())
 
 
-def test_what_cannot_be_restored_or_amended_says_why(tmp_path: Path) -> None:
-    store = run(tmp_path)
+def test_what_cannot_be_restored_or_amended_says_why(store):
     with pytest.raises(UsageError, match="trial 1 "):
         restore(store, 1, None, "")
     with pytest.raises(UsageError, match=r"trial 9 .* 1, 2, 3, 4"):
@@ -119,7 +122,7 @@ def test_what_cannot_be_restored_or_amended_says_why(tmp_path: Path) -> None:
         restore(store, 4, 1, "")
 
 
-def test_a_restored_attempt_may_be_rejected_and_restored_once_more(tmp_path: Path) -> None:
+def test_a_restored_attempt_may_be_rejected_and_restored_once_more(tmp_path):
     class Undecided(ScriptedOperator):
         def review(self, tracked: TrialRecord, choices: Choices) -> Review:
             return Review(rejected="no")
@@ -137,7 +140,7 @@ def test_a_restored_attempt_may_be_rejected_and_restored_once_more(tmp_path: Pat
     assert len(list(opened(tmp_path).iteration_folder(0).glob("trial-001-attempt-1.restored*.json"))) == 2
 
 
-def test_a_clock_that_goes_backwards_mixes_up_no_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clock_that_goes_backwards_mixes_up_no_changes(store, home, monkeypatch):
     """Each result names the changes since the result before it, and no others."""
     hours = iter(range(20, 0, -5))
 
@@ -147,11 +150,11 @@ def test_a_clock_that_goes_backwards_mixes_up_no_changes(tmp_path: Path, monkeyp
             return datetime(2024, 1, 1, tzinfo=UTC) + timedelta(hours=next(hours))
 
     monkeypatch.setattr(correcting, "datetime", Backwards)
-    changed(run(tmp_path), 3, Outcome.ON_TABLE)
-    run(tmp_path)
+    changed(store, 3, Outcome.ON_TABLE)
+    run(home)
     for number in (1, 2):
-        changed(opened(tmp_path), number, Outcome.LOST)
-    run(tmp_path)
-    result = opened(tmp_path).result(0)
+        changed(opened(home), number, Outcome.LOST)
+    run(home)
+    result = opened(home).result(0)
     assert result is not None
     assert [said[: len("trial 1")] for said in result.amended] == ["trial 1", "trial 2"]

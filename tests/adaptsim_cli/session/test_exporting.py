@@ -8,26 +8,11 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from toy_session import NAME, run
+from toy_session import NAME
 
 from adaptsim_cli import app
 from adaptsim_cli.session import exporting, recording, replaying, topics
-from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.wiring.best import scene_files
-
-
-@pytest.fixture(scope="module")
-def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    home = tmp_path_factory.mktemp("exporting")
-    run(home)
-    return home
-
-
-@pytest.fixture
-def store(home: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> SessionStore:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(home))
-    monkeypatch.chdir(tmp_path)
-    return SessionStore.open(home / "data/sessions", NAME)
 
 
 def messages(file: Path) -> dict[str, list[bytes]]:
@@ -38,8 +23,8 @@ def messages(file: Path) -> dict[str, list[bytes]]:
     return found
 
 
-def test_one_file_holds_everything_of_a_trial(store: SessionStore, tmp_path: Path) -> None:
-    *files, layout = exporting.export(store, "mcap", tmp_path, scene_files)
+def test_one_file_holds_everything_of_a_trial(store, tmp_path):
+    *files, layout = exporting.export(store, "mcap", tmp_path / "exported", scene_files)
     assert len(files) == len(store.trials(0))
     found, record = messages(files[0]), store.trials(0)[0]
     assert set(found) >= {*recording.TOPICS, *topics.AFTERWARDS} - {"/after/colour", "/after/depth"}
@@ -61,8 +46,8 @@ def test_one_file_holds_everything_of_a_trial(store: SessionStore, tmp_path: Pat
     assert np.array_equal(pixels, stored.frames[0].depth_mm)
 
 
-def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(store: SessionStore, tmp_path: Path) -> None:
-    file, *_ = exporting.export(store, "mcap", tmp_path, scene_files)
+def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(store, tmp_path):
+    file, *_ = exporting.export(store, "mcap", tmp_path / "exported", scene_files)
     with file.open("rb") as stream:
         summary = make_reader(stream).get_summary()
     assert summary is not None
@@ -79,15 +64,15 @@ def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(store
         assert tuple(len(reader.doubles()) for _ in range(3)) == holds, "positions, velocities, efforts"
 
 
-def test_every_frame_of_the_layout_is_in_the_file(store: SessionStore, tmp_path: Path) -> None:
-    *files, layout = exporting.export(store, "mcap", tmp_path, scene_files)
+def test_every_frame_of_the_layout_is_in_the_file(store, tmp_path):
+    *files, layout = exporting.export(store, "mcap", tmp_path / "exported", scene_files)
     configured = json.loads(layout.read_text())["configById"]
     named = {configured[key]["imageMode"][which] for key in configured if "Image!" in key
              for which in ("imageTopic", "calibrationTopic")}  # fmt: skip
     assert named | set(configured["3D!scene"]["topics"]) <= set(messages(files[0]))
 
 
-def test_joints_have_the_velocity_and_torque_of_their_motion() -> None:
+def test_joints_have_the_velocity_and_torque_of_their_motion():
     t_s = np.arange(0.0, 2.0, 1e-3)
     q = np.tile([0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.7], (len(t_s), 1))
     q[:, 0] += 0.3 * np.sin(2.0 * t_s)
@@ -97,15 +82,13 @@ def test_joints_have_the_velocity_and_torque_of_their_motion() -> None:
     assert topics.derivative(t_s[:3], q[:3], 1).tolist() == np.zeros((3, 7)).tolist()
 
 
-def test_a_table_has_a_row_for_each_trial(store: SessionStore) -> None:
+def test_a_table_has_a_row_for_each_trial(store):
     assert app.run(["sessions", "export", NAME]) == 0
     rows = list(csv.DictReader(Path(f"{NAME}.csv").read_text().splitlines()))
     assert [float(row["reward"]) for row in rows] == [trial.reward for trial in store.trials(0)]
 
 
-def test_a_replay_is_a_video_with_every_frame(
-    store: SessionStore, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_replay_is_a_video_with_every_frame(store, tmp_path, capfd):
     assert app.run(["replay", NAME, "2", "--out", str(tmp_path / "v.webm")]) == 0
     assert capfd.readouterr().err == "", "no library speaks on the terminal"
     trial = replaying.open_trial(store, store.trials(0)[1])
@@ -123,8 +106,6 @@ def test_a_replay_is_a_video_with_every_frame(
         (["replay", NAME, "99"], "trial 99 of"),
     ],
 )
-def test_what_cannot_be_exported_is_refused(
-    store: SessionStore, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_exported_is_refused(store, arguments, message, capsys):
     assert app.run(arguments) == 2
     assert message in capsys.readouterr().err

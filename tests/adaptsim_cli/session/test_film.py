@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from toy_session import ScriptedOperator, attended, run
+from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.film import COLUMNS, FILM, MOST_BYTES, ROWS, Filmed
@@ -20,35 +19,31 @@ from hw.poses import inverse
 from perception.geometry import project
 
 
-@pytest.fixture(scope="module")
-def store(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
-    return run(tmp_path_factory.mktemp("film"))
-
-
 @pytest.fixture
-def filmed(store: SessionStore) -> Filmed:
+def filmed(undisturbed: SessionStore) -> Filmed:
+    store = undisturbed
     record = store.trials(0)[0]
     stored = recording.read(store.trial_folder(*record.place) / recording.FILE)
     track, start_s = record.track.track(), stored.execution.t_start_s
     return Filmed(stored.frames, stored.model, stored.X_BC, start_s, track, track.state[0, :2], None)
 
 
-def test_every_trial_has_its_film(store: SessionStore) -> None:
-    for record in store.trials(0):
-        sheet = decode_image((store.trial_folder(*record.place) / FILM).read_bytes(), cv2.IMREAD_COLOR)
+def test_every_trial_has_its_film(undisturbed):
+    for record in undisturbed.trials(0):
+        sheet = decode_image((undisturbed.trial_folder(*record.place) / FILM).read_bytes(), cv2.IMREAD_COLOR)
         assert sheet.shape == (ROWS * 240, COLUMNS * 240, 3)
         assert record.film is not None and record.film.end_s == record.track.t_s[-1]
         assert FILM in record.checksums
 
 
-def test_a_rejected_trial_keeps_its_film(tmp_path: Path) -> None:
+def test_a_rejected_trial_keeps_its_film(tmp_path):
     session = attended(tmp_path, ScriptedOperator(reviews=[Review(rejected="slip")]))
     run_iteration(session)
     (key,) = session.store.existing().rejected
     assert (session.store.trial_folder(0, key) / FILM).is_file()
 
 
-def test_what_is_drawn_over_the_film_lies_where_the_camera_sees_it(filmed: Filmed) -> None:
+def test_what_is_drawn_over_the_film_lies_where_the_camera_sees_it(filmed):
     film, _ = filmed.sheet()
     assert film is not None
     left, top, right, bottom = filmed._window(with_goal=True)
@@ -59,7 +54,7 @@ def test_what_is_drawn_over_the_film_lies_where_the_camera_sees_it(filmed: Filme
     assert np.abs(np.column_stack([u / w, v / w]) - wanted).max() < 1 / 240
 
 
-def test_a_goal_beside_the_path_is_in_the_picture(filmed: Filmed) -> None:
+def test_a_goal_beside_the_path_is_in_the_picture(filmed):
     goal_m = filmed.track.state[-1, :2] + [0.0, 0.01]
     film, _ = replace(filmed, goal_m=goal_m).sheet()
     assert film is not None
@@ -67,7 +62,7 @@ def test_a_goal_beside_the_path_is_in_the_picture(filmed: Filmed) -> None:
     assert 0 < u / w < 1 and 0 < v / w < 1
 
 
-def test_even_noise_fits_a_page(filmed: Filmed) -> None:
+def test_even_noise_fits_a_page(filmed):
     rng = np.random.default_rng(0)
     frames = [replace(f, colour=rng.integers(0, 256, f.colour.shape, np.uint8)) for f in filmed.frames]
     _, files = replace(filmed, frames=frames).sheet()

@@ -22,7 +22,7 @@ def session(folder: Path) -> Path:
     return folder
 
 
-def test_links_and_pipes_are_no_part_of_a_session(tmp_path: Path) -> None:
+def test_links_and_pipes_are_no_part_of_a_session(tmp_path):
     folder, secret = session(tmp_path / "s"), tmp_path / "elsewhere"
     secret.mkdir()
     (secret / "recording.json").write_text("private")
@@ -36,7 +36,7 @@ def test_links_and_pipes_are_no_part_of_a_session(tmp_path: Path) -> None:
     assert keeping.size_bytes(folder) < 100
 
 
-def test_an_archive_is_not_replaced_silently(tmp_path: Path) -> None:
+def test_an_archive_is_not_replaced_silently(tmp_path):
     folder = session(tmp_path / "s")
     keeping.bundle(folder, tmp_path / "out.zip", {})
     with pytest.raises(UsageError, match="--force"):
@@ -52,7 +52,7 @@ def written(folder: Path, count: int = 4) -> Path:
     return folder / watching.FILE
 
 
-def test_a_log_goes_on_also_behind_a_line_that_a_power_cut_truncated(tmp_path: Path) -> None:
+def test_a_log_goes_on_also_behind_a_line_that_a_power_cut_truncated(tmp_path):
     path = written(tmp_path / "s")
     path.write_text(path.read_text() + '{"at": "2026')
     assert watching.damage(path.parent) == ""
@@ -61,7 +61,7 @@ def test_a_log_goes_on_also_behind_a_line_that_a_power_cut_truncated(tmp_path: P
 
 
 @pytest.mark.parametrize("what", ["cut", "line removed", "line changed"])
-def test_a_cut_or_changed_log_is_noticed(tmp_path: Path, what: str) -> None:
+def test_a_cut_or_changed_log_is_noticed(tmp_path, what):
     path = written(tmp_path / "s")
     lines = path.read_text().splitlines(keepends=True)
     kept = {
@@ -76,7 +76,7 @@ def test_a_cut_or_changed_log_is_noticed(tmp_path: Path, what: str) -> None:
     assert "was c" in told.getvalue()
 
 
-def test_escape_sequences_never_reach_the_terminal() -> None:
+def test_escape_sequences_never_reach_the_terminal():
     told = io.StringIO()
     screen = Screen(console=CleanConsole(file=told, width=200))
     for text in ("\x1b[2Jgone", "\x9b31m", "back\rwards", "bell\x07", "\x1b]0;title\x07"):

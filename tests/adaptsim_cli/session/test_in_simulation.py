@@ -20,19 +20,12 @@ RUN = ["run-iteration", "--task", "pendulum", "--world", "ood-1", "--yes"]
 TRUTH = np.array([1.8, 0.3, 1.5, 1.5])
 
 
-@pytest.fixture(autouse=True)
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def opened() -> SessionStore:
     return SessionStore.open(Path("home/data/sessions").absolute(), NAME)
 
 
 @pytest.mark.long
-def test_two_iterations_end_in_json_and_a_report_with_curves(capfd: pytest.CaptureFixture[str]) -> None:
+def test_two_iterations_end_in_json_and_a_report_with_curves(capfd):
     assert app.run([*RUN, "--json", "-n", "2"]) == 0
     first, second = (json.loads(line) for line in capfd.readouterr().out.splitlines())
     assert [first["iteration"], second["iteration"]] == [1, 2]
@@ -54,7 +47,7 @@ def test_two_iterations_end_in_json_and_a_report_with_curves(capfd: pytest.Captu
 
 
 @pytest.mark.long
-def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd: pytest.CaptureFixture[str]) -> None:
+def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd):
     assert app.run([*RUN, "--json", "--until-done"]) == 0
     *before, last = (json.loads(line)["outlook"] for line in capfd.readouterr().out.splitlines())
     assert last["done"]
@@ -66,9 +59,7 @@ def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd:
 
 
 @pytest.mark.long
-def test_an_interrupted_session_goes_on_to_the_same_end(
-    place: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_session_goes_on_to_the_same_end(place, capfd, monkeypatch):
     real = SessionStore.save_trial
 
     def cut(self: SessionStore, record: object, files: object) -> None:
@@ -88,14 +79,14 @@ def test_an_interrupted_session_goes_on_to_the_same_end(
     assert resumed["best"] == whole["best"]
 
 
-def test_hardware_is_refused_with_what_to_do(capfd: pytest.CaptureFixture[str]) -> None:
+def test_hardware_is_refused_with_what_to_do(capfd):
     assert app.run([*RUN, "--hw", "panda"]) == 2
     message = " ".join(capfd.readouterr().err.split())
     assert "the task pendulum runs in simulation only" in message
     assert "Leave --hw out" in message
 
 
-def test_only_its_own_parts_are_opened(tmp_path: Path) -> None:
+def test_only_its_own_parts_are_opened(tmp_path):
     with wiring.open_parts(config.load({"task": "pendulum", "world": "wd"}).config, tmp_path) as parts:
         assert [check.name for check in parts.target.checks()] == ["devices"]
         assert parts.provenance.calibration == ""
@@ -104,9 +95,7 @@ def test_only_its_own_parts_are_opened(tmp_path: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("method", ["learn-in-target", "bo", "bo-prior", "sysid-bayes-point"])
-def test_a_session_of_a_baseline_runs_and_another_process_continues_it(
-    method: str, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_session_of_a_baseline_runs_and_another_process_continues_it(method, capfd):
     for _ in range(2):  # nothing is kept but the session's folder
         assert app.run(["run-iteration", "--task", "pendulum", "--method", method, "--yes", "--json"]) == 0
     first, second = (json.loads(line) for line in capfd.readouterr().out.splitlines())

@@ -17,7 +17,7 @@ REFUSED = (2, 8)
 @pytest.mark.long
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("races", [3, pytest.param(200, marks=pytest.mark.slow)])
-def test_two_commands_at_once_cost_nothing(races: int, tmp_path: Path) -> None:
+def test_two_commands_at_once_cost_nothing(races, tmp_path):
     script = Path(__file__).parents[2] / "support" / "racing_commands.py"
     alone = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # threads do not survive forking
     command = [sys.executable, str(script), str(tmp_path), str(races)]

@@ -39,7 +39,7 @@ def encoded(played: Execution, after: Frame | None = None) -> tuple[bytes, recor
 
 
 @pytest.fixture
-def file(tmp_path: Path) -> Path:
+def file(tmp_path) -> Path:
     path = tmp_path / recording.FILE
     path.write_bytes(encoded(execution())[0])
     return path
@@ -62,7 +62,7 @@ def uneven() -> Execution:
 
 
 @pytest.mark.parametrize("is_carried", [False, True])
-def test_the_tracker_sees_the_same_before_and_after_the_disk_bit_for_bit(tmp_path: Path, *, is_carried: bool) -> None:
+def test_the_tracker_sees_the_same_before_and_after_the_disk_bit_for_bit(tmp_path, *, is_carried):
     after = Frame(before().t_s + 30.1, before().colour[::-1].copy(), before().depth_mm) if is_carried else None
     path = tmp_path / recording.FILE
     written, in_memory = encoded(uneven(), after)
@@ -72,7 +72,7 @@ def test_the_tracker_sees_the_same_before_and_after_the_disk_bit_for_bit(tmp_pat
     assert (back.after is not None) == is_carried
 
 
-def test_what_was_recorded_can_be_tracked_again(file: Path) -> None:
+def test_what_was_recorded_can_be_tracked_again(file):
     back = recording.read(file)
     for old, new in zip(frames(), back.frames, strict=True):
         assert new.t_s == pytest.approx(old.t_s, abs=1e-8)
@@ -90,7 +90,7 @@ def test_what_was_recorded_can_be_tracked_again(file: Path) -> None:
     assert (back.execution.t_start_s, back.execution.control_success_rate) == (12.0, 0.98)
 
 
-def test_other_tools_find_standard_messages_in_order_of_time(file: Path) -> None:
+def test_other_tools_find_standard_messages_in_order_of_time(file):
     with file.open("rb") as stream:
         reader = make_reader(stream)
         assert reader.get_header().profile == "ros2"
@@ -112,7 +112,7 @@ def test_other_tools_find_standard_messages_in_order_of_time(file: Path) -> None
     assert times == sorted(times)
 
 
-def test_the_track_is_a_file_of_its_own_on_the_same_clock(tmp_path: Path) -> None:
+def test_the_track_is_a_file_of_its_own_on_the_same_clock(tmp_path):
     track = ObjectTrack(np.array([0.0, 0.1]), np.eye(2, 3), Outcome.ON_BLADE, np.zeros(3), np.ones(2))
     path = tmp_path / recording.OBJECT_FILE
     path.write_bytes(recording.encode_object(track, 12.0))
@@ -124,7 +124,7 @@ def test_the_track_is_a_file_of_its_own_on_the_same_clock(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("cut", [0.0, 0.3, 0.999, None])
-def test_a_truncated_or_damaged_recording_is_named(file: Path, cut: float | None) -> None:
+def test_a_truncated_or_damaged_recording_is_named(file, cut):
     content = bytearray(file.read_bytes())
     if cut is None:
         start = content.index(b"\x28\xb5\x2f\xfd")  # a compressed block
@@ -136,7 +136,7 @@ def test_a_truncated_or_damaged_recording_is_named(file: Path, cut: float | None
         recording.read(file)
 
 
-def test_the_same_trial_gives_the_same_bytes() -> None:
+def test_the_same_trial_gives_the_same_bytes():
     assert encoded(execution())[0] == encoded(execution())[0]
 
 

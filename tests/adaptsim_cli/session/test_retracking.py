@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
@@ -13,7 +12,6 @@ import pytest
 import toy_rig
 from scipy.spatial.transform import Rotation
 from toy_rig import TASK, ToyLab
-from toy_session import run
 
 import sim.tasks
 from adaptsim_cli import app
@@ -26,17 +24,6 @@ from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.types import CameraModel, Execution, Frame
 from perception.errors import ObjectNotFound
 from perception.types import ObjectTrack, Outcome
-
-
-@pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
-    return tmp_path / "home"
-
-
-@pytest.fixture
-def session(home: Path) -> SessionStore:
-    return run(home)
 
 
 @pytest.fixture
@@ -57,41 +44,39 @@ def contents(store: SessionStore) -> dict[str, bytes]:
     return {str(path): path.read_bytes() for path in sorted(store.folder.rglob("*")) if path.is_file()}
 
 
-def test_the_same_tracker_comes_to_the_stored_result_and_nothing_is_edited(
-    session: SessionStore, tracker: Tracker
-) -> None:
-    before = contents(session)
-    found = list(retracking.retrack(session, TASK, tracker, None))
+def test_the_same_tracker_comes_to_the_stored_result_and_nothing_is_edited(store, tracker):
+    before = contents(store)
+    found = list(retracking.retrack(store, TASK, tracker, None))
     assert [one.trial for one in found] == [1, 2, 3, 4]
     for one in found:
         assert one.same_outcome and one.failure is None and one.now is not None
         assert one.now.reward == pytest.approx(one.stored.reward, abs=1e-6)
         assert one.end_apart_mm == pytest.approx(0.0, abs=1e-3) and one.most_apart_mm == pytest.approx(0.0, abs=1e-3)
         assert one.now.context == pytest.approx(one.stored.context, abs=1e-6)
-    assert contents(session) == before
+    assert contents(store) == before
 
 
-def test_another_tracker_shows_as_a_difference(session: SessionStore, tracker: Tracker) -> None:
+def test_another_tracker_shows_as_a_difference(store, tracker):
     def shifted(request: TrackRequest) -> ObjectTrack:
         old = tracker.track(request)
         moved = old.state + np.linspace(0, 0.005, len(old.t_s))[:, None] * [1.0, 0, 0]
         return dataclasses.replace(old, state=moved, outcome=Outcome.ON_TABLE)
 
     changed = dataclasses.replace(tracker, track=shifted)
-    (one,) = retracking.retrack(session, TASK, changed, 2)
+    (one,) = retracking.retrack(store, TASK, changed, 2)
     assert one.now is not None and one.now.reward == 0.0 and not one.same_outcome
     assert one.end_apart_mm == pytest.approx(5.0) and one.most_apart_mm == pytest.approx(5.0)
     assert retracking.rows([one])[0][:3] == ("2", "on blade", "on table")
 
 
-def test_an_overruled_outcome_is_compared_as_it_was_tracked(session: SessionStore, tracker: Tracker) -> None:
-    amend(session, TASK, 2, Outcome.ON_TABLE, 0.0, "seen on the recording")
-    (one,) = retracking.retrack(session, TASK, tracker, 2)
+def test_an_overruled_outcome_is_compared_as_it_was_tracked(store, tracker):
+    amend(store, TASK, 2, Outcome.ON_TABLE, 0.0, "seen on the recording")
+    (one,) = retracking.retrack(store, TASK, tracker, 2)
     assert (one.stored.outcome, one.stored.tracked_outcome, one.same_outcome) == ("on_table", "on_blade", True)
     assert retracking.rows([one])[0][1] == "on table (operator)"
 
 
-def test_the_pose_of_the_tool_is_the_stored_one_and_turns_evenly_between_images(tmp_path: Path) -> None:
+def test_the_pose_of_the_tool_is_the_stored_one_and_turns_evenly_between_images(tmp_path):
     def X_BT_at(t_s: float) -> np.ndarray:
         X = np.eye(4)
         X[:3, :3] = Rotation.from_rotvec([0.0, 3.0 * (t_s - 12.0), 0.0]).as_matrix()
@@ -110,51 +95,39 @@ def test_the_pose_of_the_tool_is_the_stored_one_and_turns_evenly_between_images(
 
 
 @pytest.fixture
-def toy(monkeypatch: pytest.MonkeyPatch, tracker: Tracker) -> None:
+def toy(monkeypatch, tracker: Tracker) -> None:
     """The toy task among the registered ones."""
     monkeypatch.setattr(sim.tasks, "get_task", lambda name: TASK)
     monkeypatch.setitem(trackers.TRACKERS, "toy", lambda task: tracker)
 
 
-def test_the_command_prints_a_table_or_one_object(
-    session: SessionStore, toy: None, capfd: pytest.CaptureFixture[str]
-) -> None:
-    assert app.run(["retrack", session.facts.name]) == 0
+def test_the_command_prints_a_table_or_one_object(store, toy, capfd):
+    assert app.run(["retrack", store.facts.name]) == 0
     out = capfd.readouterr().out
     assert out.count("on blade") == 8 and "most apart" in out
-    assert app.run(["retrack", session.facts.name, "--trial", "3", "--json"]) == 0
+    assert app.run(["retrack", store.facts.name, "--trial", "3", "--json"]) == 0
     (one,) = json.loads(capfd.readouterr().out)["trials"]
     assert (one["trial"], one["same_outcome"], one["failure"]) == (3, True, None)
     assert one["now"]["reward"] == pytest.approx(one["stored"]["reward"], abs=1e-6)
 
 
-def test_a_trial_that_does_not_count_is_refused_with_those_that_do(
-    session: SessionStore, toy: None, capfd: pytest.CaptureFixture[str]
-) -> None:
-    assert app.run(["retrack", session.facts.name, "--trial", "9"]) == 2
+def test_a_trial_that_does_not_count_is_refused_with_those_that_do(store, toy, capfd):
+    assert app.run(["retrack", store.facts.name, "--trial", "9"]) == 2
     assert_told(capfd, "--trial 9: no such trial of .* is completed and counts; there are: 1, 2, 3, 4")
 
 
-def test_a_task_without_a_camera_is_refused(
-    session: SessionStore, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_task_without_a_camera_is_refused(store, monkeypatch, capfd):
     monkeypatch.setattr(sim.tasks, "get_task", lambda name: dataclasses.replace(TASK, hardware=None))
-    assert app.run(["retrack", session.facts.name]) == 2
+    assert app.run(["retrack", store.facts.name]) == 2
     assert_told(capfd, "runs in simulation only: its sessions have no recordings")
 
 
-def test_a_trial_that_cannot_be_tracked_ends_with_6_after_the_table(
-    session: SessionStore,
-    toy: None,
-    tracker: Tracker,
-    monkeypatch: pytest.MonkeyPatch,
-    capfd: pytest.CaptureFixture[str],
-) -> None:
+def test_a_trial_that_cannot_be_tracked_ends_with_6_after_the_table(store, toy, tracker, monkeypatch, capfd):
     def blind(*_: object) -> NoReturn:
         raise ObjectNotFound("nothing looks like it")
 
     monkeypatch.setitem(trackers.TRACKERS, "toy", lambda task: dataclasses.replace(tracker, find=blind))
-    assert app.run(["retrack", session.facts.name, "--json"]) == 6
+    assert app.run(["retrack", store.facts.name, "--json"]) == 6
     out, err = capfd.readouterr()
     told = json.loads(out)["trials"]
     assert [(one["failure"], one["now"], one["end_apart_mm"]) for one in told] == [

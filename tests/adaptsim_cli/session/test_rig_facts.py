@@ -9,7 +9,6 @@ import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,7 +32,7 @@ def facts(grey: float | None = 84.0, exposure_us: int = 8330, told: bool = True)
 
 
 @pytest.mark.parametrize("now", [facts(), facts(90.0), facts(None), facts(told=False), RigFacts()])
-def test_what_stays_is_not_said(now: RigFacts) -> None:
+def test_what_stays_is_not_said(now):
     assert drift(facts(), now) is None
     assert drift(RigFacts(), now) is None
 
@@ -46,7 +45,7 @@ def test_what_stays_is_not_said(now: RigFacts) -> None:
         (facts(exposure_us=2500), "are 2500 µs and 4500 K, 8330 µs and 4500 K in the first trial"),
     ],
 )
-def test_what_drifts_is_said(now: RigFacts, said: str) -> None:
+def test_what_drifts_is_said(now, said):
     assert said in str(drift(facts(), now))
 
 
@@ -64,7 +63,7 @@ class Attendant:
         return next(self.told)
 
 
-def test_a_session_says_it_after_the_trial_and_keeps_what_the_rig_said(tmp_path: Path) -> None:
+def test_a_session_says_it_after_the_trial_and_keeps_what_the_rig_said(tmp_path):
     said = io.StringIO()
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
     exposed = (
@@ -88,7 +87,7 @@ def slow(pace: float) -> OnRig:
 
 
 @pytest.mark.parametrize("pace", [0.1, 0.5, 1.0])
-def test_below_full_pace_nothing_is_learnt_and_everybody_says_so(pace: float) -> None:
+def test_below_full_pace_nothing_is_learnt_and_everybody_says_so(pace):
     target = slow(pace)
     planned = target.plan(target.place(CONTEXT, KEY, unattended()), ACTION)
     assert ("nothing is learnt" in planned.summary) == (pace < 1.0)
@@ -97,7 +96,7 @@ def test_below_full_pace_nothing_is_learnt_and_everybody_says_so(pace: float) ->
     assert "recording.mcap" in executed.stored()[0]
 
 
-def test_a_rehearsed_trial_does_not_count_and_ends_the_command(tmp_path: Path) -> None:
+def test_a_rehearsed_trial_does_not_count_and_ends_the_command(tmp_path):
     parts = toy_parts(ToyLab(0))
     target = on_rig(parts)
     parts = replace(parts, target=replace(target, rig=replace(target.rig, pace=0.3)))
@@ -111,7 +110,7 @@ def test_a_rehearsed_trial_does_not_count_and_ends_the_command(tmp_path: Path) -
     assert len(existing.rejected) == 1
 
 
-def test_facts_that_cannot_be_stored_do_not_lose_the_recording() -> None:
+def test_facts_that_cannot_be_stored_do_not_lose_the_recording():
     target = slow(1.0)
     rig = replace(target.rig, attendant=Attendant(iter([RigFacts().model_copy(update={"object_mass_kg": math.nan})])))
     target = replace(target, rig=rig)

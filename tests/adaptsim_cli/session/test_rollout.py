@@ -21,20 +21,18 @@ RUN = ["rollout", "--task", "toy", "--yes"]
 
 
 @pytest.fixture(autouse=True)
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+def registered(monkeypatch) -> None:
     monkeypatch.setitem(TASKS, "toy", toy_rig.__name__)
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture
-def lab(monkeypatch: pytest.MonkeyPatch) -> ToyLab:
+def lab(monkeypatch) -> ToyLab:
     lab = ToyLab(0)
     monkeypatch.setattr(wiring, "open_parts", opener(lab))
     return lab
 
 
-def test_the_trial_of_a_policy(lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_trial_of_a_policy(lab, tmp_path, capfd):
     assert app.run([*RUN, "--json", "--out", str(tmp_path / "one")]) == 0
     record = json.loads(capfd.readouterr().out)
     assert record["params"] is not None
@@ -44,7 +42,7 @@ def test_the_trial_of_a_policy(lab: ToyLab, tmp_path: Path, capfd: pytest.Captur
     assert not (tmp_path / "home" / "data" / "sessions").exists()
 
 
-def test_an_action_by_hand_is_executed_as_given(lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_an_action_by_hand_is_executed_as_given(lab, tmp_path, capfd):
     dimension = TASK.action.dimensions[0]
     name, middle = dimension.name, (dimension.low + dimension.high) / 2
     assert app.run([*RUN, "--json", "--action", f"{name}={middle}"]) == 0
@@ -54,9 +52,7 @@ def test_an_action_by_hand_is_executed_as_given(lab: ToyLab, tmp_path: Path, cap
 
 
 @pytest.mark.parametrize("option", ["--action", "--context", "--param"])
-def test_a_wrong_value_moves_nothing(
-    lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, option: str
-) -> None:
+def test_a_wrong_value_moves_nothing(lab, tmp_path, capfd, monkeypatch, option):
     def opened(*_: object, **__: object) -> None:
         raise AssertionError("what was typed is checked before anything is loaded or connected")
 
@@ -74,14 +70,7 @@ def test_a_wrong_value_moves_nothing(
         (["rollout", "--task", "toy"], 2, "no terminal"),
     ],
 )
-def test_what_cannot_be_stored_or_confirmed_is_noticed_before_anything_moves(
-    lab: ToyLab,
-    capfd: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    line: list[str],
-    code: int,
-    told: str,
-) -> None:
+def test_what_cannot_be_stored_or_confirmed_is_noticed_before_anything_moves(lab, capfd, monkeypatch, line, code, told):
     monkeypatch.setattr("sys.stdin", io.StringIO())
     Path("one").mkdir()
     Path("file").write_text("in the way")
@@ -90,9 +79,7 @@ def test_what_cannot_be_stored_or_confirmed_is_noticed_before_anything_moves(
     assert lab.executions == []
 
 
-def test_an_object_that_is_not_found_is_asked_for_again_before_anything_moves(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_object_that_is_not_found_is_asked_for_again_before_anything_moves(tmp_path, capfd, monkeypatch):
     lab = ToyLab(0, misplaced=frozenset({(1, 0), (1, 1)}))
     monkeypatch.setattr(wiring, "open_parts", opener(lab))
     assert app.run([*RUN, "--out", str(tmp_path / "one")]) == 0
@@ -100,9 +87,7 @@ def test_an_object_that_is_not_found_is_asked_for_again_before_anything_moves(
     assert lab.executions == [(1, 2)]
 
 
-def test_a_motion_that_cannot_be_tracked_leaves_its_recording(
-    lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_motion_that_cannot_be_tracked_leaves_its_recording(lab, tmp_path, capfd, monkeypatch):
     def lost(_: object) -> None:
         raise TrackingFailed("out of sight")
 
@@ -113,9 +98,7 @@ def test_a_motion_that_cannot_be_tracked_leaves_its_recording(
 
 
 @pytest.mark.parametrize("error", [NotExecutable("joint 4 cannot follow"), MotionRefused("joint 4 too fast")])
-def test_a_motion_that_cannot_be_made_says_how_to_find_one_that_can(
-    error: Exception, lab: ToyLab, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_motion_that_cannot_be_made_says_how_to_find_one_that_can(error, lab, tmp_path, capfd, monkeypatch):
     def check(*_: object) -> None:
         raise error
 

@@ -17,16 +17,9 @@ from adaptsim_cli.session.store import SessionStore
 from perception.types import Outcome
 
 
-@pytest.fixture(scope="module")
-def complete(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
-    return run(tmp_path_factory.mktemp("complete"))
-
-
 @pytest.fixture
-def root(complete: SessionStore, tmp_path: Path) -> Path:
-    """A copy to spoil."""
-    shutil.copytree(complete.folder, tmp_path / NAME)
-    return tmp_path
+def root(store: SessionStore) -> Path:
+    return store.folder.parent
 
 
 def files_of(root: Path) -> list[Path]:
@@ -36,7 +29,7 @@ def files_of(root: Path) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def corrected(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
+def corrected(tmp_path_factory) -> SessionStore:
     """Every kind of file: a trial was redone and its rejected recording pruned, an outcome amended, a note written."""
     home = tmp_path_factory.mktemp("corrected")
     redo(run(home), 2, "it was pushed by hand")
@@ -51,7 +44,7 @@ def corrected(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
 
 @pytest.mark.long
 @pytest.mark.parametrize("each", [1, pytest.param(12, marks=pytest.mark.slow)])
-def test_a_changed_bit_in_any_file_is_noticed(corrected: SessionStore, tmp_path: Path, each: int) -> None:
+def test_a_changed_bit_in_any_file_is_noticed(corrected, tmp_path, each):
     rng, root = np.random.default_rng(each), tmp_path
     shutil.copytree(corrected.folder, root / NAME)
     files = files_of(root)
@@ -72,7 +65,7 @@ def test_a_changed_bit_in_any_file_is_noticed(corrected: SessionStore, tmp_path:
     assert not unnoticed
 
 
-def test_a_missing_file_is_noticed(root: Path) -> None:
+def test_a_missing_file_is_noticed(root):
     for path in files_of(root):
         content = path.read_bytes()
         path.unlink()
@@ -81,20 +74,20 @@ def test_a_missing_file_is_noticed(root: Path) -> None:
         path.write_bytes(content)
 
 
-def test_a_missing_trial_is_noticed_by_the_result_that_rests_on_it(root: Path) -> None:
+def test_a_missing_trial_is_noticed_by_the_result_that_rests_on_it(root):
     (folder,) = (root / NAME).glob("iteration-01/trial-001-attempt-1")
     shutil.rmtree(folder)
     assert any("a result rests on it" in message for message in verify(root, NAME).damage)
 
 
-def test_a_file_that_no_record_names_is_noticed(root: Path) -> None:
+def test_a_file_that_no_record_names_is_noticed(root):
     (root / NAME / "iteration-01" / "trial-001-attempt-1" / "other.json").write_text("{}")
     (message,) = verify(root, NAME).damage
     assert "other.json" in message
     assert "it is in no record" in message
 
 
-def test_a_checksum_that_was_removed_is_noticed(root: Path) -> None:
+def test_a_checksum_that_was_removed_is_noticed(root):
     path = root / NAME / "session.toml"
     path.write_bytes(path.read_bytes().rpartition(b"# sha256 ")[0])
     with pytest.raises(SessionError, match="lost its checksum"):

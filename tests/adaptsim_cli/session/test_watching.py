@@ -18,8 +18,7 @@ def events(store: SessionStore) -> list[str]:
     return [line.event for line in watching.read(store.folder)]
 
 
-def test_a_session_tells_what_happened_in_order(tmp_path: Path) -> None:
-    store = run(tmp_path)
+def test_a_session_tells_what_happened_in_order(store):
     lines = watching.read(store.folder)
     assert lines[0].event == "begun"
     assert [line.event for line in lines][-3:] == ["reported", "done", "ended"]
@@ -38,7 +37,7 @@ def test_a_session_tells_what_happened_in_order(tmp_path: Path) -> None:
     assert all(took is not None and took >= 0.0 for took in steps.values())
 
 
-def test_what_stops_a_command_is_its_last_line(tmp_path: Path) -> None:
+def test_what_stops_a_command_is_its_last_line(tmp_path):
     def lost(trial: int, attempt: int) -> None:
         raise CameraError("the camera is gone")
 
@@ -50,8 +49,7 @@ def test_what_stops_a_command_is_its_last_line(tmp_path: Path) -> None:
     assert any(line.event == "noted" and "does not count" in line.text for line in watching.read(folder))
 
 
-def test_a_line_that_was_cut_short_is_left_out_and_the_next_begins_anew(tmp_path: Path) -> None:
-    store = run(tmp_path)
+def test_a_line_that_was_cut_short_is_left_out_and_the_next_begins_anew(store):
     file = store.folder / watching.FILE
     whole = watching.read(store.folder)
     file.write_bytes(file.read_bytes()[:-9])
@@ -60,7 +58,7 @@ def test_a_line_that_was_cut_short_is_left_out_and_the_next_begins_anew(tmp_path
     assert len(watching.read(store.folder)) == len(whole), "one line lost, one line more"
 
 
-def test_a_log_that_cannot_be_written_stops_no_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_that_cannot_be_written_stops_no_session(tmp_path, monkeypatch):
     def full(path: Path, text: str) -> None:
         raise OSError(28, "No space left on device")
 
@@ -72,9 +70,7 @@ def test_a_log_that_cannot_be_written_stops_no_session(tmp_path: Path, monkeypat
     assert SessionStore.open(settings.places.sessions, path.parent.name).result(0) is not None
 
 
-def test_a_log_goes_on_when_the_disk_does_and_the_screen_tells_each_gap_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_goes_on_when_the_disk_does_and_the_screen_tells_each_gap_once(tmp_path, monkeypatch):
     def full(path: Path, text: str) -> None:
         with path.open("a") as file:
             file.write(text[:5])
@@ -92,7 +88,7 @@ def test_a_log_goes_on_when_the_disk_does_and_the_screen_tells_each_gap_once(
     assert all("the disk is full" in note for note in notes)
 
 
-def test_answers_are_kept_with_the_time_they_took(tmp_path: Path) -> None:
+def test_answers_are_kept_with_the_time_they_took(tmp_path):
     written = watching.SessionLog(tmp_path, silent())
     written.asking("Is the work area clear?")
     written.answered("Is the work area clear?", "q", 1.25)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from real_lab import ToyDevices, calibrated, own_place, quiet, said, typing
@@ -26,7 +25,7 @@ ARDUINO, FTDI = "/dev/serial/by-id/usb-Arduino_LLC-if00", "/dev/serial/by-id/usb
 
 
 @pytest.fixture
-def answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Answers:
+def answers(tmp_path, monkeypatch) -> Answers:
     own_place(tmp_path, monkeypatch)
     monkeypatch.setattr(describing, "serial_ports", lambda _: (ARDUINO, FTDI))
     monkeypatch.setattr(describing, "_Drawn", lambda _: None)
@@ -35,7 +34,7 @@ def answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Answers:
     return Answers(there.config, there.places, tmp_path / "rig.toml", rig, quiet(), False)
 
 
-def test_enter_takes_what_the_machine_has(answers: Answers, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_enter_takes_what_the_machine_has(answers, monkeypatch):
     monkeypatch.setattr(
         readings,
         "cameras",
@@ -56,7 +55,7 @@ def test_enter_takes_what_the_machine_has(answers: Answers, monkeypatch: pytest.
     assert "# where that side begins, m, 0.2 to 1.9" in answers.file.read_text()
 
 
-def test_wrong_answers_are_explained_and_asked_again(answers: Answers, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_answers_are_explained_and_asked_again(answers, monkeypatch):
     typing(monkeypatch, "two words", "lab-2", "http://arm", "arm.local", "7", "/dev/ttyACM3", "/dev/ttyACM3", "1",
            "rs232", "sbi")  # fmt: skip
     describing.arm(answers)
@@ -70,9 +69,7 @@ def test_wrong_answers_are_explained_and_asked_again(answers: Answers, monkeypat
     assert "The arm stops by itself at 80 N, and at 60 60 54 54 10 10 10 Nm in joints 1 to 7." in told
 
 
-def test_what_is_missing_is_waived_in_the_file_and_stated_again_later(
-    answers: Answers, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_missing_is_waived_in_the_file_and_stated_again_later(answers, monkeypatch):
     typing(monkeypatch, "none", "none", *[""] * 3, "none", "none")
     describing.pedal(answers)
     describing.table(answers)
@@ -83,9 +80,7 @@ def test_what_is_missing_is_waived_in_the_file_and_stated_again_later(
     assert set(answers.rig.waived) == {"person", "keep_out"}
 
 
-def test_a_side_where_a_task_works_is_refused_and_a_box_there_is_named(
-    answers: Answers, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_side_where_a_task_works_is_refused_and_a_box_there_is_named(answers, monkeypatch):
     typing(monkeypatch, "0.01", "0.2 1", "-0.5 x", "-0.5 0.5", "front", "0.6", "1.3",
            "lamp", "0.6 -0.1 0", "0.8 0.1", "0.5 0.1 0.4", "0.8 0.1 0.4", "")  # fmt: skip
     describing.table(answers)
@@ -102,7 +97,7 @@ def test_a_side_where_a_task_works_is_refused_and_a_box_there_is_named(
 
 
 @pytest.fixture
-def short(answers: Answers, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def short(answers: Answers, monkeypatch) -> list[str]:
     """A walk of three steps; the middle one is ready once it was done twice. Returns what was done."""
     done: list[str] = []
 
@@ -117,9 +112,7 @@ def short(answers: Answers, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return done
 
 
-def test_a_step_is_done_once_its_check_passes(
-    answers: Answers, short: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_step_is_done_once_its_check_passes(answers, short, monkeypatch):
     typing(monkeypatch, "", "a")
     walk.walk(answers)
     assert short == ["arm", "camera", "camera", "trial"]
@@ -130,9 +123,7 @@ def test_a_step_is_done_once_its_check_passes(
     assert len(short) == 4, "everything is done already"
 
 
-def test_a_walk_goes_on_where_it_was_stopped_or_where_a_check_fails(
-    answers: Answers, short: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_walk_goes_on_where_it_was_stopped_or_where_a_check_fails(answers, short, monkeypatch):
     typing(monkeypatch, "q")
     with pytest.raises(StoppedByOperator, match="every completed step is kept") as stopped:
         walk.walk(answers)
@@ -147,7 +138,7 @@ def test_a_walk_goes_on_where_it_was_stopped_or_where_a_check_fails(
     assert short == ["arm", "trial", "camera", "camera", "trial"], "what follows a step is done again after it"
 
 
-def test_a_walk_can_begin_again_at_a_step(answers: Answers, short: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_walk_can_begin_again_at_a_step(answers, short, monkeypatch):
     short.append("camera")
     walk.walk(answers)
     walk.walk(answers, begin="camera")
@@ -160,9 +151,7 @@ def test_a_walk_can_begin_again_at_a_step(answers: Answers, short: list[str], mo
         walk.walk(unasked, begin="camera")
 
 
-def test_a_real_lab_is_never_set_up_unattended(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_real_lab_is_never_set_up_unattended(tmp_path, monkeypatch, capfd):
     own_place(tmp_path, monkeypatch)
     assert app.run(["setup", "--hw", "fr3", "--yes"]) == 2
     assert "leave out --yes" in capfd.readouterr().err
@@ -172,7 +161,7 @@ def test_a_real_lab_is_never_set_up_unattended(
     assert "is the rig file of a panda" in capfd.readouterr().err
 
 
-def test_a_rig_file_lies_beside_the_settings_of_the_project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rig_file_lies_beside_the_settings_of_the_project(tmp_path, monkeypatch):
     own_place(tmp_path, monkeypatch)
     assert begun(config.load({"hw": "fr3"}), quiet(), yes=False).file == tmp_path / "home/rig.toml"
     assert begun(config.load({}), quiet(), yes=False).file == tmp_path / "home/practice.toml"
@@ -182,7 +171,7 @@ def test_a_rig_file_lies_beside_the_settings_of_the_project(tmp_path: Path, monk
     assert begun(config.load({"hw": "fr3"}), quiet(), yes=False).file == tmp_path / "other.toml"
 
 
-def test_ports_are_listed_by_the_name_that_lasts(tmp_path: Path) -> None:
+def test_ports_are_listed_by_the_name_that_lasts(tmp_path):
     by_id = tmp_path / "serial/by-id"
     by_id.mkdir(parents=True)
     for name in ("ttyACM0", "ttyUSB0", "ttyS0"):
@@ -192,7 +181,7 @@ def test_ports_are_listed_by_the_name_that_lasts(tmp_path: Path) -> None:
     assert serial_ports(tmp_path / "none") == ()
 
 
-def test_the_stop_button_is_checked_with_the_arm_alone(answers: Answers, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_stop_button_is_checked_with_the_arm_alone(answers, monkeypatch):
     devices = ToyDevices()
     monkeypatch.setattr(lab, "makers_drivers", devices.drivers)
     typing(monkeypatch, "", "q")
@@ -207,9 +196,7 @@ def test_the_stop_button_is_checked_with_the_arm_alone(answers: Answers, monkeyp
     describing.stop_button(answers)  # asks nothing
 
 
-def test_the_first_calibration_of_a_real_lab_is_guided_by_hand_and_later_ones_are_slow(
-    answers: Answers, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_first_calibration_of_a_real_lab_is_guided_by_hand_and_later_ones_are_slow(answers, monkeypatch):
     asked: list[tuple[bool, float]] = []
 
     def calibrate(resolved: config.Resolved, *_: object, guide: bool, yes: bool) -> None:
@@ -226,7 +213,7 @@ def test_the_first_calibration_of_a_real_lab_is_guided_by_hand_and_later_ones_ar
     assert asked == [(True, 0.3), (False, 0.3)]
 
 
-def test_a_practised_lab_lacks_nothing_that_it_cannot_have(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_practised_lab_lacks_nothing_that_it_cannot_have(tmp_path, monkeypatch):
     own_place(tmp_path, monkeypatch)
     practice = begun(config.load({}), quiet(), yes=True)
     describing.table(practice)

@@ -16,20 +16,20 @@ def full_disk(_: int) -> None:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def test_a_folder_appears_whole(tmp_path: Path) -> None:
+def test_a_folder_appears_whole(tmp_path):
     durable.write_folder(tmp_path / "trial", {"a.bin": b"1", "b.json": b"{}"})
     assert {f.name: f.read_bytes() for f in (tmp_path / "trial").iterdir()} == {"a.bin": b"1", "b.json": b"{}"}
     assert [entry.name for entry in tmp_path.iterdir()] == ["trial"]
 
 
-def test_nothing_is_ever_overwritten(tmp_path: Path) -> None:
+def test_nothing_is_ever_overwritten(tmp_path):
     durable.write_file(tmp_path / "a", b"first")
     with pytest.raises(SessionError, match="never overwritten"):
         durable.write_file(tmp_path / "a", b"second")
     assert (tmp_path / "a").read_bytes() == b"first"
 
 
-def test_of_two_who_write_the_same_file_the_second_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_two_who_write_the_same_file_the_second_is_told(tmp_path, monkeypatch):
     """Also where the first finishes between the second's look and its last step."""
     monkeypatch.setattr(Path, "exists", lambda _: False)
     for write, content in ((durable.write_file, b"1"), (durable.write_folder, {"a": b"1"})):
@@ -40,7 +40,7 @@ def test_of_two_who_write_the_same_file_the_second_is_told(tmp_path: Path, monke
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["write_file", "write_folder"]
 
 
-def test_a_file_system_without_second_names_does_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_system_without_second_names_does_too(tmp_path, monkeypatch):
     def unsupported(*_: object) -> None:
         raise OSError(errno.EPERM, os.strerror(errno.EPERM))
 
@@ -51,7 +51,7 @@ def test_a_file_system_without_second_names_does_too(tmp_path: Path, monkeypatch
         durable.write_file(tmp_path / "a", b"2")
 
 
-def test_a_full_disk_leaves_nothing_under_the_final_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_leaves_nothing_under_the_final_name(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", full_disk)
     with pytest.raises(DiskFull, match=r"trial could not be written.*run the same command again"):
         durable.write_folder(tmp_path / "trial", {"a": b"1"})
@@ -63,7 +63,7 @@ def test_a_full_disk_leaves_nothing_under_the_final_name(tmp_path: Path, monkeyp
     )
 
 
-def test_contents_reach_the_disk_before_the_name_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_contents_reach_the_disk_before_the_name_does(tmp_path, monkeypatch):
     events: list[str] = []
 
     def noted(name: str, call: Callable[..., None]) -> Callable[..., None]:
@@ -79,7 +79,7 @@ def test_contents_reach_the_disk_before_the_name_does(tmp_path: Path, monkeypatc
     assert events == ["fsync", "fsync", "fsync", "rename", "fsync"]  # two files, their folder; then the parent
 
 
-def test_a_folder_is_complete_when_its_record_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_is_complete_when_its_record_is_there(tmp_path, monkeypatch):
     durable.write_folder(tmp_path / "trial", {"recording": b"0"})
     link = os.link
 

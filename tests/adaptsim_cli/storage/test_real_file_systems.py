@@ -18,7 +18,7 @@ Mount = Callable[[str], Path]
 
 
 @pytest.fixture
-def mount(tmp_path: Path) -> Iterator[Mount]:
+def mount(tmp_path) -> Iterator[Mount]:
     """A small file system in memory with these options."""
     there: list[Path] = []
 
@@ -38,7 +38,7 @@ def mount(tmp_path: Path) -> Iterator[Mount]:
         subprocess.run(["umount", str(folder)], check=True)
 
 
-def test_a_session_on_a_disk_that_fills_up_goes_on_once_there_is_room(mount: Mount, tmp_path: Path) -> None:
+def test_a_session_on_a_disk_that_fills_up_goes_on_once_there_is_room(mount, tmp_path):
     (tmp_path / "adaptsim.toml").write_text("min_free_mb = 0\n")  # it is refused before the arm moves otherwise
     whole = tmp_path / "whole"
     assert call(whole, RUN)[0] == 0
@@ -65,7 +65,7 @@ WRITING: tuple[tuple[str, ...], ...] = (
 )
 
 
-def test_commands_on_a_mount_that_is_read_only_read_and_move_nothing(mount: Mount) -> None:
+def test_commands_on_a_mount_that_is_read_only_read_and_move_nothing(mount):
     home = mount("size=1g")
     assert call(home, RUN)[0] == 0
     before = digest_of(home / "data")
@@ -83,9 +83,7 @@ def test_commands_on_a_mount_that_is_read_only_read_and_move_nothing(mount: Moun
 
 
 @pytest.mark.long
-def test_a_session_whose_clock_goes_backwards_ends_like_any_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_session_whose_clock_goes_backwards_ends_like_any_other(tmp_path, monkeypatch):
     whole, home = tmp_path / "whole", tmp_path / "backwards"
     assert call(whole, RUN)[0] == 0
     calls = []

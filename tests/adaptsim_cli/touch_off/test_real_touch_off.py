@@ -54,7 +54,7 @@ BELIEVED = "[table]\nheight_m = -0.002\n"
 
 
 @pytest.fixture(autouse=True)
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def place(tmp_path, monkeypatch) -> Path:
     return own_place(tmp_path, monkeypatch)
 
 
@@ -83,7 +83,7 @@ def asked(rig: TouchRig, screen: Screen, hand: FakeHand | None = None) -> SavedT
 
 
 @pytest.mark.long
-def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place, monkeypatch):
     there, devices = resolved(place), ToyDevices(hand=FakeHand(), plane=TRUE)
     typing(monkeypatch, "panda", *[""] * 4)
     with opened(there, devices) as rig:
@@ -113,7 +113,7 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place: Path, mo
         assert devices.opened["arm"]["cell"].table == saved.correction().table
 
 
-def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch):
     bare, clock, screen = FakeArm(Q_TOP_RAD, FakeClock(), cell(tool=TOOL), plane=LEVEL), FakeClock(), quiet()
     pedal = ToyPedal([False, True]).__enter__()
     arm = ConfirmedArm(bare, Consent(screen, "panda", "empty", "Kim"), pedal, now_s=clock.now_s, pause=clock.sleep)
@@ -130,7 +130,7 @@ def test_a_guarded_motion_is_confirmed_and_waits_for_the_pedal_too(monkeypatch: 
     assert [payload.mass_kg for payload in bare.carried] == [0.3]
 
 
-def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place, monkeypatch):
     there, devices, screen = resolved(place), ToyDevices(hand=FakeHand(), plane=TRUE), quiet()
     typing(monkeypatch, "panda", "", "no", "q")
     with opened(there, devices) as rig, pytest.raises(StoppedByOperator):
@@ -152,7 +152,7 @@ def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place: Path, monk
     assert f"{question} the scooping tool, slowly" in said(screen)
 
 
-def test_the_joint_zeros_of_the_calibration_are_used(place: Path) -> None:
+def test_the_joint_zeros_of_the_calibration_are_used(place):
     there, devices = resolved(place), ToyDevices(hand=FakeHand())
     zeros_rad = (0.0, 1e-3, 0.0, -2e-3, 0.0, 0.0, 0.0)
     offsets = OffsetsRecord(
@@ -165,7 +165,7 @@ def test_the_joint_zeros_of_the_calibration_are_used(place: Path) -> None:
             assert tuple(cell.arm.zeros_rad) == zeros_rad
 
 
-def test_nothing_moves_unless_the_model_is_typed(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_moves_unless_the_model_is_typed(place, monkeypatch):
     there, devices = resolved(place), ToyDevices(hand=FakeHand(), plane=TRUE)
     typing(monkeypatch, "clear", "q")
     with opened(there, devices) as rig, pytest.raises(StoppedByOperator, match="nothing has moved"):
@@ -175,7 +175,7 @@ def test_nothing_moves_unless_the_model_is_typed(place: Path, monkeypatch: pytes
     assert devices.hand.commands == []
 
 
-def test_a_fault_is_cleared_on_a_word_or_stays(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fault_is_cleared_on_a_word_or_stays(place, monkeypatch):
     there, devices = resolved(place), ToyDevices(hand=FakeHand(), plane=TRUE)
     faulty = devices.drivers_of_a_stopped_arm()
     calibrated(there)
@@ -188,7 +188,7 @@ def test_a_fault_is_cleared_on_a_word_or_stays(place: Path, monkeypatch: pytest.
                     asked(rig, quiet())
 
 
-def test_what_is_refused_before_any_device_is_touched(place: Path) -> None:
+def test_what_is_refused_before_any_device_is_touched(place):
     def refused(there: Resolved, kind: type[Exception], match: str) -> None:
         with (
             pytest.raises(kind, match=match),
@@ -203,9 +203,7 @@ def test_what_is_refused_before_any_device_is_touched(place: Path) -> None:
     refused(resolved(place, RIG + "[table]\nx_m = [0.3, 0.6]\n"), NotExecutable, r"outside of the work area.*\[table\]")
 
 
-def test_the_command_refuses_yes_and_names_a_missing_driver(
-    place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_refuses_yes_and_names_a_missing_driver(place, monkeypatch, capfd):
     calibrated(resolved(place))
     monkeypatch.setattr("adaptsim_cli.devices.lab.makers_drivers", Untouched)
     assert app.run(["touch-off", "--hw", "panda", "--yes"]) == 2

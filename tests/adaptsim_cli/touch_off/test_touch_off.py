@@ -71,7 +71,7 @@ def solved(seed: int, std_m: float) -> tuple[Result, tuple[str, ...]]:
     return solve(fingers, tool, HARDWARE.X_FT, CENTRE_M)
 
 
-def test_perfect_touches_give_everything_back() -> None:
+def test_perfect_touches_give_everything_back():
     found, problems = solved(0, 0.0)
     assert problems == ()
     for name in ("height_m", "forward_m", "pitch_rad", "roll_rad"):
@@ -80,7 +80,7 @@ def test_perfect_touches_give_everything_back() -> None:
     assert found.table_height_m.value == pytest.approx(float(TRUE.table.height_at(CENTRE_M)), abs=1e-9)
 
 
-def test_the_stated_intervals_hold() -> None:
+def test_the_stated_intervals_hold():
     """With the arm's repeatability: each of six quantities within its interval 19 times of 20, and small enough."""
     inside: list[bool] = []
     for seed in range(40):
@@ -99,7 +99,7 @@ def test_the_stated_intervals_hold() -> None:
     assert 0.90 < np.mean(inside) <= 1.0
 
 
-def test_what_does_not_fit_together_is_a_problem() -> None:
+def test_what_does_not_fit_together_is_a_problem():
     rng = np.random.default_rng(0)
     probes = tool_probes(touchable(HARDWARE).feelers, CENTRE_M)
     fingers = touches(table_probes(CENTRE_M), np.eye(4), np.eye(4), rng, 1e-4)
@@ -119,7 +119,7 @@ def test_what_does_not_fit_together_is_a_problem() -> None:
 
 
 @pytest.fixture
-def resolved(tmp_path: Path) -> config.Resolved:
+def resolved(tmp_path) -> config.Resolved:
     return config.load({"task": "scooping", "world": "wd"}, {"ADAPTSIM_HOME": str(tmp_path)}, tmp_path)
 
 
@@ -128,7 +128,7 @@ def latest(resolved: config.Resolved, zeros_rad: Array) -> SavedTouchOff | None:
 
 
 @pytest.mark.long
-def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved: config.Resolved) -> None:
+def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved):
     with on_lab(world()) as (rig, lab):
         saved = touch_off(rig)
         truth = lab.truth()
@@ -160,7 +160,7 @@ def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved: config.Resolv
         store.current()
 
 
-def test_a_missing_table_and_a_forgotten_book_are_named() -> None:
+def test_a_missing_table_and_a_forgotten_book_are_named():
     with on_lab(world(Mount(table_height_mm=-45.0))) as (rig, _), pytest.raises(TouchOffFailed, match="nothing was"):
         touch_off(rig)
     book = KeepOut("book", np.array([0.5, -0.25, 0.0]), np.array([0.62, -0.07, 0.018]))
@@ -171,12 +171,12 @@ def test_a_missing_table_and_a_forgotten_book_are_named() -> None:
         touch_off(rig)
 
 
-def test_a_released_pedal_stops_it() -> None:
+def test_a_released_pedal_stops_it():
     with on_lab(world(faults=Faults(pedal_release=(2,)))) as (rig, _), pytest.raises(StoppedByPedal):
         touch_off(rig)
 
 
-def test_a_tool_that_nobody_holds_is_not_grasped() -> None:
+def test_a_tool_that_nobody_holds_is_not_grasped():
     with on_lab(world()) as (rig, _):
         rig.hand.home()
         with pytest.raises(TouchOffFailed, match="does not hold the tool"):
@@ -184,15 +184,13 @@ def test_a_tool_that_nobody_holds_is_not_grasped() -> None:
 
 
 @pytest.mark.slow
-def test_a_weak_grip_is_found_out() -> None:
+def test_a_weak_grip_is_found_out():
     weak = world(replace(MOUNT, grip_Nm_per_N=0.04))
     with on_lab(weak) as (rig, _), pytest.raises(TouchOffFailed, match="slipped: pressed with 15 N"):
         touch_off(rig)
 
 
-def test_a_real_arm_is_never_confirmed_by_nobody_and_a_person_is_asked_by_the_arm_itself(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_real_arm_is_never_confirmed_by_nobody_and_a_person_is_asked_by_the_arm_itself(monkeypatch):
     asked: list[str] = []
     monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
     with on_lab(world()) as (lab_rig, _):
@@ -205,7 +203,7 @@ def test_a_real_arm_is_never_confirmed_by_nobody_and_a_person_is_asked_by_the_ar
     assert asked == ["typed"]
 
 
-def test_whoever_stands_beside_the_simulated_arm_is_asked_as_beside_a_real_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whoever_stands_beside_the_simulated_arm_is_asked_as_beside_a_real_one(monkeypatch):
     out = screen()
     monkeypatch.setattr("sys.stdin", io.StringIO("\nq\n"))
     with on_lab(world()) as (rig, lab):
@@ -218,9 +216,7 @@ def test_whoever_stands_beside_the_simulated_arm_is_asked_as_beside_a_real_one(m
     assert "The simulated robot then touches the table" in " ".join(out._console.file.getvalue().split())
 
 
-def test_what_the_command_refuses_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
-    monkeypatch.chdir(tmp_path)
+def test_what_the_command_refuses_at_once(tmp_path):
     runner = CliRunner()
     cases = (
         (["--hw", "panda", "--yes"], (UsageError,)),
@@ -234,9 +230,7 @@ def test_what_the_command_refuses_at_once(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.slow
-def test_the_command_prints_one_object_and_stores_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
-    monkeypatch.chdir(tmp_path)
+def test_the_command_prints_one_object_and_stores_it():
     result = CliRunner().invoke(app, ["touch-off", "--world", "steep-mount", "--seed", "0", "--yes", "--json"])
     assert result.exit_code == 0, result.stderr
     told = json.loads(result.stdout)

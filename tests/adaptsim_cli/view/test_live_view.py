@@ -10,7 +10,6 @@ import socket
 import struct
 from collections.abc import Iterator
 from importlib import resources
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,7 +68,7 @@ class Events:
         self._connection.close()
 
 
-def test_it_listens_on_this_computer_alone(page: Page) -> None:
+def test_it_listens_on_this_computer_alone(page):
     assert page.address == f"http://127.0.0.1:{page.port}/"
     with pytest.raises(OSError):
         socket.create_connection(("127.0.0.2", page.port), timeout=2).close()
@@ -78,11 +77,11 @@ def test_it_listens_on_this_computer_alone(page: Page) -> None:
 @pytest.mark.parametrize(
     ("host", "status"), [("127.0.0.1:9", 200), ("localhost:8765", 200), ("evil.example", 403), ("evil.example:80", 403)]
 )
-def test_another_sites_page_reads_nothing(page: Page, host: str, status: int) -> None:
+def test_another_sites_page_reads_nothing(page, host, status):
     assert get(page, "/", host)[0] == status
 
 
-def test_resets_and_malformed_hosts_leave_the_terminal_alone(page: Page, capfd: pytest.CaptureFixture[str]) -> None:
+def test_resets_and_malformed_hosts_leave_the_terminal_alone(page, capfd):
     for sent in (b"GET / HTTP/1.1\r\nHost: [\r\n\r\n", b"GET //[ HTTP/1.1\r\nHost: localhost\r\n\r\n", b"GET"):
         with socket.create_connection(("127.0.0.1", page.port), timeout=20) as one:
             one.sendall(sent)
@@ -94,14 +93,14 @@ def test_resets_and_malformed_hosts_leave_the_terminal_alone(page: Page, capfd: 
     assert capfd.readouterr().err == ""
 
 
-def test_the_page_may_load_nothing_from_elsewhere(page: Page) -> None:
+def test_the_page_may_load_nothing_from_elsewhere(page):
     _, headers, _ = get(page, "/")
     assert "default-src 'none'" in headers["Content-Security-Policy"]
     assert not re.search(r"(src|href)=\"(?!data:|\$\{)", HTML), "what it shows comes from its own address"
     assert "http" not in re.sub(r"<!doctype html>", "", HTML)
 
 
-def test_every_state_arrives_pictures_by_name_and_the_end(page: Page) -> None:
+def test_every_state_arrives_pictures_by_name_and_the_end(page):
     page.show({"a": 1}, {"1.jpg": b"\xff\xd8one"})
     events = Events(page)
     assert events.next() == {"a": 1}
@@ -115,7 +114,7 @@ def test_every_state_arrives_pictures_by_name_and_the_end(page: Page) -> None:
     events.close()
 
 
-def test_a_port_that_is_taken_is_an_error_only_where_it_was_asked_for(page: Page) -> None:
+def test_a_port_that_is_taken_is_an_error_only_where_it_was_asked_for(page):
     with pytest.raises(UsageError, match=f"--view-port {page.port} is taken"), Page("", page.port):
         pass
     with Page("") as first, Page("") as second:
@@ -139,7 +138,7 @@ class Looking(ScriptedOperator):
         return super().review(tracked, choices)
 
 
-def test_everything_is_on_the_page_before_it_is_asked_about(tmp_path: Path) -> None:
+def test_everything_is_on_the_page_before_it_is_asked_about(tmp_path):
     screen = Screen(console=Console(file=io.StringIO(), width=80))
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
     with live_view(screen, session.parts, "toy-wd", "session toy-wd", "fake", None, 2) as view:
@@ -163,7 +162,7 @@ def test_everything_is_on_the_page_before_it_is_asked_about(tmp_path: Path) -> N
     assert last["verdict"].startswith("Converged")
 
 
-def test_the_terminal_says_where_the_page_is_and_how_to_reach_it(tmp_path: Path) -> None:
+def test_the_terminal_says_where_the_page_is_and_how_to_reach_it(tmp_path):
     said = io.StringIO()
     screen = Screen(console=Console(file=said, width=80))
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
@@ -179,7 +178,7 @@ def test_the_terminal_says_where_the_page_is_and_how_to_reach_it(tmp_path: Path)
     assert f"ssh -L {port[1]}:127.0.0.1:{port[1]} " in said.getvalue()
 
 
-def test_the_posterior_of_a_parameter_adds_up_over_its_range() -> None:
+def test_the_posterior_of_a_parameter_adds_up_over_its_range():
     rng = np.random.default_rng(0)
     samples = PARAMETERS.sample(rng, 500)
     weights = np.where(samples[:, 0] > 0.35, 1.0, 0.0)

@@ -26,7 +26,7 @@ NAME = "study"
 
 
 @pytest.fixture(scope="module")
-def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def home(tmp_path_factory) -> Path:
     home = tmp_path_factory.mktemp("best")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ADAPTSIM_HOME", str(home))
@@ -37,14 +37,12 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def there(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def there(home, monkeypatch) -> None:
     monkeypatch.setenv("ADAPTSIM_HOME", str(home))
 
 
 @pytest.mark.long
-def test_the_best_policy_runs_and_is_exported_by_name(
-    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_best_policy_runs_and_is_exported_by_name(home, tmp_path, capsys):
     session = api.open_session(NAME)
     assert app.run(["rollout", "--session", NAME, "--best", "--yes", "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
@@ -60,9 +58,7 @@ def test_the_best_policy_runs_and_is_exported_by_name(
 
 
 @pytest.mark.long
-def test_a_best_policy_is_confirmed_by_trials_that_its_report_calls_measured(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_best_policy_is_confirmed_by_trials_that_its_report_calls_measured(capsys):
     session = api.open_session(NAME)
     assert "predicted from 2 trials" in session.report().read_text(encoding="utf-8")
     assert app.run(["rollout", "--session", NAME, "--best", "--trials", "2", "--yes", "--json"]) == 0
@@ -77,20 +73,20 @@ def test_a_best_policy_is_confirmed_by_trials_that_its_report_calls_measured(
     assert "--session NAME --best --trials" in capsys.readouterr().err
 
 
-def test_a_policy_that_follows_from_trials_runs_by_name_too(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_policy_that_follows_from_trials_runs_by_name_too(capsys):
     assert app.run(["rollout", "--session", "own", "--best", "--yes", "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert list(record["action"].values()) == api.open_session("own").best_policy()(np.zeros(0)).tolist()
 
 
-def test_a_task_without_an_arm_has_no_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_task_without_an_arm_has_no_scene(tmp_path, capsys):
     for kind in ("sdf", "mjcf"):
         assert app.run(["sessions", "export", NAME, "--format", kind, "--out", str(tmp_path / "scene")]) == 2
         assert "pendulum has no motion for a robot arm" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 
-def test_a_policy_takes_lists_and_refuses_wrong_contexts() -> None:
+def test_a_policy_takes_lists_and_refuses_wrong_contexts():
     task = get_task("pushing")
     asked: list[Array] = []
 
@@ -108,7 +104,7 @@ def test_a_policy_takes_lists_and_refuses_wrong_contexts() -> None:
         policy([850, 0.0])
 
 
-def test_rollouts_are_listed_and_reported(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rollouts_are_listed_and_reported(home, capsys):
     assert app.run(["rollout", "--task", "pendulum", "--yes"]) == 0
     (home / "data/rollouts/scooping-broken").mkdir()
     capsys.readouterr()
@@ -133,7 +129,7 @@ def test_rollouts_are_listed_and_reported(home: Path, capsys: pytest.CaptureFixt
         (["--session", "empty", "--best", "--yes"], "no complete iteration yet"),
     ],
 )
-def test_what_makes_no_sense_is_refused(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_makes_no_sense_is_refused(arguments, message, capsys):
     assert app.run(["rollout", *arguments]) in (2, 8)
     assert message in " ".join(capsys.readouterr().err.split())
 
@@ -144,7 +140,7 @@ CONTEXT, ACTION = np.array([0.9, 0.05]), np.array([0.1, 0.6])
 
 
 @pytest.fixture
-def store(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+def store(monkeypatch) -> SimpleNamespace:
     known = Posterior(PUSHING.margin, np.stack([LOW, HIGH]), np.array([0.5, 0.5]))
     found = SimpleNamespace(
         checkpoint=SimpleNamespace(solver=SimpleNamespace(task=PUSHING)), posterior=lambda store: known
@@ -156,8 +152,8 @@ def store(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     return SimpleNamespace(facts=SimpleNamespace(name="s", units={}, curves={}))
 
 
-def test_it_holds_the_mean_the_interval_and_the_policys_action(store: SimpleNamespace, tmp_path: Path) -> None:
-    (file, trial) = exporting.export(store, "sdf", tmp_path / "adapted", wiring.scene_files)  # type: ignore[arg-type]
+def test_it_holds_the_mean_the_interval_and_the_policys_action(store, tmp_path):
+    (file, trial) = exporting.export(store, "sdf", tmp_path / "adapted", wiring.scene_files)
     told, text = json.loads(trial.read_text()), file.read_text()
     assert told["parameters"] == pytest.approx({"mu": 0.15, "e": 1e5, "mu_p": 0.4, "y_p": 0.02})
     assert told["interval"]["mu"] == [0.1, 0.2]
@@ -168,6 +164,6 @@ def test_it_holds_the_mean_the_interval_and_the_policys_action(store: SimpleName
     assert np.linalg.norm(np.array(told["end"]["position_m"]) - expected.state[-1]) < 1e-6
 
 
-def test_nothing_is_overwritten(store: SimpleNamespace, tmp_path: Path) -> None:
+def test_nothing_is_overwritten(store, tmp_path):
     with pytest.raises(UsageError, match="exists already: name another --out"):
-        exporting.export(store, "sdf", tmp_path, wiring.scene_files)  # type: ignore[arg-type]
+        exporting.export(store, "sdf", tmp_path, wiring.scene_files)

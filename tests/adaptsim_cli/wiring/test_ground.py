@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,9 +29,7 @@ WORLD = ["--task", "scooping", "--world", "ood-1", "--seed", "0"]
 
 
 @pytest.fixture
-def settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Resolved:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
-    monkeypatch.chdir(tmp_path)
+def settings(place) -> Resolved:
     return config.load({"task": "scooping", "world": "ood-1", "seed": 0})
 
 
@@ -47,7 +44,7 @@ def out(capfd: pytest.CaptureFixture[str]) -> str:
     return " ".join(capfd.readouterr().out.split())
 
 
-def test_calibrations_are_listed_compared_and_restored(settings: Resolved, capfd: pytest.CaptureFixture[str]) -> None:
+def test_calibrations_are_listed_compared_and_restored(settings, capfd):
     store = calibrations(settings.config, settings.places)
     assert run(["calibrate", "list", *WORLD]) == 0
     assert "No calibrations yet in" in out(capfd)
@@ -76,7 +73,7 @@ def test_calibrations_are_listed_compared_and_restored(settings: Resolved, capfd
         assert json.loads(out(capfd))["version"] == 1
 
 
-def test_what_is_not_there_or_in_use_already_is_said(settings: Resolved, capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_is_not_there_or_in_use_already_is_said(settings, capfd):
     store = calibrations(settings.config, settings.places)
     store.save(calibration(), b"")
     assert run(["calibrate", "restore", "7", *WORLD]) == 2
@@ -87,7 +84,7 @@ def test_what_is_not_there_or_in_use_already_is_said(settings: Resolved, capfd: 
     assert "there are: none yet" in " ".join(capfd.readouterr().err.split())
 
 
-def test_a_damaged_one_is_named_and_hides_no_other(settings: Resolved, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_damaged_one_is_named_and_hides_no_other(settings, capfd):
     store = calibrations(settings.config, settings.places)
     path = store.save(calibration(), b"")
     store.save(calibration(), b"")
@@ -105,7 +102,7 @@ def facts(ground_sha256: str) -> Facts:
     )  # fmt: skip
 
 
-def test_a_session_finds_its_own_calibration_among_all_that_are_kept(settings: Resolved) -> None:
+def test_a_session_finds_its_own_calibration_among_all_that_are_kept(settings):
     task, store = get_task("scooping"), calibrations(settings.config, settings.places)
 
     def in_use() -> str:
@@ -128,9 +125,7 @@ def test_a_session_finds_its_own_calibration_among_all_that_are_kept(settings: R
         own("f" * 64, replace(settings.places))
 
 
-def test_a_tool_without_corners_takes_the_table_from_the_touch_off_of_another_tool(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_tool_without_corners_takes_the_table_from_the_touch_off_of_another_tool(tmp_path, monkeypatch):
     """The table of a real lab slopes by 0.3° and no pusher can touch it: tracks were off by 3.8 mm."""
     place = own_place(tmp_path, monkeypatch)
     write_rig(place)

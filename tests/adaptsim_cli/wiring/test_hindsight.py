@@ -23,7 +23,7 @@ ADAPTED, UDR = "pendulum-wd", "pendulum-wd-udr"
 
 
 @pytest.fixture(scope="module")
-def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def root(tmp_path_factory) -> Path:
     """Two sessions of two iterations, made by the program."""
     home = tmp_path_factory.mktemp("hindsight")
     with pytest.MonkeyPatch.context() as patch:
@@ -35,11 +35,11 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def home(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def home(root: Path, monkeypatch) -> None:
     monkeypatch.setenv("ADAPTSIM_HOME", str(root.parents[1]))
 
 
-def test_the_posterior_narrows_with_every_iteration(root: Path) -> None:
+def test_the_posterior_narrows_with_every_iteration(root):
     store = SessionStore.open(root, ADAPTED)
     found = Hindsight.of(store)
     effective = [found.posterior(store, i).effective for i in range(3)]
@@ -48,7 +48,7 @@ def test_the_posterior_narrows_with_every_iteration(root: Path) -> None:
     assert found.posterior(store).weights.tolist() == found.posterior(store, 2).weights.tolist()
 
 
-def test_the_simulator_prefers_the_adapted_policy_in_hindsight(root: Path) -> None:
+def test_the_simulator_prefers_the_adapted_policy_in_hindsight(root):
     judgement = Reports().judgement(SessionStore.open(root, ADAPTED))
     assert not isinstance(judgement, str)
     assert judgement.adapted is not None
@@ -57,7 +57,7 @@ def test_the_simulator_prefers_the_adapted_policy_in_hindsight(root: Path) -> No
     assert judgement.predictions[1].likely.shape[1:] == judgement.predictions[1].guess.shape
 
 
-def test_the_page_shows_first_adapted_and_udr_with_posterior_and_predictions(root: Path) -> None:
+def test_the_page_shows_first_adapted_and_udr_with_posterior_and_predictions(root):
     html = Reports().draw(SessionStore.open(root, ADAPTED)).read_text()
     for row in ("First policy", "Adapted policy", "UDR"):
         assert f">{row}</text>" in html
@@ -68,14 +68,14 @@ def test_the_page_shows_first_adapted_and_udr_with_posterior_and_predictions(roo
     assert numbers == [4, 3, 2, 1], "newest first"
 
 
-def test_a_session_of_udr_is_not_its_own_reference(root: Path) -> None:
+def test_a_session_of_udr_is_not_its_own_reference(root):
     assert measured_udr(SessionStore.open(root, UDR)) is None
     reference = measured_udr(SessionStore.open(root, ADAPTED))
     assert reference is not None
     assert (reference.session, len(reference.rewards)) == (UDR, 4)
 
 
-def test_a_checkpoint_that_is_gone_is_named_and_the_page_is_drawn_without_it(root: Path) -> None:
+def test_a_checkpoint_that_is_gone_is_named_and_the_page_is_drawn_without_it(root):
     store = SessionStore.open(root, ADAPTED)
     other = SessionStore(store.folder, store.facts.model_copy(update={"checkpoint_sha256": "f" * 64}), store.start)
     with pytest.raises(CheckpointError, match=r"pendulum/default \(ffffffffffff\).*ADAPTSIM_CHECKPOINT"):
@@ -87,7 +87,7 @@ def test_a_checkpoint_that_is_gone_is_named_and_the_page_is_drawn_without_it(roo
     assert 'class="likely"' not in html
 
 
-def test_sessions_are_compared_by_session_method_and_trial(root: Path, tmp_path: Path) -> None:
+def test_sessions_are_compared_by_session_method_and_trial(root, tmp_path):
     found = comparison.compared([SessionStore.open(root, name) for name in (ADAPTED, UDR)])
     path = comparison.write(found, tmp_path)
     html = path.read_text()
@@ -108,7 +108,7 @@ def test_sessions_are_compared_by_session_method_and_trial(root: Path, tmp_path:
     assert float(trials[0]["action_k11"]) == stored.action["k11"]
 
 
-def test_methods_are_paired_where_world_and_seed_agree(root: Path) -> None:
+def test_methods_are_paired_where_world_and_seed_agree(root):
     first, second = comparison.compared([SessionStore.open(root, name) for name in (ADAPTED, UDR)])
 
     def seed(session: comparison.Compared, seed: int) -> comparison.Compared:
@@ -124,7 +124,7 @@ def test_methods_are_paired_where_world_and_seed_agree(root: Path) -> None:
     assert apart.difference_ci95[0] <= apart.difference <= apart.difference_ci95[1]
 
 
-def test_what_cannot_be_compared_is_refused(root: Path) -> None:
+def test_what_cannot_be_compared_is_refused(root):
     store = SessionStore.open(root, ADAPTED)
     with pytest.raises(UsageError, match="two sessions or more"):
         comparison.compared([store])

@@ -50,7 +50,7 @@ def refuses(cell: Workcell, path: Paths) -> bool:
     return False
 
 
-def test_an_arm_that_knows_its_zeros_refuses_no_scoop_that_was_planned() -> None:
+def test_an_arm_that_knows_its_zeros_refuses_no_scoop_that_was_planned():
     for there, _, paths in planned(SCOOPS):
         with FakeArm(there.home_rad, FakeClock(), there.cell) as arm:
             for path in paths:
@@ -58,17 +58,17 @@ def test_an_arm_that_knows_its_zeros_refuses_no_scoop_that_was_planned() -> None
                 arm.execute(path)
 
 
-def test_an_arm_that_takes_reported_joints_for_true_ones_refuses_some() -> None:
+def test_an_arm_that_takes_reported_joints_for_true_ones_refuses_some():
     exact = arm_model("panda", np.zeros(7))
     assert any(refuses(replace(there.cell, arm=exact), paths) for there, _, paths in planned(SCOOPS))
 
 
-def test_the_tool_goes_where_it_was_meant_to_go() -> None:
+def test_the_tool_goes_where_it_was_meant_to_go():
     for there, motion, (_, path, _) in planned(SCOOPS):
         X_BT = forward(there.cell.arm.true_rad(path.q_rad)) @ HARDWARE.X_FT
         assert np.abs(X_BT - motion.X_BT).max() < 1e-6
 
 
 @pytest.mark.slow
-def test_no_scoop_of_a_hundred_is_refused() -> None:
+def test_no_scoop_of_a_hundred_is_refused():
     assert not any(refuses(there.cell, paths) for there, _, paths in planned(100, seed=1))

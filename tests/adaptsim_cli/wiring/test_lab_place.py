@@ -32,7 +32,7 @@ def job(method: str = "adaptsim") -> Job:
 
 
 @pytest.mark.long
-def test_a_trial_in_the_lab_ends_near_that_of_a_rollout() -> None:
+def test_a_trial_in_the_lab_ends_near_that_of_a_rollout():
     action = PUSHING.action.denormalise(np.array([0.5, 0.5]))
     context = PUSHING.reference_context
     world = load_world("wd", PUSHING)
@@ -46,9 +46,7 @@ def test_a_trial_in_the_lab_ends_near_that_of_a_rollout() -> None:
     assert seen.contexts[0] == pytest.approx(context)
 
 
-def test_an_object_that_is_never_found_is_moved_inward_and_then_ends_the_session_with_the_reason(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_object_that_is_never_found_is_moved_inward_and_then_ends_the_session_with_the_reason(monkeypatch):
     tried, placed = list[int](), list[Array]()
 
     def lost(_: object, drawn: Array, key: Any, operator: object) -> None:
@@ -64,7 +62,7 @@ def test_an_object_that_is_never_found_is_moved_inward_and_then_ends_the_session
     np.testing.assert_allclose(placed, inward, atol=1e-12)
 
 
-def test_only_methods_with_trials_go_to_the_lab(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_methods_with_trials_go_to_the_lab(monkeypatch):
     went = list[tuple[str, TrialSource | None]]()
 
     def run(job: Job, trials: TrialSource | None = None) -> Row | None:
@@ -79,14 +77,14 @@ def test_only_methods_with_trials_go_to_the_lab(monkeypatch: pytest.MonkeyPatch)
     assert isinstance(went[-1][1], lab_place.InLab)
 
 
-def test_what_the_lab_cannot_run_is_refused(capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_the_lab_cannot_run_is_refused(capfd):
     assert app.run(["benchmark", "--task", "pendulum", "--lab", "--targets", "wd"]) == 2
     assert "--lab: pendulum has no motion for an arm" in capfd.readouterr().err
     with pytest.raises(UsageError, match="mujoco-wd in another physics"):
         benchmark.asked(config.load({"task": "pushing"}), "wd,mujoco-wd", "udr", 4, 0, 1, "", None, in_lab=True)
 
 
-def test_results_of_the_lab_are_never_mixed_with_others() -> None:
+def test_results_of_the_lab_are_never_mixed_with_others():
     both = [
         benchmark.asked(config.load({"task": "pushing"}), "wd", "udr", 4, 0, 1, "", None, in_lab=lab)
         for lab in (False, True)

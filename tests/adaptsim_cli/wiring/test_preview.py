@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ PANDA = mounted_as_shipped(get_task("scooping"), "panda")
 
 
 @pytest.mark.long
-def test_the_table_and_the_page_of_a_scoop(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_table_and_the_page_of_a_scoop(tmp_path, capfd):
     page = tmp_path / "scoop.html"
     code = app.run(["preview", "--task", "scooping", "--action", "pitch_rate=0.2", "--json", "--html", str(page)])
     out, _ = capfd.readouterr()
@@ -34,7 +33,7 @@ def test_the_table_and_the_page_of_a_scoop(tmp_path: Path, capfd: pytest.Capture
     assert page.read_bytes().decode() != planned(PANDA, [], ["pitch_rate=-0.2"]).page().html()
 
 
-def test_the_page_is_served_to_this_machine_alone() -> None:
+def test_the_page_is_served_to_this_machine_alone():
     assert planned(PANDA, [], []).page().url.startswith("http://127.0.0.1:")
 
 
@@ -50,12 +49,12 @@ def test_the_page_is_served_to_this_machine_alone() -> None:
         (["--task", "juggling"], "must be one of pendulum"),
     ],
 )
-def test_bad_values_are_named(arguments: list[str], message: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_bad_values_are_named(arguments, message, capfd):
     assert app.run(["preview", *arguments]) == 2
     assert message in capfd.readouterr().err
 
 
-def test_what_is_not_given_stays() -> None:
+def test_what_is_not_given_stays():
     otherwise = np.array([0.1, 0.06, 0.01])
     np.testing.assert_array_equal(views.point(TASK.action, ["pitch=0.05"], otherwise, "--action"), [0.1, 0.05, 0.01])
     with pytest.raises(UsageError, match="--action"):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from recordings import MANIFEST, recordings, write_mcap, write_tables
@@ -13,7 +11,7 @@ from sim.errors import RecordingsRefused
 from sim.tasks.pendulum import TASK
 
 
-def test_trials_that_a_foreign_ros_2_writer_recorded_are_read_with_their_clock_corrected(tmp_path: Path) -> None:
+def test_trials_that_a_foreign_ros_2_writer_recorded_are_read_with_their_clock_corrected(tmp_path):
     found = read_recorded(TASK, write_mcap(tmp_path / "mcap", 9))
     actions, tracks = recordings(9)
     assert found.names[0] == "swing-00"
@@ -24,7 +22,7 @@ def test_trials_that_a_foreign_ros_2_writer_recorded_are_read_with_their_clock_c
         assert np.array_equal(seen.state, track.state)
 
 
-def test_the_same_trials_from_tables_have_the_same_values_and_free_columns_do_not_matter(tmp_path: Path) -> None:
+def test_the_same_trials_from_tables_have_the_same_values_and_free_columns_do_not_matter(tmp_path):
     found = read_recorded(TASK, write_tables(tmp_path / "tables", 9))
     actions, tracks = recordings(9)
     assert np.array_equal(found.actions, actions)
@@ -46,7 +44,7 @@ def test_the_same_trials_from_tables_have_the_same_values_and_free_columns_do_no
         ("late_s = 0.04", "late_s = 3.0", "its times must increase"),
     ],
 )
-def test_a_wrong_name_in_the_manifest_of_mcap_files_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+def test_a_wrong_name_in_the_manifest_of_mcap_files_is_named(tmp_path, old, new, message):
     folder = write_mcap(tmp_path / "mcap", 8)
     assert old in MANIFEST
     (folder / "recorded.toml").write_text(MANIFEST.replace(old, new))
@@ -55,7 +53,7 @@ def test_a_wrong_name_in_the_manifest_of_mcap_files_is_named(tmp_path: Path, old
     assert message in str(refused.value)
 
 
-def test_a_damaged_mcap_file_is_refused(tmp_path: Path) -> None:
+def test_a_damaged_mcap_file_is_refused(tmp_path):
     folder = write_mcap(tmp_path / "mcap", 8)
     whole = (folder / "swing-03.mcap").read_bytes()
     for content in (whole[: len(whole) // 2], b"", whole[:300] + bytes(100) + whole[400:]):
@@ -102,15 +100,13 @@ HEAD = "trial,t_s,q1,q2,v1,v2,excess\n"
         ({"manifest": 'task = "pendulum"\noutcome = "won"\n[tables]\nstate = ["q1"]\n'}, "outcome: it must be"),
     ],
 )
-def test_tables_that_cannot_serve_are_refused_with_the_place(
-    tmp_path: Path, changes: dict[str, str], message: str
-) -> None:
+def test_tables_that_cannot_serve_are_refused_with_the_place(tmp_path, changes, message):
     with pytest.raises(RecordingsRefused) as refused:
         read_recorded(TASK, write_tables(tmp_path / "lab", 8, **changes))
     assert message in str(refused.value)
 
 
-def test_a_folder_without_a_manifest_names_the_page_that_explains_it(tmp_path: Path) -> None:
+def test_a_folder_without_a_manifest_names_the_page_that_explains_it(tmp_path):
     with pytest.raises(RecordingsRefused, match=r"recorded\.toml is missing.*recorded-trials\.md"):
         read_recorded(TASK, tmp_path)
     with pytest.raises(RecordingsRefused, match="there is no such folder"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,23 +16,15 @@ pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(tmp_path_factory) -> Path:
     return write_tables(tmp_path_factory.mktemp("lab") / "swings", 32)
-
-
-@pytest.fixture(autouse=True)
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
-    return tmp_path
 
 
 def run(recorded: Path, *more: str) -> int:
     return app.run(["run-iteration", "--task", "pendulum", "--recorded", str(recorded), "--yes", *more])
 
 
-def test_a_session_takes_every_recording_once_and_its_report_judges_by_those_held_out(
-    recorded: Path, home: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_session_takes_every_recording_once_and_its_report_judges_by_those_held_out(recorded, capsys):
     assert run(recorded, "-n", "3") == 0
     assert "RECORDED" in capsys.readouterr().out
     session = api.open_session("pendulum-swings")
@@ -50,7 +41,7 @@ def test_a_session_takes_every_recording_once_and_its_report_judges_by_those_hel
     assert "SIMULATED" not in page
 
 
-def test_a_session_goes_on_where_it_was_and_gets_the_same_numbers(recorded: Path) -> None:
+def test_a_session_goes_on_where_it_was_and_gets_the_same_numbers(recorded):
     assert run(recorded, "-n", "1", "--session", "twice") == run(recorded, "-n", "1", "--session", "twice") == 0
     assert run(recorded, "-n", "2", "--session", "once") == 0
     twice, once = (api.open_session(name) for name in ("twice", "once"))
@@ -58,7 +49,7 @@ def test_a_session_goes_on_where_it_was_and_gets_the_same_numbers(recorded: Path
     assert [t.reward for t in twice.trials] == [t.reward for t in once.trials]
 
 
-def test_it_can_be_begun_in_python_and_another_seed_holds_out_other_trials(recorded: Path) -> None:
+def test_it_can_be_begun_in_python_and_another_seed_holds_out_other_trials(recorded):
     shown = []
     for seed in (0, 1):
         session = api.begin("pendulum", recorded=str(recorded), held_out=0.25, seed=seed)
@@ -69,7 +60,7 @@ def test_it_can_be_begun_in_python_and_another_seed_holds_out_other_trials(recor
     assert shown[0] != shown[1]
 
 
-def test_a_changed_recording_stops_the_session(home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_changed_recording_stops_the_session(tmp_path, capsys):
     folder = write_tables(tmp_path / "lab", 24)
     assert run(folder) == 0
     lines = (folder / "trajectories.csv").read_text().splitlines()
@@ -79,16 +70,14 @@ def test_a_changed_recording_stops_the_session(home: Path, tmp_path: Path, capsy
     assert "the recording has changed since session" in capsys.readouterr().err
 
 
-def test_a_session_ends_with_one_line_when_all_recordings_are_used(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_session_ends_with_one_line_when_all_recordings_are_used(tmp_path, capsys):
     folder = write_tables(tmp_path / "few", 10)
     assert run(folder, "-n", "5", "--held-out", "0") == 0
     assert run(folder, "-n", "1", "--held-out", "0") == 3
     assert "recorded trials" in capsys.readouterr().err
 
 
-def test_a_real_arm_and_another_solver_are_refused(recorded: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_real_arm_and_another_solver_are_refused(recorded, capsys):
     assert run(recorded, "--solver", "naf") == 2
     assert "leave out --solver naf" in capsys.readouterr().err
 
@@ -97,13 +86,11 @@ def own_session(folder: Path) -> Path:
     """Trials of a session of this program."""
     begun = ["run-iteration", "--task", "pendulum", "--world", "wd", "--method", "random", "--session", "old"]
     assert app.run([*begun, "-n", "4", "--yes"]) == 0
-    return folder.parent / "data" / "sessions" / "old"
+    return folder.parent / "home/data/sessions/old"
 
 
 @pytest.mark.parametrize("source", [write_tables, write_mcap, own_session])
-def test_a_session_runs_to_its_verdict_from_the_files_of_any_program_and_again_to_the_same_numbers(
-    source: Callable[[Path], Path], tmp_path: Path
-) -> None:
+def test_a_session_runs_to_its_verdict_from_the_files_of_any_program_and_again_to_the_same_numbers(source, tmp_path):
     folder, found = source(tmp_path / "lab"), []
     recorded = {tuple(action) for action in read_recorded(TASK, folder).actions}
     for name in ("first", "second"):
@@ -118,7 +105,7 @@ def test_a_session_runs_to_its_verdict_from_the_files_of_any_program_and_again_t
     assert found[0] == found[1]
 
 
-def test_too_few_trials_get_one_line_and_no_session(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(write_tables(home / "lab", 7)) == 8
+def test_too_few_trials_get_one_line_and_no_session(tmp_path, capsys):
+    assert run(write_tables(tmp_path / "lab", 7)) == 8
     assert "there are 7 recorded trials, and at least 8 are needed" in capsys.readouterr().err.replace("\n", " ")
-    assert not (home / "data" / "sessions").exists()
+    assert not (tmp_path / "home/data/sessions").exists()

@@ -28,7 +28,7 @@ def believed(session: str, low: float, high: float, parameter: str = "mu") -> Pa
     return ParameterBelief(session=session, parameter=parameter, unit="", low=low, median=0.5 * (low + high), high=high)
 
 
-def test_posteriors_disagree_where_their_intervals_have_nothing_in_common() -> None:
+def test_posteriors_disagree_where_their_intervals_have_nothing_in_common():
     apart = [believed("a", 0.1, 0.2), believed("b", 0.3, 0.4), believed("c", 0.15, 0.35)]
     assert disagreements(apart) == ("The posteriors disagree in mu: a has 0.1 to 0.2, b 0.3 to 0.4 (90 %).",)
     assert disagreements([believed("a", 0.1, 0.2), believed("b", 0.2, 0.3)]) == (
@@ -37,7 +37,7 @@ def test_posteriors_disagree_where_their_intervals_have_nothing_in_common() -> N
     assert disagreements(apart[:1]) == ()
 
 
-def test_prospects_weighed_by_a_posterior_repeat_its_truths_and_keep_a_tenth_of_the_others() -> None:
+def test_prospects_weighed_by_a_posterior_repeat_its_truths_and_keep_a_tenth_of_the_others():
     truths = np.arange(100.0)[:, None]
     weights = np.zeros(100)
     weights[7] = 1.0
@@ -48,10 +48,7 @@ def test_prospects_weighed_by_a_posterior_repeat_its_truths_and_keep_a_tenth_of_
 
 
 @pytest.mark.long
-def test_a_session_begins_with_the_posterior_of_another_and_comparing_them_names_parameters(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+def test_a_session_begins_with_the_posterior_of_another_and_comparing_them_names_parameters(capsys):
     run = ["run-iteration", "--task", "pendulum", "--yes", "--world", "wd"]
     assert app.run([*run, "--session", "old"]) == 0
     old, new = api.open_session("old"), api.begin("pendulum", start_from="old", name="new")
@@ -79,10 +76,7 @@ def test_a_session_begins_with_the_posterior_of_another_and_comparing_them_names
 
 
 @pytest.mark.long
-def test_methods_are_compared_on_recorded_trials_with_a_control(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+def test_methods_are_compared_on_recorded_trials_with_a_control(tmp_path, capsys):
     folder = write_tables(tmp_path / "swings", 24)
     run = ["benchmark", "--task", "pendulum", "--recorded", str(folder), "--budget", "4", "--seeds", "2", "--json"]
     methods = ["adaptsim", "random", "udr", "best-action", "permuted", "permuted-udr"]
@@ -101,7 +95,7 @@ def not_asked(requests: Requests) -> Rollouts:
 
 
 @pytest.fixture
-def by_naf(tmp_path: Path) -> Checkpoint:
+def by_naf(tmp_path) -> Checkpoint:
     """A checkpoint of scooping that was made without an emulator."""
     task = get_task("scooping")
     facts = naf_facts(NafSolver(task, not_asked, rules_of(task, 0.1), NafMemory(task), 1.5))
@@ -111,7 +105,7 @@ def by_naf(tmp_path: Path) -> Checkpoint:
     return load_checkpoint(task, str(folder))
 
 
-def test_a_checkpoint_made_with_naf_goes_on_with_it(by_naf: Checkpoint, tmp_path: Path) -> None:
+def test_a_checkpoint_made_with_naf_goes_on_with_it(by_naf, tmp_path):
     for name in ("", "naf"):
         with solver_of(by_naf, name, 1, tmp_path / "session") as (policies, expectations):
             assert isinstance(policies, NafSolver)
@@ -121,7 +115,7 @@ def test_a_checkpoint_made_with_naf_goes_on_with_it(by_naf: Checkpoint, tmp_path
         pass
 
 
-def test_beside_naf_an_emulator_still_tells_what_to_expect(tmp_path: Path) -> None:
+def test_beside_naf_an_emulator_still_tells_what_to_expect(tmp_path):
     checkpoint = load_checkpoint(get_task("scooping"))
     with solver_of(checkpoint, "naf", 1, tmp_path) as (policies, expectations):
         assert isinstance(policies, NafSolver)
@@ -130,7 +124,7 @@ def test_beside_naf_an_emulator_still_tells_what_to_expect(tmp_path: Path) -> No
         assert policies is expectations is checkpoint.solver
 
 
-def test_an_exact_task_has_its_own(tmp_path: Path) -> None:
+def test_an_exact_task_has_its_own(tmp_path):
     checkpoint = load_checkpoint(get_task("pendulum"))
     with solver_of(checkpoint, "", 1, tmp_path) as (policies, expectations):
         assert policies is expectations is checkpoint.solver

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
 import pytest
 from toy_session import NAME, run
 
+from adaptsim_cli import app
 from adaptsim_cli.session.store import SessionStore
 
 
@@ -31,3 +33,29 @@ def store(undisturbed: SessionStore, place) -> SessionStore:
     """A copy of it in the test's home, to go on with or to spoil."""
     shutil.copytree(undisturbed.folder.parents[1], place / "home/data")
     return SessionStore.open(place / "home/data/sessions", NAME)
+
+
+@pytest.fixture
+def refused(capfd):
+    """Runs a command that must end with this code; returns its one message, on one line."""
+
+    def run(code: int, *line: str) -> str:
+        capfd.readouterr()
+        assert app.run(line) == code, line
+        _, err = capfd.readouterr()
+        assert err.count("Error:") == 1 and "Traceback" not in err, err
+        return " ".join(err.split())
+
+    return run
+
+
+@pytest.fixture
+def printed(capfd):
+    """Runs a command that must succeed; returns the one JSON value that it prints."""
+
+    def run(*line: str):
+        capfd.readouterr()
+        assert app.run(line) == 0, line
+        return json.loads(capfd.readouterr().out)
+
+    return run

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from adaptsim_cli import api, app
+from adaptsim_cli import api
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, to_toml
 
 
 @pytest.mark.long
-def test_an_iteration_of_python_equals_one_of_the_command_line(capsys):
+def test_an_iteration_of_python_equals_one_of_the_command_line(printed):
     session = api.begin("pendulum", world="wd", seed=3, name="here")
     done = session.run_iteration()
-    capsys.readouterr()
-    assert app.run(["run-iteration", "--task", "pendulum", "--seed", "3", "--session", "there", "--yes", "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
+    printed = printed("run-iteration", "--task", "pendulum", "--seed", "3", "--session", "there", "--yes", "--json")
     assert [t.reward for t in session.trials] == [t["reward"] for p in printed["particles"] for t in p["trials"]]
     assert done.best.params == printed["best"]["params"]
     assert [dict(p) for p in done.next_parameters] == [p["next_params"] for p in printed["particles"]]

@@ -38,10 +38,6 @@ def test_flag_over_environment_over_project_over_user_over_default(home, project
     assert found.sources["particles"] == "default"
 
 
-def test_adaptsim_home_moves_data_and_settings(home, project):
-    assert load(home, project).places.sessions == home / "data" / "sessions"
-
-
 @pytest.mark.parametrize(
     ("text", "told"),
     [

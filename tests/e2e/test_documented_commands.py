@@ -170,10 +170,3 @@ def test_a_session_is_begun_before_it_is_read_and_deleted_last():
     assert begun < min(reading)
     assert lines.index(f"adaptsim sessions redo {SESSION} 1") < lines.index(f"adaptsim sessions accept {SESSION} 1")
     assert lines[-1] == f"adaptsim sessions delete {SESSION}"
-
-
-def test_a_call_is_told_from_a_name():
-    assert not _says_more(["adaptsim", "calibrate", "--json"])
-    assert not _says_more(["adaptsim", "sessions", "redo"])
-    assert not _says_more(["adaptsim", "--debug"])
-    assert _says_more(["adaptsim", "sessions", "redo", "NAME", "3"])

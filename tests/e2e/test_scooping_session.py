@@ -44,22 +44,6 @@ def test_the_same_seed_gives_the_same_session(tmp_path, world):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("fault", "code"), [("camera_timeout", 6), ("arm_reflex", 5), ("pedal_release", 7)])
-def test_a_fault_has_its_exit_code_and_costs_one_attempt(fault, code, tmp_path, world):
-    world.write_text(f"{WORLD}[faults]\n{fault} = [2]\n")
-    failed = run(tmp_path / "home", world)
-    assert failed.returncode == code, failed.stderr
-    assert failed.stderr.count("Error:") == 1
-    assert "Traceback" not in failed.stderr
-    assert failed.stdout == ""
-    resumed = run(tmp_path / "home", world)
-    assert resumed.returncode == 0, resumed.stderr
-    folder = tmp_path / "home/data/sessions/s/iteration-01"
-    assert (folder / "trial-002-attempt-2").is_dir()
-    assert (folder / "trial-001-attempt-1").is_dir()
-
-
-@pytest.mark.slow
 def test_killed_at_twenty_random_moments_every_session_comes_to_the_same_end(tmp_path, world):
     began = time.monotonic()
     whole = run(tmp_path / "whole", world)

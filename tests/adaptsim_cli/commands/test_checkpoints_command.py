@@ -59,17 +59,20 @@ def test_a_card_that_claims_too_much_ends_with_8(copied, capfd):
     assert "says: mean reward of udr" in err
 
 
-def test_files_alone_can_be_checked(copied, capfd):
+def test_files_alone_can_be_checked(copied, refused, printed):
     claim(copied, udr=0.99)
-    assert app.run(["checkpoints", "verify", str(copied), "--task", "pendulum", "--rollouts", "0", "--json"]) == 0
-    assert json.loads(capfd.readouterr().out)["figures"] == []
+    assert (
+        printed("checkpoints", "verify", str(copied), "--task", "pendulum", "--rollouts", "0", "--json")["figures"]
+        == []
+    )
     weights = copied / "model.safetensors"
     weights.write_bytes(weights.read_bytes()[:-8] + bytes(8))
-    assert app.run(["checkpoints", "verify", str(copied), "--task", "pendulum", "--rollouts", "0"]) == 8
-    assert "damaged or was changed" in capfd.readouterr().err
+    assert "damaged or was changed" in refused(
+        8, "checkpoints", "verify", str(copied), "--task", "pendulum", "--rollouts", "0"
+    )
 
 
-def test_an_own_object_has_the_checkpoint_that_was_pretrained_for_it(copied, capfd):
+def test_an_own_object_has_the_checkpoint_that_was_pretrained_for_it(copied, printed):
     own = copied.parent / "heavy.toml"
     own.write_text('task = "pendulum"\nname = "heavy"\n[ranges]\nm1 = [1.5, 2.0]\n')
     task = task_of(config.load({"task": "pendulum", "object": str(own)}).config)
@@ -77,10 +80,8 @@ def test_an_own_object_has_the_checkpoint_that_was_pretrained_for_it(copied, cap
     save_checkpoint(task, made, None, tensors_of({"iteration": new_policy(task, "iteration", 0)}), {})
     shutil.copytree(copied, made.parents[1] / "pendulum-seed0" / "checkpoint")
     asked = ["checkpoints", "verify", "--task", "pendulum", "--rollouts", "0", "--json"]
-    assert app.run([*asked, "--object", str(own)]) == 0
-    assert json.loads(capfd.readouterr().out)["folder"] == str(made)
-    assert app.run(asked) == 0
-    assert json.loads(capfd.readouterr().out)["folder"] == str(files_of("pendulum", "checkpoints") / "default")
+    assert printed(*asked, "--object", str(own))["folder"] == str(made)
+    assert printed(*asked)["folder"] == str(files_of("pendulum", "checkpoints") / "default")
 
 
 def test_a_damaged_card_does_not_hide_the_others(copied, capfd):
@@ -93,11 +94,11 @@ def test_a_damaged_card_does_not_hide_the_others(copied, capfd):
     assert found["default"]["task"] in TASKS
 
 
-def test_wrong_flags_and_objects_are_named(copied, capfd):
-    assert app.run(["checkpoints", "verify", "--task", "pendulum", "--quick", "--rollouts", "9"]) == 2
-    assert "--quick and --rollouts contradict each other" in capfd.readouterr().err
+def test_wrong_flags_and_objects_are_named(copied, refused):
+    assert "--quick and --rollouts contradict each other" in refused(
+        2, "checkpoints", "verify", "--task", "pendulum", "--quick", "--rollouts", "9"
+    )
     own = copied.parent / "heavy.toml"
     own.write_text('task = "pendulum"\nname = "heavy"\n[ranges]\nm1 = [1.5, 2.0]\n')
     asked = ["checkpoints", "verify", str(copied), "--task", "pendulum", "--object", str(own), "--rollouts", "0"]
-    assert app.run(asked) == 8
-    assert "different parameters, margin of pendulum" in capfd.readouterr().err
+    assert "different parameters, margin of pendulum" in refused(8, *asked)

@@ -31,10 +31,6 @@ def test_names_of_this_machine_are_completed(home):
     assert "ood-1" in options.world_names("ood")
 
 
-def test_without_data_there_is_nothing_to_complete():
-    assert options.session_names("") == options.all_session_names("") == options.rollout_names("") == []
-
-
 @pytest.mark.parametrize(
     ("typed", "expected"),
     [

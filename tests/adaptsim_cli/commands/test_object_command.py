@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 
-from adaptsim_cli import app, config
+from adaptsim_cli import config
 from adaptsim_cli.screen import console
 from adaptsim_cli.wiring.settings import checkpoint_of
 
@@ -15,16 +14,14 @@ VALUES = ["--task", "pendulum", "--range", "m1=1.5:2.0"]
 
 
 @pytest.mark.long
-def test_a_session_finds_the_checkpoint_of_an_object(capsys):
-    assert app.run(["object", "rod", *VALUES, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+def test_a_session_finds_the_checkpoint_of_an_object(refused, printed):
+    told = printed("object", "rod", *VALUES, "--json")
     assert (told["inside"], told["held_out"], told["picture"]) == (True, None, None)
     assert [p["name"] for p in told["parameters"]] == ["m1", "m2", "b1", "b2"]
     assert "m1 = [1.5, 2.0]  # kg" in Path("rod.toml").read_text()
     chosen = config.load({"task": "pendulum", "object": "rod.toml"}).config
     assert str(checkpoint_of(chosen).path) == told["checkpoint"]
-    assert app.run(["object", "rod", *VALUES]) == 2
-    assert "rod.toml exists already" in capsys.readouterr().err
+    assert "rod.toml exists already" in refused(2, "object", "rod", *VALUES)
 
 
 @pytest.mark.parametrize(
@@ -39,9 +36,8 @@ def test_a_session_finds_the_checkpoint_of_an_object(capsys):
         ([], "there is no terminal to ask at"),
     ],
 )
-def test_a_wrong_value_writes_nothing(values, message, tmp_path, capsys):
-    assert app.run(["object", "rod", "--task", "pendulum", *values]) == 2
-    assert message in capsys.readouterr().err
+def test_a_wrong_value_writes_nothing(values, message, tmp_path, refused):
+    assert message in refused(2, "object", "rod", "--task", "pendulum", *values)
     assert not list(tmp_path.glob("rod*"))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 import open3d
 import pytest
 
-from adaptsim_cli import app
 from adaptsim_cli.commands.setup import all_parts
 from adaptsim_cli.report import parts as sheet
 from hw.types import Array
@@ -33,7 +31,7 @@ def parts() -> dict[str, Part]:
     return {part.name: part for part in all_parts()}
 
 
-def test_every_part_is_closed_and_fits_between_the_fingers(parts):
+def test_every_part_is_closed_and_fits_between_the_fingers(parts, printed):
     assert set(parts) == {"pusher", "patch", "adapter", "board-holder"}
     for part in parts.values():
         assert part.solid.is_watertight
@@ -42,7 +40,7 @@ def test_every_part_is_closed_and_fits_between_the_fingers(parts):
         assert sheet.printed(part).bounds[0, 2] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_pusher_has_the_mass_and_the_surface_of_the_scene(parts):
+def test_the_pusher_has_the_mass_and_the_surface_of_the_scene(parts, printed):
     pusher = parts["pusher"]
     assert pusher.mass is not None
     share = sheet.infill(pusher)
@@ -65,12 +63,10 @@ def test_a_handle_fits_into_the_adapter(parts):
     assert (outside_m(half, np.array([[0.0, 0.018, -0.005], [0.0, 0.0, -0.013]])) < 0.0).all()
 
 
-def test_the_command_writes_solids_and_a_sheet(tmp_path, capsys):
+def test_the_command_writes_solids_and_a_sheet(tmp_path, refused, printed):
     out = tmp_path / "parts"
-    assert app.run(["parts", "--out", str(out), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = printed("parts", "--out", str(out), "--json")
     assert [Path(part["file"]).name for part in told["parts"]] == ["pusher.stl", "adapter.stl", "board-holder.stl"]
     assert (out / "parts.pdf").read_bytes().startswith(b"%PDF")
     assert all(len((out / f"{name}.stl").read_bytes()) > 84 for name in ("pusher", "adapter", "board-holder"))
-    assert app.run(["parts", "--out", str(out)]) == 2
-    assert "another folder" in capsys.readouterr().err
+    assert "another folder" in refused(2, "parts", "--out", str(out))

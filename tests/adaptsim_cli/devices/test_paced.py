@@ -8,7 +8,6 @@ from cells import cell
 from guarded_paths import GUARD, Q_TOP_RAD, TOOL, down
 
 from adaptsim_cli import config
-from adaptsim_cli.app import run
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.pacing import PacedArm
 from adaptsim_cli.errors import UsageError
@@ -83,10 +82,9 @@ def test_only_who_asks_for_it_waits(realtime):
     assert wall.now_s() == pytest.approx(played.t_s[-1] if realtime else 0.0, abs=0.002)
 
 
-def test_a_real_arm_keeps_its_own_pace(capfd):
+def test_a_real_arm_keeps_its_own_pace(refused):
     real = config.load().config.model_copy(update={"hw": "fr3", "realtime": True})
     said = r"--realtime slows the simulated lab down, but this is a real arm \(fr3\)"
     with pytest.raises(UsageError, match=said), open_lab(real, get_task("scooping")):
         pass
-    assert run(["rollout", "--hw", "fr3", "--realtime"]) == 2
-    assert "--realtime" in capfd.readouterr().err
+    assert "--realtime" in refused(2, "rollout", "--hw", "fr3", "--realtime")

@@ -91,7 +91,6 @@ def aged(days: int) -> SavedCalibration:
         ("disk space", {"shutil.disk_usage": always(SimpleNamespace(free=1e8))}, MISSING, "MB needed (min_free_mb)"),
         ("packages", {"installed": HAVE.get}, MISSING, "mcap is not installed, needed >=1.3"),
         ("packages", {"installed": always("999")}, MISSING, "numpy 999, needed <2.5,>=2.2"),
-        ("libraries", {"loads": always(True)}, OK, "find theirs"),
         ("libraries", {"loads": lambda name: "usb" not in name}, MISSING, "libusb-1.0-0"),
         ("driver", {"installed": HAVE.get}, OK, "speaks interface 10: arm system 5.9.0"),
         ("driver", {"installed": always("0.1")}, MISSING, "pylibfranka 0.1 is installed, tested is 0.21.3"),
@@ -105,15 +104,12 @@ def aged(days: int) -> SavedCalibration:
         ("priorities", {"limits": always((99, float("inf"), False))}, OK, "may ask"),
         ("priorities", {"limits": always((0, 8.0, True))}, OK, "may ask"),
         ("priorities", {"limits": always((0, 8.0, False))}, MISSING, "rtprio 0, 80 needed; memlock 8 MB, 100 ne"),
-        ("priorities", {"limits": always((99, 8.0, False))}, MISSING, "memlock 8 MB"),
         ("clock frequency", {"governors": always(())}, OK, "no frequency governor"),
         ("clock frequency", {"governors": always(("performance",) * 2)}, OK, "every core"),
         ("clock frequency", {"governors": always(("performance", "powersave"))}, ADVICE, "powersave on 1 of 2 cores"),
         ("network", {"round_trips": always(((0.2, 0.3, 0.2), 0, ""))}, OK, "0.20 ms, 0.30 ms at worst"),
         ("network", {"round_trips": always(((0.2, 3.0), 0, ""))}, ADVICE, "3.00 ms at worst, 0 of 2 lost"),
-        ("network", {"round_trips": always(((0.2,), 1, "timed out"))}, ADVICE, "1 of 2 lost"),
         ("network", {"round_trips": always(((), 2, "timed out"))}, MISSING, "does not answer: timed out"),
-        ("arm", {"arm": always(seen())}, OK, "fr3 answers over FCI, interface 5, mode Idle, joints 0.00 -0.79"),
         ("arm", {"arm": always(seen(missed=3))}, OK, "1000 states at 1 kHz, 3 missed, longest gap 1.2 ms"),
         ("arm", {"arm": always(seen(missed=80))}, ADVICE, "80 missed, longest gap 1.2 ms (at most 5 % and 20 ms)"),
         ("arm", {"arm": always(seen(gap_s=0.03))}, ADVICE, "longest gap 30.0 ms (at most"),
@@ -121,16 +117,13 @@ def aged(days: int) -> SavedCalibration:
         ("arm", {"arm": always(seen(mode="UserStopped"))}, MISSING, "would not move: the stop button is pressed"),
         ("camera", {"cameras": always(kinect("12"))}, OK, "12, firmware colour 1.6, Microsoft library 1.4.1"),
         ("camera", {"cameras": always(bolt("1.1.1"))}, MISSING, "its maker withdrew 1.1.1, whose time stamps overflow"),
-        ("camera", {"cameras": always(bolt("1.1.2"))}, OK, "firmware colour 1.1.2, depth 1.1.2, Orbbec library 2.0.11"),
         ("camera", {"cameras": always(kinect("12", "34"))}, MISSING, "several cameras are plugged in: 12, 34"),
         ("camera", {"cameras": always(kinect("12", engine=False))}, MISSING, "no depth engine"),
         ("camera", {"cameras": always(kinect(error="no camera is seen"))}, MISSING, "no camera is seen"),
         ("camera", {"cameras": always(kinect("12", "34")), "rig": {"camera": {"serial": "34"}}}, OK, "34"),
         ("camera", {"cameras": always(kinect("12")), "rig": {"camera": {"serial": "34"}}}, MISSING,
          "34 is not plugged in; found: 12"),
-        ("pedal", {"port": always((False, "uucp")), **PEDAL}, MISSING, "belongs to the group uucp"),
         ("pedal", {"port": always((False, "uucp")), **PEDAL}, MISSING, "sudo usermod -aG uucp $USER"),
-        ("pedal", {"port": always((False, None)), **PEDAL}, MISSING, "/dev/a is not there"),
         ("pedal", {"port": always((False, None)), **PEDAL}, MISSING, "there now: /dev/b"),
         ("calibration", {CALIBRATION: always(None)}, MISSING, "this rig has no calibration"),
         ("calibration", {CALIBRATION: always(aged(1))}, OK, "± 0.5 mm, ± 0.05°, 1 day old"),
@@ -307,7 +300,7 @@ def test_a_real_lab_is_looked_at_device_by_device(place, capfd, monkeypatch):
     assert "% of the tightest limit" in checks["motion"]["detail"]
 
 
-def test_remedies_stand_whole_below_a_table_that_fits_the_screen(place):
+def test_the_checklist_fits_the_screen_and_what_is_missing_is_not_ready():
     file = io.StringIO()
     screen = Screen(console=Console(file=file, width=80, highlight=False, markup=False))
     found = (
@@ -321,10 +314,8 @@ def test_remedies_stand_whole_below_a_table_that_fits_the_screen(place):
     shown, _, rest = file.getvalue().partition("Missing:")
     assert max(len(line.rstrip()) for line in shown.splitlines()) <= 80
     assert [line[0] for line in shown.splitlines() if line[:1].strip()] == ["✓", "✗", "!", "–"]
-    assert "  driver: pip install panda-python==1.1.1\n" in rest
-    assert "  clock frequency: sudo cpupower frequency-set -g performance\n" in rest
-    assert "Ready:" not in rest
+    assert all(finding.fix in rest for finding in found), "remedies stand whole, below"
     assert not table.as_json(found, settings)["ready"]
-    with pytest.raises(PreflightFailed, match="not ready: driver"):
+    with pytest.raises(PreflightFailed, match="driver"):
         table.require(found)
     table.require(found[:1])

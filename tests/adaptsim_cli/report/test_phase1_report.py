@@ -88,14 +88,10 @@ def test_the_command_writes_the_report_of_a_finished_folder(made, capfd):
     assert (docs / "phase1.md").read_text() == text
 
 
-@pytest.mark.parametrize(
-    ("more", "told"),
-    [(("--docs", "docs"), "add --report"), (("--targets", "far"), "--targets far: choose one of paper, wide")],
-)
-def test_wrong_options_are_refused(more, told, made, capfd):
-    assert app.run(["pretrain", "--task", "pendulum", "--out", str(made.parent / "new"), *more]) == 2
-    assert told in capfd.readouterr().err
-    assert not (made.parent / "new").exists()
+def test_a_folder_for_documents_needs_a_report(made, refused):
+    new = made.parent / "new"
+    assert "add --report" in refused(2, "pretrain", "--task", "pendulum", "--out", str(new), "--docs", "docs")
+    assert not new.exists()
 
 
 def test_wide_targets_have_a_section_of_their_own(made, capfd):
@@ -181,13 +177,6 @@ def _pairs(rng: np.random.Generator, noise: float) -> Pairs:
     expected = truth + rng.normal(0.0, noise, truth.shape)
     estimate = Estimate(0.05, 0.02, 0.08)
     return Pairs(rewards, rewards, expected, estimate, estimate, rank_correlation(expected, rewards, rng), 48)
-
-
-def test_a_missed_bar_is_said_and_where_nothing_differs_too():
-    rng = np.random.default_rng(0)
-    assert "the bar of 0.9 is missed" in phase1.rank_verdict(_pairs(rng, noise=0.6).ranks)
-    same = rank_correlation(rng.random((13, 4)), 0.5 + rng.normal(0.0, 0.2, (13, 4, 10)), rng)
-    assert "nothing to rank" in phase1.rank_verdict(same)
 
 
 def test_a_section_replaces_its_own_and_leaves_the_others():

@@ -76,10 +76,6 @@ def test_a_session_without_a_complete_iteration_has_a_page_too(tmp_path):
     assert "No iteration is complete yet" in page.render(session.store)
 
 
-def test_the_default_place_is_the_session_folder_and_it_is_replaced(store):
-    assert page.write(store) == page.write(store) == store.folder / "report.html"
-
-
 def test_no_template_hides_a_figure():
     """`wide` and `narrow` are shown at one width only; only `page.both` may use them, as a pair."""
     for template in Path(page.__file__).parents[1].rglob("*.j2"):
@@ -120,11 +116,6 @@ def test_the_times_of_an_iteration_add_up(store):
     total = spent.pop("total")
     assert {"moving", "tracking", "other"} <= set(spent)
     assert sum(spent.values()) == pytest.approx(total, abs=0.05 * (len(spent) + 1))
-
-
-def test_a_line_never_breaks_within_a_quantity(store):
-    (first, *_) = re.findall(r'<p class="detail">([^<]+)</p>', page.render(store))
-    assert all(" " not in part for part in first.replace(" · ", ", ").strip().split(", "))
 
 
 def test_trials_held_out_say_whether_to_believe_the_posterior():

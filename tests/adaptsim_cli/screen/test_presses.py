@@ -141,3 +141,16 @@ def test_the_press_that_answered_starts_no_motion(keyboard, monkeypatch):
         with pytest.raises(MotionRefused, match="the pedal was not held"):
             arm.await_enabled()
         foot.join()
+
+
+def test_an_enter_typed_ahead_starts_nothing(monkeypatch):
+    ours, theirs = pty.openpty()
+    said = io.StringIO()
+    screen = Screen(console=Console(file=said, width=80))
+    os.write(ours, b"\n\n\n")
+    threading.Timer(0.3, os.write, (ours, b"q\n")).start()
+    with os.fdopen(theirs, encoding="utf-8") as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        assert screen.choose("Is the work area clear?", enter("to start", "It moves."), stop("It ends.")) == "q"
+    os.close(ours)
+    assert said.getvalue().count("Is the work area clear?") == 1

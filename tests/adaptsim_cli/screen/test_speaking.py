@@ -9,7 +9,6 @@ from pathlib import Path
 from real_lab import own_place
 from rich.console import Console
 
-from adaptsim_cli import app
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import enter, stop
 from adaptsim_cli.screen.speaking import Speaker
@@ -37,9 +36,8 @@ def test_warnings_and_questions_are_spoken_without_their_keys(tmp_path, monkeypa
     assert spoken(tmp_path / "said", 2)[1:] == ["-- Is the work area clear?"]
 
 
-def test_without_a_program_that_speaks_the_command_says_which_to_install(tmp_path, monkeypatch, capfd):
+def test_without_a_program_that_speaks_the_command_says_which_to_install(tmp_path, monkeypatch, refused):
     own_place(tmp_path, monkeypatch)
     monkeypatch.setenv("ADAPTSIM_SPEAK", "")  # taken back after the test
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert app.run(["setup", "--speak", "--yes"]) == 2
-    assert "sudo apt-get install -y espeak-ng" in capfd.readouterr().err
+    assert "sudo apt-get install -y espeak-ng" in refused(2, "setup", "--speak", "--yes")

@@ -106,6 +106,5 @@ def test_a_replay_is_a_video_with_every_frame(store, tmp_path, capfd):
         (["replay", NAME, "99"], "trial 99 of"),
     ],
 )
-def test_what_cannot_be_exported_is_refused(store, arguments, message, capsys):
-    assert app.run(arguments) == 2
-    assert message in capsys.readouterr().err
+def test_what_cannot_be_exported_is_refused(store, arguments, message, refused):
+    assert message in refused(2, *arguments)

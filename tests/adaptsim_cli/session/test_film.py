@@ -7,12 +7,9 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.film import COLUMNS, FILM, MOST_BYTES, ROWS, Filmed
-from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.store import SessionStore
 from hw.bounded import decode_image
 from hw.poses import inverse
@@ -34,13 +31,6 @@ def test_every_trial_has_its_film(undisturbed):
         assert sheet.shape == (ROWS * 240, COLUMNS * 240, 3)
         assert record.film is not None and record.film.end_s == record.track.t_s[-1]
         assert FILM in record.checksums
-
-
-def test_a_rejected_trial_keeps_its_film(tmp_path):
-    session = attended(tmp_path, ScriptedOperator(reviews=[Review(rejected="slip")]))
-    run_iteration(session)
-    (key,) = session.store.existing().rejected
-    assert (session.store.trial_folder(0, key) / FILM).is_file()
 
 
 def test_what_is_drawn_over_the_film_lies_where_the_camera_sees_it(filmed):

@@ -52,14 +52,6 @@ def written(folder: Path, count: int = 4) -> Path:
     return folder / watching.FILE
 
 
-def test_a_log_goes_on_also_behind_a_line_that_a_power_cut_truncated(tmp_path):
-    path = written(tmp_path / "s")
-    path.write_text(path.read_text() + '{"at": "2026')
-    assert watching.damage(path.parent) == ""
-    watching.SessionLog(path.parent, Screen(console=CleanConsole(file=io.StringIO()))).noted("later")
-    assert watching.damage(path.parent) == ""
-
-
 @pytest.mark.parametrize("what", ["cut", "line removed", "line changed"])
 def test_a_cut_or_changed_log_is_noticed(tmp_path, what):
     path = written(tmp_path / "s")

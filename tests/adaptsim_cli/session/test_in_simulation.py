@@ -47,19 +47,20 @@ def test_two_iterations_end_in_json_and_a_report_with_curves(capfd):
 
 
 @pytest.mark.long
-def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd):
+def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd, refused):
     assert app.run([*RUN, "--json", "--until-done"]) == 0
     *before, last = (json.loads(line)["outlook"] for line in capfd.readouterr().out.splitlines())
     assert last["done"]
     assert not any(outlook["done"] for outlook in before)
     assert len(before) < 9
-    assert app.run([*RUN, "--method", "random", "--session", "other", "--until-done"]) == 2
-    assert "the method random does not say what another iteration is worth" in capfd.readouterr().err
+    assert "the method random does not say what another iteration is worth" in refused(
+        2, *RUN, "--method", "random", "--session", "other", "--until-done"
+    )
     assert SessionStore.open(opened().folder.parent, "other").result(0) is not None
 
 
 @pytest.mark.long
-def test_an_interrupted_session_goes_on_to_the_same_end(place, capfd, monkeypatch):
+def test_an_interrupted_session_goes_on_to_the_same_end(place, monkeypatch):
     real = SessionStore.save_trial
 
     def cut(self: SessionStore, record: object, files: object) -> None:
@@ -77,13 +78,6 @@ def test_an_interrupted_session_goes_on_to_the_same_end(place, capfd, monkeypatc
     whole = summary(SessionStore.open(config.load().places.sessions, NAME), 0)
     assert resumed["particles"] == whole["particles"]
     assert resumed["best"] == whole["best"]
-
-
-def test_hardware_is_refused_with_what_to_do(capfd):
-    assert app.run([*RUN, "--hw", "panda"]) == 2
-    message = " ".join(capfd.readouterr().err.split())
-    assert "the task pendulum runs in simulation only" in message
-    assert "Leave --hw out" in message
 
 
 def test_only_its_own_parts_are_opened(tmp_path):

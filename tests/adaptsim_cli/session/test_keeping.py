@@ -6,17 +6,21 @@ import zipfile
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
+from toy_rig import OUTCOMES, TASK
 from toy_session import NAME, ScriptedOperator, attended, run
 
 from adaptsim_cli import app
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import keeping, recording
+from adaptsim_cli.session.correcting import amend, amendable, redo
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.keeping import verify
+from adaptsim_cli.session.keeping import mark, prune, verify
 from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.store import SessionStore, names
+from perception.types import Outcome
 
 
 @pytest.fixture(scope="module")
@@ -111,28 +115,27 @@ def test_a_recording_that_was_lost_is_still_damage_after_pruning(root):
     assert "trial-002-attempt-1/recording.mcap" in verify(root, NAME).damage[0]
 
 
-def test_the_list_has_verdict_size_note_and_tags(root, capsys):
+def test_the_list_has_verdict_size_note_and_tags(root, capfd):
     assert app.run(["sessions", "mark", NAME, "--note", "the first one", "--tag", "paper"]) == 0
     assert app.run(["sessions", "mark", NAME]) == 2, "it says what can be marked"
-    capsys.readouterr()
+    capfd.readouterr()
     assert app.run(["sessions", "list", "--tag", "paper"]) == 0
-    said = capsys.readouterr().out
+    said = capfd.readouterr().out
     for part in (NAME, "#paper", "the first one", "toy", "4 trials", "Converged"):
         assert part in " ".join(said.split()).replace("\N{NO-BREAK SPACE}", " ")
     assert app.run(["sessions", "list", "--tag", "nothing", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out.splitlines()[-1])["sessions"] == []
+    assert json.loads(capfd.readouterr().out.splitlines()[-1])["sessions"] == []
     assert app.run(["sessions", "mark", NAME, "--archive"]) == 0
     assert app.run(["sessions", "list", "--archived", "--json"]) == 0
-    (one,) = json.loads(capsys.readouterr().out.splitlines()[-1])["sessions"]
+    (one,) = json.loads(capfd.readouterr().out.splitlines()[-1])["sessions"]
     assert one["size_bytes"] > 1000
     assert one["verdict"]["kind"] == "converged"
 
 
 @pytest.mark.parametrize("command", ["delete", "prune"])
-def test_what_cannot_be_undone_asks_first(root, command, capsys):
+def test_what_cannot_be_undone_asks_first(root, command, refused):
     had = recordings(root)
-    assert app.run(["sessions", command, NAME]) == 2, "nobody is there to be asked"
-    assert "--yes" in capsys.readouterr().err
+    assert "--yes" in refused(2, "sessions", command, NAME)
     assert recordings(root) == had
     assert app.run(["sessions", command, NAME, "--yes"]) == 0
     assert recordings(root) == []
@@ -140,7 +143,7 @@ def test_what_cannot_be_undone_asks_first(root, command, capsys):
 
 
 @pytest.mark.parametrize("pictures", [False, True])
-def test_a_bundle_holds_records_and_pictures_only_if_asked(root, tmp_path, pictures, monkeypatch, capsys):
+def test_a_bundle_holds_records_and_pictures_only_if_asked(root, tmp_path, pictures, monkeypatch, capfd):
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
     out = tmp_path / "b.zip"
     assert app.run(["bundle", NAME, "--out", str(out), *(["--with-pictures"] if pictures else [])]) == 0
@@ -154,4 +157,80 @@ def test_a_bundle_holds_records_and_pictures_only_if_asked(root, tmp_path, pictu
     assert about["packages"]["torch"].startswith("2.")
     assert about["settings"]["particles"] == {"value": 2, "from": "default"}
     assert not any(str(tmp_path) in text for text in texts)
-    assert ("Left out" in capsys.readouterr().out) != pictures
+    assert ("Left out" in capfd.readouterr().out) != pictures
+
+
+def files_of(root: Path) -> list[Path]:
+    """What `verify` reads: all but the report, which is drawn from the rest, the log, which grows, and the lock."""
+    files = [path for path in (root / NAME).rglob("*") if path.is_file() and not path.name.startswith(".")]
+    return sorted(path for path in files if path.name not in ("report.html", "log.jsonl", "log.end"))
+
+
+@pytest.fixture(scope="module")
+def corrected(tmp_path_factory) -> SessionStore:
+    """Every kind of file: a trial was redone and its rejected recording pruned, an outcome amended, a note written."""
+    home = tmp_path_factory.mktemp("corrected")
+    redo(run(home), 2, "it was pushed by hand")
+    store = run(home)
+    _, choices = amendable(store, TASK, OUTCOMES, 3)
+    amend(store, TASK, 3, Outcome.LOST, choices[Outcome.LOST], "seen on the recording")
+    store = run(home)
+    assert prune(store, rejected_only=True).files > 0
+    mark(store.folder.parent, store.facts.name, "the lamp was moved", ("paper",))
+    return store
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("each", [1, pytest.param(12, marks=pytest.mark.slow)])
+def test_a_changed_bit_in_any_file_is_noticed(corrected, tmp_path, each):
+    rng, root = np.random.default_rng(each), tmp_path
+    shutil.copytree(corrected.folder, root / NAME)
+    files = files_of(root)
+    for kind in ("rejected", "amended", "shown", "started", "about", "pruned", "result-3", ".mcap"):
+        assert any(kind in str(path.relative_to(root)) for path in files), kind
+    assert not verify(root, NAME).damage
+    flips = [
+        (path, int(rng.integers(path.stat().st_size)), int(rng.integers(8))) for path in files for _ in range(each)
+    ]
+    unnoticed = []
+    for path, place, bit in flips:
+        content = path.read_bytes()
+        path.write_bytes(content[:place] + bytes([content[place] ^ (1 << bit)]) + content[place + 1 :])
+        if not any(str(path) in message for message in verify(root, NAME).damage):
+            unnoticed.append((path, place, bit))
+        path.write_bytes(content)
+    assert len(flips) >= 25 * each
+    assert not unnoticed
+
+
+def test_a_missing_file_is_noticed(store):
+    root = store.folder.parent
+    for path in files_of(root):
+        content = path.read_bytes()
+        path.unlink()
+        if not path.name.endswith((".started.json", ".shown.json", "trial.json")):
+            assert any(path.name in message for message in verify(root, NAME).damage), path
+        path.write_bytes(content)
+
+
+def test_a_missing_trial_is_noticed_by_the_result_that_rests_on_it(store):
+    root = store.folder.parent
+    (folder,) = (root / NAME).glob("iteration-01/trial-001-attempt-1")
+    shutil.rmtree(folder)
+    assert any("a result rests on it" in message for message in verify(root, NAME).damage)
+
+
+def test_a_file_that_no_record_names_is_noticed(store):
+    root = store.folder.parent
+    (root / NAME / "iteration-01" / "trial-001-attempt-1" / "other.json").write_text("{}")
+    (message,) = verify(root, NAME).damage
+    assert "other.json" in message
+    assert "it is in no record" in message
+
+
+def test_a_checksum_that_was_removed_is_noticed(store):
+    root = store.folder.parent
+    path = root / NAME / "session.toml"
+    path.write_bytes(path.read_bytes().rpartition(b"# sha256 ")[0])
+    with pytest.raises(SessionError, match="lost its checksum"):
+        SessionStore.open(root, NAME)

@@ -15,6 +15,7 @@ from toy_session import NAME, ScriptedOperator, attended, run, summary
 from adaptsim_cli.errors import Interrupted, SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.correcting import redo
+from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.operator import Choices, Review
 from adaptsim_cli.session.records import TrialKey, TrialRecord
@@ -120,6 +121,7 @@ def test_the_review_comes_again_and_may_be_answered_otherwise(tmp_path):
     assert lab.executions == [(2, 1), (3, 0), (4, 0)]
     assert reason(session.store) == "the piece was touched"
     assert len(recorded(session.store).frames) == 6, "a redone trial keeps its recording"
+    assert (session.store.trial_folder(0, SECOND) / FILM).is_file()
 
 
 def test_a_trial_that_could_not_be_tracked_keeps_its_recording(tmp_path):

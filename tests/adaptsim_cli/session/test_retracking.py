@@ -101,12 +101,11 @@ def toy(monkeypatch, tracker: Tracker) -> None:
     monkeypatch.setitem(trackers.TRACKERS, "toy", lambda task: tracker)
 
 
-def test_the_command_prints_a_table_or_one_object(store, toy, capfd):
+def test_the_command_prints_a_table_or_one_object(store, toy, capfd, printed):
     assert app.run(["retrack", store.facts.name]) == 0
     out = capfd.readouterr().out
     assert out.count("on blade") == 8 and "most apart" in out
-    assert app.run(["retrack", store.facts.name, "--trial", "3", "--json"]) == 0
-    (one,) = json.loads(capfd.readouterr().out)["trials"]
+    (one,) = printed("retrack", store.facts.name, "--trial", "3", "--json")["trials"]
     assert (one["trial"], one["same_outcome"], one["failure"]) == (3, True, None)
     assert one["now"]["reward"] == pytest.approx(one["stored"]["reward"], abs=1e-6)
 

@@ -32,9 +32,8 @@ def lab(monkeypatch) -> ToyLab:
     return lab
 
 
-def test_the_trial_of_a_policy(lab, tmp_path, capfd):
-    assert app.run([*RUN, "--json", "--out", str(tmp_path / "one")]) == 0
-    record = json.loads(capfd.readouterr().out)
+def test_the_trial_of_a_policy(lab, tmp_path, printed):
+    record = printed(*RUN, "--json", "--out", str(tmp_path / "one"))
     assert record["params"] is not None
     assert 0.0 <= record["reward"] <= 1.0
     assert {"version": 1, **json.loads((tmp_path / "one" / "trial.json").read_text())} == record
@@ -42,23 +41,21 @@ def test_the_trial_of_a_policy(lab, tmp_path, capfd):
     assert not (tmp_path / "home" / "data" / "sessions").exists()
 
 
-def test_an_action_by_hand_is_executed_as_given(lab, tmp_path, capfd):
+def test_an_action_by_hand_is_executed_as_given(lab, printed):
     dimension = TASK.action.dimensions[0]
     name, middle = dimension.name, (dimension.low + dimension.high) / 2
-    assert app.run([*RUN, "--json", "--action", f"{name}={middle}"]) == 0
-    record = json.loads(capfd.readouterr().out)
+    record = printed(*RUN, "--json", "--action", f"{name}={middle}")
     assert record["action"][name] == pytest.approx(middle)
     assert record["params"] is None
 
 
 @pytest.mark.parametrize("option", ["--action", "--context", "--param"])
-def test_a_wrong_value_moves_nothing(lab, tmp_path, capfd, monkeypatch, option):
+def test_a_wrong_value_moves_nothing(lab, tmp_path, monkeypatch, option, refused):
     def opened(*_: object, **__: object) -> None:
         raise AssertionError("what was typed is checked before anything is loaded or connected")
 
     monkeypatch.setattr(wiring, "open_parts", opened)
-    assert app.run([*RUN, option, "nonsense=1"]) == 2
-    assert "write name=value" in capfd.readouterr().err
+    assert "write name=value" in refused(2, *RUN, option, "nonsense=1")
     assert not (tmp_path / "home" / "data" / "rollouts").exists()
 
 
@@ -70,12 +67,13 @@ def test_a_wrong_value_moves_nothing(lab, tmp_path, capfd, monkeypatch, option):
         (["rollout", "--task", "toy"], 2, "no terminal"),
     ],
 )
-def test_what_cannot_be_stored_or_confirmed_is_noticed_before_anything_moves(lab, capfd, monkeypatch, line, code, told):
+def test_what_cannot_be_stored_or_confirmed_is_noticed_before_anything_moves(
+    lab, monkeypatch, line, code, told, refused
+):
     monkeypatch.setattr("sys.stdin", io.StringIO())
     Path("one").mkdir()
     Path("file").write_text("in the way")
-    assert app.run(line) == code
-    assert told in capfd.readouterr().err
+    assert told in refused(code, *line)
     assert lab.executions == []
 
 
@@ -87,13 +85,12 @@ def test_an_object_that_is_not_found_is_asked_for_again_before_anything_moves(tm
     assert lab.executions == [(1, 2)]
 
 
-def test_a_motion_that_cannot_be_tracked_leaves_its_recording(lab, tmp_path, capfd, monkeypatch):
+def test_a_motion_that_cannot_be_tracked_leaves_its_recording(lab, tmp_path, monkeypatch, refused):
     def lost(_: object) -> None:
         raise TrackingFailed("out of sight")
 
     monkeypatch.setattr(toy_rig, "track", lost)
-    assert app.run([*RUN, "--out", str(tmp_path / "one")]) == 6
-    assert "out of sight" in capfd.readouterr().err
+    assert "out of sight" in refused(6, *RUN, "--out", str(tmp_path / "one"))
     assert sorted(path.name for path in (tmp_path / "one").iterdir()) == ["overlay.jpg", "recording.mcap"]
 
 

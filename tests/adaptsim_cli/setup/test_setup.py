@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from real_lab import ToyDevices, calibrated, own_place, quiet, said, typing
 
-from adaptsim_cli import app, config
+from adaptsim_cli import config
 from adaptsim_cli.calibration import running as calibrating
 from adaptsim_cli.devices import lab
 from adaptsim_cli.devices.rig_file.description import ArmPart, KeepOutPart, RigDescription
@@ -138,7 +138,7 @@ def test_a_walk_goes_on_where_it_was_stopped_or_where_a_check_fails(answers, sho
     assert short == ["arm", "trial", "camera", "camera", "trial"], "what follows a step is done again after it"
 
 
-def test_a_walk_can_begin_again_at_a_step(answers, short, monkeypatch):
+def test_a_walk_can_begin_again_at_a_step(answers, short):
     short.append("camera")
     walk.walk(answers)
     walk.walk(answers, begin="camera")
@@ -151,14 +151,12 @@ def test_a_walk_can_begin_again_at_a_step(answers, short, monkeypatch):
         walk.walk(unasked, begin="camera")
 
 
-def test_a_real_lab_is_never_set_up_unattended(tmp_path, monkeypatch, capfd):
+def test_a_real_lab_is_never_set_up_unattended(tmp_path, monkeypatch, refused):
     own_place(tmp_path, monkeypatch)
-    assert app.run(["setup", "--hw", "fr3", "--yes"]) == 2
-    assert "leave out --yes" in capfd.readouterr().err
+    assert "leave out --yes" in refused(2, "setup", "--hw", "fr3", "--yes")
     (tmp_path / "home").mkdir()
     (tmp_path / "home/rig.toml").write_text('name = "lab"\n[arm]\nmodel = "panda"\naddress = "a"\n')
-    assert app.run(["setup", "--hw", "fr3"]) == 2
-    assert "is the rig file of a panda" in capfd.readouterr().err
+    assert "is the rig file of a panda" in refused(2, "setup", "--hw", "fr3")
 
 
 def test_a_rig_file_lies_beside_the_settings_of_the_project(tmp_path, monkeypatch):

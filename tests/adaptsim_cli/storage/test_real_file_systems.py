@@ -38,25 +38,6 @@ def mount(tmp_path) -> Iterator[Mount]:
         subprocess.run(["umount", str(folder)], check=True)
 
 
-def test_a_session_on_a_disk_that_fills_up_goes_on_once_there_is_room(mount, tmp_path):
-    (tmp_path / "adaptsim.toml").write_text("min_free_mb = 0\n")  # it is refused before the arm moves otherwise
-    whole = tmp_path / "whole"
-    assert call(whole, RUN)[0] == 0
-    taken = sum(path.stat().st_size for path in (whole / "data").rglob("*") if path.is_file())
-    home = mount(f"size={taken // 2}")
-    code, said = call(home, RUN)
-    assert code == 8, said
-    assert "the disk is full: " in said
-    assert "free some space and run the same command again" in said
-    kept = {path: path.read_bytes() for record in home.rglob("trial.json") for path in record.parent.iterdir()}
-    subprocess.run(["mount", "-o", "remount,size=100m", str(home)], check=True)
-    code, said = call(home, RUN)
-    assert code == 0, said
-    assert {path: path.read_bytes() for path in kept} == kept
-    assert digest_of(home / "data" / "sessions") == digest_of(whole / "data" / "sessions")
-    assert call(home, ("sessions", "verify", "s"))[0] == 0
-
-
 READING: tuple[tuple[str, ...], ...] = (("sessions", "list"), ("sessions", "show", "s"), ("sessions", "verify", "s"))
 WRITING: tuple[tuple[str, ...], ...] = (
     RUN,

@@ -42,10 +42,9 @@ def there(home, monkeypatch) -> None:
 
 
 @pytest.mark.long
-def test_the_best_policy_runs_and_is_exported_by_name(home, tmp_path, capsys):
+def test_the_best_policy_runs_and_is_exported_by_name(home, tmp_path, printed):
     session = api.open_session(NAME)
-    assert app.run(["rollout", "--session", NAME, "--best", "--yes", "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
+    record = printed("rollout", "--session", NAME, "--best", "--yes", "--json")
     assert record["params"] == session.iterations[-1].best.params
     assert list(record["action"].values()) == session.best_policy()(np.zeros(0)).tolist()
 
@@ -58,31 +57,30 @@ def test_the_best_policy_runs_and_is_exported_by_name(home, tmp_path, capsys):
 
 
 @pytest.mark.long
-def test_a_best_policy_is_confirmed_by_trials_that_its_report_calls_measured(capsys):
+def test_a_best_policy_is_confirmed_by_trials_that_its_report_calls_measured(capfd, refused):
     session = api.open_session(NAME)
     assert "predicted from 2 trials" in session.report().read_text(encoding="utf-8")
     assert app.run(["rollout", "--session", NAME, "--best", "--trials", "2", "--yes", "--json"]) == 0
-    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    told = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
     assert [(one["session"], one["iterations"]) for one in told] == [(NAME, 1)] * 2
     page = session.report().read_text(encoding="utf-8")
     assert "trials after the session" in page
     assert "not yet tried" not in page
     session.run_iteration()  # another policy
     assert "predicted from 4 trials, not yet tried" in session.report().read_text(encoding="utf-8")
-    assert app.run(["rollout", "--task", "pendulum", "--trials", "2", "--yes"]) == 2
-    assert "--session NAME --best --trials" in capsys.readouterr().err
+    assert "--session NAME --best --trials" in refused(2, "rollout", "--task", "pendulum", "--trials", "2", "--yes")
 
 
-def test_a_policy_that_follows_from_trials_runs_by_name_too(capsys):
-    assert app.run(["rollout", "--session", "own", "--best", "--yes", "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
+def test_a_policy_that_follows_from_trials_runs_by_name_too(printed):
+    record = printed("rollout", "--session", "own", "--best", "--yes", "--json")
     assert list(record["action"].values()) == api.open_session("own").best_policy()(np.zeros(0)).tolist()
 
 
-def test_a_task_without_an_arm_has_no_scene(tmp_path, capsys):
+def test_a_task_without_an_arm_has_no_scene(tmp_path, refused):
     for kind in ("sdf", "mjcf"):
-        assert app.run(["sessions", "export", NAME, "--format", kind, "--out", str(tmp_path / "scene")]) == 2
-        assert "pendulum has no motion for a robot arm" in capsys.readouterr().err
+        assert "pendulum has no motion for a robot arm" in refused(
+            2, "sessions", "export", NAME, "--format", kind, "--out", str(tmp_path / "scene")
+        )
     assert not list(tmp_path.iterdir())
 
 
@@ -104,17 +102,16 @@ def test_a_policy_takes_lists_and_refuses_wrong_contexts():
         policy([850, 0.0])
 
 
-def test_rollouts_are_listed_and_reported(home, capsys):
+def test_rollouts_are_listed_and_reported(home, capfd, printed):
     assert app.run(["rollout", "--task", "pendulum", "--yes"]) == 0
     (home / "data/rollouts/scooping-broken").mkdir()
-    capsys.readouterr()
-    assert app.run(["rollouts", "list", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)["rollouts"]
+    capfd.readouterr()
+    found = printed("rollouts", "list", "--json")["rollouts"]
     whole = [one for one in found if "error" not in one]
     assert {one["task"] for one in whole} == {"pendulum"}
     assert "was not tracked" in next(one["error"] for one in found if "error" in one)
     assert app.run(["rollouts", "report", whole[-1]["rollout"]]) == 0
-    html = Path(capsys.readouterr().out.split("Report: ")[1].splitlines()[0]).read_text()
+    html = Path(capfd.readouterr().out.split("Report: ")[1].splitlines()[0]).read_text()
     assert "SIMULATED, world wd" in html
     assert html.count('class="track c0"') >= 2
     assert "http" not in html
@@ -129,9 +126,9 @@ def test_rollouts_are_listed_and_reported(home, capsys):
         (["--session", "empty", "--best", "--yes"], "no complete iteration yet"),
     ],
 )
-def test_what_makes_no_sense_is_refused(arguments, message, capsys):
+def test_what_makes_no_sense_is_refused(arguments, message, capfd):
     assert app.run(["rollout", *arguments]) in (2, 8)
-    assert message in " ".join(capsys.readouterr().err.split())
+    assert message in " ".join(capfd.readouterr().err.split())
 
 
 PUSHING = get_task("pushing")

@@ -44,14 +44,13 @@ def out(capfd: pytest.CaptureFixture[str]) -> str:
     return " ".join(capfd.readouterr().out.split())
 
 
-def test_calibrations_are_listed_compared_and_restored(settings, capfd):
+def test_calibrations_are_listed_compared_and_restored(settings, capfd, printed):
     store = calibrations(settings.config, settings.places)
     assert run(["calibrate", "list", *WORLD]) == 0
     assert "No calibrations yet in" in out(capfd)
     store.save(calibration(), b"<p>")
     store.save(moved(0.01), b"<p>")
-    assert run(["calibrate", "list", *WORLD, "--json"]) == 0
-    found = json.loads(capfd.readouterr().out)
+    found = printed("calibrate", "list", *WORLD, "--json")
     assert [(c["name"], c["in_use"]) for c in found["calibrations"]] == [
         ("calibration-0001", False),
         ("calibration-0002", True),
@@ -73,24 +72,20 @@ def test_calibrations_are_listed_compared_and_restored(settings, capfd):
         assert json.loads(out(capfd))["version"] == 1
 
 
-def test_what_is_not_there_or_in_use_already_is_said(settings, capfd):
+def test_what_is_not_there_or_in_use_already_is_said(settings, refused):
     store = calibrations(settings.config, settings.places)
     store.save(calibration(), b"")
-    assert run(["calibrate", "restore", "7", *WORLD]) == 2
-    assert "there is no calibration-0007" in " ".join(capfd.readouterr().err.split())
-    assert run(["calibrate", "restore", "calibration-0001", *WORLD]) == 2
-    assert "calibration-0001 is in use already" in " ".join(capfd.readouterr().err.split())
-    assert run(["touch-off", "restore", "1", *WORLD]) == 2
-    assert "there are: none yet" in " ".join(capfd.readouterr().err.split())
+    assert "there is no calibration-0007" in refused(2, "calibrate", "restore", "7", *WORLD)
+    assert "calibration-0001 is in use already" in refused(2, "calibrate", "restore", "calibration-0001", *WORLD)
+    assert "there are: none yet" in refused(2, "touch-off", "restore", "1", *WORLD)
 
 
-def test_a_damaged_one_is_named_and_hides_no_other(settings, capfd):
+def test_a_damaged_one_is_named_and_hides_no_other(settings, printed):
     store = calibrations(settings.config, settings.places)
     path = store.save(calibration(), b"")
     store.save(calibration(), b"")
     (path / "calibration.json").write_text("{")
-    assert run(["calibrate", "list", *WORLD, "--json"]) == 0
-    found = json.loads(capfd.readouterr().out)["calibrations"]
+    found = printed("calibrate", "list", *WORLD, "--json")["calibrations"]
     assert "error" in found[0] and found[1]["in_use"]
 
 

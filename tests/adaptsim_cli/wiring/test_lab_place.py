@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from adaptsim_cli import app, config
+from adaptsim_cli import config
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.research import benchmarking as benchmark
 from adaptsim_cli.research import lab_place
@@ -77,9 +77,10 @@ def test_only_methods_with_trials_go_to_the_lab(monkeypatch):
     assert isinstance(went[-1][1], lab_place.InLab)
 
 
-def test_what_the_lab_cannot_run_is_refused(capfd):
-    assert app.run(["benchmark", "--task", "pendulum", "--lab", "--targets", "wd"]) == 2
-    assert "--lab: pendulum has no motion for an arm" in capfd.readouterr().err
+def test_what_the_lab_cannot_run_is_refused(refused):
+    assert "--lab: pendulum has no motion for an arm" in refused(
+        2, "benchmark", "--task", "pendulum", "--lab", "--targets", "wd"
+    )
     with pytest.raises(UsageError, match="mujoco-wd in another physics"):
         benchmark.asked(config.load({"task": "pushing"}), "wd,mujoco-wd", "udr", 4, 0, 1, "", None, in_lab=True)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +47,7 @@ def test_prospects_weighed_by_a_posterior_repeat_its_truths_and_keep_a_tenth_of_
 
 
 @pytest.mark.long
-def test_a_session_begins_with_the_posterior_of_another_and_comparing_them_names_parameters(capsys):
+def test_a_session_begins_with_the_posterior_of_another_and_comparing_them_names_parameters(refused, printed):
     run = ["run-iteration", "--task", "pendulum", "--yes", "--world", "wd"]
     assert app.run([*run, "--session", "old"]) == 0
     old, new = api.open_session("old"), api.begin("pendulum", start_from="old", name="new")
@@ -59,35 +58,29 @@ def test_a_session_begins_with_the_posterior_of_another_and_comparing_them_names
     assert new.facts.start_from == "old"
     assert "the posterior of session old" in (new.folder / "report.html").read_text()
 
-    capsys.readouterr()
-    assert app.run(["compare", "old", "new", "--json"]) == 0
-    shown = json.loads(capsys.readouterr().out)
+    shown = printed("compare", "old", "new", "--json")
     assert [(one["session"], one["parameter"]) for one in shown["posteriors"]][:5] == [
         *(("old", name) for name in ("m1", "m2", "b1", "b2")),
         ("new", "m1"),
     ]
     assert "The posteriors disagree in" in Path(shown["page"]).read_text()
 
-    assert app.run([*run, "--method", "udr", "--start-from", "old"]) == 2
-    assert "udr knows no posterior" in capsys.readouterr().err
+    assert "udr knows no posterior" in refused(2, *run, "--method", "udr", "--start-from", "old")
     assert old.run_iteration().number == 2  # from now on its posterior is another one
-    assert app.run(["run-iteration", "--session", "new", "--yes"]) == 2
-    assert "the posterior that it started from has changed" in capsys.readouterr().err
+    assert "the posterior that it started from has changed" in refused(2, "run-iteration", "--session", "new", "--yes")
 
 
 @pytest.mark.long
-def test_methods_are_compared_on_recorded_trials_with_a_control(tmp_path, capsys):
+def test_methods_are_compared_on_recorded_trials_with_a_control(tmp_path, refused, printed):
     folder = write_tables(tmp_path / "swings", 24)
     run = ["benchmark", "--task", "pendulum", "--recorded", str(folder), "--budget", "4", "--seeds", "2", "--json"]
     methods = ["adaptsim", "random", "udr", "best-action", "permuted", "permuted-udr"]
-    assert app.run([*run, "--methods", ",".join(methods)]) == 0
-    first = json.loads(capsys.readouterr().out)
+    first = printed(*run, "--methods", ",".join(methods))
     rewards = {name: [row["reward"] for row in first["rows"] if row["method"] == name] for name in methods}
     for name in methods[:3]:
         assert all(best >= mine for best, mine in zip(rewards["best-action"], rewards[name], strict=True))
     assert {row["target"] for row in first["rows"]} == {"swings"}
-    assert app.run([*run, "--methods", "adaptsim", "--lab"]) == 2
-    assert "leave out --lab" in capsys.readouterr().err
+    assert "leave out --lab" in refused(2, *run, "--methods", "adaptsim", "--lab")
 
 
 def not_asked(requests: Requests) -> Rollouts:

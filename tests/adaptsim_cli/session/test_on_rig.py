@@ -23,7 +23,7 @@ from sim.tasks import get_task
 KEY, CONTEXT, ACTION = TrialKey(1, 0), np.array([0.68, 0.0]), np.array([0.5])
 
 
-def test_the_track_is_there_before_the_arm_is_home() -> None:
+def test_the_track_is_there_before_the_arm_is_home():
     tracked, waited, motions = Event(), [], iter(("approach", "motion", "back"))
 
     def moving(trial: int, attempt: int) -> None:
@@ -56,13 +56,13 @@ def require_same_again(target: OnRig, context: Array, action: Array, folder: Pat
     assert beside.files == again.files
 
 
-def test_a_recording_gives_the_same_track_again_bit_for_bit(tmp_path: Path) -> None:
+def test_a_recording_gives_the_same_track_again_bit_for_bit(tmp_path):
     require_same_again(on_rig(toy_parts(ToyLab(0))), CONTEXT, ACTION, tmp_path)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["scooping", "pushing"])
-def test_so_does_a_recording_of_the_whole_lab(tmp_path: Path, name: str) -> None:
+def test_so_does_a_recording_of_the_whole_lab(tmp_path, name):
     task = get_task(name)
     action = task.action.denormalise(np.full(len(task.action.dimensions), 0.5))
     with rig_in_lab(task, load_world("wd", task), 0) as (_, target):

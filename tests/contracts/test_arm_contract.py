@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
+import lab_scoops
 import numpy as np
 import pytest
 from cells import cell
@@ -16,10 +17,8 @@ from hw.joint_limits import LIMITS
 from hw.ports import Arm
 from hw.types import ContactWindow, JointPath
 from sim.lab.simulated import READY_RAD, SimulatedLab
-from sim.lab.world import Faults, load_world
+from sim.lab.world import Faults
 from sim.panda.moves import move_path
-from sim.panda.tool import cell_as_shipped
-from sim.tasks import get_task
 
 AWAY_RAD = READY_RAD + np.array([0.1, -0.1, 0.05, 0.1, 0.0, 0.1, -0.2])
 
@@ -41,12 +40,9 @@ def fake(*, faulty: bool) -> Arm:
 
 
 def lab(*, faulty: bool) -> Arm:
-    task = get_task("scooping")
-    world = load_world("wd", task)
-    if faulty:
-        world = replace(world, faults=Faults(arm_reflex=(1,)))
-    built = SimulatedLab(task, world, 0, cell_as_shipped(task.require_hardware(), "panda"))
-    built.bench.place(np.array([0.68, 0.0]), trial=1, attempt=0)
+    faults = Faults(arm_reflex=(1,)) if faulty else None
+    built = SimulatedLab(lab_scoops.TASK, lab_scoops.world(faults=faults), 0, lab_scoops.CELL)
+    built.bench.place(lab_scoops.XY_M, trial=1, attempt=0)
     return built.arm
 
 

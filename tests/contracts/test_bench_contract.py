@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import lab_scoops
 import numpy as np
 import pytest
 
@@ -13,9 +14,6 @@ from hw.fake import FakeBench
 from hw.ports import ObjectPlacer
 from hw.types import Array
 from sim.lab.simulated import SimulatedLab
-from sim.lab.world import load_world
-from sim.panda.tool import cell_as_shipped
-from sim.tasks import get_task
 
 XY_M = np.array([0.68, 0.03])
 NEAR_M = 0.02
@@ -35,8 +33,7 @@ def fake() -> Kind:
 
 
 def lab() -> Kind:
-    task = get_task("scooping")
-    built = SimulatedLab(task, load_world("wd", task), 0, cell_as_shipped(task.require_hardware(), "panda"))
+    built = SimulatedLab(lab_scoops.TASK, lab_scoops.world(), 0, lab_scoops.CELL)
     return Kind(built.bench, lambda: np.array(built.truth()["trials"][-1]["X_BO_placed"])[:2, 3])
 
 

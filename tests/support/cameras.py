@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
+import lab_scoops
 import numpy as np
 from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, enter, frames, kinect_library, threaded, while_shown
 from staged_realsense import SoftRealSense
@@ -22,10 +23,8 @@ from perception.board import Board, draw
 from sim.lab.board import HeldBoard
 from sim.lab.calibrating import CalibrationLab
 from sim.lab.simulated import READY_RAD, SimulatedLab
-from sim.lab.world import Faults, Sensing, World, load_world
+from sim.lab.world import Faults
 from sim.panda.moves import move_path
-from sim.panda.tool import cell_as_shipped
-from sim.tasks import get_task
 
 RATE_HZ = 30.0
 
@@ -45,16 +44,10 @@ class Scene:
     rate_hz: float = RATE_HZ
 
 
-def _small(world: World) -> World:
-    """With a camera of a quarter of the resolution, which fails in its second trial or picture."""
-    return replace(world, sensing=Sensing(camera="small"), faults=Faults(camera_timeout=(2,)))
-
-
 def lab() -> Scene:
-    """The rendered camera of trials. Nothing moves, so a recording shows the piece at rest."""
-    task = get_task("scooping")
-    built = SimulatedLab(task, _small(load_world("wd", task)), 0, cell_as_shipped(task.require_hardware(), "panda"))
-    xy_m = np.array([0.68, 0.0])
+    """The rendered camera of trials, which fails in its second. Nothing moves: a recording shows the piece at rest."""
+    built = SimulatedLab(lab_scoops.TASK, lab_scoops.world(faults=Faults(camera_timeout=(2,))), 0, lab_scoops.CELL)
+    xy_m = lab_scoops.XY_M
     built.bench.place(xy_m, trial=1, attempt=0)
     arm = built.arm.__enter__()
     return Scene(built.camera, lambda: arm.state().t_s, spoil=lambda: built.bench.place(xy_m, 2, 0))
@@ -62,16 +55,9 @@ def lab() -> Scene:
 
 def board_lab() -> Scene:
     """The rendered camera of calibrations: it films motions alone."""
-    task, board = get_task("scooping"), Board()
+    board = Board()
     held = HeldBoard(draw(board, 112), board.size_m)
-    built = CalibrationLab(
-        task,
-        replace(_small(load_world("wd", task)), faults=Faults()),
-        0,
-        held,
-        cell_as_shipped(task.require_hardware(), "panda"),
-        home_q_rad=READY_RAD,
-    )
+    built = CalibrationLab(lab_scoops.TASK, lab_scoops.world(), 0, held, lab_scoops.CELL, home_q_rad=READY_RAD)
     built.arm.__enter__()
     away_rad = READY_RAD + np.array([0.05, 0, 0, 0, 0, 0, 0])
 

@@ -133,6 +133,24 @@ TOY = Task(
 )
 
 
+@dataclass
+class Counted:
+    """`simulate`, counted; after `most` rollouts the power fails."""
+
+    most: float = np.inf
+    count: int = 0
+
+    def __call__(self, *request: Any) -> ObjectTrack:
+        if self.count >= self.most:
+            raise RuntimeError("power cut")
+        self.count += 1
+        return simulate(*request)
+
+    @property
+    def task(self) -> Task:
+        return dataclasses.replace(TOY, simulate=self)
+
+
 def equal_rollouts(one: Rollouts, two: Rollouts) -> bool:
     """Whether both hold the same numbers."""
     return all(

@@ -1,10 +1,9 @@
 import dataclasses
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
-from toy_task import ACTION, TOY, best_action, simulate
+from toy_task import ACTION, TOY, Counted, best_action, simulate
 
 from sim.errors import DatasetError, RolloutError
 from sim.rollouts import build_dataset, load_dataset, run_many, serial_executor
@@ -14,25 +13,9 @@ from sim.rollouts.shards import CachedRollouts
 from sim.solvers.emulator.training import outcome_variance
 from sim.types import Dimension, Space
 
-calls: list[Any] = []
-
-
-def counting(parameters, context, action, nuisance, unmodelled=None):
-    calls.append(1)
-    return simulate(parameters, context, action, nuisance, unmodelled)
-
-
-def failing_late(parameters, context, action, nuisance, unmodelled=None):
-    if len(calls) > 300:
-        raise RuntimeError("power cut")
-    return counting(parameters, context, action, nuisance, unmodelled)
-
 
 def other_scene(parameters, context, action, nuisance, unmodelled=None):
     return simulate(parameters, context, action * 1.2, nuisance, unmodelled)
-
-
-COUNTED = dataclasses.replace(TOY, simulate=counting)
 
 
 def build(folder, size=600, seed=0, task=TOY, denser=0):
@@ -63,12 +46,11 @@ def test_the_same_seed_gives_the_same_dataset_and_another_does_not(tmp_path):
 
 
 def test_a_killed_build_goes_on_where_it_was(tmp_path):
-    calls.clear()
+    counted = Counted()
     with pytest.raises(RolloutError, match="power cut"):
-        build(tmp_path, task=dataclasses.replace(TOY, simulate=failing_late))
-    calls.clear()
-    resumed = build(tmp_path, task=COUNTED)
-    assert len(calls) == 600 - 256 + 2  # the first shard stands; two probes
+        build(tmp_path, task=Counted(most=300).task)
+    resumed = build(tmp_path, task=counted.task)
+    assert counted.count == 600 - 256 + 2  # the first shard stands; two probes
     assert resumed.identity == build(tmp_path / "fresh").identity
 
 
@@ -85,9 +67,8 @@ def test_the_second_part_is_denser_where_the_outcome_changes(tmp_path):
 
 @pytest.mark.long
 def test_a_killed_denser_part_goes_on_with_the_rollouts_that_were_chosen(tmp_path):
-    calls.clear()
     with pytest.raises(RolloutError, match="power cut"):
-        build(tmp_path, 256, task=dataclasses.replace(TOY, simulate=failing_late), denser=300)
+        build(tmp_path, 256, task=Counted(most=300).task, denser=300)
     chosen = (tmp_path / "denser.npz").read_bytes()
     resumed = build(tmp_path, 256, denser=300)
     assert (tmp_path / "denser.npz").read_bytes() == chosen
@@ -111,9 +92,9 @@ def test_a_damaged_shard_is_found_and_redone_alone(tmp_path, damage):
     shard.write_bytes(damage(shard.read_bytes()))
     with pytest.raises(DatasetError, match="shard-00001"):
         load_dataset(tmp_path, TOY)
-    calls.clear()
-    assert build(tmp_path, task=COUNTED).identity == whole.identity
-    assert len(calls) == 256 + 2
+    counted = Counted()
+    assert build(tmp_path, task=counted.task).identity == whole.identity
+    assert counted.count == 256 + 2
 
 
 def test_another_seed_scene_or_range_is_refused(tmp_path):
@@ -140,15 +121,16 @@ def test_a_missing_or_malformed_manifest_says_what_to_do(tmp_path):
 
 def test_cached_rollouts_are_simulated_once(tmp_path):
     requests = dataset_requests(TOY, 3, 10)
+    counted = Counted()
     with serial_executor() as executor:
-        roll = CachedRollouts(COUNTED, tmp_path, executor)
-        calls.clear()
+        roll = CachedRollouts(counted.task, tmp_path, executor)
+        counted.count = 0
         first, second = roll(requests), roll(requests)
         assert np.array_equal(first.observation, second.observation)
         probes = 8  # whether the scene is the same
-        assert (len(calls) - probes, roll.count()) == (10, 10)
+        assert (counted.count - probes, roll.count()) == (10, 10)
         roll(dataset_requests(TOY, 4, 10))
-        assert (len(calls) - probes, roll.count()) == (20, 20)
+        assert (counted.count - probes, roll.count()) == (20, 20)
 
 
 def test_cached_rollouts_of_another_scene_are_not_used(tmp_path):

@@ -1,11 +1,11 @@
 import dataclasses
 import functools
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pytest
 from toy_learning import SETTINGS, roll, trained
-from toy_task import PARAMETERS, TOY, simulate
+from toy_task import PARAMETERS, TOY, Counted
 
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import Method
@@ -39,18 +39,6 @@ TINY = PretrainBudget(
     prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
     evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
 )
-calls: list[Any] = []
-
-
-def counting(parameters, context, action, nuisance, unmodelled=None):
-    calls.append(1)
-    return simulate(parameters, context, action, nuisance, unmodelled)
-
-
-def cut_off(parameters, context, action, nuisance, unmodelled=None):
-    if len(calls) >= 340:
-        raise RuntimeError("power cut")
-    return counting(parameters, context, action, nuisance, unmodelled)
 
 
 def run(folder, task=TOY, budget=TINY, seed=0, wanted=EVERYTHING):
@@ -230,21 +218,18 @@ def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
 
 @pytest.mark.long
 def test_a_killed_pretraining_goes_on_to_the_same_end_without_repeating_rollouts(tmp_path):
-    calls.clear()
+    before, after, again = Counted(most=340), Counted(), Counted()
     with pytest.raises(RolloutError, match="power cut"):
-        run(tmp_path / "killed", dataclasses.replace(TOY, simulate=cut_off))
-    before = len(calls)
-    calls.clear()
-    resumed = load_checkpoint(TOY, str(run(tmp_path / "killed", dataclasses.replace(TOY, simulate=counting))[0]))
+        run(tmp_path / "killed", before.task)
+    resumed = load_checkpoint(TOY, str(run(tmp_path / "killed", after.task)[0]))
     whole = load_checkpoint(TOY, str(run(tmp_path / "whole")[0]))
     assert resumed.sha256 == whole.sha256
     assert resumed.card.evaluation == whole.card.evaluation
     probes, judged = 4, TINY.evaluation  # two times two probes; the largest request judges all policies of a target
     interrupted = judged.rollouts * (UDR_POLICIES + 1 + COMPARED * judged.iterations)
-    assert before + len(calls) <= whole.card.simulations + probes + interrupted
-    calls.clear()
-    run(tmp_path / "killed", dataclasses.replace(TOY, simulate=counting))
-    assert len(calls) == 2
+    assert before.count + after.count <= whole.card.simulations + probes + interrupted
+    run(tmp_path / "killed", again.task)
+    assert again.count == 2
 
 
 @pytest.mark.long

@@ -4,12 +4,11 @@ import math
 import shutil
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from toy_learning import SETTINGS, roll, trained
-from toy_task import ACTION, PARAMETERS, TOY, best_action, simulate
+from toy_task import ACTION, PARAMETERS, TOY, Counted, best_action
 
 from sim.adaptation.reward_table import ProspectSettings
 from sim.errors import DatasetError
@@ -41,12 +40,7 @@ BUDGET = PretrainBudget(
     evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
 )
 FEW = VerificationSettings(PairSettings(environments=8, targets=2, actions=32, rollouts=12), episodes=11)
-calls: list[Any] = []
-
-
-def counting(parameters, context, action, nuisance, unmodelled=None):
-    calls.append(1)
-    return simulate(parameters, context, action, nuisance, unmodelled)
+COUNTED = Counted()
 
 
 @functools.cache
@@ -66,11 +60,10 @@ def folder(tmp_path):
 @functools.cache
 def verified():
     """(verification of that folder, what its progress was, how many rollouts it ran)."""
-    seen, task = [], dataclasses.replace(TOY, simulate=counting)
-    calls.clear()
+    seen = []
     with serial_executor() as executor:
-        made = load_pretrained(task, Path(finished().name))
-        return verify(made, FEW, executor, lambda *call: seen.append(call)), seen, len(calls)
+        made = load_pretrained(COUNTED.task, Path(finished().name))
+        return verify(made, FEW, executor, lambda *call: seen.append(call)), seen, COUNTED.count
 
 
 def test_a_finished_pretraining_is_verified_and_a_second_time_costs_no_rollout():
@@ -79,10 +72,9 @@ def test_a_finished_pretraining_is_verified_and_a_second_time_costs_no_rollout()
     for part in PARTS:
         last = [call for call in seen if call[0] == part][-1]
         assert last[1] == last[2]
-    calls.clear()
     with serial_executor() as executor:
         again = verify(verification.pretrained, FEW, executor, lambda stage, done, total: None)
-    assert len(calls) == 8 * len(PARTS)
+    assert COUNTED.count == simulated + 8 * len(PARTS)
     assert np.array_equal(again.pairs.emulated, verification.pairs.emulated)
     assert again.pairs.regret == verification.pairs.regret
     assert again.replays == verification.replays

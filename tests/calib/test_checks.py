@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 import simulated_views as rig
+from board_scenes import INFRARED
 from scipy.spatial.transform import Rotation
 from simulated_views import Quality, Truth, board_in_camera, random_poses, seen
 
@@ -22,15 +23,8 @@ from calib.timing import time_offset
 from calib.types import Grade, Mounting, Setup, Solution, View, reasons
 from hw.kinematics import forward
 from hw.poses import inverse
-from hw.types import Array, Intrinsics
+from hw.types import Array
 from perception.board.types import Corners
-
-INFRARED = Intrinsics(
-    640,
-    576,
-    np.array([[504.6, 0, 332.8], [0, 504.7, 348.8], [0, 0, 1]]),
-    np.array([0.54794, -0.02097, 0.00002, -0.00007, -0.00265, 0.88968, 0.08613, -0.01391]),
-)
 
 
 def test_a_good_calibration_passes_every_gate(solution: Solution) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cells import cell, stick
+from cells import cell, find, stick
 
 from hw.collision import Capsule, KeepOut, Table, Tool
 from hw.errors import MotionRefused
@@ -90,7 +90,7 @@ def test_a_window_of_any_depth_keeps_the_check_of_the_table() -> None:
     q_rad = np.array([0.0, 0.35, 0.0, -2.1, 0.0, 2.45, np.pi / 4])
     path = JointPath(np.arange(100) / 1e3, np.tile(q_rad, (100, 1)))
     within = cell("fr3", stick((0.0, 0.0, 0.325)))
-    deep = next(c for c in within.check(path).checks if c.quantity == "depth in the table")
+    deep = find(path, "depth in the table", within)
     assert deep.ratio > 1.0
     tried = 0
     for depth_m in (-1.0, -1e-9, 0.0, 0.003, 0.006, deep.value, 1.0, math.nan):

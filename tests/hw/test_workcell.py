@@ -6,7 +6,7 @@ from dataclasses import MISSING, fields, replace
 
 import numpy as np
 import pytest
-from cells import cell, stick
+from cells import cell, find, stick
 from guarded_paths import GUARD, Q_TOP_RAD, TOOL, TOP_M, down, tip_m
 
 from hw.collision import BARE_HAND, HAND_MASS, Table
@@ -21,11 +21,6 @@ PLANE_M = TOP_M - 0.01
 STILL = JointPath(np.array([0.0, 1e-3]), np.stack([Q_TOP_RAD, Q_TOP_RAD]))
 
 
-def worst(within: Workcell, path: JointPath, quantity: str) -> tuple[float, float]:
-    found = next(check for check in within.check(path).checks if check.quantity == quantity)
-    return found.value, found.ratio
-
-
 def test_nothing_that_decides_may_be_left_out() -> None:
     for value in (Workcell, ArmModel):
         assert all(f.default is MISSING and f.default_factory is MISSING for f in fields(value))
@@ -35,9 +30,10 @@ def test_geometry_counts_for_true_joints_and_limits_for_reported_ones() -> None:
     exact, off = cell(tool=TOOL), cell(tool=TOOL, zeros_rad=ZEROS_RAD)
     reported = off.arm.reported(STILL)
     for quantity in ("self-collision", "table", "depth in the table"):
-        assert worst(off, reported, quantity) == pytest.approx(worst(exact, STILL, quantity), rel=1e-9)
-    assert worst(off, reported, "position") == worst(exact, reported, "position")
-    assert worst(off, reported, "position") != worst(exact, STILL, "position")
+        one, other = find(reported, quantity, off), find(STILL, quantity, exact)
+        assert (one.value, one.ratio) == pytest.approx((other.value, other.ratio), rel=1e-9)
+    assert find(reported, "position", off) == find(reported, "position", exact)
+    assert find(reported, "position", off) != find(STILL, "position", exact)
 
 
 def test_a_planner_in_true_joints_is_told_the_same() -> None:

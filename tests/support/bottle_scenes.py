@@ -38,6 +38,11 @@ HAND = box("hand", (-0.04, -0.05, -0.03), (0.04, 0.05, 0.03), HAND_RGB)
 PLATE = box("plate", (-0.005, -0.06, 0.0), (0.0, 0.06, 0.08), PLATE_RGB)
 
 
+def up(x: float, y: float) -> Array:
+    """A bottle that stands there."""
+    return BODY.upright(np.array([x, y]))
+
+
 def leaning(xy: Array, tilt_rad: float, heading_rad: float = 0.0) -> Array:
     """A bottle that stands on the rim of its bottom, tilted towards a heading."""
     X = np.eye(4)

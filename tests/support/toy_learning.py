@@ -63,6 +63,11 @@ def trial(
     return Trial(context, action, seen, TOY.score(track, context) if reward is None else reward, TOY.end_of(track))
 
 
+def tried(mean: np.ndarray, *trials: Trial) -> Iteration:
+    """An iteration of one particle."""
+    return (ParticleTrials(Particle(mean[None]), trials),)
+
+
 def train_one(
     emulator: Emulator,
     samples: np.ndarray,

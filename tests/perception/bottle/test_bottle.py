@@ -7,7 +7,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 import pytest
-from bottle_scenes import AREA, BODY, HAND, MARK, Stage, bottle, leaning, stage
+from bottle_scenes import AREA, BODY, HAND, MARK, Stage, bottle, leaning, stage, up
 from table_scenes import at, box
 
 from hw.types import Array
@@ -20,10 +20,6 @@ from perception.overlay import overlay_bottle
 def scene() -> Stage:
     cube = box("cube", (-0.04, -0.04, -0.03), (0.04, 0.04, 0.03), (0.3, 0.3, 0.3))
     return stage(bottle(), bottle("other"), HAND, cube, seed=2)
-
-
-def up(x: float, y: float) -> Array:
-    return BODY.upright(np.array([x, y]))
 
 
 def find(X_BC: Array | None = None, **poses: Array) -> BottleDetection:

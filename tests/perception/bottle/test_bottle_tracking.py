@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from bottle_scenes import AREA, BODY, GONE, MARK, Pose, Stage, leaning, plate_arm, stage
+from bottle_scenes import AREA, BODY, GONE, MARK, Pose, Stage, leaning, plate_arm, stage, up
 from table_scenes import at
 
 from hw.types import Array, Frame
@@ -17,10 +17,6 @@ from perception.types import ObjectTrack, Outcome
 
 T0 = 100.0
 TIMES = T0 + np.arange(0.0, 0.70, 1 / 15)
-
-
-def up(x: float, y: float) -> Array:
-    return BODY.upright(np.array([x, y]))
 
 
 @lru_cache

@@ -4,30 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from table_scenes import at
 
 from hw.types import Array
 from perception.piece.proxy import Proxy, Shape
 from perception.piece.tracking import judge
 from perception.types import Outcome
 
+X_BT = at(0.80, 0.01, 0.035, pitch=-0.25)
 PROXY = Proxy(Shape.CYLINDER, (0.012, 0.012, 0.009))
 T_S = np.linspace(0.0, 1.2, 37)
-
-
-def pose(pitch: float = -0.25) -> Array:
-    c, s = np.cos(pitch), np.sin(pitch)
-    X = np.eye(4)
-    X[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
-    X[:3, 3] = 0.80, 0.01, 0.035
-    return X
 
 
 def verdict(
     in_tool_m: tuple[float, float, float], seen: float = 0.9, drift_m_s: float = 0.0
 ) -> tuple[Outcome, Array, tuple[str, ...]]:
     points = np.array(in_tool_m) + np.outer(T_S - T_S[-1], [drift_m_s, 0.0, 0.0])
-    state = points @ pose()[:3, :3].T + pose()[:3, 3]
-    return judge(T_S, state, np.full(len(T_S), seen), np.tile(pose(), (len(T_S), 1, 1)), 1.0, PROXY)
+    state = points @ X_BT[:3, :3].T + X_BT[:3, 3]
+    return judge(T_S, state, np.full(len(T_S), seen), np.tile(X_BT, (len(T_S), 1, 1)), 1.0, PROXY)
 
 
 def test_on_the_blade() -> None:

@@ -6,12 +6,12 @@ import functools
 import numpy as np
 import pytest
 from scipy.stats import multivariate_t
-from toy_learning import TARGET, prospects, trained
+from toy_learning import TARGET, prospects, trained, tried
 from toy_learning import trial as one_trial
 from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Particle, ParticleTrials, Trial
+from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Trial
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.adaptsim import AdaptSim, outlook_after
 from sim.adaptation.reality import FREEDOM, KEPT, Discrepancy, Reality, RealityPolicy, Scale, Simulators
@@ -56,7 +56,7 @@ def earned(policy, effects=None):
 
 
 def session(n, effects=None):
-    return [(ParticleTrials(Particle(TARGET[None]), trials(n, effects)),)]
+    return [tried(TARGET, *trials(n, effects))]
 
 
 def test_a_discrepancy_follows_its_residuals_nearby_and_forgets_them_far_away():
@@ -195,7 +195,7 @@ def test_the_first_particle_is_cautious_and_the_others_explore_until_they_confir
 def test_while_every_trial_has_failed_all_particles_explore_and_the_surest_failure_is_not_preferred():
     method, rng = AdaptSim(simulators()), np.random.default_rng(0)
     failed = tuple(dataclasses.replace(t, reward=0.0, end_state=None) for t in trials(2))
-    history = [(ParticleTrials(Particle(TARGET[None]), failed),)] * 5
+    history = [tried(TARGET, *failed)] * 5
     first, other = method.next(history, rng)[0], method.start(2, rng)[1]
     assert optimism(method.policy(first, history)) > 0.0
     assert optimism(method.policy(other, history)) > optimism(method.policy(first, history))

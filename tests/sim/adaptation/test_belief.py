@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from toy_learning import TARGET, prospects, trained, trial
+from toy_learning import TARGET, prospects, trained, trial, tried
 from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, best_action
 
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
-from sim.adaptation.method import Particle, ParticleTrials
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.belief import Belief
 from sim.adaptation.reward_table import APART, restore_prospects
@@ -15,10 +14,6 @@ from sim.errors import CheckpointError
 
 def belief():
     return Belief(trained()[0], prospects())
-
-
-def session(mean, trials):
-    return [(ParticleTrials(Particle(mean[None]), tuple(trials)),)]
 
 
 def test_prospects_are_what_policies_earn_and_come_back_from_tensors():
@@ -41,7 +36,7 @@ def test_prospects_are_what_policies_earn_and_come_back_from_tensors():
 def test_trajectories_find_what_they_show_of_the_truth():
     action = ACTION.denormalise(np.array([0.5, 0.5]))
     method = belief()
-    weights = method.weights(session(TARGET, [trial(action, seed=s) for s in range(4)]))
+    weights = method.weights([tried(TARGET, *(trial(action, seed=s) for s in range(4)))])
     assert weights.sum() == pytest.approx(1.0)
     mu = PARAMETERS.normalise(prospects().truths)[:, 0]
     assert weights @ mu == pytest.approx(0.85, abs=0.1)
@@ -50,7 +45,7 @@ def test_trajectories_find_what_they_show_of_the_truth():
 
 def test_a_session_comes_close_to_the_best_policy_at_once():
     method, action = belief(), ACTION.denormalise(np.array([0.5, 0.5]))
-    history = session(TARGET, [trial(action, seed=s) for s in range(2)])
+    history = [tried(TARGET, *(trial(action, seed=s) for s in range(2)))]
     first, second = (p.mean for p in (*method.next(history, np.random.default_rng(0)), *method.start(1, None)))
     policy = trained()[0].policies(np.array([first, second])[:, None], np.random.default_rng(0))
     miss = [np.linalg.norm(ACTION.normalise(p.actions(np.zeros((1, 2)))[0]) - best_action(TARGET)) for p in policy]
@@ -62,15 +57,14 @@ def test_rewards_decide_where_no_parameters_explain_them():
     """Trajectories say that one E is right; its trials fail all the same, and those of another succeed."""
     method, action = belief(), ACTION.denormalise(np.array([0.5, 0.5]))
     trials = [trial(action, seed=s) for s in range(2)]
-    promised = method.next(session(TARGET, trials), np.random.default_rng(0))[0].mean
+    promised = method.next([tried(TARGET, *trials)], np.random.default_rng(0))[0].mean
     elsewhere = prospects().candidates[
         np.argmax(np.linalg.norm(PARAMETERS.normalise(prospects().candidates - promised), axis=1))
     ]
     history = []
     for _ in range(4):
         for mean, reward in ((promised, 0.0), (elsewhere, 1.0)):
-            failed = [trial(action, reward=reward, seed=s) for s in range(2)]
-            history += session(mean, failed)
+            history.append(tried(mean, *(trial(action, reward=reward, seed=s) for s in range(2))))
     found = method.next(history, np.random.default_rng(0))[0].mean
     gap = {name: np.linalg.norm(PARAMETERS.normalise(found) - PARAMETERS.normalise(m)) for name, m in
            (("promised", promised), ("elsewhere", elsewhere))}  # fmt: skip
@@ -80,14 +74,14 @@ def test_rewards_decide_where_no_parameters_explain_them():
 def test_what_no_parameters_express_leaves_many_truths_possible():
     action = ACTION.denormalise(np.array([0.5, 0.5]))
     odd = [trial(action, Unmodelled(wind_m=0.06), seed=s) for s in range(2)]
-    weights = belief().weights(session(TARGET, odd))
+    weights = belief().weights([tried(TARGET, *odd)])
     assert 1.0 / (weights**2).sum() > 5.0  # effective number
     assert np.isfinite(weights).all()
 
 
 def test_particles_are_candidates_that_lie_apart_and_nothing_is_random():
     method, action = belief(), ACTION.denormalise(np.array([0.2, 0.8]))
-    history = session(TARGET, [trial(action)])
+    history = [tried(TARGET, trial(action))]
     one = [p.mean.tolist() for p in method.start(3, np.random.default_rng(0))]
     assert one == [p.mean.tolist() for p in belief().start(3, np.random.default_rng(1))]
     assert all(c in prospects().candidates.tolist() for c in one)

@@ -3,7 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from toy_learning import iteration, train_one, trained
+from toy_learning import iteration, train_one, trained, tried
 from toy_task import PARAMETERS, TOY, Unmodelled
 
 from sim.adaptation.judging import Misfits, choose_best, judge
@@ -33,7 +33,7 @@ def session(parameters, means, effects=None, iterations=4, policy_for=None):
     rng = np.random.default_rng(0)
     history = []
     for _ in range(iterations):
-        tried = []
+        of_all = []
         for mean in means:
             policy = train_one(emulator, (policy_for if policy_for is not None else mean)[None], rng)
             trials = []
@@ -41,15 +41,15 @@ def session(parameters, means, effects=None, iterations=4, policy_for=None):
                 track = TOY.simulate(parameters, context, policy(context), np.zeros(1), effects)
                 seen = TOY.observation.with_noise(TOY.observation(track), rng)
                 trials.append(Trial(context, policy(context), seen, TOY.score(track, context), TOY.end_of(track)))
-            tried.append(ParticleTrials(Particle(mean[None]), tuple(trials)))
-        history.append(tuple(tried))
+            of_all += tried(mean, *trials)
+        history.append(tuple(of_all))
     return history
 
 
 def visited(mean, seen, rewards=(0.0, 0.0)):
     """A session of one particle and one iteration: its mean, observations and rewards."""
     trials = tuple(Trial(np.zeros(2), np.zeros(2), o, r, None) for o, r in zip(seen, rewards, strict=False))
-    return [(ParticleTrials(Particle(mean[None]), trials),)]
+    return [tried(mean, *trials)]
 
 
 def moved(method, history):

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 from cells import smooth
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
@@ -33,7 +34,7 @@ def over(height_m: float, q_near: Array = _NEAR) -> Array:
     return np.asarray(least_squares(off, q_near, xtol=1e-14, ftol=1e-14, gtol=1e-14).x)
 
 
-def tip_m(q_rad: Array) -> float:
+def tip_m(q_rad: ArrayLike) -> float:
     """The height of the fingertips, in the base."""
     X_BF = forward(q_rad)
     return float((X_BF[:3, :3] @ TIP + X_BF[:3, 3])[2])

@@ -140,11 +140,18 @@ class Counted:
     most: float = np.inf
     count: int = 0
 
-    def __call__(self, *request: Any) -> ObjectTrack:
+    def __call__(
+        self,
+        parameters: np.ndarray,
+        context: np.ndarray,
+        action: np.ndarray,
+        nuisance: np.ndarray,
+        unmodelled: Any = None,
+    ) -> ObjectTrack:
         if self.count >= self.most:
             raise RuntimeError("power cut")
         self.count += 1
-        return simulate(*request)
+        return simulate(parameters, context, action, nuisance, unmodelled)
 
     @property
     def task(self) -> Task:

@@ -33,7 +33,7 @@ def session(parameters, means, effects=None, iterations=4, policy_for=None):
     rng = np.random.default_rng(0)
     history = []
     for _ in range(iterations):
-        of_all = []
+        of_all = list[ParticleTrials]()
         for mean in means:
             policy = train_one(emulator, (policy_for if policy_for is not None else mean)[None], rng)
             trials = []

@@ -17,7 +17,6 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from importlib import import_module
 from multiprocessing import get_context
 from typing import Any, cast
 
@@ -37,6 +36,8 @@ from sim.lab.drawn import drawn_world, effects_of
 from sim.lab.world import World
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
+from sim.tasks.pushing import rollout as pushing
+from sim.tasks.scooping import rollout as scooping
 from sim.tasks.task import Task
 from sim.types import ToolMotion
 
@@ -107,10 +108,10 @@ def trial(name: str, seed: int, number: int) -> Row:
         truth = lab.truth()["trials"][-1]
         X_BO = np.array(truth["X_BO_placed"])
     motion = task.require_hardware().plan(placed.context, action)
-    alone = _without_arm(name, world, motion, X_BO)
+    alone = without_arm(task, world, motion, X_BO)
     back_m = np.zeros((4, 4))
     back_m[0, 3] = NUDGE_M
-    repeated = [_without_arm(name, world, motion, X_BO + sign * back_m).outcome.value for sign in (-1.0, 1.0)]
+    repeated = [without_arm(task, world, motion, X_BO + sign * back_m).outcome.value for sign in (-1.0, 1.0)]
     return Row(
         **facts,
         outcome=(alone.outcome.value, seen.outcome.value),
@@ -125,10 +126,12 @@ def trial(name: str, seed: int, number: int) -> Row:
     )
 
 
-def _without_arm(name: str, world: World, motion: ToolMotion, X_BO: Array) -> ObjectTrack:
-    play = import_module(f"sim.tasks.{name}.rollout").play
-    track: ObjectTrack = play(motion, X_BO, world.parameters, world.nuisance, world.unmodelled)
-    return track
+def without_arm(task: Task, world: World, motion: ToolMotion, X_BO: Array) -> ObjectTrack:
+    """The rollout of training with the object at X_BO (4, 4)."""
+    facts = (motion, X_BO, world.parameters, world.nuisance, world.unmodelled)
+    if task.name == "pushing":
+        return pushing.track_of(pushing.readings(*facts))
+    return scooping.track_of(scooping.readings(*facts), motion)
 
 
 def summary(task: Task, rows: Sequence[Row]) -> dict[str, Any]:

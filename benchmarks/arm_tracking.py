@@ -1,8 +1,8 @@
-"""The FR3's driver over its network protocol: tracking, late cycles, and from a released pedal to standstill.
+"""The FR3's driver over its network protocol: late cycles, and from a released pedal to standstill.
 
 The arm is franky-sim's (MuJoCo), in a process of its own, at 1 kHz and without waiting for late commands; the pedal is
 a real serial line (a pseudo-terminal). Without a real-time kernel late cycles are those of this computer and its other
-work; tracking is that of franky-sim's controller, not of an arm. What they show is that the driver adds nothing.
+work. What they show is that the driver adds none.
 
     PYTHONPATH=tests/support python benchmarks/arm_tracking.py --releases 4
 """
@@ -23,7 +23,6 @@ from serial_lines import Box, boxed, plugged_in
 
 from hw.collision import Tool
 from hw.errors import MotionRefused, StoppedByPedal
-from hw.kinematics import forward
 from hw.serial.enable_pedal import EnablePedal
 from hw.serial.pedal_protocol import PERIOD_S
 from hw.types import Array, JointPath
@@ -40,37 +39,28 @@ def press(box: Box, pedal: EnablePedal) -> None:
         time.sleep(2 * PERIOD_S)
 
 
-def trial(name: str) -> tuple[tuple[JointPath, ...], Array, Tool]:
+def trial(name: str) -> tuple[tuple[JointPath, ...], Tool]:
+    """Approach, task path and retreat of a middling action, and the tool of the task."""
     task = get_task(name)
     hardware = task.require_hardware()
     cell = cell_as_shipped(hardware, "fr3")
-    motion = hardware.plan(task.reference_context, (task.action.low + task.action.high) / 2.0)
-    return (
-        trial_paths(
-            motion, hardware.X_FT, cell, home(hardware.X_FT, cell, hardware.home_pitch_rad), carries=hardware.carries
-        ),
-        hardware.X_FT,
-        cell.tool,
-    )
+    motion = hardware.plan(task.reference_context, task.action.middle)
+    q_home = home(hardware.X_FT, cell, hardware.home_pitch_rad)
+    return trial_paths(motion, hardware.X_FT, cell, q_home, carries=hardware.carries), cell.tool
 
 
 def track(server: Fr3Process, name: str) -> dict[str, object]:
-    """The task path of one trial: errors of joints and tool, cycles without an answer in time."""
-    (_, path, _), X_FT, tool = trial(name)
+    """The task path of one trial: cycles without an answer in time."""
+    (_, path, _), tool = trial(name)
     server.place(path.q_rad[0])
     with arm_at(server, tool=tool) as arm:
         played = arm.execute(path)
     rows = server.received()
     missing = [q is None for q in rows[1:]]  # none is due in the cycle that starts the motion
-    off_rad = np.abs(played.q_measured_rad - played.q_commanded_rad)
-    p_c, p_m = ((forward(q) @ X_FT)[:, :3, 3] for q in (played.q_commanded_rad, played.q_measured_rad))
-    off_m = np.linalg.norm(p_c - p_m, axis=1)
     run = max((len(part) for part in "".join("x" if m else " " for m in missing).split()), default=0)
     return {
         "task": name,
         "duration_s": path.duration_s,
-        "joint_error_mrad": {"p95": 1e3 * np.quantile(off_rad.max(axis=1), 0.95), "max": 1e3 * off_rad.max()},
-        "tool_error_mm": {"p95": 1e3 * np.quantile(off_m, 0.95), "max": 1e3 * off_m.max(), "end": 1e3 * off_m[-1]},
         "cycles": len(missing),
         "late_cycles": int(sum(missing)),
         "longest_run_of_late_cycles": run,
@@ -80,7 +70,7 @@ def track(server: Fr3Process, name: str) -> dict[str, object]:
 
 def stop(server: Fr3Process, name: str, trials: int) -> dict[str, object]:
     """Release the pedal at moments spread over the task path."""
-    (_, path, _), _, tool = trial(name)
+    (_, path, _), tool = trial(name)
     reports, to_brake_s, silent, released_s = [], [], 0, 0.0
     with plugged_in() as line, boxed(line) as box, ExitStack() as stack:
 

@@ -232,10 +232,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=200)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="JSON lines, written as it goes and read on resuming")
-    parser.add_argument("--case", type=int, action="append", choices=range(len(CASES)), help="only these, from 0")
     options = parser.parse_args()
     kept = Kept(options.keep)
-    for case in [CASES[i] for i in options.case or range(len(CASES))]:
+    for case in CASES:
         rows = []
         for seed in range(options.first_seed, options.first_seed + options.seeds):
             try:

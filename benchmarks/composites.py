@@ -1,6 +1,6 @@
 """The piece tracked on pictures that our renderer did not make: what breaks first, and is it flagged before?
 
-    python benchmarks/composites.py [--effect blur ...]
+    python benchmarks/composites.py
 
 The background is a photograph of a real table (tests/data/panda-realsense, camera 2, the arm out of the way by the
 median of its twenty pictures). An ellipsoid with the texture of another part of that photograph lies on it and moves
@@ -10,7 +10,6 @@ of the plane and the ellipsoid, with the noise that a Kinect showed on a table. 
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -280,20 +279,17 @@ def spoilt(name: str, level: float) -> Effects:
     return Effects(jpeg=int(level)) if name == "jpeg" else Effects(**{name: level})  # type: ignore[arg-type]
 
 
-def tell(levels: Mapping[str, Sequence[float]], asked: Sequence[str], judged: Callable[[str, float], Result]) -> None:
-    """One line for each level of the effects that are asked for."""
-    for name in asked:
-        for level in levels[name]:
+def tell(levels: Mapping[str, Sequence[float]], judged: Callable[[str, float], Result]) -> None:
+    """One line for each level of each effect."""
+    for name, values in levels.items():
+        for level in values:
             print(f"{name:9s} {level:6g}  {judged(name, level)}", flush=True)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--effect", nargs="*", choices=sorted(LEVELS), default=list(LEVELS))
-    args = parser.parse_args()
     room = Room()
     print(f"noise of the pictures {room.noise:.2f} grey levels; plain: {judge(room, Effects())}")
-    tell(LEVELS, args.effect, lambda name, level: judge(room, spoilt(name, level)))
+    tell(LEVELS, lambda name, level: judge(room, spoilt(name, level)))
 
 
 if __name__ == "__main__":

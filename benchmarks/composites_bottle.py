@@ -1,6 +1,6 @@
 """The bottle tracked in depth that our renderer did not make: what breaks first, and is it flagged before?
 
-    python benchmarks/composites_bottle.py [--effect missing ...]
+    python benchmarks/composites_bottle.py
     python benchmarks/composites_bottle.py --from recording.mkv     cut the readings out of the recording again
 
 Noise and holes are those of a real Azure Kinect (tests/data/azure-kinect, cut from a recording of pyk4a's): the noise
@@ -179,19 +179,13 @@ def cut(recording: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--effect", nargs="*", choices=sorted(LEVELS), default=list(LEVELS))
     parser.add_argument("--from", dest="recording", type=Path, help="cut the readings out of this recording first")
-    parser.add_argument("--png", type=Path, help="a picture of the depth that is tracked")
     args = parser.parse_args()
     if args.recording:
         cut(args.recording)
     room = Room()
-    if args.png:
-        depth = composite(room, START_M, 0.0, Effects(), np.random.default_rng(0)).depth_mm
-        grey = np.clip((depth.astype(float) - 500.0) / 1000.0 * 255.0, 0, 255).astype(np.uint8)
-        cv2.imwrite(str(args.png), cv2.applyColorMap(grey, cv2.COLORMAP_TURBO))
     print(f"noise {room.noise_mm.std():.2f} mm, holes {room.holes.mean():.0%}; plain: {judge(room, Effects())}")
-    tell(LEVELS, args.effect, lambda name, level: judge(room, spoilt(name, level)))
+    tell(LEVELS, lambda name, level: judge(room, spoilt(name, level)))
 
 
 if __name__ == "__main__":

@@ -1,12 +1,12 @@
 """Is every action of a task within the arm's limits? Worst ratio over a grid of contexts and actions.
 
-    python benchmarks/executability.py --task scooping --model panda --model fr3 --png executability.png
-    python benchmarks/executability.py --task pushing --contexts 1 --actions 9 5 --map action --png executability.png
+    python benchmarks/executability.py --contexts 2 --actions 2
+    python benchmarks/executability.py --task pushing --contexts 1 --actions 9 5 --png executability.png
 
 The ratio of a motion is the largest of any joint's position, velocity, acceleration and jerk to its limit. A motion is
 executable when approach, task and retreat pass every check of `hw.limits`, a stop along the path is possible at any
-moment, and no ratio of the task path is above `sim.panda.redundancy.ALLOWED`. `--noise` widens the grid by the task's
-action noise. The picture maps the first two dimensions of the contexts or of the actions.
+moment, and no ratio of the task path is above `sim.panda.redundancy.ALLOWED`. The picture maps the first two dimensions
+of the actions.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.colors import ListedColormap
 
 from hw.braking import check_braking
 from hw.kinematics import forward
@@ -118,19 +120,12 @@ def show(task: Task, model: str, found: list[Motion]) -> None:
         print(f"  {motion.ratio:.3f} at {where}: {motion.note}")
 
 
-def draw(task: Task, over: str, results: dict[str, list[Motion]], png: Path) -> None:
-    """A map for each arm over two dimensions of contexts or actions: the worst ratio at each place, and what limits it.
+def draw(task: Task, results: dict[str, list[Motion]], png: Path) -> None:
+    """A map for each arm over two dimensions of the actions: the worst ratio at each place, and what limits it.
 
     Where not every motion is executable, the worst of those that are, and how many.
     """
-    import matplotlib  # noqa: PLC0415
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt  # noqa: PLC0415
-    from matplotlib.colors import ListedColormap  # noqa: PLC0415
-
-    space = task.context if over == "context" else task.action
-    names = [d.label for d in space.dimensions[:2]]
+    names = [d.label for d in task.action.dimensions[:2]]
     size = (max(5.2, 0.25 + 0.72 * len({m.action[0] for m in next(iter(results.values()))})) * len(results), 4.0)
     figure, axes = plt.subplots(1, len(results), figsize=size, squeeze=False, layout="constrained")
     light = plt.get_cmap("YlOrBr")(np.linspace(0.05, 0.6, 64))  # black text stays readable
@@ -138,8 +133,7 @@ def draw(task: Task, over: str, results: dict[str, list[Motion]], png: Path) -> 
     for axis, (model, found) in zip(axes[0], results.items(), strict=True):
         places: dict[tuple[float, float], list[Motion]] = {}
         for motion in found:
-            at = getattr(motion, over)
-            places.setdefault((float(at[0]), float(at[1])), []).append(motion)
+            places.setdefault((float(motion.action[0]), float(motion.action[1])), []).append(motion)
         xs, ys = (sorted({place[k] for place in places}) for k in (0, 1))
         worst = np.full((len(ys), len(xs)), np.nan)
         for (x, y), here in places.items():
@@ -166,23 +160,19 @@ def draw(task: Task, over: str, results: dict[str, list[Motion]], png: Path) -> 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--task", default="scooping")
-    parser.add_argument("--model", action="append", choices=["panda", "fr3"])
     parser.add_argument("--contexts", type=int, nargs="+", default=[3], help="grid points, of all or each dimension")
     parser.add_argument("--actions", type=int, nargs="+", default=[2], help="grid points, of all or each dimension")
-    parser.add_argument("--map", choices=["context", "action"], default="context", help="what the picture maps")
-    parser.add_argument("--noise", action="store_true", help="widen the actions by the task's action noise")
     parser.add_argument("--png", type=Path)
     options = parser.parse_args()
     chosen = get_task(options.task)
     contexts = grid(chosen.context.low, chosen.context.high, options.contexts)
-    noise = chosen.action_noise if options.noise else np.zeros(len(chosen.action))
-    actions = grid(chosen.action.low - noise, chosen.action.high + noise, options.actions)
+    actions = grid(chosen.action.low, chosen.action.high, options.actions)
     results = {}
-    for model in options.model or ["panda", "fr3"]:
+    for model in ("panda", "fr3"):
         results[model] = examine(chosen, model, contexts, actions)
         show(chosen, model, results[model])
     if options.png:
-        draw(chosen, options.map, results, options.png)
+        draw(chosen, results, options.png)
         print(f"picture: {options.png}")
 
 

@@ -28,7 +28,6 @@ class Compared:
     """One trial: what was believed, and what was so."""
 
     session: str
-    iteration: int
     number: int
     believed: Outcome
     true: Outcome
@@ -67,7 +66,6 @@ def _compared(session: str, record: dict[str, Any], stamps_s: np.ndarray, film: 
     apart_mm = 1e3 * np.linalg.norm(believed[:, :2] - centres[:, :2], axis=1)[seen]
     return Compared(
         session=session,
-        iteration=record["iteration"],
         number=record["number"],
         believed=Outcome(record["outcome"]),
         true=true,
@@ -89,13 +87,6 @@ def main() -> None:
             f"{one.session + ' ' + str(one.number):>16}  {one.believed:>10} {one.true:>10}  {one.reward:6.2f} "
             f"{one.true_reward:5.2f}  {middle:17.1f} {most:5.1f}  {'; '.join(one.flags)}"
         )
-    for name in dict.fromkeys(one.session for one in found):
-        mine = [one for one in found if one.session == name]
-        by_iteration = (
-            np.mean([one.true_reward for one in mine if one.iteration == i])
-            for i in sorted({one.iteration for one in mine})
-        )
-        print(f"{name}: true reward of the trials, by iteration: {', '.join(f'{r:.2f}' for r in by_iteration)}")
     apart = np.concatenate([one.apart_mm for one in found])
     off = np.array([one.reward - one.true_reward for one in found])
     print(

@@ -36,10 +36,10 @@ def until(holds: Callable[[], bool]) -> None:
         time.sleep(0.001)
 
 
-def by_pedal(model: str, server: GripperServer) -> float:
+def by_pedal(server: GripperServer) -> float:
     """Release the pedal in the middle of a motion -> ms until the stop arrived."""
     pedal, before = HandPedal(), len(server.begun_s) + 1
-    with HandProcess(model, server.host, pedal=pedal) as hand:
+    with HandProcess("fr3", server.host, pedal=pedal) as hand:
         server.slower = 0.1
         hand.home()
         server.slower = 20.0
@@ -58,11 +58,11 @@ def by_pedal(model: str, server: GripperServer) -> float:
     return 1e3 * (server.stops_s[-1] - pedal.released_s)
 
 
-def by_signal(model: str, server: GripperServer, number: signal.Signals) -> float:
+def by_signal(server: GripperServer, number: signal.Signals) -> float:
     """Send a signal to a program whose hand moves -> ms until the stop arrived."""
     server.slower, before, stops = 0.1, len(server.begun_s) + 1, len(server.stops_s)
     program = subprocess.Popen(
-        [sys.executable, str(PROGRAM), model, server.host],
+        [sys.executable, str(PROGRAM), "fr3", server.host],
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env=os.environ | {"PYTHONPATH": str(ROOT)},
@@ -85,17 +85,12 @@ def main() -> None:
     """Print median and worst of each cause."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--stops", type=int, default=20, help="of each cause")
-    parser.add_argument("--model", choices=("fr3", "panda"), default="fr3")
-    given = parser.parse_args()
+    stops = parser.parse_args().stops
     for cause in ("pedal", *SIGNALS):
         took_ms = []
-        for _ in range(given.stops):
+        for _ in range(stops):
             with gripper() as server:
-                took_ms.append(
-                    by_pedal(given.model, server)
-                    if cause == "pedal"
-                    else by_signal(given.model, server, SIGNALS[cause])
-                )
+                took_ms.append(by_pedal(server) if cause == "pedal" else by_signal(server, SIGNALS[cause]))
         took_ms.sort()
         print(f"{cause}: median {took_ms[len(took_ms) // 2]:.0f} ms, worst {took_ms[-1]:.0f} ms of {len(took_ms)}")
 

@@ -1,6 +1,6 @@
 """How well depth lies on colour in a recording of an Azure Kinect, on the outlines of what stands near; with a picture.
 
-    python benchmarks/kinect_alignment.py RECORDING.mkv --near 0.2 --far 0.5 --out docs/figures/kinect-alignment.png
+    python benchmarks/kinect_alignment.py RECORDING.mkv --out docs/figures/kinect-alignment.png
 
 Also says what it finds when the depth camera is turned by a known angle: what the number can tell.
 """
@@ -21,6 +21,7 @@ from hw.camera.recording import KinectRecording
 from hw.errors import CameraError
 from hw.poses import pose
 from hw.types import Array, CameraModel, Frame, Intrinsics
+from perception.geometry import project, transform
 
 JUMP_M = 0.04
 """Between two neighbouring pixels of depth: more than any smooth surface has."""
@@ -87,12 +88,10 @@ def points_in_colour(depth_mm: NDArray[np.uint16], model: CameraModel) -> tuple[
     rays = undistorted(np.stack([u, v], axis=-1).reshape(-1, 2), model.depth)
     z_m = depth_mm.reshape(-1) * 1e-3
     p_D_m = np.column_stack([rays * z_m[:, None], z_m])
-    p_C_m = p_D_m @ model.X_CD[:3, :3].T + model.X_CD[:3, 3]
+    p_C_m = transform(model.X_CD, p_D_m)
     valid = (z_m > 0) & (p_C_m[:, 2] > 0.05)
     pixels = np.zeros((len(z_m), 2))
-    no_turn = np.zeros(3)
-    seen, _ = cv2.projectPoints(p_C_m[valid], no_turn, no_turn, model.colour.K, model.colour.distortion)
-    pixels[valid] = seen.reshape(-1, 2)
+    pixels[valid] = project(model.colour, np.eye(4), p_C_m[valid])
     shape = (height, width)
     return pixels.reshape(*shape, 2), p_C_m[:, 2].reshape(shape), valid.reshape(shape)
 
@@ -168,6 +167,7 @@ def _edges(grey: NDArray[np.float32], places: Array, ways: Array) -> tuple[Array
 
 TURNS_DEG = (-0.4, -0.2, 0.0, 0.2, 0.4)
 ZOOM = 2
+NEAR_M, FAR_M = 0.2, 0.5
 
 
 def turned(model: CameraModel, angle_deg: float) -> CameraModel:
@@ -176,7 +176,7 @@ def turned(model: CameraModel, angle_deg: float) -> CameraModel:
     return replace(model, X_CD=pose(R, np.zeros(3)) @ model.X_CD)
 
 
-def picture(frame: Frame, model: CameraModel, found: Alignment, far_m: float) -> np.ndarray:
+def picture(frame: Frame, model: CameraModel, found: Alignment) -> np.ndarray:
     """Left: near readings on the colour image; right: outlines of depth (red) and edges of colour (green), enlarged."""
     low = np.maximum(found.outline_px.min(axis=0).astype(int) - 30, 0)
     high = np.minimum(found.outline_px.max(axis=0).astype(int) + 30, frame.colour.shape[1::-1])
@@ -186,9 +186,9 @@ def picture(frame: Frame, model: CameraModel, found: Alignment, far_m: float) ->
     large = np.repeat(steps[..., None], 3, axis=2)
     readings, edges = large.copy(), large
     pixels, z_m, valid = points_in_colour(frame.depth_mm, model)
-    near = valid & (z_m < far_m) & (pixels > low).all(axis=-1) & (pixels < high - 1).all(axis=-1)
+    near = valid & (z_m < FAR_M) & (pixels > low).all(axis=-1) & (pixels < high - 1).all(axis=-1)
     for (u, v), depth_m in zip((pixels[near] - low + 0.5) * ZOOM, z_m[near], strict=True):
-        shade = float(np.clip(2.0 * depth_m / far_m - 1.0, 0, 1))
+        shade = float(np.clip(2.0 * depth_m / FAR_M - 1.0, 0, 1))
         readings[min(round(v), len(grey) - 1), min(round(u), grey.shape[1] - 1)] = (255 * (1 - shade), 90, 255 * shade)
     ends_px = found.outline_px + found.beside_px[:, None] * found.normal
     for places, colour in ((found.outline_px, (230, 30, 30)), (ends_px, (40, 220, 40))):
@@ -200,22 +200,20 @@ def picture(frame: Frame, model: CameraModel, found: Alignment, far_m: float) ->
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recording", type=Path)
-    parser.add_argument("--near", type=float, default=0.2, help="m")
-    parser.add_argument("--far", type=float, default=0.5, help="m")
     parser.add_argument("--out", type=Path, help="PNG to write")
     given = parser.parse_args()
     with KinectRecording(given.recording) as recording:
         model, frame = recording.model(), next(recording.frames())
     print("turned by   points   |offset| median   sideways shift   growth   scatter")
     for angle_deg in TURNS_DEG:
-        found = align(frame, turned(model, angle_deg), given.near, given.far)
+        found = align(frame, turned(model, angle_deg), NEAR_M, FAR_M)
         expected_px = np.deg2rad(angle_deg) * model.colour.K[0, 0]
         print(
             f"{angle_deg:+5.1f}°  {len(found.beside_px):9d}  {found.median_px:12.2f} px  {found.shift_px:+12.2f} px"
             f"  {found.growth_px:+6.2f} px  {found.scatter_px:5.2f} px   (turned by {expected_px:+.2f} px)"
         )
     if given.out is not None:
-        image = picture(frame, model, align(frame, model, given.near, given.far), given.far)
+        image = picture(frame, model, align(frame, model, NEAR_M, FAR_M))
         content = cv2.imencode(".png", image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])[1]
         given.out.write_bytes(content.tobytes())
         print(f"written: {given.out}, {given.out.stat().st_size // 1024} KB")

@@ -1,18 +1,15 @@
 """How long one cycle of the player takes, stops among them: worst, 99.99th percentile and median of many cycles.
 
-    python benchmarks/player_timing.py
-    python benchmarks/player_timing.py --cycles 20000 --busy 2
-    sudo python benchmarks/player_timing.py --real-time --busy 2
+    sudo python benchmarks/player_timing.py --busy 2
 
 A cycle is what the program does between a state of the arm and the joints that it commands (`Playback.step`, with the
-pipe on which the program is heard). Every motion is stopped at another of its moments. Two clocks: the computer's, in
-which other work of the computer counts as well, and the process's own, in which it does not. No arm and no network take
-part; `--busy` starts so many processes that compute all the time.
+pipe on which the program is heard). Every motion is stopped at another of its moments. No arm and no network take part;
+`--busy` starts so many processes that compute all the time.
 
-Cycles follow each other at once, unless `--real-time` is given: then they come a thousand times a second, and the
-process has what the player claims on a real arm (`hw.franka.realtime`): real-time priority, locked memory, one core,
-and a processor that stays awake. The kernel may be any; what it or a virtual machine's host holds up still counts. How
-much that is shows a piece of fixed arithmetic of a similar length, timed beside every cycle: "the computer alone".
+Cycles come a thousand times a second, and the process has what the player claims on a real arm (`hw.franka.realtime`):
+real-time priority, locked memory, one core, and a processor that stays awake. The kernel may be any; what it or a
+virtual machine's host holds up still counts. How much that is shows a piece of fixed arithmetic of a similar length,
+timed beside every cycle: "the computer alone".
 """
 
 from __future__ import annotations
@@ -64,13 +61,13 @@ def arithmetic() -> float:
     return value
 
 
-def cycles(cell: Workcell, count: int, period_s: float) -> tuple[dict[str, Array], int]:
-    """Times of at least `count` cycles in s, one list for each clock and part; and the number of stopped motions."""
+def cycles(cell: Workcell, count: int) -> tuple[dict[str, Array], int]:
+    """Times of at least `count` cycles in s, and of the arithmetic; and the number of stopped motions."""
     motion = motion_of(path(), cell.motion)
-    wall, own, alone, stops = list[float](), list[float](), list[float](), 0
+    player, alone, stops = list[float](), list[float](), 0
     heard, said = os.pipe()
     rng = np.random.default_rng(0)
-    while len(wall) < count:
+    while len(player) < count:
         listener, state = Watchdog(heard, 60.0), Following()
         playback = Playback(motion, listener.wanted, time.monotonic)
         stop_at, tick, finished = int(rng.integers(0, len(motion.path.t_s) - 50)), 0, False
@@ -78,13 +75,12 @@ def cycles(cell: Workcell, count: int, period_s: float) -> tuple[dict[str, Array
         gc.disable()
         due_s = time.perf_counter()
         while not finished:
-            due_s = max(due_s + period_s, time.perf_counter())
+            due_s = max(due_s + PERIOD_S, time.perf_counter())
             time.sleep(max(0.0, due_s - time.perf_counter()))
             os.write(said, PEDAL if tick >= stop_at else ALIVE)
-            began_s, began_own_s = time.perf_counter(), time.thread_time()
+            began_s = time.perf_counter()
             q_rad, finished = playback.step(state, 0.001 if tick else 0.0)
-            own.append(time.thread_time() - began_own_s)
-            wall.append(time.perf_counter() - began_s)
+            player.append(time.perf_counter() - began_s)
             began_s = time.perf_counter()
             arithmetic()
             alone.append(time.perf_counter() - began_s)
@@ -94,8 +90,7 @@ def cycles(cell: Workcell, count: int, period_s: float) -> tuple[dict[str, Array
         stops += playback.played().braked_at >= 0
     os.close(heard)
     os.close(said)
-    named = {"computer's clock": wall, "process's own time": own, "the computer alone": alone}
-    return {name: np.array(times) for name, times in named.items()}, stops
+    return {"the player": np.array(player), "the computer alone": np.array(alone)}, stops
 
 
 def as_player() -> tuple[str, ...]:
@@ -116,24 +111,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--cycles", type=int, default=100_000)
     parser.add_argument("--busy", type=int, default=0)
-    parser.add_argument("--real-time", action="store_true")
     options = parser.parse_args()
     cell = cell_as_shipped(get_task("pushing").require_hardware(), "panda")
     others = [multiprocessing.Process(target=burn, daemon=True) for _ in range(options.busy)]
     for other in others:
         other.start()
-    missing = as_player() if options.real_time else ()
+    missing = as_player()
     try:
-        times, stops = cycles(cell, options.cycles, PERIOD_S if options.real_time else 0.0)
+        times, stops = cycles(cell, options.cycles)
     finally:
         for other in others:
             other.kill()
     load = os.getloadavg()[0]
-    count = len(next(iter(times.values())))
-    print(f"{count} cycles, {stops} stops among them; {options.busy} busy processes, load {load:.1f}")
     print(
-        f"  {'with real-time priority, at 1 kHz' if options.real_time else 'one after the other'}", *missing, sep="; "
+        f"{len(times['the player'])} cycles, {stops} stops among them; {options.busy} busy processes, load {load:.1f}"
     )
+    print("  with real-time priority, at 1 kHz", *missing, sep="; ")
     for name, taken_s in times.items():
         us = 1e6 * np.quantile(taken_s, [0.5, 0.9999, 1.0])
         print(f"  {name:<20} median {us[0]:.1f} µs, 99.99 % {us[1]:.0f} µs, worst {us[2]:.0f} µs")

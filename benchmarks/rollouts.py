@@ -4,9 +4,8 @@
 
 Draws parameters, actions and nuisance over their ranges, runs each with the step of training and with a quarter of it
 (same mesh, same contact model), and prints how often the outcome agrees, how far the object's XY lies apart at the
-observed times and at the end, what a rollout costs on one core, and how much more the same rollout costs with a whole
-arm. Both steps take turns, so that a busy computer slows both alike. Finished rollouts are kept in the cache; a stopped
-run goes on.
+observed times and at the end, and what a rollout costs on one core. Both steps take turns, so that a busy computer
+slows both alike. Finished rollouts are kept in the cache; a stopped run goes on.
 """
 
 from __future__ import annotations
@@ -56,10 +55,6 @@ def main() -> None:
         "end median where both succeed | CPU ms"
     )
     print(compare(coarse, fine))
-    if arguments.arm:
-        alone_s = coarse.cpu_s[: arguments.arm].mean()
-        whole_s = whole_arm_cpu_s(task, draws, arguments.arm)
-        print(f"with a whole arm: {1e3 * whole_s:.0f} ms, {whole_s / alone_s:.1f} times the rollout of training")
 
 
 def draw(task: Task, count: int) -> list[tuple[Array, Array, Array]]:
@@ -123,33 +118,10 @@ def compare(coarse: Measured, fine: Measured) -> str:
     )
 
 
-def whole_arm_cpu_s(task: Task, draws: list[tuple[Array, Array, Array]], count: int) -> float:
-    """CPU time of a rollout in the lab's cell: the same scene, carried by a whole arm (building it included)."""
-    hardware = task.require_hardware()
-    from sim.lab.cell import Cell  # noqa: PLC0415 - only where there is a lab
-    from sim.lab.world import Faults, Sensing, World  # noqa: PLC0415
-    from sim.panda.planning import home, trial_paths  # noqa: PLC0415
-    from sim.panda.tool import cell_as_shipped  # noqa: PLC0415
-
-    shipped, spent_s = cell_as_shipped(hardware, "panda"), 0.0
-    q_home = home(hardware.X_FT, shipped)
-    for parameters, action, nuisance in draws[:count]:
-        motion = hardware.plan(task.reference_context, action)
-        path = trial_paths(motion, hardware.X_FT, shipped, q_home)[1]
-        effects = task.unmodelled()
-        before_s = time.process_time()
-        cell = Cell(task, World("nominal", task.name, "", parameters, nuisance, effects, Sensing(), Faults()))
-        cell.reset(path.q_rad[0], hardware.rest_pose(task.reference_context, parameters, nuisance, effects))
-        cell.simulate(path.t_s, path.q_rad)
-        spent_s += time.process_time() - before_s
-    return spent_s / count
-
-
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--task", default="scooping")
     parser.add_argument("--count", type=int, default=400)
-    parser.add_argument("--arm", type=int, default=20, help="rollouts with a whole arm; 0 for none")
     parser.add_argument("--cache", default="build/convergence")
     return parser.parse_args()
 

@@ -45,7 +45,7 @@ class Score:
     edge_mm: float  # what a scoop feels: error of the edge against the table, at the task's pitch
 
 
-def world_of(seed: int, joint_offset_mrad: float) -> World:
+def world_of(seed: int) -> World:
     """The middle of all parameters, table and tool off by random amounts."""
     rng = np.random.default_rng(seed)
     table, tilt_x, tilt_y, tool, roll, pitch = rng.uniform(-1.0, 1.0, 6)
@@ -58,8 +58,7 @@ def world_of(seed: int, joint_offset_mrad: float) -> World:
         tool_roll_mrad=MOST["roll"] * roll,
     )
     effects = TASK.unmodelled(pitch_bias_rad=1e-3 * MOST["pitch"] * pitch)
-    nominal = load_world("wd", TASK)
-    return replace(nominal, unmodelled=effects, mount=mount, sensing=Sensing(joint_offset_mrad=joint_offset_mrad))
+    return replace(load_world("wd", TASK), unmodelled=effects, mount=mount, sensing=Sensing())
 
 
 def rig_of(lab: TouchLab, cell: Workcell, plan: Plan) -> TouchRig:
@@ -108,15 +107,14 @@ def score(found: SavedTouchOff, truth: dict[str, Any]) -> Score:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--joint-offset-mrad", type=float, default=0.0, help="of every joint's zero, root mean square")
-    arguments = parser.parse_args()
+    seeds = parser.parse_args().seeds
     logging.getLogger("drake").setLevel(logging.ERROR)
     scores: list[Score] = []
     refused = 0
-    for seed in range(arguments.seeds):
+    for seed in range(seeds):
         started_s = time.process_time()
         try:
-            scores.append(score(*touched(world_of(seed, arguments.joint_offset_mrad), seed)))
+            scores.append(score(*touched(world_of(seed), seed)))
         except TouchOffFailed as refusal:
             refused += 1
             print(f"seed {seed}: refused: {refusal}", flush=True)
@@ -124,7 +122,7 @@ def main() -> None:
         said = ", ".join(f"{name} {value:+.3f}" for name, value in scores[-1].error.items())
         took_s = time.process_time() - started_s
         print(f"seed {seed}: {said}; edge {scores[-1].edge_mm:+.3f} mm; {took_s:.0f} s", flush=True)
-    print(f"refused {refused} of {arguments.seeds}")
+    print(f"refused {refused} of {seeds}")
     for name in scores[0].error:
         errors = np.abs([s.error[name] for s in scores])
         held_in = float(np.mean([abs(s.error[name]) <= s.within[name] for s in scores]))

@@ -42,7 +42,7 @@ com_F_m = [0.02, -0.02, 0.12]
 mass_kg = 0.45
 com_F_m = [0.0, 0.0, 0.22]
 """
-BOARD_MM = "259.4"
+HOST, BOARD_MM = "127.77.0.2", "259.4"
 VIEWS = 22
 CLOSING_S = 2.0
 
@@ -51,7 +51,7 @@ def main() -> None:
     options = parse()
     out: Path = options.out.absolute()
     out.mkdir(parents=True, exist_ok=True)
-    lab = Lab(out, options.host, options)
+    lab = Lab(out, options.again)
     try:
         lab.open()
         lab.prepare()
@@ -67,21 +67,18 @@ def main() -> None:
 def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("foreign"))
-    parser.add_argument("--host", default="127.77.0.2")
     parser.add_argument("--task", nargs="*", default=["scooping", "pushing"])
     parser.add_argument("--sessions", type=int, default=1)
     parser.add_argument("--iterations", type=int, default=5)
     parser.add_argument(
         "--again", action="store_true", help="calibrate once more, the arm visiting the views by itself"
     )
-    parser.add_argument("--particles", type=int, default=2)
     return parser.parse_args()
 
 
 class Lab:
-    def __init__(self, out: Path, host: str, steps: argparse.Namespace) -> None:
-        self._steps = steps
-        self._out, self._host, self._log = out, host, out / "transcript.txt"
+    def __init__(self, out: Path, again: bool) -> None:
+        self._again, self._out, self._log = again, out, out / "transcript.txt"
         self._processes: list[subprocess.Popen[str]] = []
         kept = {name: value for name, value in os.environ.items() if not name.startswith("ADAPTSIM_")}
         self._environment = {**kept, "ADAPTSIM_HOME": str(out / "home"), "TERM": "dumb", "COLUMNS": "400"}
@@ -90,14 +87,13 @@ class Lab:
 
     def open(self) -> None:
         """Print the board, switch on arm and camera."""
-        (self._out / "rig.toml").write_text(RIG.format(host=self._host))
-        (self._out / "adaptsim.toml").write_text(f"particles = {self._steps.particles}\n")
+        (self._out / "rig.toml").write_text(RIG.format(host=HOST))
         if not self._board.exists():
             page = self._out / "page.png"
             self._alone("calibrate", "board", "--paper", "a4", "--out", str(page), "--yes")
             self._alone("calibrate", "board", "--paper", "a4", "--out", str(page), "--width-mm", BOARD_MM, "--yes")
             cv2.imwrite(str(self._board), cv2.resize(cv2.imread(str(page)), (1782, 1260), interpolation=cv2.INTER_AREA))
-        self._start("arm.py", self._host, str(self._out), str(self._board))
+        self._start("arm.py", HOST, str(self._out), str(self._board))
         self._start("camera.py", str(self._out), str(self._board))
         self.arm = Line(self._out)
 
@@ -118,7 +114,7 @@ class Lab:
             ended = self._run("scooping", ["calibrate", "--hw", "fr3", "--guide", "--json"], guided=True)
             found["guided"] = self._judged(ended, calibration)
             self._write(found)
-        if self._steps.again and found.get("calibration", {}).get("code") != 0:
+        if self._again and found.get("calibration", {}).get("code") != 0:
             self.arm.ask(do="hold", what="board")
             ended = self._run("scooping", ["calibrate", "--hw", "fr3", "--json"])
             found["calibration"] = self._judged(ended, calibration)

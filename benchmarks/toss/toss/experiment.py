@@ -267,19 +267,14 @@ def main() -> None:
     parser.add_argument("tosses", type=Path, help="tosses.npz")
     parser.add_argument("--out", type=Path, default=Path("build/tosses"), help="folder of the results")
     parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--limit", type=int, help="use only so many tosses, drawn at random")
-    parser.add_argument("--methods", default=",".join(METHODS), help="of " + ", ".join(METHODS))
     parser.add_argument("--page", type=Path, help="write the page of the results here, and its figure beside it")
     asked = parser.parse_args()
-    methods = tuple(asked.methods.split(","))
-    if unknown := [name for name in methods if name not in METHODS]:
-        parser.error(f"--methods {','.join(unknown)}: choose of {', '.join(METHODS)}")
+    methods = tuple(METHODS)
     try:
         tosses = read_tosses(asked.tosses)
     except ValueError as error:
         parser.error(str(error))
-    drawn = np.random.default_rng(ORDER).permutation(len(tosses.numbers))[: asked.limit]
-    total, tosses = len(tosses.numbers), tosses.some(drawn)
+    tosses = tosses.some(np.random.default_rng(ORDER).permutation(len(tosses.numbers)))
     (asked.out / "table").mkdir(parents=True, exist_ok=True)
     grid = simulated(tosses, asked.out / "table")
     trials = RecordedTrials(TASK, tuple(map(str, tosses.numbers)), None, tosses.actions, tosses.tracks)
@@ -288,7 +283,7 @@ def main() -> None:
     rows = list(rows_of(grid, trials, methods, asked.seeds, folder))
     if asked.page is not None:
         held = trials.split(HELD_OUT, 0)[1]
-        write(rows, methods, tosses, total, trials.at(held.actions).tolist(), grid, asked.page)
+        write(rows, methods, tosses, trials.at(held.actions).tolist(), grid, asked.page)
     names = ("udr", *methods, "best_recorded", "permuted")
     means = {name: round(float(np.mean([row[name] for row in rows])), 4) for name in names}
     print(json.dumps({**means, "seeds": len(rows)}))

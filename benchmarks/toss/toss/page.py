@@ -34,15 +34,11 @@ def write(
     rows: Sequence[dict[str, Any]],
     methods: Sequence[str],
     tosses: Tosses,
-    total: int,
     held: Sequence[int],
     grid: GridSolver,
     path: Path,
 ) -> None:
-    """Write the page, and `figures/tosses.jpg` beside its folder.
-
-    `total` is the number of tosses in the file, `held` the rows of those that seed 0 held out.
-    """
+    """Write the page, and `figures/tosses.jpg` beside its folder. `held`: rows of the tosses that seed 0 held out."""
     known = {**REFERENCES, **{name: f"`{name}`, 20 tosses" for name in methods}}
     order = ("udr", *methods, "average_particle", "authors", "best_of_grid", "best_recorded")
     table = "\n".join(f"| {known[n]} | {_mean(rows, n)} | {_gain(rows, n) if n != 'udr' else ''} |" for n in order)
@@ -53,7 +49,6 @@ def write(
     text = TEMPLATE.read_text(encoding="utf-8").format(
         near_mm=1e3 * NEAR_M,
         tosses=len(tosses.numbers),
-        of_file="all of the file" if total == len(tosses.numbers) else f"drawn from the {total} of the file",
         points=len(grid.points),
         seeds=len(rows),
         table=table,

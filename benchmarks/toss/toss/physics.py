@@ -34,12 +34,11 @@ _CUBE_COEFFICIENT = 1.0  # the table has the coefficient that gives the pair's f
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """A simulated toss."""
+    """The poses of one cube over time."""
 
     t_s: Array  # (N,) from the start
     position_m: Array  # (N, 3) of the centre, table at z = 0
     rotation: Array  # (N, 4) quaternion x, y, z, w
-    rested: bool
 
 
 class Table:
@@ -72,7 +71,7 @@ class Table:
             rested = math.hypot(*slide) < REST_M_S and math.hypot(*spin) < REST_RAD_S
         states = np.array(seen)
         t = np.asarray(np.arange(len(states)) * READING_S, dtype=np.float64)
-        return Flight(t, states[:, 4:7], states[:, [1, 2, 3, 0]], rested)
+        return Flight(t, states[:, 4:7], states[:, [1, 2, 3, 0]])
 
     def _state(self, context: object) -> Array:
         return np.array(self._plant.GetPositionsAndVelocities(context))

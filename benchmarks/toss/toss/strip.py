@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib as mpl
@@ -15,7 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from hw.types import Array
 from toss.data import RATE_HZ, Tosses
-from toss.physics import EDGE_M, Table
+from toss.physics import EDGE_M, Flight, Table
 
 TIMES_S = (0.0, 0.1, 0.2, 0.3, 0.45, 0.8)
 COLOURS = ("#d1495b", "#edae49", "#30638e", "#00798c", "#8d6a9f", "#6a994e")
@@ -23,21 +22,6 @@ COLOURS = ("#d1495b", "#edae49", "#30638e", "#00798c", "#8d6a9f", "#6a994e")
 
 _SIGHT = Rotation.from_euler("ZX", [25.0, -62.0], degrees=True)  # from the table's frame to the picture's
 _REACH_M = 0.36
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """The poses of one cube over time."""
-
-    t_s: Array  # (N,)
-    position_m: Array  # (N, 3)
-    rotation: Array  # (N, 4) quaternions x, y, z, w
-
-    def at(self, t_s: float) -> tuple[Array, Rotation]:
-        """Place and rotation; held beyond the end."""
-        t = float(np.clip(t_s, self.t_s[0], self.t_s[-1]))
-        place = np.array([np.interp(t, self.t_s, column) for column in self.position_m.T])
-        return place, Slerp(self.t_s, Rotation.from_quat(self.rotation))(t)
 
 
 def draw(tosses: Tosses, rows: Sequence[int], settings: Sequence[tuple[str, Array]], path: Path) -> None:
@@ -48,9 +32,9 @@ def draw(tosses: Tosses, rows: Sequence[int], settings: Sequence[tuple[str, Arra
     grid = figure.subplots(len(lines), len(TIMES_S), squeeze=False)
     for i, (number, name, motion) in enumerate(lines):
         real = next(motion for n, label, motion in lines if n == number and label == "recorded")
-        goal, _ = real.at(TIMES_S[-1])
+        goal, _ = at(real, TIMES_S[-1])
         for axes, t_s in zip(grid[i], TIMES_S, strict=True):
-            _panel(axes, *motion.at(t_s), goal)
+            _panel(axes, *at(motion, t_s), goal)
             if i == 0:
                 axes.set_title(f"{t_s:g} s", fontsize=8)
         grid[i, 0].set_ylabel(name, fontsize=8, rotation=0, ha="right", va="center")
@@ -60,13 +44,19 @@ def draw(tosses: Tosses, rows: Sequence[int], settings: Sequence[tuple[str, Arra
     figure.savefig(path, dpi=110, pil_kwargs={"quality": 85})
 
 
-def _motions(tosses: Tosses, number: int, settings: Sequence[tuple[str, Array]]) -> list[tuple[str, Motion]]:
+def _motions(tosses: Tosses, number: int, settings: Sequence[tuple[str, Array]]) -> list[tuple[str, Flight]]:
     track, rotation = tosses.tracks[number], tosses.rotations[number]
-    found = [("recorded", Motion(np.arange(len(rotation)) / RATE_HZ, np.asarray(track.state[:, :3]), rotation))]
+    found = [("recorded", Flight(np.arange(len(rotation)) / RATE_HZ, np.asarray(track.state[:, :3]), rotation))]
     for name, parameters in settings:
-        flight = Table(*map(float, parameters)).toss(np.array(tosses.actions[number]))
-        found.append((name, Motion(flight.t_s, flight.position_m, flight.rotation)))
+        found.append((name, Table(*map(float, parameters)).toss(np.array(tosses.actions[number]))))
     return found
+
+
+def at(motion: Flight, t_s: float) -> tuple[Array, Rotation]:
+    """Place and rotation; held beyond the end."""
+    t = float(np.clip(t_s, motion.t_s[0], motion.t_s[-1]))
+    place = np.array([np.interp(t, motion.t_s, column) for column in motion.position_m.T])
+    return place, Slerp(motion.t_s, Rotation.from_quat(motion.rotation))(t)
 
 
 def _panel(axes: Axes, place: Array, rotation: Rotation, goal: Array) -> None:

@@ -137,7 +137,6 @@ class Pretrained(Output):
 
     checkpoint: str = said("its folder")
     card: dict[str, Any] = said("its card, with the held-out results")
-    report: str | None = maybe("document that was written; null without --report")
 
 
 class BenchmarkOutput(Output):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -42,10 +41,6 @@ def pretrain(
     evaluate: Annotated[
         bool, typer.Option("--evaluate", help="Judge sessions of the methods on unseen targets, by true rollouts.")
     ] = False,
-    report: Annotated[
-        bool, typer.Option("--report", help="A document with figures; includes --methods and --evaluate.")
-    ] = False,
-    docs: Annotated[Path | None, typer.Option("--docs", help="Where the report goes; default: in its folder.")] = None,
     as_json: options.Json = False,
 ) -> None:
     """Phase 1: simulate a dataset, fit the emulator, tabulate the prospects, write a checkpoint.
@@ -59,47 +54,30 @@ def pretrain(
 
     With --executor dask the simulations run on a cluster of yours; the numbers are the same.
 
-    --report runs some 5,500 further rollouts (minutes) to measure emulator and policies; a second report needs none.
-    A finished folder given with --out is not changed.
-
-    Example: adaptsim pretrain --task scooping --budget small --report
+    Example: adaptsim pretrain --task scooping --budget small
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.research import phase1_page, pretraining
+    from adaptsim_cli.research import pretraining
     from adaptsim_cli.screen import console
-    from adaptsim_cli.wiring import settings as wiring
     from sim.research.pretraining.pipeline import Wanted
-    from sim.research.pretraining.verification.verify import is_finished
 
-    if docs is not None and not report:
-        raise UsageError("--docs sets where the report goes: add --report")
-    if episodes is not None and not (methods or report):
+    if episodes is not None and not methods:
         raise UsageError("--episodes sets how much the adaptation policies learn from: add --methods")
-    if judged is not None and not (evaluate or report):
+    if judged is not None and not evaluate:
         raise UsageError("--judged sets on how many targets the methods are judged: add --evaluate")
     resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress, pretraining.open_executor(resolved.config, executor, scheduler) as crew:
-        if report and out is not None and is_finished(out):
-            folder = out / "checkpoint"
-        else:
-            sizes = pretraining.Sizes(rollouts, denser, episodes, judged)
-            wanted = Wanted(policies=methods or report, evaluation=evaluate or report)
-            folder = pretraining.pretrain(resolved, out, budget, targets, sizes, crew, progress, wanted)
-        document = None
-        if report:
-            of = wiring.task_of(resolved.config)
-            document = phase1_page.write_report(of, folder.parent, docs, crew, progress)
+        sizes = pretraining.Sizes(rollouts, denser, episodes, judged)
+        wanted = Wanted(policies=methods, evaluation=evaluate)
+        folder = pretraining.pretrain(resolved, out, budget, targets, sizes, crew, progress, wanted)
     screen.plain(f"Checkpoint: {folder}")
     chosen = resolved.config
     whose = f" --object {chosen.object}" if chosen.object else ""
-    if document is not None:
-        screen.plain(f"Report: {document}")
     use = f"ADAPTSIM_CHECKPOINT={folder} adaptsim run-iteration --task {chosen.task}{whose}"
     screen.next(
         (use, "a session with it"), (f"adaptsim checkpoints verify {folder}", "are the figures on its card right?")
     )
-    told = {"report": str(document)} if document else {}
     card = pretraining.checkpoint_card(resolved.config.task, folder)
-    screen.data("pretrain", {**told, "checkpoint": str(folder), "card": card})
+    screen.data("pretrain", {"checkpoint": str(folder), "card": card})

@@ -164,8 +164,8 @@ def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int],
 
     Raises CheckpointError if it is corrupt or of another task. `holds` says whether the figures hold.
     """
-    from sim.research.pretraining.verification.figures import Figure
-    from sim.research.pretraining.verification.figures import verify_figures as verify
+    from sim.research.pretraining.verification import Figure
+    from sim.research.pretraining.verification import verify_figures as verify
     from sim.rollouts import process_pool, run_many
 
     checkpoint = checkpoint_of(config)

@@ -24,7 +24,7 @@ from sim.errors import CheckpointError
 from sim.solvers.emulator.network import SELF_TEST, Emulator, EmulatorReport, predictions, require_same
 from sim.solvers.solver import Solver, naf
 from sim.storage.files import Tensors, load_tensors, read_toml, save_tensors, sha256, write_toml
-from sim.tasks import files_of, get_task, task_names
+from sim.tasks import files_of, task_names
 from sim.tasks.fingerprint import fingerprint, interface
 from sim.tasks.task import Task
 
@@ -244,22 +244,6 @@ def prospects_of(method: str, task: Task, checkpoint: Checkpoint | None) -> Rewa
             f"`adaptsim pretrain --task {task.name}`"
         )
     return checkpoint.prospects
-
-
-def add_self_test(folder: Path) -> bool:
-    """Write the self-test into the card of a checkpoint made without one; False if it has no emulator.
-
-    Raises CheckpointError.
-    """
-    card = card_of(folder)
-    verify_weights(folder, card)
-    tensors = load_tensors(folder / MODEL)
-    _require_finite(tensors, folder / MODEL)
-    own = _part(tensors, "emulator.")
-    if not own:
-        return False
-    write_toml(folder / CARD, card.facts() | {SELF_TEST: predictions(Emulator(get_task(card.task), own))})
-    return True
 
 
 def list_checkpoints() -> list[tuple[str, str, Path]]:

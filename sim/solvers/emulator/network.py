@@ -220,10 +220,7 @@ def require_same(emulator: Emulator, stored: Sequence[float] | None, where: Path
     the same answers as where they were trained.
     """
     if stored is None:
-        raise CheckpointError(
-            f"{where} has no {SELF_TEST}: add it with `python benchmarks/self_tests.py {where.parent}`, or "
-            "pretrain again"
-        )
+        raise CheckpointError(f"{where} has no {SELF_TEST}: pretrain again")
     now = np.array(predictions(emulator))
     then = np.array(stored, dtype=np.float64)
     if now.shape != then.shape or not np.isfinite(now).all():

@@ -1,176 +1,126 @@
 import dataclasses
-import functools
 import math
-import shutil
-import tempfile
-from pathlib import Path
 
 import numpy as np
 import pytest
-from toy_learning import SETTINGS, roll, trained
-from toy_task import ACTION, PARAMETERS, TOY, Counted, best_action
+from toy_learning import roll, trained
+from toy_task import TOY, Unmodelled, simulate
 
-from sim.adaptation.reward_table import ProspectSettings
-from sim.errors import DatasetError
+from sim.adaptation.checkpoint import Budget, EvaluationReport, Judging, load_checkpoint, save_checkpoint
+from sim.research.methods.q_network import QNetwork
+from sim.research.methods.q_policy import MemoryName, new_policy, tensors_of
+from sim.research.naf.memory import NafMemory
+from sim.research.naf.solver import NafSolver, naf_facts, rules_of
 from sim.research.pretraining.evaluation import EvaluationSettings
-from sim.research.pretraining.logs import TIMINGS
-from sim.research.pretraining.meta_training import MetaSettings
-from sim.research.pretraining.pipeline import STAGES, PretrainBudget, pretrain
-from sim.research.pretraining.verification.policies import PairSettings, compare_policies, search_policies
-from sim.research.pretraining.verification.verify import (
-    PARTS,
-    VerificationSettings,
-    is_finished,
-    load_pretrained,
-    reliability_bins,
-    stage_costs,
-    verify,
+from sim.research.pretraining.verification import Figure, verify_figures
+from sim.rollouts import run_many, serial_executor
+
+EVALUATION = EvaluationReport(
+    kind="paper",
+    targets=200,
+    trials=20,
+    rollouts=8,
+    udr=0.57,
+    oracle=0.9,
+    targets_with_gap=100,
+    methods=(),
+    pairs=800,
+    emulator_correlation=1.0,
+    emulator_bias=0.0,
 )
-from sim.rollouts import serial_executor
-from sim.solvers.emulator.network import Emulator
-
-pytestmark = pytest.mark.long
-
-BUDGET = PretrainBudget(
-    rollouts=1024,
-    denser=64,
-    emulator=dataclasses.replace(SETTINGS, least_steps=400, most_steps=400),
-    meta=MetaSettings(episodes=16, parallel=16, library=128),
-    prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
-    evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
-)
-FEW = VerificationSettings(PairSettings(environments=8, targets=2, actions=32, rollouts=12), episodes=11)
-COUNTED = Counted()
 
 
-@functools.cache
-def finished():
-    """The folder of a pretraining of the toy task."""
-    folder = tempfile.TemporaryDirectory()
-    with serial_executor() as executor:
-        pretrain(TOY, Path(folder.name), BUDGET, 0, executor, lambda stage, done, total: None)
-    return folder
+def checkpoint_of(folder, evaluation=EVALUATION, **emulated):
+    emulator, report = trained()
+    networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
+    facts = {"emulator": dataclasses.asdict(report) | emulated}
+    facts |= {"evaluation": dataclasses.asdict(evaluation)} if evaluation else {}
+    save_checkpoint(TOY, folder, emulator, tensors_of(networks), facts)
+    return load_checkpoint(TOY, str(folder))
 
 
-@pytest.fixture
-def folder(tmp_path):
-    return Path(shutil.copytree(finished().name, tmp_path / "made"))
+def judge(checkpoint, roll=roll, rollouts=240):
+    told = []
+    figures = verify_figures(checkpoint, roll, rollouts, 0, lambda done, total: told.append((done, total)))
+    return {f.name: f for f in figures}, told
 
 
-@functools.cache
-def verified():
-    """(verification of that folder, what its progress was, how many rollouts it ran)."""
-    seen = []
-    with serial_executor() as executor:
-        made = load_pretrained(COUNTED.task, Path(finished().name))
-        return verify(made, FEW, executor, lambda *call: seen.append(call)), seen, COUNTED.count
-
-
-def test_a_finished_pretraining_is_verified_and_a_second_time_costs_no_rollout():
-    verification, seen, simulated = verified()
-    assert simulated == verification.rollouts + 8 * len(PARTS)  # each looks whether its kept rollouts are of this scene
-    for part in PARTS:
-        last = [call for call in seen if call[0] == part][-1]
-        assert last[1] == last[2]
-    with serial_executor() as executor:
-        again = verify(verification.pretrained, FEW, executor, lambda stage, done, total: None)
-    assert COUNTED.count == simulated + 8 * len(PARTS)
-    assert np.array_equal(again.pairs.emulated, verification.pairs.emulated)
-    assert again.pairs.regret == verification.pairs.regret
-    assert again.replays == verification.replays
-
-
-def test_the_figures_of_a_fair_emulator_are_fair():
-    held, pairs = verified()[0].held_out, verified()[0].pairs
-    assert held.everywhere.accuracy > held.everywhere.base_rate + 0.05
-    assert held.reliability.count.sum() == held.everywhere.rollouts == 77
-    assert 0 < held.inside.rollouts < held.everywhere.rollouts
-    assert pairs.count == 16
-    assert pairs.emulated.mean() > 0.6
-    assert pairs.regret.high - pairs.regret.low < 0.3
-    assert pairs.regret.mean == pytest.approx((pairs.drake - pairs.emulated).mean())
-
-
-def test_replayed_episodes_earn_what_the_emulator_paid():
-    replays = verified()[0].replays
-    assert replays.episodes == 12  # pairs of particles stay together
-    every, counted, of_trials = replays.returns
-    for found in replays.returns:
-        assert found.difference.mean == pytest.approx(found.paid - found.true)
-        assert abs(found.difference.mean) < 0.25 * max(found.true, 0.5)
-    assert counted.paid < every.paid
-    assert of_trials.true < every.true
-    for agreement in replays.agreements:
-        assert agreement.decisions == 12 * TOY.adaptation.horizon
-        assert agreement.emulated.mean > agreement.repeated.mean - 0.1  # the same trials differ less than others
-        assert agreement.opposite <= 1.0 - agreement.emulated.mean + 1e-9
-
-
-def test_what_each_stage_took(folder):
-    stages = {cost.stage: cost for cost in stage_costs(load_pretrained(TOY, folder))}
-    assert stages[STAGES[0]].simulations == 1088
-    assert stages[STAGES[3]].simulations == 0  # the emulator's ensemble answers
-    assert stages[STAGES[4]].simulations > 0
-    assert all(cost.wall_s >= 0.0 for cost in stages.values())
-    (folder / TIMINGS).unlink()
-    without = {cost.stage: cost for cost in stage_costs(load_pretrained(TOY, folder))}
-    assert without[STAGES[0]].wall_s is None
-    assert STAGES[1] not in without  # neither simulations nor time
-
-
-def test_policies_from_true_rollouts_suit_their_environment():
-    environments = PARAMETERS.sample(np.random.default_rng(0), 6)
-    policies = search_policies(TOY, environments, roll, 64, np.random.default_rng(1))
-    contexts = TOY.context.sample(np.random.default_rng(2), 3)
-    miss = [
-        np.linalg.norm(ACTION.normalise(p.actions(contexts)) - best_action(e), axis=1)
-        for p, e in zip(policies, environments, strict=True)
+def test_what_a_card_says_of_its_own_emulator_holds(tmp_path):
+    figures, told = judge(checkpoint_of(tmp_path))
+    assert [f.name for f in figures.values() if not f.holds] == []
+    assert list(figures) == [
+        "emulator: accuracy",
+        "emulator: brier",
+        "emulator: position error median",
+        "emulator: end state error median",
+        "mean reward of the policy for all ranges",
+        "reward that the emulator adds",
     ]
-    assert np.max(miss) < 0.3
-    assert np.mean(miss) < 0.12
+    assert told[-1] == (240, 240)
+    assert told == sorted(told)
 
 
-class Confused(Emulator):
-    """Makes the policy of other parameters than it is asked for."""
-
-    def policies(self, samples, rng, executable=None, settings=None):
-        low, high = TOY.parameters.low, TOY.parameters.high
-        return super().policies(low + high - samples, rng, executable, settings)
+def test_a_card_that_says_too_much_does_not(tmp_path):
+    checkpoint = checkpoint_of(tmp_path, dataclasses.replace(EVALUATION, udr=0.95), position_error_median=1e-4)
+    worse = [f.name for f in judge(checkpoint)[0].values() if not f.holds]
+    assert worse == ["emulator: position error median", "mean reward of the policy for all ranges"]
 
 
-def test_a_confused_emulator_is_found_out():
-    settings = PairSettings(environments=10, targets=4, actions=48, rollouts=8)
-    good = compare_policies(trained()[0], roll, settings, np.random.default_rng(0))
-    bad = compare_policies(Confused(TOY, trained()[0].tensors), roll, settings, np.random.default_rng(0))
-    assert abs(good.own_regret.mean) < 0.08
-    assert bad.own_regret.low > 0.1
-    assert good.ranks.ratio > 0.8
+def test_another_scene_is_noticed(tmp_path):
+    def windy(parameters, context, action, nuisance, unmodelled=None):
+        return simulate(parameters, context, action, nuisance, Unmodelled(pitch_bias_rad=0.15, wind_m=0.02))
+
+    there = dataclasses.replace(TOY, simulate=windy)
+    with serial_executor() as executor:
+        figures, _ = judge(checkpoint_of(tmp_path), lambda requests: run_many(there, requests, executor))
+    assert not figures["emulator: accuracy"].holds
+    assert not figures["emulator: position error median"].holds
+    assert not figures["reward that the emulator adds"].holds
 
 
-def test_reliability_counts_every_rollout_once():
-    rng = np.random.default_rng(0)
-    probability = np.append(rng.random(2000) * 0.9, [0.0, 0.899])
-    bins = reliability_bins(probability, rng.random(2002) < probability)
-    assert bins.count.sum() == 2002
-    assert bins.count[9] == 0
-    assert math.isnan(bins.observed[9])
-    assert np.abs(bins.predicted - bins.observed)[:9].max() < 0.1
-    assert ((bins.low <= bins.observed) & (bins.observed <= bins.high))[:9].all()
+def test_figures_that_the_card_lacks_are_left_out(tmp_path):
+    figures, _ = judge(checkpoint_of(tmp_path, None, end_state_error_median=math.nan), rollouts=60)
+    assert list(figures) == ["emulator: accuracy", "emulator: brier", "emulator: position error median"]
 
 
-def test_an_unfinished_folder_and_one_of_other_ranges_are_refused(folder):
-    other = dataclasses.replace(TOY, margin=TOY.parameters)
-    with pytest.raises(DatasetError, match="wanted toy"):
-        load_pretrained(other, folder)
-    shutil.rmtree(folder / "checkpoint")
-    assert not is_finished(folder)
-    with pytest.raises(DatasetError, match="adaptsim pretrain --task toy --out"):
-        load_pretrained(TOY, folder)
+def test_policies_that_sessions_train_anew_have_no_figures(tmp_path):
+    solver = NafSolver(TOY, roll, rules_of(TOY), NafMemory(TOY), 1.0)
+    networks: dict[MemoryName, QNetwork] = {"iteration": new_policy(TOY, "iteration", 5)}
+    facts = naf_facts(solver) | {"evaluation": dataclasses.asdict(dataclasses.replace(EVALUATION, udr=0.99))}
+    save_checkpoint(TOY, tmp_path, None, tensors_of(networks), facts)
+    figures, _ = judge(load_checkpoint(TOY, str(tmp_path)))
+    assert figures == {}
 
 
-def test_an_emulator_of_another_dataset_is_refused(folder):
-    report = folder / "emulator.toml"
-    report.write_text(report.read_text().replace("brier = 0.", "brier = 0.9"))
-    made = load_pretrained(TOY, folder)
-    with serial_executor() as executor, pytest.raises(DatasetError, match="Brier"):
-        verify(made, FEW, executor, lambda stage, done, total: None)
+@pytest.mark.parametrize(
+    ("better", "found", "holds"),
+    [
+        ("more", 0.9, True),
+        ("more", 0.71, True),
+        ("more", 0.69, False),
+        ("less", 0.1, True),
+        ("less", 0.91, False),
+        ("neither", 0.75, True),
+        ("neither", 0.91, False),
+        ("neither", 0.69, False),
+    ],
+)
+def test_only_what_is_worse_offends(better, found, holds):
+    assert Figure("x", 0.8, found, 0.1, better).holds is holds
+
+
+def test_settings_of_the_card_are_used(tmp_path):
+    assert EvaluationSettings().kind == "paper"
+    wide = checkpoint_of(tmp_path)
+    beyond = Budget(evaluation=Judging(kind="wide"))
+    wide = dataclasses.replace(wide, card=wide.card.model_copy(update={"budget": beyond}))
+    seen = []
+
+    def watched(requests):
+        seen.append(requests.parameters)
+        return roll(requests)
+
+    judge(wide, watched)
+    targets = np.concatenate(seen[10:])  # after the draws for the emulator
+    assert not all(TOY.parameters.contains(t) for t in targets)
+    assert all(TOY.margin.contains(t) for t in targets)

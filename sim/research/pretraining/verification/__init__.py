@@ -1,1 +1,0 @@
-"""Verification of a finished pretraining, from its folder and true rollouts."""

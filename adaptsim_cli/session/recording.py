@@ -207,13 +207,17 @@ def read(path: Path) -> Recording:
         return _read(reader)
 
 
+DAMAGED = (McapError, ZstdError, OSError, EOFError, ArithmeticError, LookupError, ValueError, MemoryError, struct.error)
+"""What reading a damaged MCAP file raises; the arithmetic and the memory are those of a length that is wrong."""
+
+
 @contextmanager
 def opened(path: Path) -> Iterator[McapReader]:
     """A reader of an MCAP file that verifies its checksums. Raises SessionError naming the file if it is damaged."""
     try:
         with path.open("rb") as stream:
             yield make_reader(stream, validate_crcs=True)
-    except (McapError, ZstdError, OSError, KeyError, ValueError, IndexError, struct.error) as error:
+    except DAMAGED as error:
         raise corrupt(path, str(error)) from error
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from adaptsim_cli.session.recording import DAMAGED
 from adaptsim_cli.session.store import FACTS, SessionStore, trials_of
 from adaptsim_cli.wiring.recorded.manifest import (
     MANIFEST,
@@ -216,9 +217,7 @@ def _messages(path: Path, topics: set[str]) -> Iterator[_Message]:
         from mcap_ros2.decoder import DecoderFactory
     except ImportError as error:
         raise ExtraMissing(f"{path} needs the package mcap-ros2-support: pip install 'adaptsim[ros2]'") from error
-    from mcap.exceptions import McapError
     from mcap.reader import make_reader
-    from zstandard import ZstdError
 
     try:
         require_file(path, MCAP_BYTES)
@@ -229,9 +228,7 @@ def _messages(path: Path, topics: set[str]) -> Iterator[_Message]:
                 if (header := getattr(content, "header", None)) is not None:
                     times["header"] = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
                 yield _Message(channel.topic, content, times)
-    except (
-        McapError, ZstdError, Unreadable, OSError, EOFError, ValueError, IndexError, KeyError, AttributeError
-    ) as error:  # fmt: skip
+    except (*DAMAGED, Unreadable, AttributeError) as error:
         raise RecordingsRefused(f"{path} is no readable MCAP file of ROS 2 messages: {error}") from error
 
 

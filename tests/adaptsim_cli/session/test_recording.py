@@ -136,6 +136,15 @@ def test_a_truncated_or_damaged_recording_is_named(file, cut):
         recording.read(file)
 
 
+@pytest.mark.parametrize("length", [1 << 62, 1 << 63])
+def test_a_length_beyond_all_memory_is_named(file, length):
+    content = file.read_bytes()
+    at = content.index(b"application/json") + len(b"application/json")
+    file.write_bytes(content[:at] + length.to_bytes(8, "little") + content[at + 8 :])
+    with pytest.raises(SessionError, match=r"recording.mcap is corrupt"):
+        recording.read(file)
+
+
 def test_the_same_trial_gives_the_same_bytes():
     assert encoded(execution())[0] == encoded(execution())[0]
 

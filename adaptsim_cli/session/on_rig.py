@@ -152,8 +152,7 @@ class OnRig:
             arm.execute(approach)
         with progress("The robot makes its motion and the camera records", "moving"):
             played, frames, stopped = self._film(motion)
-        begun = self._begun(planned.placed.frame, frames, played)
-        followed = None if stopped is not None else self._following(planned, begun)
+        begun, followed = self._behind(planned, planned.placed.frame, frames, played)
         if stopped is None:
             try:
                 with progress("The robot goes back", "moving"), _interruptible("on the way back"):
@@ -253,35 +252,32 @@ class OnRig:
             return None, frames, error
         return played, rig.camera.stop_recording(), None
 
-    def _begun(self, before: Frame, filmed: Sequence[Frame], played: Execution | None) -> Future[recording.Begun]:
-        """Compress `before` and every frame, decode them again and encode the recording, while the arm goes back.
+    def _behind(
+        self, planned: Planned, before: Frame, filmed: Sequence[Frame], played: Execution | None
+    ) -> tuple[Future[recording.Begun], Future[Followed] | None]:
+        """While the arm goes back: every frame compressed and decoded, the recording encoded, the object tracked in it.
 
         `filmed` are on the camera's clock; those of the simulated lab may still be rendering. `played` is None if the
-        arm stopped during the motion.
+        arm stopped during the motion: then nothing is tracked.
         """
-        rig, model, arm = self.rig, self.rig.camera.model(), self.rig.arm.model
+        X_BC, late_s = self.rig.hand_eye.X_BC, self.rig.hand_eye.camera_late_s
+        model, arm = self.rig.camera.model(), self.rig.arm.model
 
         def encoded() -> recording.Begun:
             first, *frames = [one.result() for one in compressed]
-            begin_s = (*frames, first)[0].frame.t_s
-            moved = (
-                Execution(begin_s, np.zeros(0), np.zeros((0, 7)), np.zeros((0, 7)), 0.0) if played is None else played
-            )
-            late_s = rig.hand_eye.camera_late_s
-            return recording.begin(first, frames, model, rig.hand_eye.X_BC, moved, self.tool_pose(moved), late_s, arm)
+            moved = played or _motionless((*frames, first)[0].frame.t_s)
+            return recording.begin(first, frames, model, X_BC, moved, self.tool_pose(moved), late_s, arm)
 
-        with beside(2) as pool:  # OpenCV releases the interpreter
-            compressed = [pool.submit(recording.stored, before, lossless=True)]
-            compressed += [
-                pool.submit(lambda at: recording.stored(self.in_time(filmed[at])), at) for at in range(len(filmed))
-            ]
-        with beside(1) as pool:
-            return pool.submit(encoded)
+        def followed() -> Followed:
+            return self._follow(planned.placed.context, planned.action, begun.result().recording)
 
-    def _following(self, planned: Planned, begun: Future[recording.Begun]) -> Future[Followed]:
-        """Track the object beside the way back, in the frames as they are stored."""
-        with beside(1) as pool:
-            return pool.submit(lambda: self._follow(planned.placed.context, planned.action, begun.result().recording))
+        pool = ThreadPoolExecutor(4, thread_name_prefix="behind")  # OpenCV and zstd release the interpreter
+        compressed = [pool.submit(recording.stored, before, lossless=True)]
+        compressed += [pool.submit(lambda i: recording.stored(self.in_time(filmed[i])), i) for i in range(len(filmed))]
+        begun = pool.submit(encoded)
+        tracked = None if played is None else pool.submit(followed)
+        pool.shutdown(wait=False)
+        return begun, tracked
 
     def _follow(self, context: Array, action: Array, stored: recording.Recording) -> Followed:
         """Find the object in the picture before the motion, and track it through its frames."""
@@ -310,14 +306,9 @@ class OnRig:
         return {recording.FILE: mcap, "overlay.jpg": placed.overlay or b"", **said}, Recorded(stored, followed)
 
 
-@contextmanager
-def beside(workers: int) -> Iterator[ThreadPoolExecutor]:
-    """Threads for the work given inside the block, which goes on after it."""
-    pool = ThreadPoolExecutor(workers, thread_name_prefix="recording")
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=False)
+def _motionless(t_s: float) -> Execution:
+    """What is known of a motion in which the arm stopped."""
+    return Execution(t_s, np.zeros(0), np.zeros((0, 7)), np.zeros((0, 7)), 0.0)
 
 
 @contextmanager

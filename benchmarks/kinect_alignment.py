@@ -57,12 +57,6 @@ class Alignment:
         return float(np.median(np.abs(self.beside_px)))
 
     @property
-    def scatter_px(self) -> float:
-        """Robust standard deviation of what shift and growth leave (1.4826 times the median absolute deviation)."""
-        left = self.beside_px - self._columns @ self._fit
-        return float(1.4826 * np.median(np.abs(left - np.median(left))))
-
-    @property
     def _columns(self) -> Array:
         return np.column_stack([self.normal[:, 0], np.ones(len(self.normal))])
 
@@ -204,13 +198,13 @@ def main() -> None:
     given = parser.parse_args()
     with KinectRecording(given.recording) as recording:
         model, frame = recording.model(), next(recording.frames())
-    print("turned by   points   |offset| median   sideways shift   growth   scatter")
+    print("turned by   points   |offset| median   sideways shift   growth")
     for angle_deg in TURNS_DEG:
         found = align(frame, turned(model, angle_deg), NEAR_M, FAR_M)
         expected_px = np.deg2rad(angle_deg) * model.colour.K[0, 0]
         print(
             f"{angle_deg:+5.1f}°  {len(found.beside_px):9d}  {found.median_px:12.2f} px  {found.shift_px:+12.2f} px"
-            f"  {found.growth_px:+6.2f} px  {found.scatter_px:5.2f} px   (turned by {expected_px:+.2f} px)"
+            f"  {found.growth_px:+6.2f} px   (turned by {expected_px:+.2f} px)"
         )
     if given.out is not None:
         image = picture(frame, model, align(frame, model, NEAR_M, FAR_M))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from world import COLOUR, COLOUR_F, Room, camera_pose, turn
+from world import COLOUR, COLOUR_F, Room, camera_pose, quaternion, turn
 
 LOW = np.array([-2.70, -1.70, -2.70, -2.95, -2.70, 0.60, -2.90])
 HIGH = np.array([2.70, 1.70, 2.70, -0.25, 2.70, 4.40, 2.90])
@@ -76,9 +76,3 @@ def touching(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
     objects = {model.body(name).id for name in ("piece", "bottle")}
     bodies = (model.geom_bodyid[data.contact.geom]) if data.ncon else np.zeros((0, 2), int)
     return any(not objects & set(pair.tolist()) for pair in bodies)
-
-
-def quaternion(R: np.ndarray) -> np.ndarray:
-    q = np.zeros(4)
-    mujoco.mju_mat2Quat(q, np.ascontiguousarray(R).ravel())
-    return q

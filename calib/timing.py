@@ -6,8 +6,7 @@ together with a constant shift of the image, so that an error of the calibration
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -42,13 +41,24 @@ def time_offset(
     usable = [frames[i] for i in order if len(frames[i][1]) >= 6]
     if len(usable) < MIN_FRAMES:
         return Check.unmeasured(NAME, f"{len(usable)} frames of the motion show the board, {MIN_FRAMES} are needed")
-    path = _Path(np.asarray(arm_t_s), np.asarray(q_rad), solution, setup, forward)
+    arm_t_s, q_rad = np.asarray(arm_t_s), np.asarray(q_rad)
+    grid = np.broadcast_to(setup.board.p_MK_m, (len(usable), setup.board.corners, 3))
+
+    def pixels(times_s: Array) -> Array:
+        """(N, 2) predicted mean pixel of the corners of each frame, at `times_s` (N,)."""
+        q = np.stack([np.interp(times_s, arm_t_s, column) for column in q_rad.T], axis=-1)
+        moved = motion(setup.mounting, forward, q, None)
+        offsets = solution.offsets_rad(q.shape[1])
+        X_CM = predict(Unknowns(solution.X_AC[None], solution.X_HM, offsets), moved)
+        uv = project(setup.colour, X_CM, grid)
+        return np.stack([uv[i, corners.ids].mean(axis=0) for i, (_, corners) in enumerate(usable)])
+
     shifts = np.linspace(-SEARCH_S, SEARCH_S, 51)
-    cost = [float(np.sum(_residual(usable, path, s)[0] ** 2)) for s in shifts]
+    cost = [float(np.sum(_residual(usable, pixels, s)[0] ** 2)) for s in shifts]
     best = float(shifts[int(np.argmin(cost))])
     sigma = np.inf
     for _ in range(8):
-        r, slope, speed = _residual(usable, path, best)
+        r, slope, speed = _residual(usable, pixels, best)
         if float(slope @ slope) < 1e-12 or speed < MIN_SPEED_PX_S:
             return Check.unmeasured(NAME, f"the board moved by {speed:.0f} px/s, {MIN_SPEED_PX_S:.0f} are needed")
         step = -float(slope @ r) / float(slope @ slope)
@@ -66,33 +76,16 @@ def time_offset(
     return Check.graded(NAME, message, (value, LIMIT_MS, "ms"), advice, good=good, worse=Grade.SUSPECT)
 
 
-@dataclass(frozen=True, eq=False)
-class _Path:
-    t_s: Array
-    q_rad: Array
-    solution: Solution
-    setup: Setup
-    forward: Forward
-
-    def pixels(self, times_s: Array, frames: Sequence[tuple[float, Corners]]) -> Array:
-        """(N, 2) predicted mean pixel of the corners of each frame, at `times_s` (N,)."""
-        q = np.stack([np.interp(times_s, self.t_s, column) for column in self.q_rad.T], axis=-1)
-        moved = motion(self.setup.mounting, self.forward, q, None)
-        offsets = self.solution.offsets_rad(q.shape[1])
-        X_CM = predict(Unknowns(self.solution.X_AC[None], self.solution.X_HM, offsets), moved)
-        grid = np.broadcast_to(self.setup.board.p_MK_m, (len(q), self.setup.board.corners, 3))
-        uv = project(self.setup.colour, X_CM, grid)
-        return np.stack([uv[i, corners.ids].mean(axis=0) for i, (_, corners) in enumerate(frames)])
-
-
-def _residual(frames: Sequence[tuple[float, Corners]], path: _Path, offset_s: float) -> tuple[Array, Array, float]:
+def _residual(
+    frames: Sequence[tuple[float, Corners]], pixels: Callable[[Array], Array], offset_s: float
+) -> tuple[Array, Array, float]:
     """Predicted minus seen, minus the mean (2 N,); its derivative; the median speed in px/s."""
     stamps = np.array([t for t, _ in frames]) - offset_s
     seen = np.stack([corners.px.mean(axis=0) for _, corners in frames])
     h = 2e-3
-    late, early = path.pixels(stamps + h, frames), path.pixels(stamps - h, frames)
+    late, early = pixels(stamps + h), pixels(stamps - h)
     velocity = (late - early) / (2 * h)
-    off = path.pixels(stamps, frames) - seen
+    off = pixels(stamps) - seen
     centred = off - off.mean(axis=0)
     slope = -(velocity - velocity.mean(axis=0))
     return centred.ravel(), slope.ravel(), float(np.percentile(np.linalg.norm(velocity, axis=1), 75))

@@ -1,4 +1,4 @@
-"""Scripted arm, hand, bench and clock: no physics, no rendering, no waiting."""
+"""Scripted arm and clock: no physics, no rendering, no waiting."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hw.contact import Detector
 from hw.errors import ArmFault, DeviceUnavailable, NoContact
 from hw.franka.settings import Payload
 from hw.kinematics import jacobian, link_poses
-from hw.types import ArmState, Array, Contact, Execution, Guard, JointPath, Placing, frozen_array
+from hw.types import ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
 from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped, require_guarded
 
 STIFFNESS_N_M = 4000.0
@@ -143,14 +143,3 @@ class FakeClock:
         if duration_s < 0.0:
             raise ValueError(f"cannot sleep for {duration_s:g} s: the duration must be 0 or more")
         self._t_s += duration_s
-
-
-class FakeBench:
-    """`placed` holds every request, oldest first."""
-
-    def __init__(self) -> None:
-        self.placed: list[Placing] = []
-
-    def place(self, xy_m: Array, trial: int, attempt: int) -> None:
-        """See `hw.ports.ObjectPlacer`."""
-        self.placed.append(Placing(xy_m, trial, attempt))

@@ -7,7 +7,6 @@ SimError
 ├── OutOfRange           a value lies outside its space; the message names value and range
 ├── NoHardware           the task runs in simulation only, and an arm was asked for
 ├── NotExecutable        no joint path within the limits does this action
-├── SolverFailed         the simulation did not converge
 ├── RolloutError         a rollout raised or its worker died; the message names them
 ├── ClusterUnavailable   no scheduler or no worker answers
 ├── ExtraMissing         a method or world needs packages that are not installed; the message has the line to install
@@ -47,10 +46,6 @@ class NoHardware(SimError):
 
 class NotExecutable(SimError):
     """No joint path within the limits does this action."""
-
-
-class SolverFailed(SimError):
-    """The simulation did not converge."""
 
 
 class RolloutError(SimError):

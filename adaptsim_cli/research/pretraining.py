@@ -196,18 +196,18 @@ def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
 def tell_parameters(config: Config, progress: Callable[[int, int], None]) -> dict[str, Any]:
     """Which parameters a session with the settings' checkpoint can identify, for JSON. Raises CheckpointError."""
     from sim.adaptation.methods.adaptsim import create
-    from sim.research.identifiability import SESSIONS, TRIALS, identifiability
+    from sim.research.identifiability import SESSIONS, TRIALS, errors_left, in_words
 
     checkpoint = checkpoint_of(config)
     task = checkpoint.solver.task
-    found = identifiability(create(task, checkpoint).simulators, config.seed, progress)
+    left = errors_left(create(task, checkpoint).simulators, config.seed, progress)
     return {
         "folder": str(checkpoint.path),
         "task": task.name,
         "sessions": SESSIONS,
         "trials": TRIALS,
         "parameters": [
-            {"name": one.name, "title": d.title, "left": one.left, "words": one.words}
-            for one, d in zip(found, task.parameters.dimensions, strict=True)
+            {"name": d.name, "title": d.title, "left": one, "words": in_words(one)}
+            for one, d in zip(left.tolist(), task.parameters.dimensions, strict=True)
         ],
     }

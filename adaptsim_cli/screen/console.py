@@ -29,7 +29,7 @@ from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
 from hw.errors import HardwareError
 from perception.errors import PerceptionError
-from sim.errors import ClusterUnavailable, NotExecutable, RolloutError, SolverFailed
+from sim.errors import ClusterUnavailable, NotExecutable, RolloutError
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -385,7 +385,6 @@ _WORTH_CONTINUING = (
     HardwareError,
     PerceptionError,
     NotExecutable,
-    SolverFailed,
     RolloutError,
     ClusterUnavailable,
     OSError,

@@ -77,18 +77,11 @@ class Judging(_Table):
     iterations: int = 5
 
 
-class Learning(_Table):
-    """The training of the adaptation policies."""
-
-    targets: Targets = "paper"
-
-
 class Budget(_Table):
     """The size of each stage, as far as others ask for it."""
 
     rollouts: int = 0  # of the dataset, spread evenly
     denser: int = 0  # further ones where the outcome is uncertain
-    meta: Learning = Learning()
     evaluation: Judging = Judging()
 
 

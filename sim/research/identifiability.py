@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,20 +20,10 @@ trials.
 """
 
 
-@dataclass(frozen=True)
-class Identifiable:
-    """One parameter."""
+def errors_left(simulators: Simulators, seed: int, progress: Callable[[int, int], None] | None = None) -> Array:
+    """(p,) the error of each parameter after a session, as a fraction of that before: 1 if trials say nothing.
 
-    name: str
-    left: float  # error after a session, as a fraction of that before: 1 if trials say nothing
-    words: str
-
-
-def identifiability(
-    simulators: Simulators, seed: int, progress: Callable[[int, int], None] | None = None
-) -> tuple[Identifiable, ...]:
-    """The identifiability of every parameter, by the weights from trials of simulated targets
-    (`sim.adaptation.reality`).
+    By the weights from trials of simulated targets (`sim.adaptation.reality`).
     """
     task, rng = simulators.task, np.random.default_rng(seed)
     policy = RealityPolicy(Reality(simulators, ()))
@@ -47,10 +36,7 @@ def identifiability(
         after.append(weights @ unit - truth)
         if progress is not None:
             progress(i + 1, SESSIONS)
-    left = np.sqrt(np.mean(np.square(after), axis=0) / np.mean(np.square(before), axis=0))
-    return tuple(
-        Identifiable(name, float(ratio), _words(ratio)) for name, ratio in zip(task.parameters.names, left, strict=True)
-    )
+    return np.sqrt(np.mean(np.square(after), axis=0) / np.mean(np.square(before), axis=0))
 
 
 def _trials(
@@ -71,7 +57,8 @@ def _trials(
     return tuple(Trial(c, a, o, r, e) for c, a, o, r, e in rows)
 
 
-def _words(left: float) -> str:
+def in_words(left: float) -> str:
+    """What a session finds of a parameter whose error that is."""
     if left < SETTLES:
         return "found within a session"
     return "found in part" if left < PARTLY else "stays unknown: other parameters explain the same trials"

@@ -1,4 +1,4 @@
-"""What every bench does: the fake one, the lab's, and a person's."""
+"""What every bench does: the lab's, and a person's."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from adaptsim_cli.devices.attended import Person
-from hw.fake import FakeBench
 from hw.ports import ObjectPlacer
 from hw.types import Array
 from sim.lab.simulated import SimulatedLab
@@ -27,18 +26,12 @@ class Kind:
     lies_m: Callable[[], Array] | None = None  # (2,) in the base frame
 
 
-def fake() -> Kind:
-    bench = FakeBench()
-    return Kind(bench, lambda: bench.placed[-1].xy_m)
-
-
 def lab() -> Kind:
     built = SimulatedLab(lab_scoops.TASK, lab_scoops.world(), 0, lab_scoops.CELL)
     return Kind(built.bench, lambda: np.array(built.truth()["trials"][-1]["X_BO_placed"])[:2, 3])
 
 
-KINDS = {"fake": fake, "lab": lab, "person": lambda: Kind(Person())}
-SEEN = ("fake", "lab")
+KINDS = {"lab": lab, "person": lambda: Kind(Person())}
 
 
 @pytest.mark.parametrize("make", KINDS.values(), ids=KINDS)
@@ -68,10 +61,9 @@ def test_the_callers_array_stays_the_callers(make: Callable[[], Kind]) -> None:
         np.testing.assert_array_equal(kind.lies_m(), before)
 
 
-@pytest.mark.parametrize("name", SEEN)
-def test_the_object_lies_near_and_where_depends_on_trial_and_attempt_alone(name: str) -> None:
+def test_the_object_lies_near_and_where_depends_on_trial_and_attempt_alone() -> None:
     def placed(order: list[tuple[int, int]]) -> dict[tuple[int, int], Array]:
-        kind, found = KINDS[name](), {}
+        kind, found = lab(), {}
         assert kind.lies_m is not None
         for trial, attempt in order:
             kind.bench.place(XY_M, trial, attempt)

@@ -93,16 +93,16 @@ def train_emulator(
     calibrate, judge, train = split(dataset, rng, settings)
     learnt = with_mirror_images(task, dataset)
     rows = np.concatenate([train + first for first in range(0, len(learnt), len(dataset))])
-    targets = _targets(task, learnt)
+    y, known = _targets(task, learnt)
     before = None if start is None else start.tensors
     if before is None:
-        y_mean, y_std = _scaling(targets.y[rows], targets.known[rows])
+        y_mean, y_std = _scaling(y[rows], known[rows])
     else:
         y_mean, y_std = (before[name][:-1].astype(np.float64) for name in ("y_mean", "y_std"))
     data = _Data(
         x=torch.from_numpy(encode(task, *_inputs(learnt.requests))),
-        y=torch.from_numpy(np.where(targets.known, (targets.y - y_mean) / y_std, 0.0)).float(),
-        known=torch.from_numpy(targets.known).float(),
+        y=torch.from_numpy(np.where(known, (y - y_mean) / y_std, 0.0)).float(),
+        known=torch.from_numpy(known).float(),
         success=torch.from_numpy(learnt.rollouts.succeeded.copy()).float(),
     )
     with one_thread():
@@ -118,7 +118,7 @@ def train_emulator(
     }
     tensors["temperature"] = np.array(_temperature(Emulator(task, tensors), dataset, calibrate), dtype=np.float32)
     predicted = Emulator(task, tensors).predict(*_inputs(dataset.requests[calibrate]))
-    residual = np.abs(predicted.observation - dataset.rollouts.observation[calibrate])[targets.known[calibrate, 0]]
+    residual = np.abs(predicted.observation - dataset.rollouts.observation[calibrate])[known[calibrate, 0]]
     # From the median, as for a Gaussian: a few outliers must not widen the tolerance.
     tensors["residual_std"] = (np.median(residual, axis=0) / 0.6745 + 1e-4).astype(np.float32)
     limit = _misfit_limit(Emulator(task, tensors), task, dataset, calibrate, rng)
@@ -143,12 +143,6 @@ def outcome_variance(task: Task, seed: int, dataset: Dataset, candidates: Reques
 
 
 @dataclass(frozen=True, eq=False)
-class _Targets:
-    y: Array  # (N, size + k)
-    known: Array  # (N, size + k) bool: an end state only after a success, nothing after a solver failure
-
-
-@dataclass(frozen=True, eq=False)
 class _Data:
     x: Tensor  # (N, f)
     y: Tensor  # (N, size + k) standardised
@@ -156,13 +150,14 @@ class _Data:
     success: Tensor  # (N,)
 
 
-def _targets(task: Task, dataset: Dataset) -> _Targets:
+def _targets(task: Task, dataset: Dataset) -> tuple[Array, Array]:
+    """Outputs (N, size + k), and which are known: an end state only after a success, nothing after a solver failure."""
     done = dataset.rollouts
     size, k = task.observation.size, done.end_state.shape[1]
     solved = done.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
     known = np.repeat(solved[:, None], size + k, axis=1)
     known[:, size:] = done.succeeded[:, None]
-    return _Targets(np.concatenate([done.observation, np.nan_to_num(done.end_state)], axis=1), known)
+    return np.concatenate([done.observation, np.nan_to_num(done.end_state)], axis=1), known
 
 
 def _scaling(y: Array, known: Array) -> tuple[Array, Array]:

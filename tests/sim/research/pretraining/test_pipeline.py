@@ -181,7 +181,7 @@ def test_pretraining_makes_a_checkpoint_that_sessions_use(tmp_path):
     assert all(0 <= done <= total for _, done, total in seen)
     assert checkpoint.card.emulator is not None and checkpoint.card.emulator.held_out > 0
     assert checkpoint.card.evaluation is not None and checkpoint.card.evaluation.targets == 2
-    assert checkpoint.card.budget.meta.targets == "paper"
+    assert checkpoint.card.facts()["budget"]["meta"]["targets"] == "paper"
     dataset = TINY.rollouts + TINY.denser
     assert dataset < checkpoint.card.simulations <= dataset + TINY.uncached(TOY)
     particles = make_method("adaptsim", TOY, checkpoint).start(2, np.random.default_rng(0))

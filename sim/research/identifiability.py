@@ -36,7 +36,7 @@ def errors_left(simulators: Simulators, seed: int, progress: Callable[[int, int]
         after.append(weights @ unit - truth)
         if progress is not None:
             progress(i + 1, SESSIONS)
-    return np.sqrt(np.mean(np.square(after), axis=0) / np.mean(np.square(before), axis=0))
+    return np.asarray(np.sqrt(np.mean(np.square(after), axis=0) / np.mean(np.square(before), axis=0)))
 
 
 def _trials(

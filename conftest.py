@@ -1,10 +1,16 @@
-"""How long a test may take, beyond the default of pyproject.toml, and what no test gets of the user's settings."""
+"""How long a test may take, beyond the default of pyproject.toml, and what no test gets of the user's settings.
+
+One thread a process: `make test` has a process a core, and threads that wait for a core keep it busy while they wait.
+"""
 
 from __future__ import annotations
 
 import os
 
 import pytest
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # read by NumPy, SciPy and PyTorch as they are imported
+    os.environ.setdefault(name, "1")
 
 FOR_TESTS = ("ADAPTSIM_TEST_", "ADAPTSIM_DRILL_", "ADAPTSIM_K4A", "ADAPTSIM_KINECT_", "ADAPTSIM_STAGED_")
 """Variables that lead tests to real devices and recordings begin so."""

@@ -92,11 +92,6 @@ def test_reasons_for_refusal() -> None:
         joint_path(sweep(0.12), X_FT, replace(holding(), keep_out=(wall,)))
 
 
-def test_planning_is_deterministic() -> None:
-    first, second = (joint_path(sweep(0.12), X_FT, holding()) for _ in range(2))
-    assert np.array_equal(first.q_rad, second.q_rad)
-
-
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_a_trial_hangs_together(model: str) -> None:
     within = holding(model)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hw.types import Array
-from perception.types import ObjectTrack
-from toss import ACTION, STATE, track_of
+from sim.rollouts.recorded import RecordedTrials
+from toss import ACTION, STATE, TASK, track_of
 
 RATE_HZ = 148.0
 _COLUMNS = 13  # quaternion w x y z, position, angular velocity (body), velocity (world)
@@ -28,19 +28,12 @@ _COLUMNS = 13  # quaternion w x y z, position, angular velocity (body), velocity
 class Tosses:
     """Recorded tosses."""
 
-    numbers: tuple[int, ...]  # of the file in the source
-    actions: Array  # (A, 12) initial states
-    tracks: tuple[ObjectTrack, ...]
+    trials: RecordedTrials  # named by the number of the file in the source
     rotations: tuple[Array, ...]  # (N, 4) quaternions x, y, z, w of each
 
     def some(self, rows: NDArray[np.int_]) -> Tosses:
         """Only these tosses."""
-        return Tosses(
-            tuple(self.numbers[i] for i in rows),
-            self.actions[rows],
-            tuple(self.tracks[i] for i in rows),
-            tuple(self.rotations[i] for i in rows),
-        )
+        return Tosses(self.trials.some(rows), tuple(self.rotations[i] for i in rows))
 
 
 def read_tosses(path: Path) -> Tosses:
@@ -56,12 +49,13 @@ def read_tosses(path: Path) -> Tosses:
     if len(bounds) != len(number) + 1 or (np.diff(bounds) < 2).any() or bounds[0] < 0 or bounds[-1] > len(state):
         raise ValueError(f"{path}: start must give the first row of each of the {len(number)} tosses, and the end")
     runs = [state[low:high] for low, high in itertools.pairwise(bounds)]
-    return Tosses(
-        tuple(int(n) for n in number),
-        np.array([_action(run[0]) for run in runs]),
-        tuple(track_of(np.arange(len(run)) / RATE_HZ, run[:, 4:7], run[:, [1, 2, 3, 0]]) for run in runs),
-        tuple(run[:, [1, 2, 3, 0]] for run in runs),
+    rotations = tuple(run[:, [1, 2, 3, 0]] for run in runs)
+    tracks = tuple(
+        track_of(np.arange(len(run)) / RATE_HZ, run[:, 4:7], turned)
+        for run, turned in zip(runs, rotations, strict=True)
     )
+    names, actions = tuple(str(int(n)) for n in number), np.array([_action(run[0]) for run in runs])
+    return Tosses(RecordedTrials(TASK, names, None, actions, tracks), rotations)
 
 
 def _action(row: Array) -> Array:
@@ -69,7 +63,7 @@ def _action(row: Array) -> Array:
     return np.concatenate([Rotation.from_quat(row[[1, 2, 3, 0]]).as_rotvec(), row[4:7], row[7:10], row[10:13]])
 
 
-def write_folder(tosses: Tosses, folder: Path, every: int = 1) -> None:
+def write_folder(tosses: RecordedTrials, folder: Path, every: int = 1) -> None:
     """Write the tosses in the format of `--recorded`, with every n-th sample and the last one."""
     folder.mkdir(parents=True, exist_ok=True)
     state = ", ".join(f'"{name}"' for name in STATE)
@@ -77,15 +71,15 @@ def write_folder(tosses: Tosses, folder: Path, every: int = 1) -> None:
     with (folder / "trials.csv").open("w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(["trial", *ACTION.names])
-        for number, action in zip(tosses.numbers, tosses.actions, strict=True):
-            table.writerow([number, *(f"{value:.6g}" for value in action)])
+        for name, action in zip(tosses.names, tosses.actions, strict=True):
+            table.writerow([name, *(f"{value:.6g}" for value in action)])
     with (folder / "trajectories.csv").open("w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(["trial", "t_s", *STATE])
-        for number, track in zip(tosses.numbers, tosses.tracks, strict=True):
+        for name, track in zip(tosses.names, tosses.tracks, strict=True):
             last = len(track.t_s) - 1
             for i in sorted({*range(0, last, every), last}):
-                table.writerow([number, f"{track.t_s[i]:.4f}", *(f"{value:.4f}" for value in track.state[i])])
+                table.writerow([name, f"{track.t_s[i]:.4f}", *(f"{value:.4f}" for value in track.state[i])])
 
 
 if __name__ == "__main__":
@@ -93,4 +87,4 @@ if __name__ == "__main__":
     parser.add_argument("tosses", type=Path)
     parser.add_argument("folder", type=Path)
     given = parser.parse_args()
-    write_folder(read_tosses(given.tosses), given.folder)
+    write_folder(read_tosses(given.tosses).trials, given.folder)

@@ -40,7 +40,7 @@ from sim.solvers.solver import policy_for
 from sim.storage.files import whole_file
 from sim.tasks.task import SolvedPolicy
 from toss import PARAMETERS, TASK, face_on_top
-from toss.data import Tosses, read_tosses
+from toss.data import read_tosses
 from toss.page import write
 
 GRID = 48
@@ -165,19 +165,19 @@ def points() -> Array:
     return np.concatenate([cover(PARAMETERS, GRID, np.random.default_rng(0)), theirs])
 
 
-def simulated(tosses: Tosses, folder: Path) -> GridSolver:
+def simulated(tosses: RecordedTrials, folder: Path) -> GridSolver:
     """Every toss at every point, from the shards in `folder`; missing ones are simulated."""
     grid = GridSolver(TASK, points(), tosses.actions[:PROBES])
     k, nothing = len(grid.points), np.zeros(0)
-    for i, (number, action) in enumerate(zip(tosses.numbers, tosses.actions, strict=True)):
+    for i, (name, action) in enumerate(zip(tosses.names, tosses.actions, strict=True)):
         context = np.tile(np.asarray(TASK.reference_context), (k, 1))
         asked = Requests(grid.points, context, np.tile(action, (k, 1)), np.zeros((k, 0)))
-        path = folder / f"toss-{number:04d}.npz"
+        path = folder / f"toss-{int(name):04d}.npz"
         found = read_rollouts(path, asked)
         if found is None:
             found = observed(TASK, [TASK.simulate(point, context[0], action, nothing) for point in grid.points])
             write_rollouts(path, asked, found)
-            _say(f"simulated {i + 1} of {len(tosses.numbers)} tosses")
+            _say(f"simulated {i + 1} of {len(tosses)} tosses")
         grid.remember(action, nothing, found)
     return grid
 
@@ -274,11 +274,11 @@ def main() -> None:
         tosses = read_tosses(asked.tosses)
     except ValueError as error:
         parser.error(str(error))
-    tosses = tosses.some(np.random.default_rng(ORDER).permutation(len(tosses.numbers)))
+    tosses = tosses.some(np.random.default_rng(ORDER).permutation(len(tosses.trials)))
+    trials = tosses.trials
     (asked.out / "table").mkdir(parents=True, exist_ok=True)
-    grid = simulated(tosses, asked.out / "table")
-    trials = RecordedTrials(TASK, tuple(map(str, tosses.numbers)), None, tosses.actions, tosses.tracks)
-    folder = asked.out / hashlib.sha256(tosses.actions.tobytes() + grid.points.tobytes()).hexdigest()[:12]
+    grid = simulated(trials, asked.out / "table")
+    folder = asked.out / hashlib.sha256(trials.actions.tobytes() + grid.points.tobytes()).hexdigest()[:12]
     folder.mkdir(exist_ok=True)
     rows = list(rows_of(grid, trials, methods, asked.seeds, folder))
     if asked.page is not None:

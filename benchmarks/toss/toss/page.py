@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.grid import GridSolver
 from sim.storage.files import whole_file
 from toss import NEAR_M, TASK
@@ -48,7 +49,7 @@ def write(
     share = 100.0 * float(np.mean([row["inexpressible"] for row in rows]))
     text = TEMPLATE.read_text(encoding="utf-8").format(
         near_mm=1e3 * NEAR_M,
-        tosses=len(tosses.numbers),
+        tosses=len(tosses.trials),
         points=len(grid.points),
         seeds=len(rows),
         table=table,
@@ -59,7 +60,7 @@ def write(
         posterior=", ".join(named),
         inexpressible=share,
         strange=float(np.mean([row["strange"] for row in rows])),
-        **_expressed(grid, tosses),
+        **_expressed(grid, tosses.trials),
         **{
             f"{name}_{what}": f"{factor * float(np.mean([row[f'{name}_{key}'] for row in rows])):.0f}"
             for name in ("prior", "posterior")
@@ -91,7 +92,7 @@ def _conclusion(rows: Sequence[dict[str, Any]], methods: Sequence[str]) -> str:
     return f"{told} The best other method is `{best}`; `adaptsim` minus it is {_gain(rows, 'adaptsim', best)}, paired."
 
 
-def _expressed(grid: GridSolver, tosses: Tosses) -> dict[str, str]:
+def _expressed(grid: GridSolver, tosses: RecordedTrials) -> dict[str, str]:
     """How far off the simulator ends: with each toss's own best point, with the best point of all, and how far the ends
     of neighbouring points are apart.
     """

@@ -45,10 +45,10 @@ def draw(tosses: Tosses, rows: Sequence[int], settings: Sequence[tuple[str, Arra
 
 
 def _motions(tosses: Tosses, number: int, settings: Sequence[tuple[str, Array]]) -> list[tuple[str, Flight]]:
-    track, rotation = tosses.tracks[number], tosses.rotations[number]
+    track, rotation = tosses.trials.tracks[number], tosses.rotations[number]
     found = [("recorded", Flight(np.arange(len(rotation)) / RATE_HZ, np.asarray(track.state[:, :3]), rotation))]
     for name, parameters in settings:
-        found.append((name, Table(*map(float, parameters)).toss(np.array(tosses.actions[number]))))
+        found.append((name, Table(*map(float, parameters)).toss(np.array(tosses.trials.actions[number]))))
     return found
 
 

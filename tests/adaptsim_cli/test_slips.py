@@ -12,6 +12,7 @@ import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 from lab_session import ADAPTSIM, environment
@@ -159,7 +160,7 @@ def test_a_trial_done_again_is_not_lost(before, tmp_path, monkeypatch, capfd):
 
 def test_a_pipe_that_breaks_and_a_terminal_without_unicode_leave_a_session_that_goes_on(tmp_path):
     command = [*ADAPTSIM, "run-iteration", "--task", "pendulum", "--world", "wd", "--yes"]
-    piped = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    piped: Any = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, env=environment(tmp_path), **piped) as broken:
         broken.stdout.close()
         assert "Traceback" not in broken.stderr.read()

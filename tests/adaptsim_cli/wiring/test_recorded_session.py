@@ -20,12 +20,12 @@ def recorded(tmp_path_factory) -> Path:
     return write_tables(tmp_path_factory.mktemp("lab") / "swings", 32)
 
 
-def run(recorded: Path, *more: str) -> int:
-    return app.run(["run-iteration", "--task", "pendulum", "--recorded", str(recorded), "--yes", *more])
+def line(recorded: Path, *more: str) -> list[str]:
+    return ["run-iteration", "--task", "pendulum", "--recorded", str(recorded), "--yes", *more]
 
 
 def test_a_session_takes_every_recording_once_and_its_report_judges_by_those_held_out(recorded, capfd, refused):
-    assert run(recorded, "-n", "3") == 0
+    assert app.run(line(recorded, "-n", "3")) == 0
     assert "RECORDED" in capfd.readouterr().out
     session = api.open_session("pendulum-swings")
     actions = np.array([trial.action_array for trial in session.trials])
@@ -53,23 +53,21 @@ def test_it_can_be_begun_in_python_and_another_seed_holds_out_other_trials(recor
 
 def test_a_changed_recording_stops_the_session(tmp_path, refused):
     folder = write_tables(tmp_path / "lab", 24)
-    assert run(folder) == 0
+    assert app.run(line(folder)) == 0
     lines = (folder / "trajectories.csv").read_text().splitlines()
     lines[1] = lines[1].replace(lines[1].split(",")[2], "-3.0", 1)
     (folder / "trajectories.csv").write_text("\n".join(lines) + "\n")
-    assert "the recording has changed since session" in refused(2, *folder)
+    assert "the recording has changed since session" in refused(2, *line(folder))
 
 
-def test_a_session_ends_with_one_line_when_all_recordings_are_used(tmp_path, capfd):
+def test_a_session_ends_with_one_line_when_all_recordings_are_used(tmp_path, refused):
     folder = write_tables(tmp_path / "few", 10)
-    assert run(folder, "-n", "5", "--held-out", "0") == 0
-    assert run(folder, "-n", "1", "--held-out", "0") == 3
-    assert "recorded trials" in capfd.readouterr().err
+    assert app.run(line(folder, "-n", "5", "--held-out", "0")) == 0
+    assert "recorded trials" in refused(3, *line(folder, "-n", "1", "--held-out", "0"))
 
 
-def test_a_real_arm_and_another_solver_are_refused(recorded, capfd):
-    assert run(recorded, "--solver", "naf") == 2
-    assert "leave out --solver naf" in capfd.readouterr().err
+def test_a_real_arm_and_another_solver_are_refused(recorded, refused):
+    assert "leave out --solver naf" in refused(2, *line(recorded, "--solver", "naf"))
 
 
 def own_session(folder: Path) -> Path:
@@ -85,7 +83,7 @@ def test_a_session_runs_to_its_verdict_from_the_files_of_any_program_and_again_t
     recorded = {tuple(action) for action in read_recorded(TASK, folder).actions}
     for name, runs in (("at-once", ("2",)), ("in-two", ("1", "1"))):
         for count in runs:
-            assert run(folder, "-n", count, "--session", name) == 0
+            assert app.run(line(folder, "-n", count, "--session", name)) == 0
         session = api.open_session(name)
         *_, last = session.iterations
         assert last.number == 2
@@ -96,7 +94,8 @@ def test_a_session_runs_to_its_verdict_from_the_files_of_any_program_and_again_t
     assert found[0] == found[1]
 
 
-def test_too_few_trials_get_one_line_and_no_session(tmp_path, capfd):
-    assert run(write_tables(tmp_path / "lab", 7)) == 8
-    assert "there are 7 recorded trials, and at least 8 are needed" in capfd.readouterr().err.replace("\n", " ")
+def test_too_few_trials_get_one_line_and_no_session(tmp_path, refused):
+    assert "there are 7 recorded trials, and at least 8 are needed" in refused(
+        8, *line(write_tables(tmp_path / "lab", 7))
+    )
     assert not (tmp_path / "home/data/sessions").exists()

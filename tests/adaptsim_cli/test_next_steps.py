@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import re
-import shlex
-from typing import Any
 
 import pytest
-import typer
+from documents import parse
 
 from adaptsim_cli import app
 
@@ -22,22 +20,6 @@ def named(capfd: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
     found = NAMED.findall(capfd.readouterr().out)
     assert found, f"adaptsim {' '.join(arguments)} leaves nobody a next step"
     return found
-
-
-def require_typable(line: str) -> None:
-    """Every adaptsim command in it exists, with these options."""
-    words = shlex.split(line)
-    if words[0] != "adaptsim":
-        return
-    node: Any = typer.main.get_command(app.app)
-    rest = words[1:]
-    while hasattr(node, "commands") and rest and rest[0] in node.commands:
-        node, rest = node.commands[rest[0]], rest[1:]
-    assert node.params, line
-    options = {name for parameter in node.params for name in (*parameter.opts, *parameter.secondary_opts)}
-    for word in rest:
-        if word.startswith("--"):
-            assert word in options, line
 
 
 @pytest.mark.long
@@ -65,7 +47,8 @@ def test_from_the_first_trial_to_the_last_command_there_is_a_next_one(capfd):
         ["rollouts", "report"],
     ):
         for line in named(capfd, *command):
-            require_typable(line)
+            if line.startswith("adaptsim"):
+                parse(line)
 
 
 def test_so_there_is_without_a_session(capfd):
@@ -81,4 +64,5 @@ def test_so_there_is_without_a_session(capfd):
         ["schema"],
     ):
         for line in named(capfd, *command):
-            require_typable(line)
+            if line.startswith("adaptsim"):
+                parse(line)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
-import typer
+from documents import every_command
 from jsonschema import Draft202012Validator
 from pydantic import ValidationError
 
@@ -18,21 +17,9 @@ from adaptsim_cli.screen.console import Screen
 SESSION = ["--task", "pendulum", "--world", "wd", "--session", "s", "--yes"]
 
 
-def commands(node: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """Every command with its name."""
-    for word, command in node.commands.items():
-        if hasattr(command, "commands"):
-            if command.invoke_without_command:
-                yield f"{name} {word}".strip(), command
-            yield from commands(command, f"{name} {word}".strip())
-        else:
-            yield f"{name} {word}".strip(), command
-
-
 def test_every_command_with_json_has_an_output_and_every_output_a_command():
-    found = commands(typer.main.get_command(app.app))
-    takes = {name for name, command in found if any("--json" in p.opts for p in command.params)}
-    assert takes == set(catalogue.OUTPUTS)
+    takes = {name for name, command in every_command() if any("--json" in p.opts for p in command.params)}
+    assert takes == {f"adaptsim {name}" for name in catalogue.OUTPUTS}
 
 
 @pytest.mark.parametrize("command", catalogue.OUTPUTS)

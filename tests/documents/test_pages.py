@@ -10,21 +10,19 @@ import ast
 import os
 import re
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import pytest
 import typer
-from documents import FENCE, PAGES, ROOT, commands, read, shown
+from documents import FENCE, PAGES, ROOT, commands, every_command, parse, read, shown
 
-from adaptsim_cli import app, config
+from adaptsim_cli import config
 from adaptsim_cli.session.running import default_name
 from sim.lab.world import list_worlds
 from sim.tasks import get_task
 
 DOCS = ROOT / "docs"
-PROGRAM: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
 GUIDE_PICTURES = sorted((DOCS / "figures").glob("guide-*"))
 EXAMPLE = re.compile(r"^Example: (.*)$", re.MULTILINE)
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
@@ -34,45 +32,11 @@ MADE_BY_A_READER = {"sim/tasks/curling/__init__.py"}
 PLACEHOLDER = re.compile(r"[A-Z]+")
 TUTORIAL = "curling"
 """The task that docs/guide/add-a-task.md makes; tests/documents/test_tutorials.py runs its code."""
-OF_THE_PROGRAM = {"--help", "--install-completion", "--show-completion"}
-"""Options that act while the line is parsed: nothing is installed by a test."""
-NUMBERS = {"N", "TRIAL"}
-"""Placeholders that stand for a number."""
 TARGETS = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
 PAGE_WORDS = 725
 
 
-def parse(line: str) -> dict[str, object]:
-    """The parameters of the command that the line names, nothing executed. Raises TyperException.
-
-    A line that only names a command need not give what the command requires.
-    """
-    node = PROGRAM
-    words = ["1" if word in NUMBERS else word for word in shlex.split(line, comments=True)[1:]]
-    context = node.make_context("adaptsim", [], resilient_parsing=True)
-    while words and not words[0].startswith("-") and isinstance(node, typer.core.TyperGroup):
-        context.resilient_parsing = False  # a command that is not there raises
-        name, command, words = node.resolve_command(context, words)
-        assert command is not None
-        context = command.make_context(name, [], parent=context, resilient_parsing=True)
-        node = command  # type: ignore[assignment]
-    if not words or OF_THE_PROGRAM & set(words):
-        return {}
-    return dict(node.make_context(node.name, words, parent=context.parent).params)
-
-
-def helps(node: typer.core.TyperGroup, name: str = "adaptsim") -> Iterator[tuple[str, str]]:
-    """(name, help) of every command at or under `node`, without its groups."""
-    for word, command in node.commands.items():
-        if isinstance(command, typer.core.TyperGroup):
-            if command.invoke_without_command:
-                yield f"{name} {word}", command.help or ""
-            yield from helps(command, f"{name} {word}")
-        else:
-            yield f"{name} {word}", command.help or ""
-
-
-HELPS = dict(helps(PROGRAM))
+HELPS = {name: command.help or "" for name, command in every_command()}
 EXAMPLES = [line for text in HELPS.values() for line in EXAMPLE.findall(text)]
 
 
@@ -211,7 +175,6 @@ def test_commands_are_found_in_fences_indented_and_in_prose():
 @pytest.mark.parametrize("picture", GUIDE_PICTURES, ids=shown)
 def test_pictures_of_the_guide_are_small_and_shown(picture):
     image = cv2.imread(str(picture))
-    assert image is not None
     assert image.shape[1] <= 1200
     assert picture.stat().st_size < 300_000
     assert f"figures/{picture.name})" in (DOCS / "guide/operators-guide.md").read_text(encoding="utf-8")

@@ -17,12 +17,10 @@ from pathlib import Path
 import pytest
 import real_views
 import typer
-from documents import PAGES, ROOT, commands, read
+from documents import PAGES, ROOT, commands, every_command, read
 from lab_session import ADAPTSIM, environment
 
-from adaptsim_cli import app
-
-PROGRAM: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
+COMMANDS = dict(every_command())
 SESSION = "scooping-oreo"
 OTHER = "scooping-ood-1-udr"
 STANDS_FOR = {"SESSION": SESSION, "A": SESSION, "B": OTHER, "FIRST": "1", "SECOND": "2", "TEXT": "text"}
@@ -67,7 +65,9 @@ def documented() -> list[str]:
     """The calls of all pages and examples, with placeholders filled in, in an order in which they can be executed."""
     left_out = {ROOT / "docs/guide/operators-guide.md", ROOT / "docs/reference/commands.md"}
     shown = [line for page in PAGES if page not in left_out for line in commands(read(page))]
-    examples = re.findall(r"^Example: (.*)$", "\n".join(_helps(PROGRAM)), re.MULTILINE)
+    examples = re.findall(
+        r"^Example: (.*)$", "\n".join(command.help or "" for command in COMMANDS.values()), re.MULTILINE
+    )
     calls = [words for line in shown if _says_more(words := shlex.split(line, comments=True))]
     calls += [shlex.split(line) for line in examples]
     return sorted({shlex.join(_filled(words)) for words in calls}, key=lambda line: (_place(line), line))
@@ -86,30 +86,18 @@ def _filled(words: list[str]) -> list[str]:
     return [next(names) if word == "NAME" else values.get(word, word) for word in words]
 
 
-def _helps(node: typer.core.TyperGroup) -> list[str]:
-    texts = [node.help or ""]
-    for command in node.commands.values():
-        texts += _helps(command) if isinstance(command, typer.core.TyperGroup) else [command.help or ""]
-    return texts
+def _called(words: list[str]) -> tuple[typer.core.TyperCommand | None, list[str]]:
+    """The command of a line and what follows it; None where it names none."""
+    for length in (3, 2):
+        if command := COMMANDS.get(" ".join(words[:length])):
+            return command, words[length:]
+    return None, words[1:]
 
 
 def _says_more(words: list[str]) -> bool:
     """Whether a line says more than which command it means, and that its output be JSON."""
-    node: object = PROGRAM
-    rest = words[1:]
-    while rest and isinstance(node, typer.core.TyperGroup) and rest[0] in node.commands:
-        node, rest = node.commands[rest[0]], rest[1:]
-    return node is not PROGRAM and bool(set(rest) - {"--json"})
-
-
-def _options(words: list[str]) -> set[str]:
-    """The names of the options that the command of a line has."""
-    node: object = PROGRAM
-    for word in words[1:]:
-        if not isinstance(node, typer.core.TyperGroup) or word not in node.commands:
-            break
-        node = node.commands[word]
-    return {str(p.name) for p in getattr(node, "params", ())}
+    command, rest = _called(words)
+    return command is not None and bool(set(rest) - {"--json"})
 
 
 def elsewhere(line: str) -> str:
@@ -119,7 +107,8 @@ def elsewhere(line: str) -> str:
 
 def run(line: str, place: Path) -> str:
     """Execute a line without a terminal; returns what was wrong, empty if it ended as it should."""
-    words, has = shlex.split(line), _options(shlex.split(line))
+    words = shlex.split(line)
+    has = {parameter.name for parameter in _called(words)[0].params}
     real = "fr3" in words or "panda" in words
     if "yes" in has and "--yes" not in words and not real:
         words.append("--yes")  # there is nobody to ask

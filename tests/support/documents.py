@@ -6,12 +6,16 @@ import importlib.util
 import inspect
 import json
 import re
+import shlex
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import typer
+
+from adaptsim_cli import app
 from sim import tasks
 
 ROOT = Path(__file__).parents[2]
@@ -21,6 +25,11 @@ PAGES = (
     *sorted((ROOT / "docs").rglob("*.ipynb")),
 )
 FENCE = re.compile(r"^( *)```(.*?)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
+PROGRAM: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
+OF_THE_PROGRAM = {"--help", "--install-completion", "--show-completion"}
+"""Options that act while the line is parsed: nothing is installed by a test."""
+NUMBERS = {"N", "TRIAL"}
+"""Placeholders that stand for a number."""
 _PREFIX = re.compile(r"^(?:\$ )?(?:[A-Z][A-Z0-9_]*=\S* )*")
 
 
@@ -46,6 +55,36 @@ def commands(text: str, program: str = "adaptsim") -> list[str]:
     spans = [" ".join(span.split()) for span in re.findall(r"`([^`]+)`", prose)]
     lines = [_PREFIX.sub("", line.strip()) for line in (*blocks, *spans)]
     return [line for line in lines if line == program or line.startswith(f"{program} ")]
+
+
+def every_command(node: typer.core.TyperGroup = PROGRAM, name: str = "adaptsim") -> Iterator[tuple[str, Any]]:
+    """(name, command) of all at or under `node`, without its groups."""
+    for word, command in node.commands.items():
+        if isinstance(command, typer.core.TyperGroup):
+            if command.invoke_without_command:
+                yield f"{name} {word}", command
+            yield from every_command(command, f"{name} {word}")
+        else:
+            yield f"{name} {word}", command
+
+
+def parse(line: str) -> dict[str, object]:
+    """The parameters of the command that the line names, nothing executed. Raises TyperException.
+
+    A line that only names a command need not give what the command requires.
+    """
+    node = PROGRAM
+    words = ["1" if word in NUMBERS else word for word in shlex.split(line, comments=True)[1:]]
+    context = node.make_context("adaptsim", [], resilient_parsing=True)
+    while words and not words[0].startswith("-") and isinstance(node, typer.core.TyperGroup):
+        context.resilient_parsing = False  # a command that is not there raises
+        name, command, words = node.resolve_command(context, words)
+        assert command is not None
+        context = command.make_context(name, [], parent=context, resilient_parsing=True)
+        node = command  # type: ignore[assignment]
+    if not words or OF_THE_PROGRAM & set(words):
+        return {}
+    return dict(node.make_context(node.name, words, parent=context.parent).params)
 
 
 def module(path: Path) -> ModuleType:

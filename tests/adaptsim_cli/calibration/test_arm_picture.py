@@ -38,7 +38,6 @@ def moved(solved: Solved, *mm: float) -> Solved:
 
 def test_the_hand_of_a_real_panda_lies_within_its_drawn_outline(solved):
     found = pictures.draw_arm(solved).fit
-    assert found is not None
     assert found.shift_m < 0.005
     assert found.off_px < 4.0
     assert found.pictures >= 15
@@ -48,7 +47,6 @@ def test_the_hand_of_a_real_panda_lies_within_its_drawn_outline(solved):
 def test_a_camera_that_is_believed_elsewhere_is_noticed(solved, mm):
     wrong = pictures.draw_arm(moved(solved, *mm))
     assert not wrong.fits
-    assert wrong.fit is not None
     assert f"{1e3 * wrong.fit.shift_m:.0f} mm" in wrong.sentence
 
 
@@ -59,7 +57,6 @@ def test_every_view_is_drawn_and_looks_other_than_before(folder, solved):
     before = cv2.imread(str(folder / f"{name}.jpg"))
     assert 200 < (drawn.by_view[name] != before).any(axis=-1).sum() < 5000
     sheet = cv2.imdecode(np.frombuffer(drawn.sheet(), np.uint8), cv2.IMREAD_COLOR)
-    assert sheet is not None
     assert sheet.shape == (960, 1920, 3)
 
 

@@ -169,7 +169,6 @@ def test_the_board_is_printed_to_scale_and_its_measured_size_kept(place, printed
     first, last = corners.px[0], corners.px[5]
     assert np.linalg.norm(last - first) / (scale * px_per_mm) == pytest.approx(5 * 37.0, abs=0.05)
     kept = printing.known(place / "home/data")
-    assert kept is not None
     assert kept.measured
     assert kept.board.board().marker_m / kept.board.board().square_m == pytest.approx(0.75)
 
@@ -193,7 +192,6 @@ def test_a_pdf_has_the_size_of_the_paper(place):
     content = printing.page(printing.fitting("a4", None), "a4", ".pdf")
     assert content.startswith(b"%PDF")
     box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", content)
-    assert box is not None
     assert [float(side) / 72 * 25.4 for side in box.groups()] == pytest.approx([297, 210], abs=0.01)
 
 

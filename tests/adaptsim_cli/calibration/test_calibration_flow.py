@@ -44,10 +44,6 @@ def copied(done: Done, tmp_path) -> Path:
     return folder
 
 
-def solve(folder: Path) -> solving.Solved:
-    return solving.solve_folder(folder)
-
-
 def test_a_calibration_finds_the_camera_and_is_stored_whole(done):
     root, solved, folder, text = done
     record = solved.record
@@ -213,7 +209,7 @@ def test_a_truncated_view_is_left_out_and_named(copied):
     picture.write_bytes(picture.read_bytes()[:5000])
     (copied / "view-008.json").write_text('{"image": "view-008.png", ')
     (copied / "view-011.depth.png").unlink()
-    solved = solve(copied)
+    solved = solving.solve_folder(copied)
     assert len(solved.views) == 9
     told = " ".join(solved.not_seen)
     for part in (
@@ -243,7 +239,7 @@ def test_a_truncated_view_is_left_out_and_named(copied):
 def test_a_malformed_folder_is_refused_by_name(change, message, copied):
     change(copied)
     with pytest.raises(ViewFolderError, match=message):
-        solve(copied)
+        solving.solve_folder(copied)
 
 
 def edit(folder: Path, old: str, new: str) -> None:

@@ -43,10 +43,6 @@ def copied(touched: tuple[Path, solving.Solved], tmp_path) -> Path:
     return folder
 
 
-def solve(folder: Path) -> solving.Solved:
-    return solving.solve_folder(folder)
-
-
 def edit(folder: Path, **values: object) -> None:
     path = folder / "touch.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | values))
@@ -138,7 +134,7 @@ def test_a_board_that_is_not_laid_in_view_is_said(tmp_path):
 def test_another_corner_than_the_one_stated_forbids_the_calibration(copied, tmp_path):
     corner = json.loads((copied / "touch.json").read_text())["corner"]
     edit(copied, corner=corner + 1)
-    record = solve(copied).record
+    record = solving.solve_folder(copied).record
     found = check(record, "touched point")
     assert found.verdict == "bad"
     assert found.value == pytest.approx(40.0, abs=1.5)
@@ -165,7 +161,7 @@ def test_poses_serve_where_joints_are_not_known(copied):
     stored = json.loads((copied / "touch.json").read_text())
     X_BF = forward(np.array(stored.pop("q_rad")))
     (copied / "touch.json").write_text(json.dumps(stored | {"X_BF": X_BF.tolist()}))
-    assert check(solve(copied).record, "touched point").verdict == "good"
+    assert check(solving.solve_folder(copied).record, "touched point").verdict == "good"
 
 
 @pytest.mark.parametrize(
@@ -182,4 +178,4 @@ def test_poses_serve_where_joints_are_not_known(copied):
 def test_a_damaged_touch_is_named(change, message, copied):
     change(copied)
     with pytest.raises(ViewFolderError, match=message):
-        solve(copied)
+        solving.solve_folder(copied)

@@ -49,21 +49,10 @@ def test_every_question_answer_and_rate_is_in_the_log_with_the_operators_name(tm
         arm.execute(STILL)
     assert len(bare.executed) == 1
     lines = read_log(tmp_path)
-    answers = [
-        (line.text.partition(" [")[0].partition(" Type")[0], line.data["answer"])
-        for line in lines
-        if line.event == "answered"
-    ]
-    assert [answer for _, answer in answers] == ["Kim", "yes", "panda"]
+    assert [line.data["answer"] for line in lines if line.event == "answered"] == ["Kim", "yes", "panda"]
     noted = " / ".join(line.text for line in lines if line.event == "noted")
-    for words in (
-        "The processor may fall asleep",
-        "operator: Kim",
-        "THE REAL ROBOT, panda at 10.0.0.1",
-        "100.0 % of the commands reached the arm in time",
-    ):
+    for words in ("The processor may fall asleep", "operator: Kim", "panda at 10.0.0.1", "100.0 % of the commands"):
         assert words in noted
-    assert arm.consent.given is not None
     assert all(datetime.fromisoformat(line.at) for line in lines)
 
 
@@ -78,7 +67,6 @@ def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(tmp_
     typing(monkeypatch, "panda")
     with open_trials(there.config, there.places, get_task("scooping"), devices.drivers(), screen=screen) as real:
         real.rig.arm.execute(STILL)
-        assert real.rig.attendant is not None
         facts = real.rig.attendant.facts()
     assert (facts.operator, facts.waived) == ("Kim", ("keep_out", "stop_button", "slow_start"))
     assert facts.consent is not None
@@ -109,10 +97,8 @@ def test_a_rig_asks_for_each_motion_until_it_has_moved_slowly(tmp_path, monkeypa
         calibrated(there)
         typing(monkeypatch, "panda", *[""] * 3)
         with open_trials(there.config, there.places, get_task("scooping"), devices.drivers(), screen=quiet()) as real:
-            assert real.rig.attendant is not None
             assert real.rig.attendant.arm.consent.each == each  # type: ignore[attr-defined]
             real.rig.arm.execute(STILL)
-        assert devices.arm is not None
         slow = len(STILL.t_s) if pace == 1.0 else 35
         assert len(devices.arm.executed[0].t_s) == slow
 

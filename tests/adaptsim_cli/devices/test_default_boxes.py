@@ -70,13 +70,6 @@ def test_beside_the_person_the_food_is_reached_as_if_there_were_no_boxes():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", ["panda", "fr3"])
-@pytest.mark.parametrize("name", ["scooping", "pushing"])
-def test_the_corners_are_reached_as_if_there_were_no_boxes(name, model):
-    assert counted(name, model, boxes("left"), CORNERS) == {"direct": 4}
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("side", ["left", "right", "back"])
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 @pytest.mark.parametrize("name", ["scooping", "pushing"])

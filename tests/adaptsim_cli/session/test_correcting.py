@@ -64,7 +64,6 @@ def test_of_two_attempts_either_can_count_and_each_change_adapts_again(store, ho
     store = opened(home)
     assert [t.attempt for t in store.trials(0)] == [1, 1, 1, 1]
     result = store.result(0)
-    assert result is not None
     (amended,) = result.amended
     assert "trial 2" in amended and "it was not" in amended
     assert redo(store, 2, "it was after all") == 3, "done again means a new attempt, not the one of before"
@@ -156,5 +155,4 @@ def test_a_clock_that_goes_backwards_mixes_up_no_changes(store, home, monkeypatc
         changed(opened(home), number, Outcome.LOST)
     run(home)
     result = opened(home).result(0)
-    assert result is not None
     assert [said[: len("trial 1")] for said in result.amended] == ["trial 1", "trial 2"]

@@ -23,8 +23,14 @@ def messages(file: Path) -> dict[str, list[bytes]]:
     return found
 
 
-def test_one_file_holds_everything_of_a_trial(store, tmp_path):
-    *files, layout = exporting.export(store, "mcap", tmp_path / "exported", scene_files)
+@pytest.fixture(scope="module")
+def exported(undisturbed, tmp_path_factory) -> tuple[Path, ...]:
+    """A file for each trial, and the layout that shows them."""
+    return tuple(exporting.export(undisturbed, "mcap", tmp_path_factory.mktemp("exported") / "mcap", scene_files))
+
+
+def test_one_file_holds_everything_of_a_trial(store, exported):
+    *files, layout = exported
     assert len(files) == len(store.trials(0))
     found, record = messages(files[0]), store.trials(0)[0]
     assert set(found) >= {*recording.TOPICS, *topics.AFTERWARDS} - {"/after/colour", "/after/depth"}
@@ -36,7 +42,14 @@ def test_one_file_holds_everything_of_a_trial(store, tmp_path):
         (about,) = list(make_reader(stream).iter_metadata())
     assert (about.metadata["session"], about.metadata["trial"]) == (NAME, "1")
     stored = replaying.open_trial(store, record).stored
-    assert json.loads(layout.read_text())["layout"]["direction"] == "row"
+    configured = json.loads(layout.read_text())["configById"]
+    shown = {
+        configured[key]["imageMode"][which]
+        for key in configured
+        if "Image!" in key
+        for which in ("imageTopic", "calibrationTopic")
+    }
+    assert shown | set(configured["3D!scene"]["topics"]) <= set(found)
     depth = topics.Reader(found["/camera/depth"][0])
     depth.header()
     height, width, encoding = depth.count(), depth.count(), depth.string()
@@ -46,11 +59,10 @@ def test_one_file_holds_everything_of_a_trial(store, tmp_path):
     assert np.array_equal(pixels, stored.frames[0].depth_mm)
 
 
-def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(store, tmp_path):
-    file, *_ = exporting.export(store, "mcap", tmp_path / "exported", scene_files)
+def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(exported):
+    file, *_ = exported
     with file.open("rb") as stream:
         summary = make_reader(stream).get_summary()
-    assert summary is not None
     schemas = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
     assert schemas == {**recording.TOPICS, **topics.AFTERWARDS}
     found = messages(file)
@@ -62,14 +74,6 @@ def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(store
         reader.header()
         assert reader.strings()[0] == "panda_joint1"
         assert tuple(len(reader.doubles()) for _ in range(3)) == holds, "positions, velocities, efforts"
-
-
-def test_every_frame_of_the_layout_is_in_the_file(store, tmp_path):
-    *files, layout = exporting.export(store, "mcap", tmp_path / "exported", scene_files)
-    configured = json.loads(layout.read_text())["configById"]
-    named = {configured[key]["imageMode"][which] for key in configured if "Image!" in key
-             for which in ("imageTopic", "calibrationTopic")}  # fmt: skip
-    assert named | set(configured["3D!scene"]["topics"]) <= set(messages(files[0]))
 
 
 def test_joints_have_the_velocity_and_torque_of_their_motion():

@@ -35,7 +35,6 @@ def test_every_trial_has_its_film(undisturbed):
 
 def test_what_is_drawn_over_the_film_lies_where_the_camera_sees_it(filmed):
     film, _ = filmed.sheet()
-    assert film is not None
     left, top, right, bottom = filmed._window(with_goal=True)
     p_m = filmed.track.state[:, :3]
     u, v, w = np.array(film.camera).reshape(3, 4) @ np.column_stack([p_m, np.ones(len(p_m))]).T
@@ -47,7 +46,6 @@ def test_what_is_drawn_over_the_film_lies_where_the_camera_sees_it(filmed):
 def test_a_goal_beside_the_path_is_in_the_picture(filmed):
     goal_m = filmed.track.state[-1, :2] + [0.0, 0.01]
     film, _ = replace(filmed, goal_m=goal_m).sheet()
-    assert film is not None
     u, v, w = np.array(film.camera).reshape(3, 4) @ [*goal_m, 0.0, 1.0]
     assert 0 < u / w < 1 and 0 < v / w < 1
 

@@ -32,7 +32,6 @@ def test_an_iteration_runs_every_trial_and_moves_the_particles(tmp_path):
     assert trials[0].context != trials[0].drawn_context, "the context is what the camera measured"
     assert trials[0].context == pytest.approx(trials[0].drawn_context, abs=0.005)
     result = store.result(0)
-    assert result is not None
     assert len(result.next_particles) == 2
     assert (store.folder / "report.html").stat().st_size > 10_000
 
@@ -201,7 +200,6 @@ def test_a_rejected_attempt_takes_its_time_and_the_stages_add_up(tmp_path):
     session.screen.lap_s()  # as a command does when everything is loaded
     run_iteration(session)
     result = session.store.result(0)
-    assert result is not None
     stages = {name: spent for name, spent in result.timing_s.items() if name != TOTAL}
     assert stages[REJECTED] > 0.0
     assert {"placing", "finding", "planning", "checking", "moving", "storing", "tracking", "other"} <= set(stages)

@@ -14,10 +14,6 @@ from adaptsim_cli.session.store import SessionStore
 from hw.errors import CameraError
 
 
-def events(store: SessionStore) -> list[str]:
-    return [line.event for line in watching.read(store.folder)]
-
-
 def test_a_session_tells_what_happened_in_order(store):
     lines = watching.read(store.folder)
     assert lines[0].event == "begun"

@@ -97,7 +97,6 @@ def test_a_real_lab_is_touched_off_and_its_trials_use_the_result(place, monkeypa
         assert devices.opened["arm"]["pedal"] is devices.pedal
         assert rig.is_real
         saved = asked(rig, quiet(), devices.hand)
-    assert devices.arm is not None
     assert [payload.mass_kg for payload in devices.arm.carried] == [0.0, 0.12], "empty, then with the tool"
     assert devices.hand.commands == ["home", "move", "move", "grasp"]
     c = saved.correction()
@@ -135,7 +134,6 @@ def test_after_hands_were_at_the_gripper_nothing_moves_unasked(place, monkeypatc
     typing(monkeypatch, "panda", "", "no", "q")
     with opened(there, devices) as rig, pytest.raises(StoppedByOperator):
         asked(rig, screen, devices.hand)
-    assert devices.arm is not None
     assert devices.hand.commands == ["home", "move"]
     assert devices.arm.executed == []
     assert "Enter when it is empty, q to stop" in said(screen)

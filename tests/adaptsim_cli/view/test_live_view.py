@@ -174,7 +174,6 @@ def test_the_terminal_says_where_the_page_is_and_how_to_reach_it(tmp_path):
                 assert view._state["now"]["move"] == move, "the page plays this part of the plan"
         assert view._state["now"]["doing"] == ""
     port = re.search(r"Live page: http://127.0.0.1:(\d+)/", said.getvalue())
-    assert port is not None
     assert f"ssh -L {port[1]}:127.0.0.1:{port[1]} " in said.getvalue()
 
 

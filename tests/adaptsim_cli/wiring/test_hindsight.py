@@ -51,7 +51,6 @@ def test_the_posterior_narrows_with_every_iteration(root):
 def test_the_simulator_prefers_the_adapted_policy_in_hindsight(root):
     judgement = Reports().judgement(SessionStore.open(root, ADAPTED))
     assert not isinstance(judgement, str)
-    assert judgement.adapted is not None
     assert judgement.adapted.mean > judgement.first.mean
     assert sorted(judgement.predictions) == [1, 2, 3, 4]
     assert judgement.predictions[1].likely.shape[1:] == judgement.predictions[1].guess.shape
@@ -71,7 +70,6 @@ def test_the_page_shows_first_adapted_and_udr_with_posterior_and_predictions(roo
 def test_a_session_of_udr_is_not_its_own_reference(root):
     assert measured_udr(SessionStore.open(root, UDR)) is None
     reference = measured_udr(SessionStore.open(root, ADAPTED))
-    assert reference is not None
     assert (reference.session, len(reference.rewards)) == (UDR, 4)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import pty
 import threading
@@ -11,13 +10,11 @@ from collections.abc import Iterator
 
 import pytest
 from cells import cell
-from real_lab import READY_RAD, ToyPedal
-from rich.console import Console
+from real_lab import READY_RAD, ToyPedal, quiet, said
 
 from adaptsim_cli.devices import confirmed
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import PAUSE_S, SHORT_S, Key, Presses, enter, stop
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock
@@ -103,7 +100,7 @@ REVIEW = (enter("to accept", "It counts."), Key("r", "to reject it", "It is made
     ],
 )
 def test_one_press_is_enter_and_two_are_r(keyboard, keys, steps, answer):
-    screen = Screen(console=Console(file=io.StringIO(), width=80))
+    screen = quiet()
     with ToyPedal([False]) as pedal:
         screen.hear(pedal)
         foot = Foot(pedal, *steps)
@@ -113,8 +110,7 @@ def test_one_press_is_enter_and_two_are_r(keyboard, keys, steps, answer):
 
 def test_what_has_to_be_typed_is_typed(keyboard):
     """No press confirms the first motion; two ask the question again."""
-    said = io.StringIO()
-    screen = Screen(console=Console(file=said, width=80))
+    screen = quiet()
     with ToyPedal([False]) as pedal:
         screen.hear(pedal)
         foot = Foot(
@@ -125,13 +121,13 @@ def test_what_has_to_be_typed_is_typed(keyboard):
         assert screen.choose("Have you checked all of this?", Key("fr3", "to confirm", ""), stop("")) == "fr3"
         foot.join()
         typist.join()
-    assert said.getvalue().count("Have you checked all of this?") == 2
+    assert said(screen).count("Have you checked all of this?") == 2
 
 
 def test_the_press_that_answered_starts_no_motion(keyboard, monkeypatch):
     """After the answer the arm waits for the pedal, and refuses when nobody presses it again."""
     monkeypatch.setattr(confirmed, "PATIENCE_S", 0.3)
-    screen = Screen(console=Console(file=io.StringIO(), width=80))
+    screen = quiet()
     with ToyPedal([False]) as pedal:
         screen.hear(pedal)
         foot = Foot(pedal, (False, 0.2), (True, 0.2), (False, 0.1))
@@ -145,12 +141,11 @@ def test_the_press_that_answered_starts_no_motion(keyboard, monkeypatch):
 
 def test_an_enter_typed_ahead_starts_nothing(monkeypatch):
     ours, theirs = pty.openpty()
-    said = io.StringIO()
-    screen = Screen(console=Console(file=said, width=80))
+    screen = quiet()
     os.write(ours, b"\n\n\n")
     threading.Timer(0.3, os.write, (ours, b"q\n")).start()
     with os.fdopen(theirs, encoding="utf-8") as stdin:
         monkeypatch.setattr("sys.stdin", stdin)
         assert screen.choose("Is the work area clear?", enter("to start", "It moves."), stop("It ends.")) == "q"
     os.close(ours)
-    assert said.getvalue().count("Is the work area clear?") == 1
+    assert said(screen).count("Is the work area clear?") == 1

@@ -6,10 +6,8 @@ import io
 import time
 from pathlib import Path
 
-from real_lab import own_place
-from rich.console import Console
+from real_lab import own_place, quiet
 
-from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import enter, stop
 from adaptsim_cli.screen.speaking import Speaker
 
@@ -27,7 +25,7 @@ def test_warnings_and_questions_are_spoken_without_their_keys(tmp_path, monkeypa
     program.write_text(f'#!/bin/sh\necho "$@" >> {tmp_path}/said\n')
     program.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:/bin:/usr/bin")
-    screen = Screen(console=Console(file=io.StringIO(), width=80))
+    screen = quiet()
     screen.tell(Speaker())
     screen.note("  Hold the pedal")
     assert spoken(tmp_path / "said", 1) == ["-- Hold the pedal"]

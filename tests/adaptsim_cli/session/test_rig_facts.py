@@ -4,7 +4,6 @@ rehearsal.
 
 from __future__ import annotations
 
-import io
 import json
 import math
 from collections.abc import Iterator
@@ -12,12 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from rich.console import Console
+from real_lab import quiet, said
 from toy_rig import ToyLab, on_rig, toy_parts
 from toy_session import ScriptedOperator, attended, resolved, silent, unattended
 
 from adaptsim_cli import app
-from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import running
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.on_rig import OnRig
@@ -64,15 +62,15 @@ class Attendant:
 
 
 def test_a_session_says_it_after_the_trial_and_keeps_what_the_rig_said(tmp_path):
-    said = io.StringIO()
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
     exposed = (
         facts(None, exposure_us).model_copy(update={"pedal": "waived"}) for exposure_us in (8330, 8330, 2500, 2500)
     )
     rig = replace(on_rig(session.parts).rig, attendant=Attendant(exposed))
     parts = replace(session.parts, target=replace(on_rig(session.parts), rig=rig))
-    run_iteration(replace(session, parts=parts, screen=Screen(console=Console(file=said, width=300))))
-    assert said.getvalue().count("The camera's picture has changed: exposure and white balance are 2500 µs") == 2
+    screen = quiet()
+    run_iteration(replace(session, parts=parts, screen=screen))
+    assert said(screen).count("The camera's picture has changed: exposure and white balance are 2500 µs") == 2
     kept = list(session.store.rigs())
     assert [rig.pedal for rig in kept] == ["waived"] * 4
     assert [rig.brightness for rig in kept] == [40.0] * 4

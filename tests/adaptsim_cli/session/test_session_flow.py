@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
+from real_lab import quiet, said
 from toy_rig import ToyLab, on_rig
 from toy_session import NAME, RUN, ScriptedOperator, attended, call, run, summary, unattended
 
 from adaptsim_cli.errors import Interrupted, StoppedByOperator, UsageError
-from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.correcting import redo
 from adaptsim_cli.session.flow import REJECTED, TOTAL, run_iteration
 from adaptsim_cli.session.operator import Proposal, Review, Unattended
@@ -212,8 +210,7 @@ def test_what_the_tracker_notes_is_kept_and_said(tmp_path):
     target = on_rig(session.parts)
     noted = replace(target.tracker, track=lambda request: replace(target.tracker.track(request), flags=flags))
     parts = replace(session.parts, target=replace(target, tracker=noted))
-    said = io.StringIO()
-    screen = Screen(console=Console(file=said, width=80))
+    screen = quiet()
     run_iteration(replace(session, parts=parts, operator=Unattended(screen), screen=screen))
     assert session.store.trials(0)[0].track.flags == flags
-    assert flags[0] in said.getvalue()
+    assert flags[0] in said(screen)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
+from real_lab import quiet, said
 from touch_rig import MOUNT, PITCH_RAD, on_lab, world
 from typer.testing import CliRunner
 
@@ -38,10 +38,6 @@ TRUE = ToolCorrection(Table(-0.007, 0.004, -0.003), 0.003, -0.0025, 0.05, -0.012
 CENTRE_M = np.array(touchable(HARDWARE).centre_m)
 
 
-def screen() -> Screen:
-    return Screen(console=Console(file=io.StringIO(), width=100))
-
-
 def touches(
     probes: Sequence[Probe], designed: Array, true_X_FT: Array, rng: np.random.Generator, std_m: float
 ) -> list[Touched]:
@@ -59,7 +55,7 @@ def touches(
 
 
 def touch_off(rig: TouchRig, out: Screen | None = None, *, unattended: bool = True) -> SavedTouchOff:
-    return flow.touch_off(rig, out or screen(), unattended=unattended, created="2026-01-01T00:00:00+00:00")
+    return flow.touch_off(rig, out or quiet(), unattended=unattended, created="2026-01-01T00:00:00+00:00")
 
 
 def solved(seed: int, std_m: float) -> tuple[Result, tuple[str, ...]]:
@@ -204,7 +200,7 @@ def test_a_real_arm_is_never_confirmed_by_nobody_and_a_person_is_asked_by_the_ar
 
 
 def test_whoever_stands_beside_the_simulated_arm_is_asked_as_beside_a_real_one(monkeypatch):
-    out = screen()
+    out = quiet()
     monkeypatch.setattr("sys.stdin", io.StringIO("\nq\n"))
     with on_lab(world()) as (rig, lab):
         before = lab.arm.state().q_rad
@@ -212,8 +208,7 @@ def test_whoever_stands_beside_the_simulated_arm_is_asked_as_beside_a_real_one(m
             touch_off(rig, out, unattended=False)
         assert rig.hand.state().homed
         assert np.array_equal(lab.arm.state().q_rad, before)
-    assert isinstance(out._console.file, io.StringIO)
-    assert "The simulated robot then touches the table" in " ".join(out._console.file.getvalue().split())
+    assert "The simulated robot then touches the table" in said(out)
 
 
 def test_what_the_command_refuses_at_once(tmp_path):

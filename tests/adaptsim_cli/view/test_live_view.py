@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import http.client
-import io
 import json
 import re
 import socket
@@ -14,12 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
+from real_lab import quiet, said
 from toy_rig import PARAMETERS, ToyLab
 from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.operator import Choices, Proposal, Review
 from adaptsim_cli.session.records import TrialRecord
@@ -139,7 +137,7 @@ class Looking(ScriptedOperator):
 
 
 def test_everything_is_on_the_page_before_it_is_asked_about(tmp_path):
-    screen = Screen(console=Console(file=io.StringIO(), width=80))
+    screen = quiet()
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
     with live_view(screen, session.parts, "toy-wd", "session toy-wd", "fake", None, 2) as view:
         operator = Looking(view, [Review(rejected="slip")])
@@ -163,8 +161,7 @@ def test_everything_is_on_the_page_before_it_is_asked_about(tmp_path):
 
 
 def test_the_terminal_says_where_the_page_is_and_how_to_reach_it(tmp_path):
-    said = io.StringIO()
-    screen = Screen(console=Console(file=said, width=80))
+    screen = quiet()
     session = attended(tmp_path, ScriptedOperator(), ToyLab(0))
     with live_view(screen, session.parts, "toy-wd", "session toy-wd", "fake", None, 2) as view:
         with screen.busy("Finding the piece"):
@@ -173,8 +170,8 @@ def test_the_terminal_says_where_the_page_is_and_how_to_reach_it(tmp_path):
             with screen.busy("The robot moves", "moving"):
                 assert view._state["now"]["move"] == move, "the page plays this part of the plan"
         assert view._state["now"]["doing"] == ""
-    port = re.search(r"Live page: http://127.0.0.1:(\d+)/", said.getvalue())
-    assert f"ssh -L {port[1]}:127.0.0.1:{port[1]} " in said.getvalue()
+    port = re.search(r"Live page: http://127.0.0.1:(\d+)/", said(screen))
+    assert f"ssh -L {port[1]}:127.0.0.1:{port[1]} " in said(screen)
 
 
 def test_the_posterior_of_a_parameter_adds_up_over_its_range():

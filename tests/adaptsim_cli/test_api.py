@@ -26,18 +26,6 @@ def test_an_iteration_of_python_equals_one_of_the_command_line(printed):
     assert [t.reward for t in api.open_session("there").trials] == [t.reward for t in session.trials]
 
 
-@pytest.mark.long
-def test_the_best_policy_needs_a_complete_iteration():
-    session = api.begin("pendulum")
-    assert session.iterations == ()
-    with pytest.raises(SessionError, match="no complete iteration"):
-        session.best_policy()
-    session.run_iteration()
-    assert session.best_policy()(np.zeros(0)).shape == (8,)
-    assert session.rows()[0]["trial"] == 1
-    assert session.report().name == "report.html"
-
-
 def test_a_name_that_is_taken_or_unknown_is_refused():
     api.begin("pendulum", name="mine")
     with pytest.raises(UsageError, match=r"'mine' exists already.*open_session"):

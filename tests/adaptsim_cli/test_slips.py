@@ -158,6 +158,7 @@ def test_a_trial_done_again_is_not_lost(before, tmp_path, monkeypatch, capfd):
     assert kept(home) == kept(before)
 
 
+@pytest.mark.long
 def test_a_pipe_that_breaks_and_a_terminal_without_unicode_leave_a_session_that_goes_on(tmp_path):
     command = [*ADAPTSIM, "run-iteration", "--task", "pendulum", "--world", "wd", "--yes"]
     piped: Any = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}

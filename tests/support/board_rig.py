@@ -27,7 +27,6 @@ from hw.kinematics import forward
 from hw.types import ArmState, Array, CameraModel, Execution, Frame, Intrinsics, JointPath
 from perception.board import draw
 from perception.board.types import Board
-from sim.errors import NotExecutable
 from sim.lab.arm import laid_board, touching_q_rad
 from sim.lab.board import HeldBoard
 from sim.lab.kinect import default_X_BC
@@ -236,7 +235,3 @@ def run(
 
 def store(tmp_path: Path) -> CalibrationStore:
     return CalibrationStore(tmp_path / "calibrations" / "toy")
-
-
-def no_way(q_from: Array, q_to: Array) -> JointPath:
-    raise NotExecutable("panda: no free way there")

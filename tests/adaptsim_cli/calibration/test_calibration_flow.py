@@ -56,6 +56,8 @@ def test_a_calibration_finds_the_camera_and_is_stored_whole(done):
     assert record.board.square_mm == pytest.approx(40.0)
     measured = {check.name: check.verdict for check in record.checks}
     assert (measured["time offset"], measured["touched point"]) == ("good", "not measured")
+    assert measured["camera temperature"] == "not measured"
+    assert record.temperatures_C == {"arm": None, "camera": None}
     drawn = {path.name.split(".")[0] for path in views_of(root).glob("*.corners.jpg")}
     assert drawn == {path.stem.removeprefix("view-") for path in views_of(root).glob("view-*.json")}
     page = (folder / "report.html").read_text()

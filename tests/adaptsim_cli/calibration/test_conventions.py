@@ -112,7 +112,9 @@ def test_a_convention_that_is_told(name, tmp_path):
     assert poses == pytest.approx(X_BF, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", RECOGNISED)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long if "w last" in name else ()) for name in RECOGNISED]
+)
 def test_a_convention_that_is_recognised_is_said(name, tmp_path):
     pose, extra, told = RECOGNISED[name]
     poses, recognised = read(corner_folder(tmp_path, pose=pose, extra=extra))

@@ -48,6 +48,7 @@ def test_views_outside_of_the_wished_ones_take_no_part(tmp_path):
         solve_folder(folder, wishes=Wishes(last="99"))
 
 
+@pytest.mark.long
 def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path, capsys):
     """The factory states no distortion for this camera, and the views ask for k1 of about +0.1."""
     folder = real_views.corner_folder(tmp_path)
@@ -65,6 +66,7 @@ def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path, capsys):
     assert told["worst_95_mm"] < plain.uncertainty.worst_95_mm, "a lens in doubt costs more than an estimated one"
 
 
+@pytest.mark.long
 def test_together_judges_names_what_it_drops_and_mends_an_exchange(tmp_path, capsys, monkeypatch):
     folders = [real_views.corner_folder(tmp_path / f"camera-{k}", k) for k in (0, 1)]
     swapped = {name: (tmp_path / "camera-2" / f"view-{name}.json") for name in ("05", "12")}

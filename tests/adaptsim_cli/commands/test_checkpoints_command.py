@@ -34,6 +34,7 @@ def claim(folder: Path, **evaluation: float) -> None:
     write_toml(folder / CARD, card)
 
 
+@pytest.mark.long
 def test_a_card_that_holds_ends_with_0(copied, capfd):
     assert app.run(["checkpoints", "verify", str(copied), *PENDULUM]) == 0
     out, err = capfd.readouterr()

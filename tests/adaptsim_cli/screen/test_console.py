@@ -118,27 +118,6 @@ def test_nothing_runs_past_a_narrow_screen(width, tmp_path, monkeypatch):
     assert table.count("particle 1") == 1
 
 
-@pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
-def test_no_colour_where_none_is_wanted(name, value, monkeypatch):
-    monkeypatch.setenv(name, value)
-    said = io.StringIO()
-    screen = Screen(console=Console(file=said, force_terminal=True, width=60, markup=False))
-    screen.note("careful")
-    with screen.busy("working"):
-        pass
-    assert "\x1b[3" not in said.getvalue()
-
-
-def test_progress_off_a_terminal_is_a_line_a_tenth():
-    said = io.StringIO()
-    with Screen(console=Console(file=said, width=60)).progress() as update:
-        for done in range(1001):
-            update("dataset", done, 1000)
-    lines = said.getvalue().splitlines()
-    assert len(lines) == 11
-    assert lines[-1].strip() == "dataset: 100 % (1000 of 1000)"
-
-
 def test_an_error_is_one_line_that_can_be_copied(capfd):
     console.error("something long " * 20 + "\nContinue with: adaptsim run-iteration --session a[b]")
     assert capfd.readouterr().err.splitlines()[-1] == "Continue with: adaptsim run-iteration --session a[b]"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from datetime import UTC, datetime
-from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
@@ -38,16 +37,12 @@ def test_it_is_read_from_the_stored_calibration(check, late_s):
     assert stored.hand_eye().camera_late_s == pytest.approx(late_s)
 
 
-def run(home: Path, late_s: float) -> SessionStore:
-    code, told = call(home, RUN, camera_late_s=late_s)
+def test_it_is_subtracted_from_every_frame_and_noted(undisturbed, place):
+    code, told = call(place / "home", RUN, ToyLab(0), camera_late_s=LATE_S)
     assert code == 0, told
-    return SessionStore.open(home / "data/sessions", "s")
-
-
-def test_it_is_subtracted_from_every_frame_and_noted(tmp_path):
-    aware, unaware = run(tmp_path / "aware", LATE_S), run(tmp_path / "unaware", 0.0)
-    assert (aware.facts.camera_late_s, unaware.facts.camera_late_s) == (LATE_S, 0.0)
-    files = [min(store.folder.rglob(recording.FILE)) for store in (aware, unaware)]
+    aware = SessionStore.open(place / "home/data/sessions", "s")
+    assert (aware.facts.camera_late_s, undisturbed.facts.camera_late_s) == (LATE_S, 0.0)
+    files = [min(store.folder.rglob(recording.FILE)) for store in (aware, undisturbed)]
     kept, raw = (recording.read(path) for path in files)
     pairs = list(zip((kept.before, *kept.frames), (raw.before, *raw.frames), strict=True))
     assert len(pairs) > 5

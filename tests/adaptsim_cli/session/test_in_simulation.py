@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from toy_session import summary
 
 from adaptsim_cli import app, config
 from adaptsim_cli.report import page
@@ -57,27 +56,6 @@ def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd,
         2, *RUN, "--method", "random", "--session", "other", "--until-done"
     )
     assert SessionStore.open(opened().folder.parent, "other").result(0) is not None
-
-
-@pytest.mark.long
-def test_an_interrupted_session_goes_on_to_the_same_end(place, monkeypatch):
-    real = SessionStore.save_trial
-
-    def cut(self: SessionStore, record: object, files: object) -> None:
-        if record.trial == 2:  # type: ignore[attr-defined]
-            raise KeyboardInterrupt
-        real(self, record, files)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(SessionStore, "save_trial", cut)
-    assert app.run(RUN) == 130
-    monkeypatch.setattr(SessionStore, "save_trial", real)
-    assert app.run(RUN) == 0
-    resumed = summary(opened(), 0)
-    monkeypatch.setenv("ADAPTSIM_HOME", str(place / "whole"))
-    assert app.run(RUN) == 0
-    whole = summary(SessionStore.open(config.load().places.sessions, NAME), 0)
-    assert resumed["particles"] == whole["particles"]
-    assert resumed["best"] == whole["best"]
 
 
 def test_only_its_own_parts_are_opened(tmp_path):

@@ -82,12 +82,3 @@ def test_a_log_goes_on_when_the_disk_does_and_the_screen_tells_each_gap_once(tmp
     assert [line.text for line in watching.read(tmp_path)] == ["a", "d", "e", "g"]
     assert len(notes) == 2
     assert all("the disk is full" in note for note in notes)
-
-
-def test_answers_are_kept_with_the_time_they_took(tmp_path):
-    written = watching.SessionLog(tmp_path, silent())
-    written.asking("Is the work area clear?")
-    written.answered("Is the work area clear?", "q", 1.25)
-    asked, answered = watching.read(tmp_path)
-    assert asked.event == "asked"
-    assert (answered.text, answered.took_s, answered.data) == ("Is the work area clear?", 1.25, {"answer": "q"})

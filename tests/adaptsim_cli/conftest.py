@@ -10,6 +10,7 @@ import pytest
 from toy_session import NAME, run
 
 from adaptsim_cli import app
+from adaptsim_cli.screen import console
 from adaptsim_cli.session.store import SessionStore
 
 
@@ -20,6 +21,13 @@ def place(tmp_path, monkeypatch) -> Path:
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def kim(place, monkeypatch) -> None:
+    """A person called Kim, at a terminal that is taken for granted."""
+    monkeypatch.setenv("ADAPTSIM_OPERATOR", "Kim")
+    monkeypatch.setattr(console, "require_terminal", lambda *_: None)
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,7 @@ def test_an_iteration_of_python_equals_one_of_the_command_line(printed):
     assert [t.reward for t in session.trials] == [t["reward"] for p in printed["particles"] for t in p["trials"]]
     assert done.best.params == printed["best"]["params"]
     assert [dict(p) for p in done.next_parameters] == [p["next_params"] for p in printed["particles"]]
-    assert done.number == 1
+    assert (done.number, session.rows()[0]["trial"]) == (1, 1)
     assert api.sessions() == ("here", "there")
     assert [t.reward for t in api.open_session("there").trials] == [t.reward for t in session.trials]
 

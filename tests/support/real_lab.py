@@ -14,7 +14,6 @@ from rich.console import Console
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.lab import Drivers
-from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from calib.saved import SavedCalibration, UncertaintyRecord
@@ -81,15 +80,6 @@ def calibration(created: str = "2026-01-01T00:00:00+00:00") -> SavedCalibration:
 
 def calibrated(resolved: Resolved) -> None:
     wiring_calibration.calibrations(resolved.config, resolved.places).save(calibration(), b"")
-
-
-def own_place(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """`folder` with a home of its own, none of the user's settings, and a terminal that is taken for granted."""
-    monkeypatch.setenv("ADAPTSIM_HOME", str(folder / "home"))
-    monkeypatch.setenv("ADAPTSIM_OPERATOR", "Kim")
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(console, "require_terminal", lambda *_: None)
-    return folder
 
 
 def typing(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:

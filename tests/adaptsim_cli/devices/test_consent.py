@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import cell, stick
-from real_lab import READY_RAD, RIG, ToyDevices, calibrated, own_place, quiet, said, typing, write_rig
+from real_lab import READY_RAD, RIG, ToyDevices, calibrated, quiet, said, typing, write_rig
 
 from adaptsim_cli import config
 from adaptsim_cli.devices.confirmed import ConfirmedArm
@@ -56,8 +56,8 @@ def test_every_question_answer_and_rate_is_in_the_log_with_the_operators_name(tm
     assert all(datetime.fromisoformat(line.at) for line in lines)
 
 
-def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(tmp_path, monkeypatch):
-    place, devices, screen = own_place(tmp_path, monkeypatch), ToyDevices(), quiet()
+def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(tmp_path, monkeypatch, place, kim):
+    devices, screen = ToyDevices(), quiet()
     write_rig(place)
     there = config.load({"hw": "panda", "task": "scooping"})
     calibrated(there)
@@ -89,8 +89,8 @@ def test_each_motion_is_agreed_to_if_the_rig_asks_for_it(monkeypatch):
     assert said(screen).count("Enter to let it move") == 3
 
 
-def test_a_rig_asks_for_each_motion_until_it_has_moved_slowly(tmp_path, monkeypatch):
-    place, devices = own_place(tmp_path, monkeypatch), ToyDevices()
+def test_a_rig_asks_for_each_motion_until_it_has_moved_slowly(monkeypatch, place, kim):
+    devices = ToyDevices()
     write_rig(place, RIG.replace('consent = "command"\n', "").replace(', "slow_start"', ""))
     for pace, each in ((0.3, "motion"), (1.0, "command")):
         there = config.load({"hw": "panda", "task": "scooping", "pace": pace})
@@ -208,8 +208,7 @@ def test_a_set_up_is_rig_file_tool_and_calibration():
     assert len(others | {first}) == 5
 
 
-def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(tmp_path, monkeypatch):
-    place = own_place(tmp_path, monkeypatch)
+def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(place, kim):
     bare = 'name = "lab-1"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n'
     rig = read(write_rig(place, bare))
     assert [gap.what for gap in gaps(rig, "scooping")] == ["pedal", "person", "payload", "keep_out"]

@@ -18,7 +18,6 @@ from real_lab import (
     ToyDevices,
     Untouched,
     calibrated,
-    own_place,
     quiet,
     said,
     typing,
@@ -49,14 +48,10 @@ from perception.errors import PerceptionError
 from sim.errors import NotExecutable
 from sim.tasks import get_task
 
+pytestmark = pytest.mark.usefixtures("kim")
 SCOOPING = get_task("scooping")
 STILL = JointPath(np.linspace(0.0, 0.01, 11), np.tile(READY_RAD, (11, 1)))
 KEY = TrialKey(1, 0)
-
-
-@pytest.fixture(autouse=True)
-def place(tmp_path, monkeypatch) -> Path:
-    return own_place(tmp_path, monkeypatch)
 
 
 def resolved(place: Path, text: str = RIG) -> Resolved:

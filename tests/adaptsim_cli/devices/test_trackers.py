@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bottle_scenes import BODY, MARK, bottle, stage
 
 from adaptsim_cli.devices.trackers import TRACKERS, tracker_of
 from hw.types import CameraModel, Frame
+from perception.errors import ObjectNotFound
 from perception.types import Outcome
 from sim.errors import UnknownName
 from sim.lab.kinect import kinect_model
@@ -55,3 +57,15 @@ def test_a_picture_is_searched_once_and_another_one_again():
     moved, nearer = np.diag([1.0, 1.0, 1.0, 1.0 + 1e-9]), replace(stored, depth_mm=picture.depth_mm - 1)
     assert tracker.find(stored, model, moved) == tracker.find(nearer, model, moved) == "found at 2.0"
     assert searched == [1.0, 2.0, 2.0]
+
+
+def test_a_bottle_more_than_five_millimetres_beside_its_mark_is_refused():
+    seen, tracker = stage(bottle()), tracker_of(get_task("pushing"))
+
+    def find(off_m: float) -> None:
+        where = BODY.upright(MARK + np.array([off_m, 0.0]))
+        tracker.find(seen.shot(0.0, bottle=where), seen.model, seen.X_BC)
+
+    find(0.004)
+    with pytest.raises(ObjectNotFound, match="5 mm are allowed"):
+        find(0.006)

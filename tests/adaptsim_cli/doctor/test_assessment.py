@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from real_lab import RIG, calibrated, own_place, write_rig
+from real_lab import RIG, calibrated, write_rig
 
 from adaptsim_cli import app, config
 from adaptsim_cli.devices.known_arm import ArmFacts
@@ -62,8 +62,7 @@ def test_what_is_waived_is_no_measure_and_has_its_own_line(tmp_path):
 
 
 @pytest.mark.long
-def test_the_command_plans_with_the_rig_of_the_guide_and_writes_a_new_file(tmp_path, monkeypatch):
-    place = own_place(tmp_path, monkeypatch)
+def test_the_command_plans_with_the_rig_of_the_guide_and_writes_a_new_file(place, kim):
     write_rig(place, GUIDE.read_text().split("```toml\n")[1].split("```")[0])
     calibrated(config.load({"hw": "fr3", "task": "scooping"}))
     command = ["doctor", "--hw", "fr3", "--task", "scooping", "--assessment", "risk.html"]

@@ -6,7 +6,7 @@ import io
 import time
 from pathlib import Path
 
-from real_lab import own_place, quiet
+from real_lab import quiet
 
 from adaptsim_cli.screen.keys import enter, stop
 from adaptsim_cli.screen.speaking import Speaker
@@ -34,8 +34,7 @@ def test_warnings_and_questions_are_spoken_without_their_keys(tmp_path, monkeypa
     assert spoken(tmp_path / "said", 2)[1:] == ["-- Is the work area clear?"]
 
 
-def test_without_a_program_that_speaks_the_command_says_which_to_install(tmp_path, monkeypatch, refused):
-    own_place(tmp_path, monkeypatch)
+def test_without_a_program_that_speaks_the_command_says_which_to_install(tmp_path, monkeypatch, refused, kim):
     monkeypatch.setenv("ADAPTSIM_SPEAK", "")  # taken back after the test
     monkeypatch.setenv("PATH", str(tmp_path))
     assert "sudo apt-get install -y espeak-ng" in refused(2, "setup", "--speak", "--yes")

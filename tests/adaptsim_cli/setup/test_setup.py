@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from real_lab import ToyDevices, calibrated, own_place, quiet, said, typing
+from real_lab import ToyDevices, calibrated, quiet, said, typing
 
 from adaptsim_cli import config
 from adaptsim_cli.calibration import running as calibrating
@@ -25,8 +25,7 @@ ARDUINO, FTDI = "/dev/serial/by-id/usb-Arduino_LLC-if00", "/dev/serial/by-id/usb
 
 
 @pytest.fixture
-def answers(tmp_path, monkeypatch) -> Answers:
-    own_place(tmp_path, monkeypatch)
+def answers(tmp_path, monkeypatch, kim) -> Answers:
     monkeypatch.setattr(describing, "serial_ports", lambda _: (ARDUINO, FTDI))
     monkeypatch.setattr(describing, "_Drawn", lambda _: None)
     there = config.load({"hw": "panda"})
@@ -151,16 +150,14 @@ def test_a_walk_can_begin_again_at_a_step(answers, short):
         walk.walk(unasked, begin="camera")
 
 
-def test_a_real_lab_is_never_set_up_unattended(tmp_path, monkeypatch, refused):
-    own_place(tmp_path, monkeypatch)
+def test_a_real_lab_is_never_set_up_unattended(tmp_path, refused, kim):
     assert "leave out --yes" in refused(2, "setup", "--hw", "fr3", "--yes")
     (tmp_path / "home").mkdir()
     (tmp_path / "home/rig.toml").write_text('name = "lab"\n[arm]\nmodel = "panda"\naddress = "a"\n')
     assert "is the rig file of a panda" in refused(2, "setup", "--hw", "fr3")
 
 
-def test_a_rig_file_lies_beside_the_settings_of_the_project(tmp_path, monkeypatch):
-    own_place(tmp_path, monkeypatch)
+def test_a_rig_file_lies_beside_the_settings_of_the_project(tmp_path, monkeypatch, kim):
     assert begun(config.load({"hw": "fr3"}), quiet(), yes=False).file == tmp_path / "home/rig.toml"
     assert begun(config.load({}), quiet(), yes=False).file == tmp_path / "home/practice.toml"
     (tmp_path / "adaptsim.toml").write_text("")
@@ -211,8 +208,7 @@ def test_the_first_calibration_of_a_real_lab_is_guided_by_hand_and_later_ones_ar
     assert asked == [(True, 0.3), (False, 0.3)]
 
 
-def test_a_practised_lab_lacks_nothing_that_it_cannot_have(tmp_path, monkeypatch):
-    own_place(tmp_path, monkeypatch)
+def test_a_practised_lab_lacks_nothing_that_it_cannot_have(kim):
     practice = begun(config.load({}), quiet(), yes=True)
     describing.table(practice)
     describing.tool(practice)

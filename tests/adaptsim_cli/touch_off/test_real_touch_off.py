@@ -17,7 +17,6 @@ from real_lab import (
     Untouched,
     calibrated,
     calibration,
-    own_place,
     quiet,
     said,
     typing,
@@ -48,14 +47,10 @@ from hw.grasping import FakeHand
 from sim.errors import NotExecutable, UnknownName
 from sim.tasks import get_task
 
+pytestmark = pytest.mark.usefixtures("kim")
 SCOOPING = get_task("scooping")
 TRUE = Table(-0.004, 0.003, -0.002)
 BELIEVED = "[table]\nheight_m = -0.002\n"
-
-
-@pytest.fixture(autouse=True)
-def place(tmp_path, monkeypatch) -> Path:
-    return own_place(tmp_path, monkeypatch)
 
 
 def resolved(place: Path, text: str = RIG + BELIEVED, task: str = "scooping") -> Resolved:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from real_lab import ToyDevices, calibrated, calibration, own_place, write_rig
+from real_lab import ToyDevices, calibrated, calibration, write_rig
 
 from adaptsim_cli import config
 from adaptsim_cli.app import run
@@ -120,9 +120,8 @@ def test_a_session_finds_its_own_calibration_among_all_that_are_kept(settings):
         own("f" * 64, replace(settings.places))
 
 
-def test_a_tool_without_corners_takes_the_table_from_the_touch_off_of_another_tool(tmp_path, monkeypatch):
+def test_a_tool_without_corners_takes_the_table_from_the_touch_off_of_another_tool(place, kim):
     """The table of a real lab slopes by 0.3° and no pusher can touch it: tracks were off by 3.8 mm."""
-    place = own_place(tmp_path, monkeypatch)
     write_rig(place)
     rig = place / "rig.toml"
     rig.write_text(rig.read_text().replace('waived = ["keep_out"', 'waived = ["keep_out", "payload"'))

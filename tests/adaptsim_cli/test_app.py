@@ -65,9 +65,8 @@ def test_an_arm_with_a_fault_is_seen_before_anything_moves(lab, refused):
     assert lab.executions == []
 
 
-def test_a_truncated_session_ends_with_8_naming_the_file(lab, refused, printed):
-    assert app.run(RUN) == 0
-    file = next(Path.cwd().glob("home/data/sessions/*/iteration-01/trial-002-attempt-1/trial.json"))
+def test_a_truncated_session_ends_with_8_naming_the_file(lab, store, refused, printed):
+    file = store.folder / "iteration-01/trial-002-attempt-1/trial.json"
     file.write_bytes(file.read_bytes()[:100])
     for command in (["sessions", "show", NAME], ["report", NAME], ["sessions", "verify"], RUN):
         assert "trial-002-attempt-1/trial.json is corrupt" in refused(8, *command)

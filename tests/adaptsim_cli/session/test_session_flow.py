@@ -74,8 +74,8 @@ def test_an_operator_can_overrule_the_outcome(tmp_path):
     assert (first.outcome, first.overruled_from, first.reward) == (Outcome.LOST, Outcome.ON_BLADE, 0.0)
 
 
-def test_a_trial_that_later_ones_rest_on_cannot_be_redone(tmp_path):
-    store = run(tmp_path, iterations=2)
+def test_a_trial_that_later_ones_rest_on_cannot_be_redone(store, place):
+    run(place / "home")
     with pytest.raises(UsageError, match=f"later trials use .* adaptsim sessions amend {NAME} 1"):
         redo(store, 1, "too late")
     with pytest.raises(UsageError, match="trial 99 "):

@@ -96,3 +96,10 @@ def test_another_package_of_the_same_name_is_named_at_the_start(tmp_path):
 def test_a_wrong_line_is_answered_with_the_commands_example(capfd):
     assert app.run(["calibrate", "show"]) == 2
     assert "Missing argument 'name'.\nExample: adaptsim calibrate show 1" in capfd.readouterr().err
+
+
+def test_a_group_without_a_command_shows_its_help_and_no_error(capfd):
+    assert app.run(["sessions"]) == 2
+    shown = capfd.readouterr()
+    assert "Usage: adaptsim sessions" in shown.out + shown.err
+    assert "Error" not in shown.err

@@ -50,6 +50,7 @@ SLIPS = [
     Slip(("run-iteration", "--yes", "--world", "./missing.toml"), 2, says="no world file"),
     Slip(("run-iteration", "--yes", "--session", "studdy"), 2, says="did you mean study"),
     Slip(("run-iteration", "--yes", "--world", "wd"), 2),
+    Slip(("run-iteration", "--yes", "--world", "ligt-bottle"), 2, says="did you mean light-bottle"),
     Slip(("run-iteration", "--yes", "--seed", "4"), 2),
     Slip(("run-iteration", "--yes", "--session", "study", "--method", "adaptsin"), 2),
     Slip(("run-iteration", "--yes", "--session", "study", "--seed", "9"), 2, says="was begun with seed = 0, not 9"),

@@ -195,6 +195,10 @@ def test_a_pdf_has_the_size_of_the_paper():
     assert [float(side) / 72 * 25.4 for side in box.groups()] == pytest.approx([297, 210], abs=0.01)
 
 
+def test_views_from_elsewhere_that_are_not_there_end_with_8(refused):
+    assert "there is no folder" in refused(8, "calibrate", "solve", "nowhere")
+
+
 def test_an_old_calibration_is_warned_of():
     eye = HandEye(np.eye(4), 0.5, 0.02, "calibration of the panda, 2024-03-01", "2024-03-01T10:00:00+00:00")
     now = datetime(2024, 4, 20, tzinfo=UTC)

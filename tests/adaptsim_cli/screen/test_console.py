@@ -5,16 +5,21 @@ from __future__ import annotations
 import io
 import re
 
+import numpy as np
 import pytest
 from rich.console import Console
-from toy_rig import ToyLab
-from toy_session import attended
+from rich.text import Text
+from toy_rig import ToyLab, flange
+from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen import console
-from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.console import CleanConsole, Screen, clean
+from adaptsim_cli.screen.views import clear_to_move, top_speed_m_s
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.operator import Attended
+from adaptsim_cli.session.operator import Attended, Proposal
+from hw.errors import ArmFault
+from hw.types import JointPath
 from perception.types import Outcome
 
 
@@ -121,3 +126,64 @@ def test_nothing_runs_past_a_narrow_screen(width, tmp_path, monkeypatch):
 def test_an_error_is_one_line_that_can_be_copied(capfd):
     console.error("something long " * 20 + "\nContinue with: adaptsim run-iteration --session a[b]")
     assert capfd.readouterr().err.splitlines()[-1] == "Continue with: adaptsim run-iteration --session a[b]"
+
+
+def test_escape_sequences_never_reach_the_terminal():
+    told = io.StringIO()
+    screen = Screen(console=CleanConsole(file=told, width=200))
+    for text in ("\x1b[2Jgone", "\x9b31m", "back\rwards", "bell\x07", "\x1b]0;title\x07"):
+        screen.plain(text)
+        screen.note(text)
+        screen.show(Text(text))
+    assert not any(one in told.getvalue() for one in "\x1b\x9b\r\x07")
+    assert "\\x1b[2Jgone" in told.getvalue()
+    assert clean("plain ° text\n") == "plain ° text\n"
+
+
+def test_it_says_who_does_what_how_long_and_how_fast():
+    text = clear_to_move(True, "scoops and goes back", 11.6, 0.804)
+    assert text == (
+        "Is the work area clear, nobody within reach? THE REAL ROBOT then scoops and goes back: 12 s in all, "
+        "the tool at up to 0.80 m/s"
+    )
+    assert clear_to_move(False, "goes home").endswith("The simulated robot then goes home")
+
+
+def test_the_speed_is_the_largest_of_all_paths():
+    def along(duration_s: float) -> JointPath:
+        t_s = np.linspace(0.0, duration_s, round(1000 * duration_s) + 1)
+        u = t_s / duration_s
+        q_rad = np.zeros((len(t_s), 7))
+        q_rad[:, 0] = u**2 * (3.0 - 2.0 * u)  # the toy's first joint is metres along X: 1 m, fastest in the middle
+        return JointPath(t_s, q_rad)
+
+    assert top_speed_m_s([along(4.0), along(2.0), along(8.0)], flange) == pytest.approx(1.5 / 2.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["fake", "panda"])
+def test_it_is_asked_after_every_placing_and_before_anything_moves(name, tmp_path):
+    events: list[str] = []
+
+    class Person(ScriptedOperator):
+        def placed(self, what: str, wanted_m: np.ndarray, real: bool) -> None:
+            events.append("placed")
+
+        def approve(self, proposal: Proposal, real: bool) -> None:
+            who = "THE REAL ROBOT" if real else "The simulated robot"
+            assert proposal.announcement.startswith(
+                f"Is the work area clear, nobody within reach? {who} then comes to the"
+            )
+            events.append("clear")
+
+    def reflex(trial: int, attempt: int) -> None:
+        events.append("moves")
+        if (trial, attempt) == (2, 0):
+            raise ArmFault("reflex")
+
+    lab = ToyLab(0, hooks={"execute": reflex}, misplaced=frozenset({(3, 0)}))
+    with pytest.raises(ArmFault):
+        run_iteration(attended(tmp_path, Person(), lab, name))
+    run_iteration(attended(tmp_path, Person(), lab, name))
+    trial = ["placed", "clear", "moves", "moves", "moves"]
+    failed, misplaced = ["placed", "clear", "moves"], ["placed"]
+    assert events == [*trial, *failed, *trial, *misplaced, *trial, *trial]

@@ -58,6 +58,12 @@ def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd,
     assert SessionStore.open(opened().folder.parent, "other").result(0) is not None
 
 
+def test_hardware_is_refused_with_what_to_do(refused):
+    said = refused(2, *RUN, "--hw", "panda")
+    assert "the task pendulum runs in simulation only" in said
+    assert "Leave --hw out" in said
+
+
 def test_only_its_own_parts_are_opened(tmp_path):
     with wiring.open_parts(config.load({"task": "pendulum", "world": "wd"}).config, tmp_path) as parts:
         assert [check.name for check in parts.target.checks()] == ["devices"]

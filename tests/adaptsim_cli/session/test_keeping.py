@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import zipfile
 from functools import partial
@@ -19,7 +20,7 @@ from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.keeping import mark, prune, verify
 from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.records import TrialKey
-from adaptsim_cli.session.store import SessionStore, names
+from adaptsim_cli.session.store import SessionStore, entries, names, own_files
 from perception.types import Outcome
 
 
@@ -234,3 +235,32 @@ def test_a_checksum_that_was_removed_is_noticed(store):
     path.write_bytes(path.read_bytes().rpartition(b"# sha256 ")[0])
     with pytest.raises(SessionError, match="lost its checksum"):
         SessionStore.open(root, NAME)
+
+
+def small(folder: Path) -> Path:
+    (folder / "iteration-01" / "trial-01").mkdir(parents=True)
+    (folder / "iteration-01" / "trial-01" / "trial.json").write_text("{}")
+    (folder / "log.jsonl").write_bytes(b"\xff\xfe broken\n")
+    return folder
+
+
+def test_links_and_pipes_are_no_part_of_a_small(tmp_path):
+    folder, secret = small(tmp_path / "s"), tmp_path / "elsewhere"
+    secret.mkdir()
+    (secret / "recording.json").write_text("private")
+    (folder / "linked").symlink_to(secret, target_is_directory=True)
+    (folder / "linked.json").symlink_to(secret / "recording.json")
+    os.mkfifo(folder / "pipe.json")
+    assert {path.name for path in own_files(folder)} == {"trial.json", "log.jsonl"}
+    assert {path.name for path in entries(folder)} == {"iteration-01", "log.jsonl"}
+    files, _ = keeping.bundle(folder, tmp_path / "out.zip", {})  # hangs where a pipe is opened
+    assert not any("linked" in name or "pipe" in name for name in files)
+    assert keeping.size_bytes(folder) < 100
+
+
+def test_an_archive_is_not_replaced_silently(tmp_path):
+    folder = small(tmp_path / "s")
+    keeping.bundle(folder, tmp_path / "out.zip", {})
+    with pytest.raises(UsageError, match="--force"):
+        keeping.bundle(folder, tmp_path / "out.zip", {})
+    keeping.bundle(folder, tmp_path / "out.zip", {}, force=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -196,8 +197,11 @@ def test_a_session_is_continued_only_with_what_it_was_begun_with(origin, tmp_pat
 def test_a_rejected_attempt_takes_its_time_and_the_stages_add_up(tmp_path):
     session = attended(tmp_path, ScriptedOperator(reviews=[Review(), Review(rejected="touched")]))
     session.screen.lap_s()  # as a command does when everything is loaded
+    began_s = time.perf_counter()
     run_iteration(session)
+    took_s = time.perf_counter() - began_s
     result = session.store.result(0)
+    assert 0.5 * took_s < result.timing_s[TOTAL] <= took_s + 0.05, "only the result itself is stored later"
     stages = {name: spent for name, spent in result.timing_s.items() if name != TOTAL}
     assert stages[REJECTED] > 0.0
     assert {"placing", "finding", "planning", "checking", "moving", "storing", "tracking", "other"} <= set(stages)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from toy_rig import ToyLab, opener
 from toy_session import NAME, resolved, run, silent
 
 from adaptsim_cli.report import page
+from adaptsim_cli.screen.console import CleanConsole, Screen
 from adaptsim_cli.session import running, watching
 from adaptsim_cli.session.store import SessionStore
 from hw.errors import CameraError
@@ -82,3 +84,27 @@ def test_a_log_goes_on_when_the_disk_does_and_the_screen_tells_each_gap_once(tmp
     assert [line.text for line in watching.read(tmp_path)] == ["a", "d", "e", "g"]
     assert len(notes) == 2
     assert all("the disk is full" in note for note in notes)
+
+
+def written(folder: Path, count: int = 4) -> Path:
+    folder.mkdir()
+    log = watching.SessionLog(folder, Screen(console=CleanConsole(file=io.StringIO())))
+    for number in range(count):
+        log.noted(f"line {number}")
+    return folder / watching.FILE
+
+
+@pytest.mark.parametrize("what", ["cut", "line removed", "line changed"])
+def test_a_cut_or_changed_log_is_noticed(tmp_path, what):
+    path = written(tmp_path / "s")
+    lines = path.read_text().splitlines(keepends=True)
+    kept = {
+        "cut": lines[:2],
+        "line removed": [lines[0], *lines[2:]],
+        "line changed": [lines[0].replace("line 0", "line 9"), *lines[1:]],
+    }[what]
+    path.write_text("".join(kept))
+    assert watching.damage(path.parent)
+    told = io.StringIO()
+    watching.SessionLog(path.parent, Screen(console=CleanConsole(file=told, width=300)))
+    assert "was c" in told.getvalue()

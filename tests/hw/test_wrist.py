@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import franky_sim
@@ -19,6 +20,7 @@ MASK_SLACK_M = 0.025
 FINGER_JOINT_M = 0.0584
 
 
+@cache
 def vertices(name: str) -> Array:
     """(V, 3) every fifth vertex of the meshes of a link, in its frame."""
     lines = [line for path in sorted(MESHES.glob(f"{name}_*vis.obj")) for line in path.read_text().splitlines()]

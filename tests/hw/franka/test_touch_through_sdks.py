@@ -42,9 +42,9 @@ def fake(model: str, **more: Any) -> FakeSdk:
 
 
 @pytest.mark.parametrize("model", ["panda", "fr3"])
-@pytest.mark.parametrize("lost", [(), (700, 900, 901, 1000)])
-def test_a_touch_is_found_with_and_without_lost_cycles(model: str, lost: tuple[int, ...]) -> None:
-    with arm_of(fake(model, feels=plane(PLANE_M), lost_cycles=lost), model, tool=TOOL) as arm:
+def test_a_touch_is_found_though_cycles_are_lost(model: str) -> None:
+    sdk = fake(model, feels=plane(PLANE_M), lost_cycles=(700, 900, 901, 1000))
+    with arm_of(sdk, model, tool=TOOL) as arm:
         contact = arm.execute_until_contact(PATH, GUARD)
         np.testing.assert_allclose(arm.state().q_rad, PATH.q_rad[0], atol=1e-9)
         assert arm.last_stop is not None

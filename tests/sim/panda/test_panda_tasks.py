@@ -36,7 +36,7 @@ def paths(
 
 
 @pytest.mark.parametrize("model", ["panda", "fr3"])
-@pytest.mark.parametrize("action", [(-0.3, 0.8), (0.0, 0.8), (0.3, 0.4)])
+@pytest.mark.parametrize("action", [(-0.3, 0.8), (0.3, 0.4)])
 def test_extreme_pushes_are_executable_and_the_bottle_is_left_alone_on_the_way(
     action: tuple[float, float], model: str
 ) -> None:

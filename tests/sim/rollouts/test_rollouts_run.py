@@ -1,5 +1,9 @@
 import dataclasses
 import os
+import select
+import signal
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -129,3 +133,40 @@ def test_kept_rollouts_are_of_another_scene_when_the_tool_or_the_end_of_a_trial_
     with monkeypatch.context() as patch:
         patch.setattr(scooping_rollout, "LATEST_S", 1.0)
         assert scene_key(task) != before
+
+
+_OPENS_A_POOL = """
+import os
+from sim.rollouts.executors import process_pool
+
+if __name__ == "__main__":
+    with process_pool(1) as pool:
+        print(pool.submit(os.getpid).result(), flush=True)
+        input()
+"""
+
+
+def _ignores_interrupts() -> bool:
+    return signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+def test_workers_leave_interrupts_to_their_parent() -> None:
+    with process_pool(1) as pool:
+        assert pool.submit(_ignores_interrupts).result()
+
+
+def test_workers_do_not_outlive_a_killed_parent(tmp_path) -> None:
+    script = tmp_path / "opens_a_pool.py"
+    script.write_text(_OPENS_A_POOL)
+    parent = subprocess.Popen(
+        [sys.executable, str(script)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert parent.stdin is not None and parent.stdout is not None
+    int(parent.stdout.readline())  # the worker is up
+    parent.kill()
+    # The worker, and the tracker beside it, hold the same pipe: its end is reached only once all of them are gone.
+    ended, _, _ = select.select([parent.stdout], [], [], 60)
+    assert ended and parent.stdout.read() == ""
+    parent.wait()
+    parent.stdin.close()
+    parent.stdout.close()

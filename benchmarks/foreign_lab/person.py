@@ -26,6 +26,7 @@ SILENCE_S = 600.0
 QUESTION = re.compile(r"(?:explains:|stops\):|does not count\?)\s*$")
 SPOT = re.compile(r"at x = ([-+.\d]+) m, y = ([-+.\d]+) m")
 PLACED_WITHIN_M = 0.002
+THINKS_S = 1.0  # the program discards what is typed before it reads the answer
 ENOUGH = 20  # views, where the program has nothing more to ask for
 LATELY = 200  # characters of the screen that belong to a question
 
@@ -141,7 +142,7 @@ def run(folder: Path, arguments: list[str], person: Person, environment: dict[st
                 question = " ".join(new.split())[-LATELY:]
                 typed = person.answer(question, new)
                 answered = len(said)
-                _until_it_listens(screen)
+                time.sleep(THINKS_S)
                 os.write(screen, typed.encode() + b"\n")
         else:
             process.kill()
@@ -152,10 +153,3 @@ def run(folder: Path, arguments: list[str], person: Person, environment: dict[st
     os.close(screen)
     lines = [line for line in out.splitlines() if line.startswith("{")]
     return Ended(code, said, [json.loads(line) for line in lines])
-
-
-def _until_it_listens(screen: int) -> None:
-    """Wait until the program reads keys; it discards all that was typed before."""
-    until_s = time.monotonic() + SILENCE_S
-    while termios.tcgetattr(screen)[3] & termios.ICANON and time.monotonic() < until_s:
-        time.sleep(0.05)

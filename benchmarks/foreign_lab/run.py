@@ -90,8 +90,8 @@ class Lab:
         (self._out / "rig.toml").write_text(RIG.format(host=HOST))
         if not self._board.exists():
             page = self._out / "page.png"
-            self._alone("calibrate", "board", "--paper", "a4", "--out", str(page), "--yes")
-            self._alone("calibrate", "board", "--paper", "a4", "--out", str(page), "--width-mm", BOARD_MM, "--yes")
+            self._alone("calibrate", "board", "--paper", "a4", "--out", str(page))
+            self._alone("calibrate", "board", "--paper", "a4", "--out", str(page), "--width-mm", BOARD_MM)
             cv2.imwrite(str(self._board), cv2.resize(cv2.imread(str(page)), (1782, 1260), interpolation=cv2.INTER_AREA))
         self._start("arm.py", HOST, str(self._out), str(self._board))
         self._start("camera.py", str(self._out), str(self._board))

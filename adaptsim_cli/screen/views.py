@@ -78,8 +78,8 @@ def number(value: float) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """A number with its unit for people; a length under 1 cm in millimetres: −1.0 mm for −0.000976 m."""
-    if unit == "m" and 0 < abs(value) < 0.01:
+    """A number with its unit for people; a length under 10 cm in millimetres: −1.0 mm for −0.000976 m."""
+    if unit == "m" and 0 < abs(value) < 0.1:
         return f"{1e3 * value:.1f} mm".replace("-0.0 ", "0.0 ")
     return f"{number(value)} {unit}".rstrip()
 

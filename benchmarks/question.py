@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import cv2
 import numpy as np
@@ -32,8 +32,8 @@ from adaptsim_cli.storage import durable
 from calib.types import HandEye
 from hw.camera.grabber import Captured
 from hw.camera.recording import KinectRecording
-from hw.fake import FakeBench
-from hw.types import CameraModel, Execution, Frame, JointPath
+from hw.ports import Arm
+from hw.types import Array, CameraModel, Execution, Frame, JointPath
 from perception import bottle
 from perception.arm_mask import NO_ARM
 from perception.cylinder import Cylinder
@@ -58,7 +58,7 @@ class TimedArm:
 
 @dataclass
 class Repeating:
-    """A camera that shows one instant of a recording."""
+    """A camera that shows one instant of a recording, and the bench where the object stands already."""
 
     shot: Captured
     of: CameraModel
@@ -66,6 +66,9 @@ class Repeating:
 
     def model(self) -> CameraModel:
         return self.of
+
+    def place(self, xy_m: Array, trial: int, attempt: int) -> None:
+        return
 
     def snapshot(self) -> Frame:
         return self.shot.frame(time.monotonic())
@@ -118,7 +121,8 @@ def target_of(recording: Path) -> OnRig:
         outcomes=(Outcome.UPRIGHT, Outcome.TIPPED, Outcome.LOST),
     )
     eye = HandEye(seen.X_BC, 1.0, 0.1, "recorded", "", 0.0)
-    rig: Any = Rig("fake", "a rig that waits", TimedArm(), Repeating(shot, model), FakeBench(), eye)  # type: ignore[arg-type]
+    scene: Any = Repeating(shot, model)
+    rig = Rig("fake", "a rig that waits", cast(Arm, TimedArm()), scene, scene, eye)
     return OnRig(there.task, rig, tracker, there.planner())
 
 

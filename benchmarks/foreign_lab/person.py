@@ -23,7 +23,7 @@ from world import Line
 
 PROGRAM = Path(__file__).with_name("program.py")
 SILENCE_S = 600.0
-QUESTION = re.compile(r"(?:explains:|stops\):|does not count\?)\s*$")
+QUESTION = re.compile(r"(?:explains:|record:|stops\):)\s*$")
 SPOT = re.compile(r"at x = ([-+.\d]+) m, y = ([-+.\d]+) m")
 PLACED_WITHIN_M = 0.002
 THINKS_S = 1.0  # the program discards what is typed before it reads the answer

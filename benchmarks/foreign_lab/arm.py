@@ -26,7 +26,7 @@ import mujoco
 import numpy as np
 from franky_sim.franka_gripper_protocol import GripperCommandStatus
 from franky_sim.franka_gripper_server import FrankaGripperServer, _MotionState
-from franky_sim.franka_robot_server import FrankaRobotServer
+from franky_sim.franka_robot_server import FrankaRobotServer, UDPCommand
 from franky_sim.franka_server import BaseCommand
 from franky_sim.mujoco_simulator import FrankaMujocoRobot
 from world import HELD, OBJECTS, START_RAD, TRUTH, Room
@@ -212,7 +212,11 @@ class Server(FrankaRobotServer):
         self.gripper_server.init()
 
     def start_motion(self, *mode: Any) -> None:
+        held = tuple(self._arm.robot.state.q_d)
         super().start_motion(*mode)
+        # until the first command the maker's arm holds its last q_d (FCI documentation, control parameters); franky-sim
+        # would hold the measured joints
+        self._FrankaRobotServer__current_control_command = UDPCommand(q_c=held)
         self._arm.motion_s, self._arm.cycles, self._arm.tail_ms = None, 0, 0
 
     def stop_motion(self, *arguments: Any, **more: Any) -> None:

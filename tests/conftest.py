@@ -1,4 +1,7 @@
-"""Two simulated FR3s for all tests of this process: a server takes seconds to start, and `place` makes it as new."""
+"""Two simulated FR3s for the tests of a file: a server takes seconds to start and an eighth of a core as long as it runs.
+
+`place` makes it as new.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import pytest
 from fr3_process import READY_RAD, Fr3Process, fr3
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def _patient_fr3() -> Iterator[Fr3Process]:
     with fr3() as running:
         yield running
@@ -21,7 +24,7 @@ def server(_patient_fr3: Fr3Process) -> Fr3Process:
     return _patient_fr3
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def hurried_fr3() -> Iterator[Fr3Process]:
     """The same wherever it was left, and it goes on as soon as a command came."""
     with fr3(pace="hurried") as running:

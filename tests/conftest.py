@@ -1,4 +1,4 @@
-"""Two simulated FR3s for the tests of a file: a server takes seconds to start and an eighth of a core as long as it runs.
+"""Two simulated FR3s for the tests of a file: one takes seconds to start, and an eighth of a core while it runs.
 
 `place` makes it as new.
 """

@@ -21,7 +21,7 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -173,7 +173,8 @@ def happened(noise: Noise, fault: Fault, at_s: float) -> Happened | EndedEarly:
         def bring_about() -> None:
             noise.forget()
             commands.append(len(server.commanded()))
-            last_s.append(fault(moving))
+            with suppress(ProcessLookupError):  # the motion ended before
+                last_s.append(fault(moving))
 
         mark = server.at(at_s, lambda: threading.Thread(target=bring_about).start())
         noise.forget()

@@ -159,7 +159,9 @@ def programmed(server: Fr3Process) -> Iterator[Moving]:
 
 @dataclass(frozen=True)
 class EndedEarly:
-    """A motion that did not come as far as its fault, by what the program said, and how long processes were held up."""
+    """A motion that did not come as far as its fault: what the program said, and how long a process or the pedal's
+    thread was held up.
+    """
 
     said: dict[str, Any]
     noise_s: float
@@ -167,10 +169,11 @@ class EndedEarly:
 
 def happened(noise: Noise, fault: Fault, at_s: float) -> Happened | EndedEarly:
     """One motion, and one fault so long into it."""
-    last_s, commands = list[float](), list[int]()
+    last_s, commands, before_s = list[float](), list[int](), list[float]()
     with fr3() as server, programmed(server) as moving:
 
         def bring_about() -> None:
+            before_s.append(noise.worst_s)
             noise.forget()
             commands.append(len(server.commanded()))
             with suppress(ProcessLookupError):  # the motion ended before
@@ -178,12 +181,12 @@ def happened(noise: Noise, fault: Fault, at_s: float) -> Happened | EndedEarly:
 
         mark = server.at(at_s, lambda: threading.Thread(target=bring_about).start())
         noise.forget()
-        moving.box.pressed = True
+        moving.box.pressed, moving.box.late_s = True, 0.0
         assert moving.program.stdout is not None
         said = json.loads(moving.program.stdout.readline())
         worst_s = noise.worst_s
         if not last_s:
-            return EndedEarly(said, worst_s)
+            return EndedEarly(said, max(worst_s, *before_s, moving.box.late_s))
         mark.join()
         return Happened(last_s[0], said, worst_s, len(server.commanded()) - commands[0])
 

@@ -49,6 +49,7 @@ class Box(threading.Thread):
         self.lifted = 0  # lines from now at which the foot presses again; 0: it does what it does
         self.pressed, self.silent = False, False
         self.last_s = 0.0  # time.monotonic of the last line
+        self.late_s = 0.0  # by which a line came too late at most: this thread was held up
 
     def run(self) -> None:
         counter = 0
@@ -58,7 +59,8 @@ class Box(threading.Thread):
             if not self.silent:
                 with suppress(OSError):  # pulled out between two looks, or nobody reads
                     os.write(self.line.device, line_for(counter, self.pressed))
-                    self.last_s = time.monotonic()
+                    before_s, self.last_s = self.last_s, time.monotonic()
+                    self.late_s = max(self.late_s, self.last_s - before_s - PERIOD_S)
             counter += 1
 
     def stop(self) -> None:

@@ -60,3 +60,15 @@ def test_everything_public_is_there_and_documented():
         assert (getattr(api, name).__doc__ or "").strip(), name
     for name in ("begin", "open_session", "sessions", "read_recording"):
         assert f"api.{name}" in page
+
+
+@pytest.mark.long
+def test_the_best_policy_needs_a_complete_iteration() -> None:
+    session = api.begin("pendulum")
+    assert session.iterations == ()
+    with pytest.raises(SessionError, match="no complete iteration"):
+        session.best_policy()
+    session.run_iteration()
+    assert session.best_policy()(np.zeros(0)).shape == (8,)
+    assert session.rows()[0]["trial"] == 1
+    assert session.report().name == "report.html"

@@ -72,3 +72,7 @@ def test_every_documented_variable_may_be_set(tmp_path):
     assert {"ADAPTSIM_KINECT_RECORDING", "ADAPTSIM_K4ARECORD_LIBRARY", "ADAPTSIM_TEST_FR3", "ADAPTSIM_HOME"} <= ours
     settings = {f"ADAPTSIM_{key.upper()}" for key in config.load({}, {}, tmp_path).sources}
     config.load({}, dict.fromkeys(ours - settings, "/nowhere"), tmp_path)
+
+
+def test_adaptsim_home_moves_data_and_settings(home: Path, project: Path) -> None:
+    assert load(home, project).places.sessions == home / "data" / "sessions"

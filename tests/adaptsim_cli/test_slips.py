@@ -12,7 +12,6 @@ import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import pytest
 from lab_session import ADAPTSIM, environment
@@ -45,10 +44,13 @@ class Slip:
 SLIPS = [
     # wrong names
     Slip(("run-iteraton",), 2, says="No such command 'run-iteraton'"),
+    Slip(("run-iteration", "--sped", "3"), 2, says="No such option: --sped"),
     Slip(("rollout", "--yes", "--task", "tyo"), 2, says="task .tyo. is not known: it must be one of"),
     Slip(("run-iteration", "--yes", "--world", "narnia"), 2, says="no world 'narnia'"),
     Slip(("run-iteration", "--yes", "--world", "./missing.toml"), 2, says="no world file"),
     Slip(("run-iteration", "--yes", "--session", "studdy"), 2, says="did you mean study"),
+    Slip(("run-iteration", "--yes", "--session", "Study"), 2),
+    Slip(("run-iteration", "--yes", "--session", "../study"), 2, says="session name '../study'"),
     Slip(("run-iteration", "--yes", "--world", "wd"), 2),
     Slip(("run-iteration", "--yes", "--world", "ligt-bottle"), 2, says="did you mean light-bottle"),
     Slip(("run-iteration", "--yes", "--seed", "4"), 2),
@@ -57,13 +59,17 @@ SLIPS = [
     Slip(("run-iteration", "--yes", "--session", "study", "--task", "pushing"), 2),
     Slip(("run-iteration", "--yes", "--session", "study", "--hw", "ur5"), 2, says="choose one of fake, panda, fr3"),
     Slip(("report", "studdy"), 8),
+    Slip(("compare", "study", "nosuch"), 8),
     Slip(("rollout", "--session", "nosuch", "--best", "--yes"), 8),
+    Slip(("sessions", "redo", "studdy", "1"), 8),
     # wrong numbers
     Slip((*BEGIN, "-n", "0"), 2, says="greater than or equal to 1|not in the range x>=1"),
+    Slip((*BEGIN, "-n", "two"), 2),
     Slip((*BEGIN, "--pace", "7"), 2),
     Slip((*BEGIN, "--seed", "-1"), 2, says="seed = -1"),
     Slip((*BEGIN, "--view-port", "80"), 2),
     Slip(("sessions", "redo", "study"), 2, says="Missing argument"),
+    Slip(("sessions", "redo", "study", "0"), 2),
     Slip(("sessions", "redo", "study", "99"), 2),
     Slip(("sessions", "accept", "study", "1"), 2),
     Slip(BEGIN, 2, env={"ADAPTSIM_SEED": "many"}),
@@ -81,9 +87,11 @@ SLIPS = [
         Slip(GO_ON, code, (*agreed, *answers), motions)
         for agreed, motions in (((), 0), (("",), 0), (("", ""), 1))
         for code, answers in (
+            (7, ("q",)),
+            (7, ("Q",)),
             (130, (CTRL_C,)),
             (7, ()),  # the terminal was closed
-            (7, ("?", "yes", "start", "123", "Q")),
+            (7, ("?", "yes", "start", "123", "q")),
         )
     ),
     Slip(GO_ON, 7, ("", "", "r", "?", "q", "q"), 1),
@@ -105,7 +113,7 @@ class Keyboard(io.StringIO):
 
 
 @pytest.fixture(scope="module")
-def before(tmp_path_factory) -> Iterator[Path]:
+def before(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The home of a session with one iteration."""
     home = tmp_path_factory.mktemp("slips") / "home"
     with pytest.MonkeyPatch.context() as patch:
@@ -130,11 +138,14 @@ def begun(home: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("slip", SLIPS, ids=str)
-def test_a_slip_costs_nothing(slip, before, tmp_path, monkeypatch, capfd):
+def test_a_slip_costs_nothing(
+    slip: Slip, before: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     home, lab = tmp_path / "home", ToyLab(0)
     shutil.copytree(before, home)
     for name, value in {"ADAPTSIM_HOME": str(home), **slip.env}.items():
         monkeypatch.setenv(name, value)
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(wiring, "open_parts", opener(lab))
     monkeypatch.setattr("sys.stdin", Keyboard(slip.typed))
     if slip.code in (7, 130):
@@ -149,7 +160,9 @@ def test_a_slip_costs_nothing(slip, before, tmp_path, monkeypatch, capfd):
     assert not [folder for folder in tmp_path.iterdir() if folder.name != "home"]
 
 
-def test_a_trial_done_again_is_not_lost(before, tmp_path, monkeypatch, capfd):
+def test_a_trial_done_again_is_not_lost(
+    before: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     """Redo after accept, twice, and everything taken back."""
     home = tmp_path / "home"
     shutil.copytree(before, home)
@@ -159,31 +172,46 @@ def test_a_trial_done_again_is_not_lost(before, tmp_path, monkeypatch, capfd):
     assert kept(home) == kept(before)
 
 
-@pytest.mark.long
-def test_a_pipe_that_breaks_and_a_terminal_without_unicode_leave_a_session_that_goes_on(tmp_path):
-    command = [*ADAPTSIM, "run-iteration", "--task", "pendulum", "--world", "wd", "--yes"]
-    piped: Any = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, env=environment(tmp_path), **piped) as broken:
+def run(home: Path, *line: str, **env: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [*ADAPTSIM, *line],
+        env=environment(home, **env),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+PENDULUM = ("run-iteration", "--task", "pendulum", "--world", "wd", "--yes")
+
+
+def test_a_pipe_that_breaks_and_a_terminal_without_unicode_leave_a_session_that_goes_on(tmp_path: Path) -> None:
+    with run(tmp_path, *PENDULUM) as broken:
+        assert broken.stdout is not None and broken.stderr is not None
         broken.stdout.close()
         assert "Traceback" not in broken.stderr.read()
     assert broken.returncode != 0
-    whole = subprocess.run(command, env=environment(tmp_path, PYTHONIOENCODING="ascii"), **piped, check=False)
-    assert "Traceback" not in whole.stderr and "Report: " in whole.stdout
+    for encoding in ("latin-1", "ascii"):
+        out, err = run(tmp_path, *PENDULUM, PYTHONIOENCODING=encoding).communicate()
+        assert "Traceback" not in err and "Report: " in out
     assert begun(tmp_path) == {"pendulum-wd"}
-    assert len(kept(tmp_path)) == 2, "none is lost to the pipe"
+    assert len(kept(tmp_path)) == 4, "two iterations of two trials, none lost to the pipe"
 
 
-def test_a_port_in_use_begins_nothing(place, monkeypatch, refused):
-    monkeypatch.setattr(wiring, "open_parts", opener(ToyLab(0)))
+def test_a_port_in_use_begins_nothing(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        assert "is taken" in refused(2, *BEGIN, "--view-port", str(taken.getsockname()[1]))
-    assert begun(place / "home") == set()
+        process = run(tmp_path, *PENDULUM, "--view-port", str(taken.getsockname()[1]))
+        _, err = process.communicate()
+    assert (process.returncode, begun(tmp_path)) == (2, set())
+    assert "is taken" in err
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_home_without_rights_is_named(place, monkeypatch, refused):
-    monkeypatch.setattr(wiring, "open_parts", opener(ToyLab(0)))
-    place.chmod(0o500)
-    said = refused(8, *BEGIN)
-    place.chmod(0o700)
-    assert "ADAPTSIM_HOME" in said
+def test_a_home_without_rights_is_named(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    process = run(tmp_path / "home", *PENDULUM)
+    _, err = process.communicate()
+    tmp_path.chmod(0o700)
+    assert process.returncode == 8
+    assert "ADAPTSIM_HOME" in err and "Traceback" not in err

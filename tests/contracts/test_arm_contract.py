@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import lab_scoops
 import numpy as np
+import plain_lab
 import pytest
 from cells import cell
 from fr3_process import Fr3Process, arm_at
@@ -41,8 +41,8 @@ def fake(*, faulty: bool) -> Arm:
 
 def lab(*, faulty: bool) -> Arm:
     faults = Faults(arm_reflex=(1,)) if faulty else None
-    built = SimulatedLab(lab_scoops.TASK, lab_scoops.world(faults=faults), 0, lab_scoops.CELL)
-    built.bench.place(lab_scoops.XY_M, trial=1, attempt=0)
+    built = SimulatedLab(plain_lab.TASK, plain_lab.world(faults=faults), 0, plain_lab.CELL)
+    built.bench.place(plain_lab.XY_M, trial=1, attempt=0)
     return built.arm
 
 

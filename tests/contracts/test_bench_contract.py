@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import lab_scoops
 import numpy as np
+import plain_lab
 import pytest
 
 from adaptsim_cli.devices.attended import Person
@@ -27,7 +27,7 @@ class Kind:
 
 
 def lab() -> Kind:
-    built = SimulatedLab(lab_scoops.TASK, lab_scoops.world(), 0, lab_scoops.CELL)
+    built = SimulatedLab(plain_lab.TASK, plain_lab.world(), 0, plain_lab.CELL)
     return Kind(built.bench, lambda: np.array(built.truth()["trials"][-1]["X_BO_placed"])[:2, 3])
 
 

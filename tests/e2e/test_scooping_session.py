@@ -12,14 +12,14 @@ from lab_session import WORLD, digest, run, run_and_kill, steady
 
 
 @pytest.fixture
-def world(tmp_path) -> Path:
+def world(tmp_path: Path) -> Path:
     path = tmp_path / "small.toml"
     path.write_text(WORLD)
     return path
 
 
 @pytest.mark.long
-def test_one_iteration_ends_in_the_documented_json_and_a_report(tmp_path, world):
+def test_one_iteration_ends_in_the_documented_json_and_a_report(tmp_path: Path, world: Path) -> None:
     done = run(tmp_path / "home", world)
     assert done.returncode == 0, done.stderr
     (line,) = done.stdout.splitlines()
@@ -36,7 +36,7 @@ def test_one_iteration_ends_in_the_documented_json_and_a_report(tmp_path, world)
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_session(tmp_path, world):
+def test_the_same_seed_gives_the_same_session(tmp_path: Path, world: Path) -> None:
     once, again = (run(tmp_path / home, world, "--iterations", "2") for home in ("a", "b"))
     assert once.returncode == again.returncode == 0, once.stderr + again.stderr
     lines = zip(once.stdout.splitlines(), again.stdout.splitlines(), strict=True)
@@ -44,7 +44,23 @@ def test_the_same_seed_gives_the_same_session(tmp_path, world):
 
 
 @pytest.mark.slow
-def test_killed_at_twenty_random_moments_every_session_comes_to_the_same_end(tmp_path, world):
+@pytest.mark.parametrize(("fault", "code"), [("camera_timeout", 6), ("arm_reflex", 5), ("pedal_release", 7)])
+def test_a_fault_has_its_exit_code_and_costs_one_attempt(fault: str, code: int, tmp_path: Path, world: Path) -> None:
+    world.write_text(f"{WORLD}[faults]\n{fault} = [2]\n")
+    failed = run(tmp_path / "home", world)
+    assert failed.returncode == code, failed.stderr
+    assert failed.stderr.count("Error:") == 1
+    assert "Traceback" not in failed.stderr
+    assert failed.stdout == ""
+    resumed = run(tmp_path / "home", world)
+    assert resumed.returncode == 0, resumed.stderr
+    folder = tmp_path / "home/data/sessions/s/iteration-01"
+    assert (folder / "trial-002-attempt-2").is_dir()
+    assert (folder / "trial-001-attempt-1").is_dir()
+
+
+@pytest.mark.slow
+def test_killed_at_twenty_random_moments_every_session_comes_to_the_same_end(tmp_path: Path, world: Path) -> None:
     began = time.monotonic()
     whole = run(tmp_path / "whole", world)
     took_s = time.monotonic() - began

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from typing import Any
 
 import fake_k4a
 import numpy as np
 import pytest
-from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, camera_on, enter, frames, meanwhile, running
+from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, camera_on, frames, meanwhile, running
 
 from hw.camera import k4a_library as k4a
 from hw.camera.k4a_device import ColourSettings, model_of
+from hw.camera.k4a_library import PROTOTYPES
 from hw.camera.process import CameraProcess
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Frame
@@ -208,7 +210,19 @@ def test_silence_ends_a_wait_for_a_frame() -> None:
             camera.snapshot()
 
 
-def test_a_delay_is_not_negative() -> None:
+def test_out_of_turn() -> None:
+    for closed in (CameraProcess("A1"), camera_on(FakeK4a("A1"))):
+        with pytest.raises(DeviceUnavailable, match="not connected"):
+            closed.snapshot()
+        with pytest.raises(DeviceUnavailable, match="not connected"):
+            closed.model()
+    fake = FakeK4a("A1")
+    with running(fake) as camera:
+        with pytest.raises(CameraError, match="not recording"):
+            camera.stop_recording()
+        camera.start_recording()
+        with pytest.raises(CameraError, match="recording already"):
+            camera.start_recording()
     with pytest.raises(ValueError, match="must be 0 or more"):
         CameraProcess(latency_s=-0.01)
 
@@ -256,16 +270,20 @@ def test_a_clock_that_settles_minutes_later_is_mapped_anew_before_the_camera_is_
 ) -> None:
     fake, usual_s = FakeK4a("A1"), fake_k4a.BOOT_S
     camera = camera_on(fake, latency_s=LATENCY_S)
-
-    def settle() -> None:
+    with ThreadPoolExecutor(1) as pool:
+        entering = pool.submit(camera.__enter__)
         monkeypatch.setattr(fake_k4a, "BOOT_S", usual_s - 240.0)
         fake.show(*frames(100.0, 6))
         monkeypatch.setattr(fake_k4a, "BOOT_S", usual_s)
         fake.show(*frames(100.0 + 6 * PERIOD_S, 16))
-
-    enter(camera, settle)
+        entering.result()
     asked_s = fake.clock.now_s()
-    frame = meanwhile(fake, camera.snapshot, *frames(asked_s + 0.01, 1))
+    frame = meanwhile(fake, camera.snapshot, *frames(asked_s + 0.01, 3))
     assert frame.t_s == pytest.approx(asked_s + 0.01, abs=2e-6)
     fake.end()
     camera.__exit__()
+
+
+def test_no_transformation_of_the_library_is_used() -> None:
+    """Its depth-to-colour transformation fails with Orbbec's wrapper; the program projects depth itself."""
+    assert not [name for name in PROTOTYPES if "transformation" in name]

@@ -2,7 +2,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from cells import READY
+from cells import READY, cell, stick
 from guarded_paths import Q_TOP_RAD, TOOL
 from scipy.optimize import minimize
 
@@ -25,6 +25,7 @@ from hw.collision import (
     table_clearance,
 )
 from hw.kinematics import link_poses
+from hw.types import JointPath
 
 
 def brute_force(distance_at: Callable[[np.ndarray], float], bounds: list[tuple[float, float]]) -> float:
@@ -84,6 +85,14 @@ def test_box_and_table_clearances_name_the_body() -> None:
     assert heights[names.index("fingers and table")] == pytest.approx(0.5903 - 0.095 - 0.022, abs=1e-3)
 
 
+def test_heights_of_tool_points() -> None:
+    tool = stick([[0.0, 0.0, 0.2], [0.1, 0.0, 0.0]])
+    assert np.allclose(point_heights(link_poses(READY), tool, LEVEL), [0.3903, 0.5903], atol=1e-4)
+
+
+STILL = JointPath(np.array([0.0, 1e-3]), np.stack([Q_TOP_RAD, Q_TOP_RAD]))
+
+
 def test_the_tables_frame_lies_in_its_plane() -> None:
     table = Table(-0.012, 0.02, -0.03)
     p_W = np.array([[0.6, 0.1, 0.0], [0.3, -0.4, 0.0], [0.0, 0.0, 0.0]])
@@ -100,6 +109,13 @@ def test_heights_count_from_the_table() -> None:
     assert level == pytest.approx(0.02, abs=1e-6)
     assert point_heights(poses, TOOL, Table(-0.01))[0, 0] == pytest.approx(0.03, abs=1e-6)
     assert point_heights(poses, TOOL, Table(0.0, 0.02))[0, 0] == pytest.approx(0.02 - 0.02 * 0.5, abs=1e-5)
+
+
+def test_a_path_is_checked_against_the_table_where_it_is() -> None:
+    assert cell(tool=TOOL).check(STILL).ok
+    high = cell(tool=TOOL).over(Table(0.03)).check(STILL)
+    assert not high.ok
+    assert high.worst.quantity == "depth in the table"
 
 
 def test_the_tip_of_a_tool_stays_out_of_boxes_too() -> None:

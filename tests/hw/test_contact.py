@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cells import cell
-from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, down, over, tip_m
+from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, down, over
 
-from hw.collision import KeepOut, Table
+from hw.collision import LEVEL, KeepOut, Table
 from hw.contact import Detector, began, contact_force, predicted_force_N, vertical_force_N
-from hw.errors import MotionRefused, NoContact
+from hw.errors import ArmFault, MotionRefused, NoContact
 from hw.fake import FakeArm, FakeClock
-from hw.kinematics import jacobian
-from hw.types import ContactWindow, JointPath
+from hw.kinematics import forward, jacobian
+from hw.types import ContactWindow, Guard, JointPath
 from hw.workcell import DEPTH_M, SPEED_M_S, Workcell, check_guarded, require_guarded, withdrawal
 
 CELL = cell(tool=TOOL)
@@ -54,7 +54,8 @@ def test_where_it_touched_is_found_in_the_noise(height_m: float) -> None:
         contact = feeling.execute_until_contact(path, GUARD)
     touch = began(contact, GUARD)
     assert touch is not None
-    assert tip_m(touch.q_rad) == pytest.approx(height_m, abs=2e-4)
+    X = forward(touch.q_rad)
+    assert (X[:3, :3] @ TIP + X[:3, 3])[2] == pytest.approx(height_m, abs=2e-4)
     assert touch.stiffness_N_m == pytest.approx(4000.0, rel=0.1)
     assert touch.sigma_m < 1e-4
     assert contact.force_N < predicted_force_N(GUARD, 0.004)
@@ -69,7 +70,8 @@ def test_a_touch_is_found_where_the_estimate_drifted_before_it() -> None:
         contact = feeling.execute_until_contact(path, GUARD)
     touch = began(contact, GUARD)
     assert touch is not None
-    assert tip_m(touch.q_rad) == pytest.approx(0.0, abs=2e-4)
+    X = forward(touch.q_rad)
+    assert (X[:3, :3] @ TIP + X[:3, 3])[2] == pytest.approx(0.0, abs=2e-4)
 
 
 def test_a_spike_is_no_touch_and_a_pull_is() -> None:
@@ -84,6 +86,22 @@ def test_a_spike_is_no_touch_and_a_pull_is() -> None:
         contact = feeling.execute_until_contact(path, GUARD)
     assert 1.2 < contact.t_s < 1.26
     assert began(contact, GUARD) is None or began(contact, GUARD).stiffness_N_m > 1e5  # it came at once
+
+
+def test_the_detector_may_be_fed_in_pieces() -> None:
+    path = down()
+    torque_Nm = noise(path, 0.1)
+    torque_Nm[2000:] += np.array([0.0, 0.0, 9.0]) @ jacobian(Q_TOP_RAD, TIP)[:3]
+    whole = Detector(GUARD).feed(path.t_s, path.q_rad, torque_Nm)
+    pieces, at = Detector(GUARD), None
+    for begin in range(0, len(path.t_s), 37):
+        part = slice(begin, begin + 37)
+        found = pieces.feed(path.t_s[part], path.q_rad[part], torque_Nm[part])
+        if found is not None:
+            at = begin + found
+            break
+    assert whole == at
+    assert whole is not None
 
 
 def test_the_largest_force_counts_what_is_felt_while_it_brakes() -> None:
@@ -155,7 +173,18 @@ def test_the_way_back_is_the_way_there() -> None:
     assert check_guarded(back, GUARD, CELL).ok
 
 
-def test_boxes_are_checked() -> None:
+def test_a_guard_and_boxes_are_checked() -> None:
+    with pytest.raises(ValueError, match="above 0"):
+        Guard(0.0, TIP)
     box = KeepOut("thing", np.array([0.4, -0.1, 0.0]), np.array([0.6, 0.1, 0.2]))
     with pytest.raises(MotionRefused, match="thing"):
         require_guarded(down(), GUARD, replace(CELL, keep_out=(box,)))
+
+
+def test_a_stopped_arm_feels_nothing() -> None:
+    with FakeArm(Q_TOP_RAD, FakeClock(), CELL, faults={1: ArmFault("reflex")}, plane=LEVEL) as feeling:
+        still = JointPath(np.array([0.0, 1e-3]), np.stack([Q_TOP_RAD, Q_TOP_RAD]))
+        with pytest.raises(ArmFault):
+            feeling.execute(still)
+        with pytest.raises(ArmFault, match="recover"):
+            feeling.execute_until_contact(down(), GUARD)

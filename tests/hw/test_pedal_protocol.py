@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.serial.pedal_protocol import PERIOD_S, SILENCE_S, PedalState, crc8, line_for, parse
+from hw.serial.pedal_protocol import PERIOD_S, SILENCE_S, PedalLine, PedalState, crc8, line_for, parse
 
 
 def played(*pressed: bool, state: PedalState | None = None, first: int = 0, since_s: float = 0.0) -> PedalState:
@@ -18,6 +18,10 @@ def played(*pressed: bool, state: PedalState | None = None, first: int = 0, sinc
 
 def test_the_checksum_is_the_smbus_one() -> None:
     assert crc8(b"123456789") == 0xF4
+
+
+def test_a_line_reads_back() -> None:
+    assert parse(line_for(99_999, True).rstrip(b"\n")) == PedalLine(99_999, True)
 
 
 def test_every_single_damaged_byte_is_noticed() -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 
 import pytest
-from serial_lines import Box, Line, answering, boxed, plugged_in, until
+from serial_lines import Box, Line, boxed, plugged_in, until
 
 from hw.errors import BalanceError, DeviceUnavailable
 from hw.serial import balance as balances
@@ -29,6 +29,16 @@ def line() -> Iterator[Line]:
 def box(line: Line) -> Iterator[Box]:
     with boxed(line) as made:
         yield made
+
+
+def test_hold_to_run(line: Line, box: Box) -> None:
+    with EnablePedal(line.port) as pedal:
+        assert not pedal.enabled()
+        box.pressed = True
+        until(pedal.enabled)
+        box.pressed = False
+        until(lambda: not pedal.enabled())
+        assert "released" in pedal.why_not()
 
 
 def test_silence_stops_and_is_explained(line: Line, box: Box) -> None:
@@ -138,6 +148,21 @@ def test_only_a_plain_number_in_range_is_a_mass(value: str, protocol: str) -> No
         mass_kg(answer)
 
 
+def test_a_balance_is_asked_and_answers(line: Line) -> None:
+    asked: list[bytes] = []
+
+    def answer() -> None:
+        asked.append(os.read(line.device, 16))
+        os.write(line.device, b"S S     300.12 g\r\n")
+
+    with SerialBalance(line.port, "mt-sics") as balance:
+        device = threading.Thread(target=answer)
+        device.start()
+        assert balance.mass_kg() == pytest.approx(0.30012)
+        device.join()
+    assert asked == [b"S\r\n"]
+
+
 def test_a_balance_that_does_not_answer(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hw.serial.balance.ANSWER_S", 0.05)
     with SerialBalance(line.port, "sbi") as balance, pytest.raises(DeviceUnavailable, match="answer"):
@@ -153,9 +178,15 @@ def test_a_balance_that_is_unplugged_is_said_and_found_again(line: Line, monkeyp
         again = Line()
         monkeypatch.setattr(balance, "_port", again.port)  # a pseudo-terminal does not come back under its name
         os.write(again.device, b"S S     999.00 g\r\n")  # of before the question, and not its answer
-        with answering(again, [b"S S     300.12 g\r\n"]) as asked:
-            assert balance.mass_kg() == pytest.approx(0.30012)
-        assert asked == [b"S\r\n"]
+
+        def answer() -> None:
+            os.read(again.device, 16)
+            os.write(again.device, b"S S     300.12 g\r\n")
+
+        device = threading.Thread(target=answer)
+        device.start()
+        assert balance.mass_kg() == pytest.approx(0.30012)
+        device.join()
         again.unplug()
 
 

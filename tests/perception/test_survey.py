@@ -7,10 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from mug import Survey, survey
+from mug import Survey, find_plane, survey
 
 from hw.camera.recording import camera_model
 from hw.types import CameraModel, Frame, Intrinsics
+from perception.errors import ObjectNotFound, TableNotFound
 
 DATA = Path(__file__).parent / "data"
 UP = np.array([0.0, -1.0, 0.0])
@@ -41,3 +42,19 @@ def test_the_mug_is_a_cylinder_on_the_table() -> None:
     assert seen.cylinder.height_m == pytest.approx(0.113, abs=0.004)
     assert seen.table.rms_m < 0.0025
     assert np.rad2deg(np.arccos(seen.table.normal @ UP)) < 15
+
+
+def test_another_draw_finds_the_same() -> None:
+    one, other = found(0).cylinder.circle, found(7).cylinder.circle
+    assert one.radius_m == pytest.approx(other.radius_m, abs=2e-4)
+
+
+def test_no_table_and_no_cylinder_are_said() -> None:
+    rng = np.random.default_rng(0)
+    with pytest.raises(TableNotFound, match="no plane that faces up"):
+        find_plane(rng.uniform(-3, 3, (5000, 3)), UP, rng)
+    frame, model = mug()
+    bare = frame.depth_mm.copy()
+    bare[:185] = 0
+    with pytest.raises(ObjectNotFound, match="is a cylinder"):
+        survey(Frame(0.0, frame.colour, bare), model, UP, np.random.default_rng(0))

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Self
 
-import lab_scoops
 import numpy as np
+import plain_lab
 from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, enter, frames, kinect_library, threaded, while_shown
 from staged_realsense import SoftRealSense
 
@@ -46,8 +46,8 @@ class Scene:
 
 def lab() -> Scene:
     """The rendered camera of trials, which fails in its second. Nothing moves: a recording shows the piece at rest."""
-    built = SimulatedLab(lab_scoops.TASK, lab_scoops.world(faults=Faults(camera_timeout=(2,))), 0, lab_scoops.CELL)
-    xy_m = lab_scoops.XY_M
+    built = SimulatedLab(plain_lab.TASK, plain_lab.world(faults=Faults(camera_timeout=(2,))), 0, plain_lab.CELL)
+    xy_m = plain_lab.XY_M
     built.bench.place(xy_m, trial=1, attempt=0)
     arm = built.arm.__enter__()
     return Scene(built.camera, lambda: arm.state().t_s, spoil=lambda: built.bench.place(xy_m, 2, 0))
@@ -57,7 +57,7 @@ def board_lab() -> Scene:
     """The rendered camera of calibrations: it films motions alone."""
     board = Board()
     held = HeldBoard(draw(board, 112), board.size_m)
-    built = CalibrationLab(lab_scoops.TASK, lab_scoops.world(), 0, held, lab_scoops.CELL, home_q_rad=READY_RAD)
+    built = CalibrationLab(plain_lab.TASK, plain_lab.world(), 0, held, plain_lab.CELL, home_q_rad=READY_RAD)
     built.arm.__enter__()
     away_rad = READY_RAD + np.array([0.05, 0, 0, 0, 0, 0, 0])
 

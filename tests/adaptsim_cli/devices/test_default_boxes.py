@@ -81,3 +81,10 @@ def test_a_grid_is_reached_from_every_side_at_which_a_person_can_stand(name, mod
 @pytest.mark.parametrize("name", ["scooping", "pushing"])
 def test_a_person_in_front_would_stand_in_the_work_area_and_every_trial_says_so(name):
     assert counted(name, "panda", boxes("front"), CORNERS) == {"refused": 4}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("name", ["scooping", "pushing"])
+def test_the_corners_are_reached_as_if_there_were_no_boxes(name: str, model: Model) -> None:
+    assert counted(name, model, boxes("left"), CORNERS) == {"direct": 4}

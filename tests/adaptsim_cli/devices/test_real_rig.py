@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -32,6 +33,7 @@ from adaptsim_cli.devices.attended import AT_HOME_RAD, PersonBeside, Scales
 from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.session import recording
 from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Attended
 from adaptsim_cli.session.records import RigFacts, TrialKey
@@ -42,7 +44,8 @@ from adaptsim_cli.wiring.session import open_trials
 from calib.errors import CalibrationMissing
 from hw.errors import HandError
 from hw.kinematics import forward
-from hw.types import JointPath
+from hw.ports import Arm, AroundArm
+from hw.types import Execution, JointPath
 from perception.board.types import Board
 from perception.errors import PerceptionError
 from sim.errors import NotExecutable
@@ -293,3 +296,41 @@ def executed(target: OnRig) -> Executed:
     """One motion to one place."""
     placed = target.place(np.array([0.68, 0.0]), KEY, unattended())
     return target.execute(target.plan(placed, np.array([0.5])))
+
+
+def test_a_tool_lost_during_the_motion_keeps_its_recording(tmp_path: Path) -> None:
+    lab = ToyLab(0)
+    target, moved = toy_parts(lab).target, list[JointPath]()
+    assert isinstance(target, OnRig)
+
+    class Watched(AroundArm[Arm]):
+        def execute(self, path: JointPath) -> Execution:
+            moved.append(path)
+            if len(moved) == 3:
+                raise HandError("the hand does not hold the tool")
+            return self._arm.execute(path)
+
+    rig = replace(target.rig, arm=Watched(target.rig.arm))
+    done = executed(replace(target, rig=rig))
+    assert isinstance(done.stopped, HandError)
+    (tmp_path / "recording.mcap").write_bytes(done.stored()[0]["recording.mcap"])
+    assert len(recording.read(tmp_path / "recording.mcap").execution.t_s), "the motion itself was recorded"
+
+
+class Weighed:
+    """An attendant who has nothing to do but to say what the object weighs."""
+
+    def recover(self) -> None: ...
+
+    def prepare(self, what: str) -> None: ...
+
+    def facts(self) -> RigFacts:
+        return RigFacts(object_mass_kg=0.5)
+
+
+def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
+    parts = toy_parts(ToyLab(0))
+    target = on_rig(parts)
+    rig = replace(target.rig, attendant=Weighed())
+    files = executed(replace(target, rig=rig)).stored()[0]
+    assert json.loads(files["rig.json"])["object_mass_kg"] == 0.5

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from real_lab import READY_RAD, RIG, calibrated, calibration, write_rig
@@ -91,6 +92,7 @@ def aged(days: int) -> SavedCalibration:
         ("disk space", {"shutil.disk_usage": always(SimpleNamespace(free=1e8))}, MISSING, "MB needed (min_free_mb)"),
         ("packages", {"installed": HAVE.get}, MISSING, "mcap is not installed, needed >=1.3"),
         ("packages", {"installed": always("999")}, MISSING, "numpy 999, needed <2.5,>=2.2"),
+        ("libraries", {"loads": always(True)}, OK, "find theirs"),
         ("libraries", {"loads": lambda name: "usb" not in name}, MISSING, "libusb-1.0-0"),
         ("driver", {"installed": HAVE.get}, OK, "speaks interface 10: arm system 5.9.0"),
         ("driver", {"installed": always("0.1")}, MISSING, "pylibfranka 0.1 is installed, tested is 0.21.3"),
@@ -104,12 +106,15 @@ def aged(days: int) -> SavedCalibration:
         ("priorities", {"limits": always((99, float("inf"), False))}, OK, "may ask"),
         ("priorities", {"limits": always((0, 8.0, True))}, OK, "may ask"),
         ("priorities", {"limits": always((0, 8.0, False))}, MISSING, "rtprio 0, 80 needed; memlock 8 MB, 100 ne"),
+        ("priorities", {"limits": always((99, 8.0, False))}, MISSING, "memlock 8 MB"),
         ("clock frequency", {"governors": always(())}, OK, "no frequency governor"),
         ("clock frequency", {"governors": always(("performance",) * 2)}, OK, "every core"),
         ("clock frequency", {"governors": always(("performance", "powersave"))}, ADVICE, "powersave on 1 of 2 cores"),
         ("network", {"round_trips": always(((0.2, 0.3, 0.2), 0, ""))}, OK, "0.20 ms, 0.30 ms at worst"),
         ("network", {"round_trips": always(((0.2, 3.0), 0, ""))}, ADVICE, "3.00 ms at worst, 0 of 2 lost"),
+        ("network", {"round_trips": always(((0.2,), 1, "timed out"))}, ADVICE, "1 of 2 lost"),
         ("network", {"round_trips": always(((), 2, "timed out"))}, MISSING, "does not answer: timed out"),
+        ("arm", {"arm": always(seen())}, OK, "fr3 answers over FCI, interface 5, mode Idle, joints 0.00 -0.79"),
         ("arm", {"arm": always(seen(missed=3))}, OK, "1000 states at 1 kHz, 3 missed, longest gap 1.2 ms"),
         ("arm", {"arm": always(seen(missed=80))}, ADVICE, "80 missed, longest gap 1.2 ms (at most 5 % and 20 ms)"),
         ("arm", {"arm": always(seen(gap_s=0.03))}, ADVICE, "longest gap 30.0 ms (at most"),
@@ -117,13 +122,16 @@ def aged(days: int) -> SavedCalibration:
         ("arm", {"arm": always(seen(mode="UserStopped"))}, MISSING, "would not move: the stop button is pressed"),
         ("camera", {"cameras": always(kinect("12"))}, OK, "12, firmware colour 1.6, Microsoft library 1.4.1"),
         ("camera", {"cameras": always(bolt("1.1.1"))}, MISSING, "its maker withdrew 1.1.1, whose time stamps overflow"),
+        ("camera", {"cameras": always(bolt("1.1.2"))}, OK, "firmware colour 1.1.2, depth 1.1.2, Orbbec library 2.0.11"),
         ("camera", {"cameras": always(kinect("12", "34"))}, MISSING, "several cameras are plugged in: 12, 34"),
         ("camera", {"cameras": always(kinect("12", engine=False))}, MISSING, "no depth engine"),
         ("camera", {"cameras": always(kinect(error="no camera is seen"))}, MISSING, "no camera is seen"),
         ("camera", {"cameras": always(kinect("12", "34")), "rig": {"camera": {"serial": "34"}}}, OK, "34"),
         ("camera", {"cameras": always(kinect("12")), "rig": {"camera": {"serial": "34"}}}, MISSING,
          "34 is not plugged in; found: 12"),
+        ("pedal", {"port": always((False, "uucp")), **PEDAL}, MISSING, "belongs to the group uucp"),
         ("pedal", {"port": always((False, "uucp")), **PEDAL}, MISSING, "sudo usermod -aG uucp $USER"),
+        ("pedal", {"port": always((False, None)), **PEDAL}, MISSING, "/dev/a is not there"),
         ("pedal", {"port": always((False, None)), **PEDAL}, MISSING, "there now: /dev/b"),
         ("calibration", {CALIBRATION: always(None)}, MISSING, "this rig has no calibration"),
         ("calibration", {CALIBRATION: always(aged(1))}, OK, "± 0.5 mm, ± 0.05°, 1 day old"),
@@ -131,7 +139,14 @@ def aged(days: int) -> SavedCalibration:
         ("calibration", {CALIBRATION: always(aged(-5))}, ADVICE, "in the future"),
     ],
 )  # fmt: skip
-def test_each_check_over_its_readings(name, reading, verdict, says, tmp_path, monkeypatch):
+def test_each_check_over_its_readings(
+    name: str,
+    reading: dict[str, Any],
+    verdict: Severity,
+    says: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """A reading is that of `readings`, or a whole name; "rig" are parts of the rig file."""
     for what, made_up in reading.items():
         if what != "rig":
@@ -150,7 +165,9 @@ def test_each_check_over_its_readings(name, reading, verdict, says, tmp_path, mo
         ("hangs 24", (MISSING,), "camera's driver has not answered for 3 s"),
     ],
 )
-def test_the_camera_streams_or_its_driver_is_given_up(wrong, verdicts, says, tmp_path, monkeypatch):
+def test_the_camera_streams_or_its_driver_is_given_up(
+    wrong: str, verdicts: tuple[Severity, ...], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     root = Path(__file__).parents[3]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(root / "tests" / "support"), str(root))))
     monkeypatch.setenv("ADAPTSIM_STAGED_KINECT", wrong)
@@ -163,7 +180,9 @@ def test_the_camera_streams_or_its_driver_is_given_up(wrong, verdicts, says, tmp
         assert int(found.detail.split()[0]) >= 10
 
 
-def test_a_device_that_does_not_answer_is_named_with_its_own_words(tmp_path, monkeypatch):
+def test_a_device_that_does_not_answer_is_named_with_its_own_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def silent(*_: object) -> None:
         raise DeviceUnavailable("the arm has not sent anything")
 
@@ -175,7 +194,7 @@ def test_a_device_that_does_not_answer_is_named_with_its_own_words(tmp_path, mon
         CHECKS["arm"](lab_of(tmp_path))
 
 
-def test_round_trips_to_a_port_that_listens_and_to_one_that_does_not():
+def test_round_trips_to_a_port_that_listens_and_to_one_that_does_not() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         open_trips = readings.round_trips("127.0.0.1", port, tries=5)
@@ -185,7 +204,7 @@ def test_round_trips_to_a_port_that_listens_and_to_one_that_does_not():
     assert "no such address" in readings.round_trips("not an address", tries=5)[2]
 
 
-def test_the_disk_is_measured_and_left_as_it_was(tmp_path):
+def test_the_disk_is_measured_and_left_as_it_was(tmp_path: Path) -> None:
     assert min(readings.write_speed(tmp_path)) > 0.0
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(OSError, match="No such"):
@@ -193,7 +212,7 @@ def test_the_disk_is_measured_and_left_as_it_was(tmp_path):
     assert readings.existing(tmp_path / "a" / "b") == tmp_path
 
 
-def test_ports_and_governors_are_read_from_the_file_system(tmp_path):
+def test_ports_and_governors_are_read_from_the_file_system(tmp_path: Path) -> None:
     assert readings.port(tmp_path / "none") == (False, None)
     assert readings.port(tmp_path)[0]
     for core in (0, 1):
@@ -216,7 +235,7 @@ def line() -> Iterator[tuple[int, str]]:
 
 
 @pytest.mark.long
-def test_a_pedal_that_speaks_is_heard_and_one_that_does_not_is_named(line, tmp_path):
+def test_a_pedal_that_speaks_is_heard_and_one_that_does_not_is_named(line: tuple[int, str], tmp_path: Path) -> None:
     device, port = line
     over = threading.Event()
 
@@ -242,7 +261,7 @@ def test_a_pedal_that_speaks_is_heard_and_one_that_does_not_is_named(line, tmp_p
     assert CHECKS["pedal"](lab_of(tmp_path, pedal=PedalPart("/dev/none"))).verdict is MISSING
 
 
-def test_a_balance_that_speaks_is_heard(line, tmp_path):
+def test_a_balance_that_speaks_is_heard(line: tuple[int, str], tmp_path: Path) -> None:
     device, port = line
 
     def answer() -> None:
@@ -257,7 +276,15 @@ def test_a_balance_that_speaks_is_heard(line, tmp_path):
     assert CHECKS["balance"](lab_of(tmp_path)).verdict is SKIPPED
 
 
-def test_the_simulated_lab_needs_no_device(place, capfd):
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_simulated_lab_needs_no_device(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run(["doctor", "--json"]) == 0
     out, _ = capfd.readouterr()
     found = json.loads(out)
@@ -268,7 +295,7 @@ def test_the_simulated_lab_needs_no_device(place, capfd):
     assert list(place.iterdir()) == [], "it leaves nothing behind"
 
 
-def test_a_world_and_a_checkpoint_that_are_not_there(place, monkeypatch):
+def test_a_world_and_a_checkpoint_that_are_not_there(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ADAPTSIM_CHECKPOINT", str(place / "none"))
     found = tuple(checks.examine(config.load({"world": "narnia"})))
     wrong = {finding.name: finding for finding in found if finding.verdict is MISSING}
@@ -277,7 +304,9 @@ def test_a_world_and_a_checkpoint_that_are_not_there(place, monkeypatch):
 
 
 @pytest.mark.long
-def test_a_real_lab_is_looked_at_device_by_device(place, capfd, monkeypatch):
+def test_a_real_lab_is_looked_at_device_by_device(
+    place: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert app.run(["doctor", "--hw", "panda", "--json"]) == 3
     out, err = capfd.readouterr()
     assert {c["name"]: c["verdict"] for c in json.loads(out)["checks"]}["rig file"] == "missing"
@@ -300,7 +329,7 @@ def test_a_real_lab_is_looked_at_device_by_device(place, capfd, monkeypatch):
     assert "% of the tightest limit" in checks["motion"]["detail"]
 
 
-def test_the_checklist_fits_the_screen_and_what_is_missing_is_not_ready():
+def test_remedies_stand_whole_below_a_table_that_fits_the_screen(place: Path) -> None:
     file = io.StringIO()
     screen = Screen(console=Console(file=file, width=80, highlight=False, markup=False))
     found = (
@@ -314,8 +343,10 @@ def test_the_checklist_fits_the_screen_and_what_is_missing_is_not_ready():
     shown, _, rest = file.getvalue().partition("Missing:")
     assert max(len(line.rstrip()) for line in shown.splitlines()) <= 80
     assert [line[0] for line in shown.splitlines() if line[:1].strip()] == ["✓", "✗", "!", "–"]
-    assert all(finding.fix in rest for finding in found), "remedies stand whole, below"
+    assert "  driver: pip install panda-python==1.1.1\n" in rest
+    assert "  clock frequency: sudo cpupower frequency-set -g performance\n" in rest
+    assert "Ready:" not in rest
     assert not table.as_json(found, settings)["ready"]
-    with pytest.raises(PreflightFailed, match="driver"):
+    with pytest.raises(PreflightFailed, match="not ready: driver"):
         table.require(found)
     table.require(found[:1])

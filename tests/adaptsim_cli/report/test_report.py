@@ -121,3 +121,12 @@ def test_trials_held_out_say_whether_to_believe_the_posterior():
     held = figures.HeldOut(16, 64, (0.9, 0.8, 1.0), (0.5, 0.4, 0.6), 0.97, before=0.25, after=0.006)
     assert held.in_words.startswith("Believe the posterior")
     assert replace(held, after=0.25).in_words.startswith("Do not believe the posterior")
+
+
+def test_a_line_never_breaks_within_a_quantity(store: SessionStore) -> None:
+    (first, *_) = re.findall(r'<p class="detail">([^<]+)</p>', page.render(store))
+    assert all(" " not in part for part in first.replace(" · ", ", ").strip().split(", "))
+
+
+def test_the_default_place_is_the_session_folder_and_it_is_replaced(store: SessionStore) -> None:
+    assert page.write(store) == page.write(store) == store.folder / "report.html"

@@ -187,3 +187,24 @@ def test_it_is_asked_after_every_placing_and_before_anything_moves(name, tmp_pat
     trial = ["placed", "clear", "moves", "moves", "moves"]
     failed, misplaced = ["placed", "clear", "moves"], ["placed"]
     assert events == [*trial, *failed, *trial, *misplaced, *trial, *trial]
+
+
+@pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
+def test_no_colour_where_none_is_wanted(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(name, value)
+    said = io.StringIO()
+    screen = Screen(console=Console(file=said, force_terminal=True, width=60, markup=False))
+    screen.note("careful")
+    with screen.busy("working"):
+        pass
+    assert "\x1b[3" not in said.getvalue()
+
+
+def test_progress_off_a_terminal_is_a_line_a_tenth() -> None:
+    said = io.StringIO()
+    with Screen(console=Console(file=said, width=60)).progress() as update:
+        for done in range(1001):
+            update("dataset", done, 1000)
+    lines = said.getvalue().splitlines()
+    assert len(lines) == 11
+    assert lines[-1].strip() == "dataset: 100 % (1000 of 1000)"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from toy_session import summary
 
 from adaptsim_cli import app, config
 from adaptsim_cli.report import page
@@ -19,12 +20,19 @@ RUN = ["run-iteration", "--task", "pendulum", "--world", "ood-1", "--yes"]
 TRUTH = np.array([1.8, 0.3, 1.5, 1.5])
 
 
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 def opened() -> SessionStore:
     return SessionStore.open(Path("home/data/sessions").absolute(), NAME)
 
 
 @pytest.mark.long
-def test_two_iterations_end_in_json_and_a_report_with_curves(capfd):
+def test_two_iterations_end_in_json_and_a_report_with_curves(capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run([*RUN, "--json", "-n", "2"]) == 0
     first, second = (json.loads(line) for line in capfd.readouterr().out.splitlines())
     assert [first["iteration"], second["iteration"]] == [1, 2]
@@ -46,25 +54,48 @@ def test_two_iterations_end_in_json_and_a_report_with_curves(capfd):
 
 
 @pytest.mark.long
-def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd, refused):
+def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd: pytest.CaptureFixture[str]) -> None:
     assert app.run([*RUN, "--json", "--until-done"]) == 0
     *before, last = (json.loads(line)["outlook"] for line in capfd.readouterr().out.splitlines())
     assert last["done"]
     assert not any(outlook["done"] for outlook in before)
     assert len(before) < 9
-    assert "the method random does not say what another iteration is worth" in refused(
-        2, *RUN, "--method", "random", "--session", "other", "--until-done"
-    )
+    assert app.run([*RUN, "--method", "random", "--session", "other", "--until-done"]) == 2
+    assert "the method random does not say what another iteration is worth" in capfd.readouterr().err
     assert SessionStore.open(opened().folder.parent, "other").result(0) is not None
 
 
-def test_hardware_is_refused_with_what_to_do(refused):
-    said = refused(2, *RUN, "--hw", "panda")
-    assert "the task pendulum runs in simulation only" in said
-    assert "Leave --hw out" in said
+@pytest.mark.long
+def test_an_interrupted_session_goes_on_to_the_same_end(
+    place: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = SessionStore.save_trial
+
+    def cut(self: SessionStore, record: object, files: object) -> None:
+        if record.trial == 2:  # type: ignore[attr-defined]
+            raise KeyboardInterrupt
+        real(self, record, files)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(SessionStore, "save_trial", cut)
+    assert app.run(RUN) == 130
+    monkeypatch.setattr(SessionStore, "save_trial", real)
+    assert app.run(RUN) == 0
+    resumed = summary(opened(), 0)
+    monkeypatch.setenv("ADAPTSIM_HOME", str(place / "whole"))
+    assert app.run(RUN) == 0
+    whole = summary(SessionStore.open(config.load().places.sessions, NAME), 0)
+    assert resumed["particles"] == whole["particles"]
+    assert resumed["best"] == whole["best"]
 
 
-def test_only_its_own_parts_are_opened(tmp_path):
+def test_hardware_is_refused_with_what_to_do(capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run([*RUN, "--hw", "panda"]) == 2
+    message = " ".join(capfd.readouterr().err.split())
+    assert "the task pendulum runs in simulation only" in message
+    assert "Leave --hw out" in message
+
+
+def test_only_its_own_parts_are_opened(tmp_path: Path) -> None:
     with wiring.open_parts(config.load({"task": "pendulum", "world": "wd"}).config, tmp_path) as parts:
         assert [check.name for check in parts.target.checks()] == ["devices"]
         assert parts.provenance.calibration == ""
@@ -73,7 +104,9 @@ def test_only_its_own_parts_are_opened(tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("method", ["learn-in-target", "bo", "bo-prior", "sysid-bayes-point"])
-def test_a_session_of_a_baseline_runs_and_another_process_continues_it(method, capfd):
+def test_a_session_of_a_baseline_runs_and_another_process_continues_it(
+    method: str, capfd: pytest.CaptureFixture[str]
+) -> None:
     for _ in range(2):  # nothing is kept but the session's folder
         assert app.run(["run-iteration", "--task", "pendulum", "--method", method, "--yes", "--json"]) == 0
     first, second = (json.loads(line) for line in capfd.readouterr().out.splitlines())

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from real_lab import quiet, said
-from toy_rig import ToyLab, on_rig
+from toy_rig import PARAMETERS, ToyLab, on_rig
 from toy_session import NAME, RUN, ScriptedOperator, attended, call, run, summary, unattended
 
 from adaptsim_cli.errors import Interrupted, StoppedByOperator, UsageError
@@ -218,3 +218,22 @@ def test_what_the_tracker_notes_is_kept_and_said(tmp_path):
     run_iteration(replace(session, parts=parts, operator=Unattended(screen), screen=screen))
     assert session.store.trials(0)[0].track.flags == flags
     assert flags[0] in said(screen)
+
+
+@pytest.mark.long
+def test_a_step_of_adaptation_stays_inside_the_ranges(tmp_path: Path) -> None:
+    store = run(tmp_path, iterations=3)
+    for iteration in range(3):
+        for particle in summary(store, iteration)["particles"]:
+            assert PARAMETERS.contains(np.array(list(particle["next_params"].values())))
+
+
+@pytest.mark.long
+def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(tmp_path: Path) -> None:
+    def numbers(home: str, seed: int) -> object:
+        store = run(tmp_path / home, seed=seed, iterations=2)
+        summaries = [summary(store, i) for i in (0, 1)]
+        return [(p["params"], p["next_params"], p["trials"]) for s in summaries for p in s["particles"]]
+
+    assert numbers("a", 5) == numbers("b", 5)
+    assert numbers("c", 6) != numbers("a2", 5)

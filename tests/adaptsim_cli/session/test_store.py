@@ -147,3 +147,9 @@ def test_the_trials_of_an_iteration_are_found_without_looking_at_other_iteration
     assert [trial.trial for trial in store.trials(0)] == [1, 2, 3, 4]
     with pytest.raises(SessionError, match="foreign"):
         store.existing()
+
+
+def test_a_foreign_file_among_the_trials_is_named(store: SessionStore) -> None:
+    (store.folder / "iteration-01/trial-one").mkdir()
+    with pytest.raises(SessionError, match="trial-one"):
+        store.existing()

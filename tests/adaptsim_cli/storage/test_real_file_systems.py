@@ -18,7 +18,7 @@ Mount = Callable[[str], Path]
 
 
 @pytest.fixture
-def mount(tmp_path) -> Iterator[Mount]:
+def mount(tmp_path: Path) -> Iterator[Mount]:
     """A small file system in memory with these options."""
     there: list[Path] = []
 
@@ -38,6 +38,25 @@ def mount(tmp_path) -> Iterator[Mount]:
         subprocess.run(["umount", str(folder)], check=True)
 
 
+def test_a_session_on_a_disk_that_fills_up_goes_on_once_there_is_room(mount: Mount, tmp_path: Path) -> None:
+    (tmp_path / "adaptsim.toml").write_text("min_free_mb = 0\n")  # it is refused before the arm moves otherwise
+    whole = tmp_path / "whole"
+    assert call(whole, RUN)[0] == 0
+    taken = sum(path.stat().st_size for path in (whole / "data").rglob("*") if path.is_file())
+    home = mount(f"size={taken // 2}")
+    code, said = call(home, RUN)
+    assert code == 8, said
+    assert "the disk is full: " in said
+    assert "free some space and run the same command again" in said
+    kept = {path: path.read_bytes() for record in home.rglob("trial.json") for path in record.parent.iterdir()}
+    subprocess.run(["mount", "-o", "remount,size=100m", str(home)], check=True)
+    code, said = call(home, RUN)
+    assert code == 0, said
+    assert {path: path.read_bytes() for path in kept} == kept
+    assert digest_of(home / "data" / "sessions") == digest_of(whole / "data" / "sessions")
+    assert call(home, ("sessions", "verify", "s"))[0] == 0
+
+
 READING: tuple[tuple[str, ...], ...] = (("sessions", "list"), ("sessions", "show", "s"), ("sessions", "verify", "s"))
 WRITING: tuple[tuple[str, ...], ...] = (
     RUN,
@@ -46,7 +65,7 @@ WRITING: tuple[tuple[str, ...], ...] = (
 )
 
 
-def test_commands_on_a_mount_that_is_read_only_read_and_move_nothing(mount):
+def test_commands_on_a_mount_that_is_read_only_read_and_move_nothing(mount: Mount) -> None:
     home = mount("size=1g")
     assert call(home, RUN)[0] == 0
     before = digest_of(home / "data")
@@ -64,7 +83,9 @@ def test_commands_on_a_mount_that_is_read_only_read_and_move_nothing(mount):
 
 
 @pytest.mark.long
-def test_a_session_whose_clock_goes_backwards_ends_like_any_other(tmp_path, monkeypatch):
+def test_a_session_whose_clock_goes_backwards_ends_like_any_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     whole, home = tmp_path / "whole", tmp_path / "backwards"
     assert call(whole, RUN)[0] == 0
     calls = []

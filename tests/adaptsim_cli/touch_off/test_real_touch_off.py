@@ -24,7 +24,7 @@ from real_lab import (
 )
 from touch_rig import few
 
-from adaptsim_cli import config
+from adaptsim_cli import app, config
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.attended import PersonBeside
 from adaptsim_cli.devices.confirmed import ConfirmedArm
@@ -184,3 +184,29 @@ def test_what_is_refused_before_any_device_is_touched(place):
     pusher = RIG + "[tools.pushing.payload]\nmass_kg = 0.15\n"
     refused(resolved(place, pusher, task="pushing"), UnknownName, "no corners to touch")
     refused(resolved(place, RIG + "[table]\nx_m = [0.3, 0.6]\n"), NotExecutable, r"outside of the work area.*\[table\]")
+
+
+def test_nothing_moves_unless_the_model_is_typed(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there, devices = resolved(place), ToyDevices(hand=FakeHand(), plane=TRUE)
+    typing(monkeypatch, "clear", "q")
+    with opened(there, devices) as rig, pytest.raises(StoppedByOperator, match="nothing has moved"):
+        asked(rig, quiet())
+    assert devices.arm is not None
+    assert devices.arm.executed == []
+    assert devices.hand.commands == []
+
+
+def test_the_command_refuses_yes_and_names_a_missing_driver(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    calibrated(resolved(place))
+    monkeypatch.setattr("adaptsim_cli.devices.lab.makers_drivers", Untouched)
+    assert app.run(["touch-off", "--hw", "panda", "--yes"]) == 2
+    assert "--yes never confirms the motion of a real arm" in capfd.readouterr().err
+    for lacking in ("arm", "hand", "pedal"):
+        devices = ToyDevices(hand=FakeHand(), lacking=lacking)
+        monkeypatch.setattr("adaptsim_cli.devices.lab.makers_drivers", devices.drivers)
+        assert app.run(["touch-off", "--hw", "panda"]) == 3
+        assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err
+        assert devices.arm is None or not devices.arm.executed
+    assert not list(place.glob("**/touch-off.json"))

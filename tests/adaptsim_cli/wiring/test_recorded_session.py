@@ -99,3 +99,11 @@ def test_too_few_trials_get_one_line_and_no_session(tmp_path, refused):
         8, *line(write_tables(tmp_path / "lab", 7))
     )
     assert not (tmp_path / "home/data/sessions").exists()
+
+
+def test_a_session_goes_on_where_it_was_and_gets_the_same_numbers(recorded: Path) -> None:
+    for count, name in (("1", "twice"), ("1", "twice"), ("2", "once")):
+        assert app.run(line(recorded, "-n", count, "--session", name)) == 0
+    twice, once = (api.open_session(name) for name in ("twice", "once"))
+    assert [t.action for t in twice.trials] == [t.action for t in once.trials]
+    assert [t.reward for t in twice.trials] == [t.reward for t in once.trials]

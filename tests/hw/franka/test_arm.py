@@ -9,7 +9,7 @@ import pytest
 from cells import READY, cell, move
 from players import Sink
 
-from hw.errors import DeviceUnavailable, MotionRefused
+from hw.errors import ArmFault, DeviceUnavailable, MotionRefused
 from hw.franka.arm import FrankaArm, open_franka
 from hw.franka.driver import UNAVAILABLE, Failure
 from hw.franka.settings import CollisionThresholds, FrankaSettings
@@ -77,6 +77,33 @@ def test_a_contact_that_the_arm_would_take_for_a_collision_is_refused() -> None:
     ):
         one.execute(path(soft))
     assert again.given == []
+
+
+@pytest.mark.parametrize(
+    ("mode", "words"),
+    [("UserStopped", "the stop button is pressed"), ("Guiding", "by hand"), ("Other", "unlock the joints")],
+)
+def test_an_arm_that_would_not_move_says_why(mode: str, words: str) -> None:
+    sink = Sink(mode=mode)
+    with arm(sink) as one:
+        assert words in (one.state().fault or "")
+        assert one.state().by_hand == (mode in ("UserStopped", "Guiding"))
+        with pytest.raises(ArmFault, match=words):
+            one.execute(path())
+        with pytest.raises(ArmFault, match="recover"):
+            one.recover()
+        assert not one.state().by_hand, "it is remembered now, until it is recovered from"
+    assert sink.given == []
+
+
+def test_the_model_decides_the_limits() -> None:
+    fast = path(duration_s=0.5, change_rad=0.27)  # 8.1 rad/s² for the FR3's 10; the Panda's joint 2 may do 7.5
+    panda, fr3 = Sink(), Sink()
+    with arm(panda, "panda") as one, pytest.raises(MotionRefused, match="acceleration of joint 2"):
+        one.execute(fast)
+    with arm(fr3, "fr3") as one:
+        one.execute(fast)
+    assert (len(panda.given), len(fr3.given)) == (0, 1)
 
 
 def test_a_player_that_cannot_connect_leaves_the_arm_unentered() -> None:

@@ -78,6 +78,15 @@ def test_the_panda_plays_the_path_unfiltered_and_unlimited_under_joint_impedance
 
 
 @pytest.mark.parametrize("model", MODELS)
+def test_modes_are_named_alike(model: str) -> None:
+    driver, sdk = connected(model)
+    assert driver.reading().mode == "Idle"
+    sdk.modes.reasons = ("joint_reflex",)
+    assert driver.reading().mode == "Reflex"
+    assert driver.reading().reasons == ("joint_reflex",)
+
+
+@pytest.mark.parametrize("model", MODELS)
 def test_recovery_is_asked_for_only_after_a_reflex(model: str) -> None:
     driver, sdk = connected(model)
     driver.recover()

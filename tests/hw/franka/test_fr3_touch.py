@@ -2,27 +2,46 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
-from fr3_process import Fr3Process, HandPedal, arm_at
-from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down, tip_m
+from fr3_process import Fr3Process, HandPedal, arm_at, fr3
+from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
 
-from hw.errors import ArmFault, StoppedByPedal
+from hw.contact import began, predicted_force_N
+from hw.errors import ArmFault, DeviceUnavailable, StoppedByPedal
 from hw.franka.arm import FrankaArm
 from hw.joint_limits import LIMITS, derivatives
+from hw.kinematics import forward
+from hw.types import Array
 
 WAY_M, SPEED_M_S = 0.005, 0.008
 PATH = down(WAY_M, SPEED_M_S)
 PLANE_M = TOP_M - 0.0025
 """Met about half way, at full speed."""
 AIR_M = -1.0
+BEND_RAD = 3e-3
+"""How far the simulated arm hangs below its path."""
+
+
+def tip_m(q_rad: Array) -> float:
+    X_BF = forward(q_rad)
+    return float((X_BF[:3, :3] @ TIP + X_BF[:3, 3])[2])
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Fr3Process]:
+    with fr3(Q_TOP_RAD, pace="hurried") as running:
+        yield running
 
 
 @pytest.fixture
-def server(hurried_fr3: Fr3Process) -> Fr3Process:
-    hurried_fr3.place(Q_TOP_RAD)
-    hurried_fr3.plane(PLANE_M, TIP)
-    return hurried_fr3
+def server(shared: Fr3Process) -> Fr3Process:
+    shared.place(Q_TOP_RAD)
+    shared.plane(PLANE_M, TIP)
+    return shared
 
 
 def stopped_on_the_way(arm: FrankaArm, reason: str) -> None:
@@ -35,6 +54,30 @@ def stopped_on_the_way(arm: FrankaArm, reason: str) -> None:
         arm.execute_until_contact(PATH, GUARD)
     arm.recover()
     np.testing.assert_allclose(arm.state().q_rad, state.q_rad, atol=1e-3)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("height_m", [PLANE_M, PLANE_M + 0.0006])
+def test_a_touch_is_found_and_the_arm_is_back_where_it_began(server: Fr3Process, height_m: float) -> None:
+    server.plane(height_m, TIP)
+    with arm_at(server, tool=TOOL) as arm:
+        before = arm.state()
+        contact = arm.execute_until_contact(PATH, GUARD)
+        after = arm.state()
+        np.testing.assert_allclose(server.commanded()[-1], PATH.q_rad[0], atol=BEND_RAD)
+        stop = arm.last_stop
+    touch = began(contact, GUARD)
+    assert touch is not None
+    assert tip_m(touch.q_rad) == pytest.approx(height_m, abs=3e-4)
+    assert GUARD.force_N <= contact.force_N < predicted_force_N(GUARD, SPEED_M_S)
+    assert after.fault is None
+    np.testing.assert_allclose(after.q_rad, before.q_rad, atol=1e-3)
+    np.testing.assert_allclose(np.diff(contact.felt_t_s), 1e-3, atol=1e-9)
+    assert contact.felt_torque_Nm.shape == contact.felt_measured_rad.shape == contact.felt_commanded_rad.shape
+    assert contact.t_s == contact.felt_t_s[-1]
+    assert stop is not None
+    assert stop.why == "touch"
+    assert stop.braking_after_s <= 0.021
 
 
 @pytest.mark.long
@@ -94,3 +137,23 @@ def test_a_stop_that_is_asked_for_during_the_search(server: Fr3Process) -> None:
         with pytest.raises(ArmFault, match="requested"):
             arm.execute_until_contact(PATH, GUARD)
         stopped_on_the_way(arm, "stop was requested")
+
+
+@pytest.mark.long
+def test_a_reflex_while_touching_is_a_fault(server: Fr3Process) -> None:
+    server.tell("threshold 2.0")
+    with arm_at(server, tool=TOOL) as arm:
+        with pytest.raises(ArmFault, match="cartesian_reflex"):
+            arm.execute_until_contact(PATH, GUARD)
+        server.tell("threshold inf")
+        stopped_on_the_way(arm, "cartesian_reflex")
+
+
+@pytest.mark.long
+def test_a_connection_lost_half_way_is_a_fault_then_unavailable() -> None:
+    with fr3(Q_TOP_RAD, pace="hurried") as server, arm_at(server, tool=TOOL) as arm:
+        server.at(1.0, lambda: server.signal(signal.SIGKILL))
+        with pytest.raises(ArmFault, match="answer"):
+            arm.execute_until_contact(PATH, GUARD)
+        with pytest.raises(DeviceUnavailable, match="refuses"):
+            arm.state()

@@ -7,19 +7,25 @@ from typing import Any
 
 import numpy as np
 import pytest
-from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down, tip_m
+from fr3_process import HandPedal
+from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
 from players import InProcess, arm_of
 from sdk_fake import FakeSdk
 
 from hw.contact import TORQUE_NOISE_NM, began
-from hw.errors import ArmFault, MotionRefused
+from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
 from hw.franka.settings import Payload
-from hw.kinematics import jacobian
+from hw.kinematics import forward, jacobian
 from hw.types import Array, Guard
 
 PATH = down(0.005, 0.008)
 PLANE_M = TOP_M - 0.0025
 STIFFNESS_N_M, ERROR_NM = 4000.0, 0.8
+
+
+def tip_m(q_rad: Any) -> float:
+    X_BF = forward(q_rad)
+    return float((X_BF[:3, :3] @ TIP + X_BF[:3, 3])[2])
 
 
 def plane(
@@ -42,9 +48,9 @@ def fake(model: str, **more: Any) -> FakeSdk:
 
 
 @pytest.mark.parametrize("model", ["panda", "fr3"])
-def test_a_touch_is_found_though_cycles_are_lost(model: str) -> None:
-    sdk = fake(model, feels=plane(PLANE_M), lost_cycles=(700, 900, 901, 1000))
-    with arm_of(sdk, model, tool=TOOL) as arm:
+@pytest.mark.parametrize("lost", [(), (700, 900, 901, 1000)])
+def test_a_touch_is_found_with_and_without_lost_cycles(model: str, lost: tuple[int, ...]) -> None:
+    with arm_of(fake(model, feels=plane(PLANE_M), lost_cycles=lost), model, tool=TOOL) as arm:
         contact = arm.execute_until_contact(PATH, GUARD)
         np.testing.assert_allclose(arm.state().q_rad, PATH.q_rad[0], atol=1e-9)
         assert arm.last_stop is not None
@@ -56,6 +62,35 @@ def test_a_touch_is_found_though_cycles_are_lost(model: str) -> None:
     np.testing.assert_allclose(np.diff(contact.felt_t_s), 1e-3, atol=1e-12)
     np.testing.assert_array_equal(contact.felt_commanded_rad, PATH.q_rad[: len(contact.felt_t_s)])
     np.testing.assert_allclose(contact.felt_measured_rad[1:], contact.felt_commanded_rad[:-1], atol=5e-5)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+def test_the_air_is_no_contact(model: str) -> None:
+    with arm_of(fake(model, feels=plane(-1.0)), model, tool=TOOL) as arm:
+        with pytest.raises(NoContact, match=f"{model}: the arm came to the end of its path"):
+            arm.execute_until_contact(PATH, GUARD)
+        np.testing.assert_allclose(arm.state().q_rad, PATH.q_rad[0], atol=1e-9)
+        assert arm.state().fault is None
+
+
+@pytest.mark.long
+def test_a_pedal_let_go_there_and_on_the_way_back() -> None:
+    """It is let go of by the force: of the search at 2 N of 4, of the way back once it has become less than 1 N."""
+    for low_N, where in ((2.0, "search"), (None, "way back")):
+        pedal = HandPedal()
+        felt_N: list[float] = []
+
+        def at(force_N: float, low_N: float | None = low_N, pedal: HandPedal = pedal, felt: Any = felt_N) -> None:
+            felt.append(force_N)
+            pedal.held = force_N < low_N if low_N else not (max(felt) > 4.0 and 0.0 < force_N < 1.0)
+
+        with arm_of(fake("panda", feels=plane(PLANE_M, at)), tool=TOOL, pedal=pedal) as arm:
+            with pytest.raises(StoppedByPedal, match="pedal"):
+                arm.execute_until_contact(PATH, GUARD)
+            assert max(felt_N) < 4.0 if where == "search" else max(felt_N) > 4.0
+            assert 1e-4 < TOP_M - tip_m(arm.state().q_rad) < 0.005
+            assert "pedal" in (arm.state().fault or "")
 
 
 def test_a_reflex_at_the_touch_is_a_fault_that_is_recovered_in_place() -> None:

@@ -70,6 +70,18 @@ def test_a_body_that_hardly_moves_is_held_until_it_has_moved() -> None:
     assert np.array_equal(held_still(moving), moving)
 
 
+def test_the_camera_looks_down_at_the_work_area() -> None:
+    X_BC = default_X_BC()
+    assert X_BC[:3, :3] @ X_BC[:3, :3].T == pytest.approx(np.eye(3))
+    assert X_BC[2, 2] < -0.5 and X_BC[0, 2] < 0  # down and back towards the arm
+    assert X_BC[2, 1] < 0  # upright
+    p = inverse(X_BC) @ [0.68, 0.0, 0.0, 1.0]
+    uv, _ = cv2.projectPoints(
+        p[:3], np.zeros(3), np.zeros(3), kinect_model().colour.K, kinect_model().colour.distortion
+    )
+    assert np.abs(uv.ravel() - [640, 360]).max() < 60
+
+
 def test_depth_of_table_and_block_is_exact_without_noise() -> None:
     _, depth_mm = renderer().render({"block": at(0.7, 0.0, HALF_M)[None]}, None, RNG(0))
     model = close_up()

@@ -64,7 +64,7 @@ def test_an_olive_that_rolls_on_after_the_motion_ends_at_the_neck_with_and_witho
     assert np.linalg.norm(seen_m - expected.end_in_tool_m) < 0.005
 
 
-@pytest.mark.parametrize("number", [0, 8])  # on the blade, on the table
+@pytest.mark.parametrize("number", [0, 3, 5, 8])
 def test_a_scoop_in_a_drawn_world_ends_alike(number: int) -> None:
     world, action = drawn_world(SCOOPING, 0, number), np.array([0.0, 0.10, 0.012])
     expected = alone(SCOOPING, world, SCOOPING.reference_context, action)
@@ -72,8 +72,9 @@ def test_a_scoop_in_a_drawn_world_ends_alike(number: int) -> None:
     assert is_on_blade(*poses) == (expected.outcome is Outcome.ON_BLADE)
 
 
-def test_a_push_in_a_drawn_world_ends_alike() -> None:
-    world, action = drawn_world(PUSHING, 0, 0), np.array([0.05, 0.55])
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_a_push_in_a_drawn_world_ends_alike(number: int) -> None:
+    world, action = drawn_world(PUSHING, 0, number), np.array([0.05, 0.55])
     expected = alone(PUSHING, world, PUSHING.reference_context, action)
     _, X_BO = with_arm(PUSHING, world, PUSHING.reference_context, action)
     assert (X_BO[2, 2] > np.cos(np.deg2rad(30.0))) == (expected.outcome is Outcome.UPRIGHT)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from lab_scoops import CELL, TASK, XY_M, run, scoop, world
+from slider import CELL, HOME_RAD, TASK, XY_M, run, shove, world
 
 from hw.errors import ArmFault, CameraError, StoppedByPedal
 from hw.joint_limits import LIMITS
 from hw.types import JointPath
-from sim.lab.simulated import READY_RAD, SimulatedLab
+from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Faults, Sensing
 from sim.panda.moves import move_path
 
@@ -19,9 +19,9 @@ def lab_with(**faults: tuple[int, ...]) -> SimulatedLab:
 
 
 def until_task(lab: SimulatedLab, trial: int, attempt: int = 0) -> JointPath:
-    approach, path, _ = scoop()
+    path = shove()
     lab.bench.place(XY_M, trial, attempt)
-    lab.arm.execute(approach)
+    lab.arm.execute(move_path(HOME_RAD, path.q_rad[0], LIMITS["panda"]))
     return path
 
 
@@ -36,7 +36,7 @@ def test_a_reflex_stops_the_task_path_of_its_trial() -> None:
         reached = np.abs(path.q_rad - q_rad).max(axis=1).argmin() / (len(path.t_s) - 1)
         assert 0.25 < reached < 0.65
         lab.arm.recover()
-        lab.arm.execute(move_path(q_rad, READY_RAD, LIMITS["panda"]))
+        lab.arm.execute(move_path(q_rad, HOME_RAD, LIMITS["panda"]))
 
 
 def test_releasing_the_pedal_brakes_along_the_path() -> None:
@@ -78,6 +78,6 @@ def test_placing_the_object_anew_finds_the_arm_at_home() -> None:
             lab.arm.execute(until_task(lab, 1))
         lab.arm.recover()
         lab.bench.place(XY_M, 1, 1)
-        np.testing.assert_array_equal(lab.arm.state().q_rad, READY_RAD)
+        np.testing.assert_array_equal(lab.arm.state().q_rad, HOME_RAD)
         with lab_with() as afresh:
             assert run(lab, 1, 1).bytes_ == run(afresh, 1, 1).bytes_

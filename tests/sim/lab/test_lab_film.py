@@ -7,14 +7,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from lab_scoops import CELL, TASK, XY_M, resting, scoop, world
+from slider import CELL, HOME_RAD, TASK, XY_M, shove, world
 
+from hw.joint_limits import LIMITS
 from hw.types import Array
 from sim.lab.cell import Cell, PlantMotion
 from sim.lab.film import SLICES, Filming
 from sim.lab.rng_streams import RngStreams
-from sim.lab.simulated import READY_RAD, SimulatedLab
+from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing
+from sim.panda.moves import move_path
 from sim.render.pool import Picture, Poses, ThreadPool
 
 T_PLACED_S, T_START_S = 1000.0, 1003.21
@@ -47,7 +49,7 @@ def filming(cell: Cell, notes: Notes, sensing: Sensing) -> Filming:
 def slow(cell: Cell, duration_s: float = 0.8) -> PlantMotion:
     """The last joint creeps, at first under the renderer's tolerance in each slice."""
     t_s = np.linspace(0.0, duration_s, 161)
-    q_rad = np.tile(READY_RAD, (len(t_s), 1))
+    q_rad = np.tile(HOME_RAD, (len(t_s), 1))
     q_rad[:, 6] += 2e-3 * t_s**3
     return cell.travel(t_s, q_rad)
 
@@ -93,8 +95,8 @@ def test_a_picture_is_asked_for_once_its_exposure_is_over(cell: Cell) -> None:
 
 
 def test_a_simulation_tells_of_its_motion_while_it_goes_on() -> None:
-    cell, path, seen = Cell(TASK, world()), scoop()[1], list[PlantMotion]()
-    cell.reset(path.q_rad[0], resting())
+    cell, path, seen = Cell(TASK, world()), shove(), list[PlantMotion]()
+    cell.reset(path.q_rad[0], np.eye(4))
     whole = cell.simulate(path.t_s, path.q_rad, seen.append)
     np.testing.assert_allclose([motion.t_s[-1] for motion in seen[:5]], [0.1, 0.2, 0.3, 0.4, 0.5], atol=1e-9)
     for motion in seen:
@@ -110,9 +112,9 @@ def test_the_camera_asks_for_pictures_during_the_motion(monkeypatch: pytest.Monk
         return render(studio, poses, rng)
 
     with SimulatedLab(TASK, world(), 7, CELL) as lab:
-        approach, path, _ = scoop()
+        path = shove()
         lab.bench.place(XY_M, 1, 0)
-        lab.arm.execute(approach)
+        lab.arm.execute(move_path(HOME_RAD, path.q_rad[0], LIMITS["panda"]))
         monkeypatch.setattr(ThreadPool, "render", noted)
         lab.camera.start_recording()
         lab.arm.execute(path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -111,6 +112,16 @@ def test_without_mujoco_the_install_line_is_named(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ExtraMissing, match=r'pip install "adaptsim\[mujoco\]"'):
         simulate_of("scooping", "mujoco")
+
+
+@pytest.mark.long
+def test_nobody_imports_mujoco_who_does_not_ask_for_it() -> None:
+    code = (
+        "import sys; from sim.lab.world import rollouts_in; from sim.lab.world import load_world; "
+        "from sim.tasks import get_task; import sim.adaptation.checkpoint, sim.research.pretraining.pipeline; "
+        "rollouts_in(load_world('mujoco-wd', get_task('pushing'))); sys.exit('mujoco' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0
 
 
 @pytest.mark.long

@@ -10,7 +10,7 @@ import pytest
 
 from hw.collision import LEVEL, KeepOut
 from hw.contact import began
-from hw.errors import ArmFault, MotionRefused, StoppedByPedal
+from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
 from hw.joint_limits import LIMITS
 from hw.kinematics import forward
 from hw.types import Array
@@ -73,16 +73,28 @@ def test_the_same_again_gives_the_same_and_another_touch_does_not() -> None:
     assert not np.array_equal(first.felt_torque_Nm[:100], second.felt_torque_Nm[:100])
 
 
-def test_something_on_the_table_is_felt_early() -> None:
+def test_something_on_the_table_is_felt_early_and_nothing_not_at_all() -> None:
     fast = descent(top_rad(), DOWN, GUARD, 0.014, CELL.arm)
     book = KeepOut("book", np.array([0.45, 0.0, 0.0]), np.array([0.65, 0.2, 0.012]))
     with lab(world(Mount()), (book,)) as there:
         assert height_m(there.arm.execute_until_contact(fast, GUARD).q_rad) == pytest.approx(0.012, abs=1e-3)
+    with lab(world(Mount(table_height_mm=-40.0))) as there:
+        with pytest.raises(NoContact, match="touched nothing"):
+            there.arm.execute_until_contact(fast, GUARD)
+        np.testing.assert_array_equal(there.arm.state().q_rad, top_rad())
 
 
-def test_the_pedal_stops_it() -> None:
+def test_faults_stop_it_and_need_recovery() -> None:
     fast = descent(top_rad(), DOWN, GUARD, 0.014, CELL.arm)
-    with lab(world(faults=Faults(pedal_release=(1,)))) as there:
+    with lab(world(faults=Faults(arm_reflex=(1,), pedal_release=(2,)))) as there:
+        with pytest.raises(ArmFault, match="reflex"):
+            there.arm.execute_until_contact(fast, GUARD)
+        stopped = there.arm.state()
+        assert stopped.fault
+        with pytest.raises(ArmFault, match="recover"):
+            there.arm.execute_until_contact(fast, GUARD)
+        there.arm.recover()
+        there.arm._moved_to(top_rad(), 0.0)
         with pytest.raises(StoppedByPedal, match="pedal"):
             there.arm.execute_until_contact(fast, GUARD)
         assert np.abs(there.arm.state().q_rad - top_rad()).max() > 1e-4
@@ -95,9 +107,12 @@ def test_a_free_motion_into_the_table_is_a_fault() -> None:
         there.arm.execute(move_path(top_rad(), low, LIMITS["panda"], 0.2))
 
 
-def test_contact_is_only_felt_out() -> None:
+def test_it_must_be_entered_and_contact_is_only_felt_out() -> None:
     fast = descent(top_rad(), DOWN, GUARD, 0.014, CELL.arm)
-    with lab(world()) as there, pytest.raises(MotionRefused):
+    there = lab(world())
+    with pytest.raises(DeviceUnavailable):
+        there.arm.execute_until_contact(fast, GUARD)
+    with there, pytest.raises(MotionRefused):
         there.arm.execute(fast)
 
 

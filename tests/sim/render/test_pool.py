@@ -39,7 +39,7 @@ def film(studio: RenderPool, count: int = 6) -> list[Picture]:
     return [soon.result() for soon in [ask(studio, i) for i in range(count)]]
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def processes() -> Iterator[ProcessPool]:
     studio = ProcessPool(scene(), 2)
     yield studio
@@ -86,18 +86,23 @@ def test_closing_finishes_what_was_asked_for_or_cancels_it(make) -> None:
     assert asked[-1].cancelled()
 
 
-def test_a_folder_of_the_user_is_not_taken_for_our_package_and_no_process_outlives_its_studio(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_of_the_user_is_not_taken_for_our_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "sim").mkdir()
     (tmp_path / "sim" / "__init__.py").write_text("raise SystemExit(7)")
     monkeypatch.chdir(tmp_path)
     studio = ProcessPool(scene(), 1)
-    (started,) = pids(studio)
     film(studio, 1)
     studio.close(finish=True)
-    with pytest.raises(ProcessLookupError):
-        os.kill(started, 0)
+
+
+def test_no_process_outlives_its_studio() -> None:
+    studio = ProcessPool(scene(), 2)
+    started = pids(studio)
+    film(studio, 1)
+    studio.close(finish=True)
+    for pid in started:
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
 
 
 def test_a_process_ends_when_the_program_hangs_up() -> None:

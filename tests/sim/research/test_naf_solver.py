@@ -84,6 +84,17 @@ def test_training_together_gives_what_training_alone_gives():
         assert one.value_error == two.value_error < 1.0
 
 
+def test_a_wide_distribution_does_not_take_over_a_narrow_one():
+    counted = Counting()
+    solver = solver_with(QUICK, counted)
+    wide = PARAMETERS.sample(rng(), 64)
+    policy_for(solver, wide.mean(axis=0)[None])
+    policy_for(solver, wide)
+    assert counted.count == 60
+    policy_for(solver, wide)
+    assert counted.count == 87  # but its own
+
+
 def test_expected_rewards_are_those_of_true_rollouts():
     solver = solver_with(RULES)
     contexts = TOY.context.sample(rng(), 8)
@@ -233,8 +244,15 @@ def test_the_advantage_is_a_full_positive_definite_quadratic_around_the_mean():
     assert mean.abs().max() < 1
 
 
+def test_it_finds_the_best_action_from_rollouts_alone():
+    policy = train_naf(TOY, MEAN[None], roll, 500, 0)
+    action = policy(TOY.reference_context)
+    assert TOY.action.contains(action)
+    assert np.linalg.norm(TOY.action.normalise(action) - best_action(MEAN)) < 0.12
+
+
 def test_training_goes_on_from_a_donor_and_repeats_exactly():
-    donor = train_naf(TOY, MEAN[None], roll, 300, 0)
+    donor = train_naf(TOY, MEAN[None], roll, 500, 0)
     near = PARAMETERS.step(MEAN, np.array([1, 0, 0, 0]), 0.1)
     one, two = (train_naf(TOY, near[None], roll, 30, 1, donor) for _ in range(2))
     context = TOY.reference_context
@@ -307,6 +325,17 @@ def test_distributions_differ_by_their_means_and_their_widths():
     wide = features(np.array([[0.0, 0.5], [1.0, 0.5]]))
     assert np.linalg.norm(narrow - near) == pytest.approx(0.1)
     assert np.linalg.norm(narrow - wide) == pytest.approx(0.5)
+
+
+def test_the_least_budget_of_the_papers_numbers_never_binds():
+    for rules in (get_task(name).reuse for name in ("pushing", "scooping")):
+        plan = plan_training((), np.zeros(1), rules)
+        budgets = [plan.budget]
+        while plan.budget:
+            plan = plan_training(plan.record, np.zeros(1), rules)
+            budgets.append(plan.budget)
+        assert sum(budgets) == rules.max_budget
+        assert min(budgets[:-2]) > rules.least_budget
 
 
 def test_contradicting_rules_are_refused():

@@ -213,3 +213,13 @@ def test_an_own_object_keeps_the_symmetry_only_if_its_ranges_do():
     assert with_ranges(pushing, OwnObject("pushing", "jar", centred)).mirror is pushing.mirror
     assert with_ranges(pushing, OwnObject("pushing", "jar", {"mu": (0.1, 0.2)})).mirror is pushing.mirror
     assert with_ranges(pushing, OwnObject("pushing", "jar", aside)).mirror is None
+
+
+@pytest.mark.parametrize("signs", [(1.0, 1.0), (-1.0, -1.0)])
+def test_the_mirror_image_of_a_mirror_image_is_the_rollout(signs):
+    mirror = dataclasses.replace(MIRROR, observed=np.array(signs))
+    task, given, n = dataclasses.replace(TOY, mirror=mirror), dataset(), len(dataset())
+    once = with_mirror_images(task, given)
+    again = with_mirror_images(task, Dataset(once.requests[n:], once.rollouts[n:], n))
+    assert np.allclose(again.rollouts.observation[n:], given.rollouts.observation)
+    assert np.allclose(again.requests.nuisance[n:], given.requests.nuisance)

@@ -6,6 +6,7 @@ import pytest
 from sim.errors import OutOfRange
 from sim.tasks.scooping.params import BEVEL_M, EDGE_M, LIP_M, PIECE_DENSITY_KG_M3, SQUARE_LIP_M
 from sim.tasks.scooping.piece import GRAVITY_M_S2, blade, make_piece, sink_m
+from sim.tasks.shared.shapes import obj_text
 
 HALF = (0.012, 0.012)
 EXACT = {0: (np.pi / 6 * 0.024**2 * 0.02, 0.10), 1: (np.pi * 0.012**2 * 0.02, 0.05), 2: (0.024**2 * 0.02, 1e-9)}
@@ -68,3 +69,10 @@ def test_a_square_edge_is_as_high_as_the_blade():
     solid = blade(SQUARE_LIP_M)
     assert len(solid.vertices_m) == 8
     assert np.ptp(solid.vertices_m[solid.vertices_m[:, 0] == 0.0, 2]) == pytest.approx(SQUARE_LIP_M)
+
+
+def test_obj_lists_every_vertex_and_face():
+    piece = make_piece(1, 0.02, HALF)
+    lines = obj_text(piece.vertices_m, piece.triangles).splitlines()
+    assert sum(line.startswith("v ") for line in lines) == len(piece.vertices_m)
+    assert sum(line.startswith("f ") for line in lines) == len(piece.triangles)

@@ -11,7 +11,7 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 from sim.errors import DatasetError
 from sim.lab.world import Faults, Sensing, World
 from sim.research.benchmark import tables
-from sim.research.benchmark.tables import MANIFEST, build_table, load_table
+from sim.research.benchmark.tables import MANIFEST, build_table, load_table, table_requests
 from sim.research.benchmark.trial_sources import Tabled
 from sim.rollouts import serial_executor
 
@@ -106,6 +106,12 @@ def test_shards_that_were_exchanged_are_found(tmp_path):
     (tmp_path / "a/shard-0001.npz").write_bytes((tmp_path / "b/shard-0001.npz").read_bytes())
     with pytest.raises(DatasetError, match=r"are not those of table\.toml"):
         load_table(TOY, WORLD, "scene", tmp_path / "a")
+
+
+def test_requests_are_the_same_for_the_same_world_and_differ_between_worlds():
+    one, same = (table_requests(solver(), WORLD, 64).action for _ in range(2))
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, table_requests(solver(), replace(WORLD, name="calm"), 64).action)
 
 
 def test_a_looked_up_trial_is_the_true_one_nearby_and_scores_come_from_other_rollouts(tmp_path):

@@ -100,6 +100,12 @@ def test_what_is_simulated_for_a_trial_is_what_that_trial_shows():
     assert np.abs(wrong.mean(axis=0) - seen.observation).max() > np.abs(shown.mean(axis=0) - seen.observation).max()
 
 
+def test_draws_outside_of_the_ranges_do_not_count():
+    drawn = np.array([[0.2, 0.3], [1.2, 0.5], [np.nan, 0.1]])
+    assert sysid._within(drawn).tolist() == [[0.2, 0.3]]
+    assert sysid._within(drawn[1:]).tolist() == [[1.0 - 1e-9, 0.5]]
+
+
 def test_bayesian_optimisation_goes_where_rewards_are_high():
     method, rng = BayesianOptimisation(TOY), np.random.default_rng(0)
 
@@ -205,7 +211,7 @@ def test_it_proposes_only_what_the_arm_can_do():
     method = LearnInTarget(TOY)
     (particle,) = method.start(1, np.random.default_rng(0))
     slow = method.policy(particle, [], lambda context, action: bool(action[1] < 0.6))
-    assert all(slow(c)[1] < 0.6 for c in TOY.context.sample(np.random.default_rng(1), 3))
+    assert all(slow(c)[1] < 0.6 for c in TOY.context.sample(np.random.default_rng(1), 8))
     with pytest.raises(NotExecutable, match="move the toy piece"):
         method.policy(particle, [], lambda context, action: False)(TOY.reference_context)
 

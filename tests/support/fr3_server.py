@@ -5,6 +5,7 @@ then obeys lines on stdin, each answered by "done":
 
     place q1 ... q7          be there, at rest, with nothing left of what happened before
     reflex SECONDS NAME ...  raise these so long into the next motion
+    flags INDEX ...          report these error flags, by their place on the wire, from now on
     manual                   the next recovery asks for a person first
     mode NAME                be in that mode, by whatever brings it about (tests/support/franka_modes.py)
     lose SECONDS CYCLES      so many commands in a row are lost, or too late, so long into the next motion
@@ -71,6 +72,8 @@ DAWDLING_S = 0.01
 TORQUE_ERROR_NM = 0.8
 NOWHERE = (-1.0, 0.0, np.zeros(3))
 """A plane that presses on nothing."""
+
+
 KP = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
 KV = (100.0, 100.0, 70.0, 70.0, 20.0, 20.0, 20.0)
 
@@ -141,6 +144,7 @@ class Fr3Server(FrankaRobotServer):
             RobotCommand.kSetCollisionBehavior: setter("set_collision_behavior", SetCollisionBehaviorCommand),
         }
         self.modes, self.monitor = ArmModes(), Monitor("fr3")
+        self.shown_flags: tuple[int, ...] = ()
         self.configured: list[str] = []  # since the last motion began, and before it
         self.recovers: Recovery | None = None
         self.recovery_cycles = 0
@@ -252,7 +256,7 @@ class Fr3Server(FrankaRobotServer):
     def robot_state(self) -> Any:
         state = super().robot_state
         mode = RobotMode(MODES.index(self.modes.mode))
-        flags = tuple(name in self.modes.reasons for name in FLAGS)
+        flags = tuple(i in self.shown_flags or name in self.modes.reasons for i, name in enumerate(FLAGS))
         rate = float(np.mean(self.recent)) if self.current_motion_id and self.recent else 0.0
         felt = {"tau_ext_hat_filtered": tuple(self.plane.reported_Nm.tolist())}
         return state.replace(
@@ -273,7 +277,7 @@ class Fr3Server(FrankaRobotServer):
             arm.data.qpos[position], arm.data.qvel[velocity] = q, 0.0
         self._FrankaRobotServer__holding_q = tuple(q_rad)
         self.modes.be("Idle")
-        self.planned, self.strict, self.monitor.most_lost = None, False, LOST_IN_A_ROW
+        self.planned, self.shown_flags, self.strict, self.monitor.most_lost = None, (), False, LOST_IN_A_ROW
         self.losing = (0.0, 0)
         self.plane, self.threshold_N = Plane(*NOWHERE), float("inf")
 
@@ -356,6 +360,7 @@ def order_of(server: Fr3Server, word: str, rest: list[str]) -> Callable[[], None
         "mode": lambda: lambda: modes.be(rest[0]),
         "fci": lambda: lambda: server.turn_fci(rest[0]),
         "reflex": lambda: keep("planned", (float(rest[0]), tuple(rest[1:]))),
+        "flags": lambda: keep("shown_flags", tuple(map(int, rest))),
         "lose": lambda: keep("losing", (float(rest[0]), int(rest[1]))),
         "strict": lambda: lambda: server.be_strict(int(rest[0])),
         "patient": lambda: keep("strict", False),

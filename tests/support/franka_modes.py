@@ -2,8 +2,8 @@
 
 The modes are libfranka's `RobotMode`. The Panda's stand-in SDK and the FR3's protocol server both keep an `ArmModes`
 and a `Monitor`, so neither takes what the other refuses. The statuses and the order of the error flags on the wire are
-those that libfranka 0.21.3 reads (`test_modes_of_both_arms.py` compares the words); which mode takes which command is
-the maker's documentation and the reports of users (franka_ros issues 25 and 70).
+those that libfranka 0.21.3 reads (`test_modes_of_both_arms.py` sends each of them and compares the words); which mode
+takes which command is the maker's documentation and the reports of users (franka_ros issues 25 and 70).
 """
 
 from __future__ import annotations
@@ -155,6 +155,37 @@ class ArmModes:
             setattr(self, name.get(mode, "recovering"), True)
 
 
+class Limiter:
+    """libfranka's `limitRate` of joint positions (rate_limiting.cpp, applied in `convertMotion` of control_loop.cpp
+    where `limit_rate` is set): a command is pulled towards the last ones until speed, acceleration and jerk are kept.
+
+    So a jump is not refused: it is chased as fast as the limits allow. The limits are those of rate_limiting.h: the
+    arm's, less 1e-3, and less three packets of acceleration for speeds.
+    """
+
+    def __init__(self, q_rad: list[float], model: str = "panda") -> None:
+        self._limits = LIMITS[model]
+        self._q, self._dq, self._ddq = np.array(q_rad), np.zeros(7), np.zeros(7)
+
+    def limited(self, q_rad: list[float]) -> list[float]:
+        limits, dt_s = self._limits, 1e-3
+        most_ddq, most_dddq = limits.ddq_max_rad_s2 - 1e-3, limits.dddq_max_rad_s3 - 1e-3
+        most = limits.dq_max_rad_s - 1e-3 - 3.0 * dt_s * most_ddq
+        dq = (np.array(q_rad) - self._q) / dt_s
+        dddq = ((dq - self._dq) / dt_s - self._ddq) / dt_s
+        ddq = self._ddq + np.clip(dddq, -most_dddq, most_dddq) * dt_s
+        steep = most_dddq / most_ddq
+        high = np.minimum(steep * (most - self._dq), most_ddq)
+        low = np.maximum(steep * (-most - self._dq), -most_ddq)
+        before, self._ddq = self._dq, np.clip(ddq, low, high)
+        self._dq = before + self._ddq * dt_s
+        self._q = self._q + self._dq * dt_s
+        return [float(q) for q in self._q]
+
+
+NOT_FINITE = "Commanding value is infinite or NaN."
+"""libfranka sends no such command, and throws std::invalid_argument (`checkFinite` of its control_tools.h)."""
+
 LOST_IN_A_ROW = 20
 """From here on an arm stops (the maker's documentation of the FCI)."""
 START_RAD = 1e-3
@@ -180,9 +211,10 @@ class Monitor:
     * the flange's speed (`cartesian_velocity_violation`) and the joints' torques (`tau_j_range_violation`) within the
       limits of the same tables.
 
-    Which mode takes which command is `ANSWERS`. Not imitated, because no number is published: power, instability, the
-    rate of desired torques, how near a self-collision may come, and which arguments of a setter the arm rejects; nor
-    libfranka's limiter and low-pass filter, which the driver turns off.
+    Which mode takes which command is `ANSWERS`; that the limiter chases a jump is `Limiter`; that a command is finite
+    is `NOT_FINITE`. Not imitated, because no number is published: power, instability, the rate of desired torques, how
+    near a self-collision may come, and which arguments of a setter the arm rejects; nor libfranka's low-pass filter,
+    which the driver turns off.
     """
 
     model: str

@@ -1,7 +1,8 @@
 """The interface of an SDK's module as far as the drivers use it, with an arm inside that follows at once.
 
 The arm takes and refuses what `tests/support/franka_modes.py` says, in the words of libfranka. `k` says whether modes
-and enumerations begin with k (panda_py.libfranka) or not (pylibfranka).
+and enumerations begin with k (panda_py.libfranka) or not (pylibfranka). With `limit_rate` the Panda's stand-in limits
+the commands as libfranka does before it sends them.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from franka_modes import FLAGS, PANDA_FLAGS, REFLEX, STOP_PRESSED, ArmModes, Monitor, Refusal
+from franka_modes import FLAGS, NOT_FINITE, PANDA_FLAGS, REFLEX, STOP_PRESSED, ArmModes, Limiter, Monitor, Refusal
 
 Q_RAD = [0.0, -0.7, 0.0, -2.3, 0.0, 1.6, 0.7]
 
@@ -143,6 +144,8 @@ class FakeRobot:
         self._monitor.begin(np.array(self._q))
 
     def take(self, command: JointPositions) -> None:
+        if not np.isfinite(command.q).all():
+            raise ValueError(NOT_FINITE)
         self.did("command", (command.q, command.motion_finished))
         self.sdk.when(self._cycle)
         if self._cycle in self.sdk.lost_cycles:
@@ -172,7 +175,10 @@ class FakeRobot:
         self.did("control_joint_position", options)
         self._begin()
         finished = False
+        limiter = Limiter(self._q) if options["limit_rate"] else None
         while not finished:
             command = callback(self.read_once(), self._since())
+            if limiter is not None:
+                command.q = limiter.limited(command.q)
             self.take(command)
             finished = command.motion_finished

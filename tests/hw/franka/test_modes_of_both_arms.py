@@ -5,16 +5,16 @@ The Panda is its stand-in SDK, the FR3 the maker's SDK over the network protocol
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 from cells import cell, move
-from fr3_process import RELAXED, Fr3Process
-from franka_modes import ANSWERS, COMMANDS, MODES, SETTERS
+from fr3_process import READY_RAD, RELAXED, Fr3Process, fr3
+from franka_modes import ANSWERS, COMMANDS, FLAGS, MODES, NOT_FINITE, SETTERS
 from players import InProcess, arm_of, driver_of
-from sdk_fake import FakeRobot, FakeSdk
+from sdk_fake import FakeRobot, FakeSdk, JointPositions
 
 from hw.errors import ArmFault, DeviceUnavailable
 from hw.franka.arm import franka
@@ -23,7 +23,20 @@ from hw.franka.playback import Playback, PlayOutcome, motion_of
 from hw.franka.settings import FrankaSettings
 from hw.types import JointPath
 
+BY_HAND_MODES = ("UserStopped", "Guiding")
 LASTING = tuple(mode for mode in MODES if mode not in ("Move", "AutomaticErrorRecovery"))
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Fr3Process]:
+    with fr3() as running:
+        yield running
+
+
+@pytest.fixture
+def server(shared: Fr3Process) -> Fr3Process:
+    shared.place(READY_RAD)
+    return shared
 
 
 def asked(robot: Any, name: str) -> Callable[[], object]:
@@ -78,6 +91,27 @@ def _until_shown(robot: object, mode: str) -> None:
     raise AssertionError(f"the arm never came to {mode}")
 
 
+def test_setters_are_commands_of_idle_alone() -> None:
+    for command in SETTERS:
+        assert [mode for mode in MODES if ANSWERS[command, mode] is None] == ["Idle"]
+
+
+def test_every_flag_of_the_wire_has_its_name_in_the_sdk(server: Fr3Process) -> None:
+    import pylibfranka  # noqa: PLC0415
+
+    real = pylibfranka.Robot(server.host, pylibfranka.RealtimeConfig.kIgnore)
+    names = [name for name in dir(pylibfranka.Errors) if not name.startswith("_")]
+    assert sorted(names) == sorted(FLAGS)
+    for index, name in enumerate(FLAGS):
+        server.tell(f"flags {index}")
+        for _ in range(2000):
+            errors = real.read_once().current_errors
+            shown = [one for one in names if getattr(errors, one) is True]
+            if shown == [name]:
+                break
+        assert shown == [name]
+
+
 CHANGE_RAD = np.array([0.05, -0.03, 0.03, 0.02, 0.04, 0.03, -0.05])
 
 
@@ -85,26 +119,17 @@ def rad(q_rad: np.ndarray) -> JointPath:
     return move(CHANGE_RAD, 0.6, start_rad=q_rad)
 
 
-@pytest.mark.parametrize(
-    ("mode", "words"),
-    [
-        ("Reflex", "joint_reflex"),
-        ("UserStopped", "the stop button is pressed"),
-        ("Guiding", "by hand"),
-        ("Other", "unlock the joints"),
-    ],
-)
-def test_a_panda_found_in_any_mode_connects_explains_recovers_and_moves(mode: str, words: str) -> None:
+@pytest.mark.parametrize("mode", [mode for mode in LASTING if mode != "Idle"])
+def test_a_panda_found_in_any_mode_connects_explains_recovers_and_moves(mode: str) -> None:
     sdk = FakeSdk(k=True)
     sdk.modes.be(mode)
     with arm_of(sdk) as arm:
         assert not any(name in SETTERS for name, _ in sdk.calls), "it takes them only when Idle"
         state = arm.state()
-        assert words in (state.fault or "")
-        assert state.by_hand == (mode in ("UserStopped", "Guiding"))
-        with pytest.raises(ArmFault, match=words):
+        assert state.fault
+        assert state.by_hand == (mode in BY_HAND_MODES)
+        with pytest.raises(ArmFault, match="recover"):
             arm.execute(rad(state.q_rad))
-        assert not arm.state().by_hand, "it is remembered now, until it is recovered from"
         if mode != "Reflex":
             with pytest.raises(ArmFault, match="recover"):
                 arm.recover()
@@ -184,6 +209,37 @@ def test_an_arm_that_was_moved_after_the_check_is_not_commanded(model: str, by_r
             arm.execute(rad(arm.state().q_rad))
         arm.recover()
         arm.execute(rad(arm.state().q_rad))
+
+
+def test_what_limits_rates_chases_a_jump_and_what_does_not_is_refused_it() -> None:
+    """Why the Panda is driven without libfranka's limiter: 50 mrad become more than 1 rad/s."""
+    chased, robot = [], FakeRobot(FakeSdk(k=True))
+    goal = np.array(robot._q) + 0.05 * (np.arange(7) == 0)
+
+    def command(state: Any, since: Any) -> JointPositions:
+        chased.append(list(state.q))
+        answer = JointPositions(goal.tolist())
+        answer.motion_finished = len(chased) > 200
+        return answer
+
+    robot.control_joint_position(command, limit_rate=True)
+    assert np.abs(np.diff(chased, axis=0)).max() * 1e3 > 1.0
+    refused = FakeRobot(FakeSdk(k=True))
+    with pytest.raises(RuntimeError, match="reflex"):
+        refused.control_joint_position(command, limit_rate=False)
+    assert refused.sdk.modes.reasons == ("joint_position_motion_generator_start_pose_invalid",)
+
+
+def test_the_stand_in_and_the_sdk_send_no_command_that_is_not_finite(server: Fr3Process) -> None:
+    import pylibfranka  # noqa: PLC0415
+
+    real = pylibfranka.Robot(server.host, pylibfranka.RealtimeConfig.kIgnore)
+    sdks: list[tuple[Any, Any]] = [(FakeRobot(FakeSdk(k=False)), JointPositions), (real, pylibfranka.JointPositions)]
+    for robot, joints in sdks:
+        control = robot.start_joint_position_control(_mode(robot))
+        control.readOnce()
+        with pytest.raises(ValueError, match=f"^{NOT_FINITE}$"):
+            control.writeOnce(joints([float("nan"), *READY_RAD[1:].tolist()]))
 
 
 def test_a_motion_that_begins_late_does_not_begin() -> None:

@@ -39,8 +39,9 @@ import fake_k4a
 import numpy as np
 import toy_rig
 import toy_session
+from camera_stage import DELAY_S, Shown
 from cells import cell
-from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, running
+from fake_k4a import PERIOD_S, FakeK4a, running
 from hard_paths import LOADED, SCENE, shares
 from kept import Kept
 from own_judge import wrong

@@ -51,7 +51,7 @@ Followed = tuple[Detection, ObjectTrack]
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A recorded motion, with the tracking that runs beside the way back; None if the recording was read."""
+    """A recorded motion, and its track if that was begun beside the way back."""
 
     recording: recording.Recording
     followed: Future[Followed] | None = None
@@ -265,7 +265,7 @@ class OnRig:
 
         def encoded() -> recording.Begun:
             first, *frames = [one.result() for one in compressed]
-            moved = played or _motionless((*frames, first)[0].frame.t_s)
+            moved = _motionless((*frames, first)[0].frame.t_s) if played is None else played
             return recording.begin(first, frames, model, X_BC, moved, self.tool_pose(moved), late_s, arm)
 
         def followed() -> Followed:
@@ -307,7 +307,7 @@ class OnRig:
 
 
 def _motionless(t_s: float) -> Execution:
-    """What is known of a motion in which the arm stopped."""
+    """A motion without samples: the arm stopped in it, and its joints are unknown."""
     return Execution(t_s, np.zeros(0), np.zeros((0, 7)), np.zeros((0, 7)), 0.0)
 
 

@@ -96,7 +96,7 @@ class Begun:
     _file: _Mcap
 
     def finish(self, after: Stored | None) -> tuple[bytes, Recording]:
-        """The whole file, and what `read` makes of it. Once only."""
+        """The whole file, and the recording that `read` gives. Call it once."""
         self._file.add(_pictures([] if after is None else [after], _AFTER_COLOUR, _AFTER_DEPTH))
         return self._file.finish(), replace(self.recording, after=None if after is None else after.frame)
 
@@ -111,7 +111,7 @@ def begin(
     camera_late_s: float = 0.0,
     arm: str = "panda",
 ) -> Begun:
-    """Encode what is there when the motion has ended.
+    """Encode all but the picture with the arm at home again, as soon as the motion has ended.
 
     Messages are in time order. An execution without samples has no tool poses: the arm stopped, and its joints are
     unknown. `camera_late_s` is already subtracted from the camera's stamps; it is stored to make that reversible.
@@ -208,7 +208,7 @@ def read(path: Path) -> Recording:
 
 
 DAMAGED = (McapError, ZstdError, OSError, EOFError, ArithmeticError, LookupError, ValueError, MemoryError, struct.error)
-"""What reading a damaged MCAP file raises; the arithmetic and the memory are those of a length that is wrong."""
+"""Errors of the readers on a damaged MCAP file. A wrong length ends in the arithmetic one, or in that of the memory."""
 
 
 @contextmanager

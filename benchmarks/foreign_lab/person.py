@@ -26,7 +26,7 @@ SILENCE_S = 600.0
 QUESTION = re.compile(r"(?:explains:|record:|stops\):)\s*$")
 SPOT = re.compile(r"at x = ([-+.\d]+) m, y = ([-+.\d]+) m")
 PLACED_WITHIN_M = 0.002
-THINKS_S = 1.0  # the program discards what is typed before it reads the answer
+THINKS_S = 1.0  # keys pressed before a question are discarded
 ENOUGH = 20  # views, where the program has nothing more to ask for
 LATELY = 200  # characters of the screen that belong to a question
 

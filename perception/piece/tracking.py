@@ -207,8 +207,9 @@ def _prepare(
         detection = replace(detection, xy_m=place_m)
         if off_m > _FAR_OFF_M:
             flags = (
-                f"camera and arm put the tool {1e3 * off_m:.0f} mm apart (the camera moved, or another grasp): places "
-                "count from the tool as seen. adaptsim calibrate check and adaptsim touch-off tell which",
+                f"camera and arm disagree by {1e3 * off_m:.0f} mm about the tool: the camera has moved, or the grasp "
+                "is another. adaptsim calibrate check and adaptsim touch-off tell which. Places are relative to the "
+                "tool in the picture",
             )
     depth_view = view_of(model.depth, X_BC @ model.X_CD, area, _HIGHEST_M)
     around = depth_window(model, X_BC, detection.centre_m)

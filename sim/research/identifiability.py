@@ -58,7 +58,7 @@ def _trials(
 
 
 def in_words(left: float) -> str:
-    """What a session finds of a parameter whose error that is."""
+    """How far a session finds a parameter, by the fraction of its error that is left."""
     if left < SETTLES:
         return "found within a session"
     return "found in part" if left < PARTLY else "stays unknown: other parameters explain the same trials"

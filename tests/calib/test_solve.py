@@ -247,7 +247,7 @@ def test_every_view_that_was_used_has_a_worth_and_more_views_lower_the_error() -
 
 
 def test_it_hurts_more_to_lose_the_helpful_views_than_the_others() -> None:
-    """Simulated views, whose noise is the same in all."""
+    """In simulated views, because all have the same noise."""
     views = rig.views(rig.truth())
     whole = solve(views, rig.SETUP, forward)
     order = [name for name, _ in whole.worth.without]

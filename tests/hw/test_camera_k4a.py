@@ -11,7 +11,8 @@ from typing import Any
 import fake_k4a
 import numpy as np
 import pytest
-from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, Shown, camera_on, frames, meanwhile, running
+from camera_stage import DELAY_S, Shown, meanwhile
+from fake_k4a import PERIOD_S, FakeK4a, camera_on, frames, running
 
 from hw.camera import k4a_library as k4a
 from hw.camera.k4a_device import ColourSettings, model_of

@@ -7,7 +7,7 @@ from importlib import import_module
 import cv2
 import numpy as np
 import pytest
-from fake_k4a import Shown
+from camera_stage import Shown
 from staged_realsense import BENT, COLOUR_PX, DEPTH_PX, SoftRealSense, software_device
 
 from hw.camera.k4a_device import ColourSettings

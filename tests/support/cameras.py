@@ -10,7 +10,8 @@ from typing import Self
 
 import numpy as np
 import plain_lab
-from fake_k4a import DELAY_S, PERIOD_S, FakeK4a, enter, frames, kinect_library, threaded, while_shown
+from camera_stage import DELAY_S, enter, while_shown
+from fake_k4a import PERIOD_S, FakeK4a, frames, kinect_library, threaded
 from staged_realsense import SoftRealSense
 
 from hw.camera.k4a_device import ColourSettings

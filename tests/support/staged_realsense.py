@@ -10,7 +10,8 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from fake_k4a import BOOT_S, Stage
+from camera_stage import Stage
+from fake_k4a import BOOT_S
 
 from hw.camera.grabber import Captured
 from hw.camera.k4a_device import ColourSettings

@@ -107,7 +107,7 @@ def test_a_cable_that_comes_loose_loses_nothing(tmp_path: Path) -> None:
     assert "Continuing with 5 stored views" in said(screen)
     assert {path: path.read_bytes() for path in before} == before
     assert len(solved.record.views) == 12
-    assert again.motions == 7 + 2, "only what was left, the swing, and the way back"
+    assert again.motions == 7 + 2, "seven poses were left, then the swing and the way back"
 
 
 @pytest.mark.long

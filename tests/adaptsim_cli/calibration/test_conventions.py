@@ -26,7 +26,7 @@ Pose = Callable[[int], dict[str, Any]]
 
 
 def read(folder: Path) -> tuple[np.ndarray, tuple[str, ...]]:
-    """(N, 4, 4) of the flange in the base, as they are understood, and what was recognised."""
+    """Poses (N, 4, 4) of the flange in the base, as the program reads them, and the conventions that it recognised."""
     stored = read_folder(folder, any_arm)
     looked = look(stored)
     assert len(looked.views) == real_views.POSTURES

@@ -1,4 +1,4 @@
-"""The recording of a trial and its film: what was kept is what was seen."""
+"""The recording of a trial and its film hold every picture as the tracker saw it."""
 
 from __future__ import annotations
 

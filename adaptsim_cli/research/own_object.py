@@ -41,12 +41,13 @@ def own_object(
 ) -> None:
     """Describe an object of your own, draw it, and make its checkpoint from the shipped one.
 
-    Without values it asks; a NAME.toml that exists is used as it is. With narrower ranges alone nothing is learnt: the
+    Without values it asks; a NAME.toml that exists is used as it is, and an interrupted run goes on. With narrower ranges alone nothing is learnt: the
     shipped emulator serves them. An object of another size or mass is learnt, beginning with the shipped emulator.
 
     Example: adaptsim object tofu --task scooping --range mu=0.30:0.40 --range h=2.0:2.6
     """
     from adaptsim_cli import config
+    from adaptsim_cli.errors import UsageError
     from adaptsim_cli.research.pretraining import object_ready
     from adaptsim_cli.screen import console, views
     from adaptsim_cli.storage import durable
@@ -60,10 +61,14 @@ def own_object(
     if file.exists() and not given:
         own = load_object(file)
     else:
-        durable.require_new(file, force=False)
         own = _typed(name, usual, ranges, sizes, mass, effect) if given else _asked(screen, name, usual)
         with_ranges(usual, own)  # raises before anything is written
-        durable.write_file(file.absolute(), as_toml(usual, own).encode())
+        if not file.exists():
+            durable.write_file(file.absolute(), as_toml(usual, own).encode())
+        elif load_object(file) != own:
+            raise UsageError(
+                f"{file} describes another object: leave the values out to use it as it is, or choose another name"
+            )
     chosen = resolved.config.model_copy(update={"task": own.task, "object": str(file)})
     own_task = with_ranges(get_task(own.task), own)
     drawn = own_task.hardware is not None

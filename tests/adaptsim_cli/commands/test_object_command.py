@@ -21,7 +21,11 @@ def test_a_session_finds_the_checkpoint_of_an_object(refused, printed):
     assert "m1 = [1.5, 2.0]  # kg" in Path("rod.toml").read_text()
     chosen = config.load({"task": "pendulum", "object": "rod.toml"}).config
     assert str(checkpoint_of(chosen).path) == told["checkpoint"]
-    assert "rod.toml exists already" in refused(2, "object", "rod", *VALUES)
+    again = printed("object", "rod", *VALUES, "--json")
+    assert again["checkpoint"] == told["checkpoint"]
+    message = refused(2, "object", "rod", "--task", "pendulum", "--range", "m1=1.6:2.0")
+    assert "rod.toml describes another object" in message
+    assert "m1 = [1.5, 2.0]" in Path("rod.toml").read_text()
 
 
 @pytest.mark.parametrize(

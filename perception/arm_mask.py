@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hw.poses import inverse
 from hw.types import Array, frozen_array
 from perception.geometry import Array32, ImageRegion
+from perception.raycasting import load_open3d
 from perception.scan import Mask
 
 
@@ -18,8 +19,7 @@ class ToolMask:
 
     def __init__(self, vertices_m: Array, triangles: NDArray[np.integer]) -> None:
         """`vertices_m` (V, 3) in the tool frame T, `triangles` (F, 3)."""
-        import open3d as o3d  # noqa: PLC0415 - slow to import, and the first question comes without it
-
+        o3d = load_open3d()
         self._tensor = o3d.core.Tensor.from_numpy
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
         self._low_m, self._high_m = vertices_m.min(axis=0), vertices_m.max(axis=0)

@@ -41,8 +41,9 @@ def own_object(
 ) -> None:
     """Describe an object of your own, draw it, and make its checkpoint from the shipped one.
 
-    Without values it asks; a NAME.toml that exists is used as it is, and an interrupted run goes on. With narrower ranges alone nothing is learnt: the
-    shipped emulator serves them. An object of another size or mass is learnt, beginning with the shipped emulator.
+    Without values it asks; a NAME.toml that exists is used as it is, and an interrupted run goes on. With narrower
+    ranges alone nothing is learnt: the shipped emulator serves them. An object of another size or mass is learnt,
+    beginning with the shipped emulator.
 
     Example: adaptsim object tofu --task scooping --range mu=0.30:0.40 --range h=2.0:2.6
     """

@@ -153,6 +153,7 @@ class OnRig:
         with progress("The robot makes its motion and the camera records", "moving"):
             played, frames, stopped = self._film(motion)
         begun, followed = self._behind(planned, planned.placed.frame, frames, played)
+        del frames  # each is freed once it is compressed
         if stopped is None:
             try:
                 with progress("The robot goes back", "moving"), _interruptible("on the way back"):
@@ -273,7 +274,8 @@ class OnRig:
 
         pool = ThreadPoolExecutor(4, thread_name_prefix="behind")  # OpenCV and zstd release the interpreter
         compressed = [pool.submit(recording.stored, before, lossless=True)]
-        compressed += [pool.submit(lambda i: recording.stored(self.in_time(filmed[i])), i) for i in range(len(filmed))]
+        one_by_one = [filmed[i : i + 1] for i in range(len(filmed))]
+        compressed += [pool.submit(lambda one: recording.stored(self.in_time(one[0])), one) for one in one_by_one]
         begun = pool.submit(encoded)
         tracked = None if played is None else pool.submit(followed)
         pool.shutdown(wait=False)

@@ -27,6 +27,7 @@ from adaptsim_cli.session.records import Draw, Facts, SessionStart, as_records, 
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
+from hw.memory import return_pictures
 from sim.errors import did_you_mean
 
 OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
@@ -96,6 +97,7 @@ def run_session(
         log = stack.enter_context(logged(store, screen, parts.provenance.versions))
         thread = stack.enter_context(ThreadPoolExecutor(max_workers=1, thread_name_prefix="beside"))
         if parts.task.hardware is not None:
+            return_pictures()
             thread.submit(_import_for_a_film)
         session = RunningSession(store, parts, operator, screen, AllOf(watcher, log), thread)
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}"))
@@ -122,8 +124,11 @@ def run_session(
 
 def _import_for_a_film() -> None:
     """Import the slow modules that nothing needs before the first film, so that its track does not wait for them."""
-    import open3d  # noqa: F401
     import scipy.signal  # noqa: F401
+
+    from perception.raycasting import load_open3d
+
+    load_open3d()
 
 
 def _report(session: RunningSession, draw: Callable[[SessionStore], Path], store: SessionStore) -> Path:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
+from perception.raycasting import load_open3d
 from sim.render.rays import Array32
 from sim.render.shading import paint
 from sim.types import Visual, merged
@@ -31,8 +32,7 @@ class Body:
 
     def __init__(self, visuals: Sequence[Visual]) -> None:
         """`visuals` all belong to one body and have at least one triangle."""
-        import open3d as o3d  # noqa: PLC0415 - slow to import, and the first question comes without it
-
+        o3d = load_open3d()
         self._tensor = o3d.core.Tensor.from_numpy
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)  # pictures are rendered in parallel
         vertices, triangles = merged([(v.vertices_m, v.triangles) for v in visuals])

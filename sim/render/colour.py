@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from threading import Lock
@@ -82,8 +80,7 @@ class ColourView:
         centre_rays = pixel_rays(camera)
         self._fov = field_of_view(centre_rays)
         self._rays = [shift_rays(centre_rays, du, dv) for du, dv in JITTER_PX]
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            t, rgb, lit = zip(*pool.map(partial(self._still_sample, world), self._rays), strict=True)
+        t, rgb, lit = zip(*(self._still_sample(world, rays) for rays in self._rays), strict=True)
         dark = np.zeros((-(-camera.height // _STRIDE), -(-camera.width // _STRIDE)), dtype=np.float32)
         self._bare = _Scene(t, rgb, lit[_SHADOWED], dark)
         self._outlines: Latest[Pixels] = Latest()

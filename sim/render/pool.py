@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from hw.child import Child, ChildGone
 from hw.errors import CameraError
+from hw.memory import trim
 from hw.types import Array, CameraModel
 from sim.render.renderer import Renderer
 from sim.render.sensor import SensorNoise
@@ -52,6 +53,7 @@ def serve(program: Connection) -> None:
     with suppress(EOFError, OSError):
         scene: Scene = program.recv()
         renderer = scene.renderer()
+        trim()
         while True:
             poses, rng = program.recv()
             program.send(renderer.render(poses, scene.noise, rng))

@@ -11,7 +11,7 @@ import pytest
 from adaptsim_cli import app
 from adaptsim_cli.screen import loading
 
-HEAVY = ("cv2", "matplotlib", "mujoco", "open3d", "pydrake", "scipy", "torch")
+HEAVY = ("cv2", "dash", "matplotlib", "mujoco", "open3d", "pydrake", "scipy", "torch")
 PROGRAM = "import sys; {}; sys.stderr.write(' '.join(m for m in {} if m in sys.modules))"
 
 
@@ -24,6 +24,7 @@ PROGRAM = "import sys; {}; sys.stderr.write(' '.join(m for m in {} if m in sys.m
         ("import sim.tasks, hw.workcell", ""),
         ("import adaptsim_cli.session.store", ""),
         ("import adaptsim_cli.wiring.session, adaptsim_cli.wiring.hindsight", "cv2 scipy"),
+        ("from perception.raycasting import load_open3d; load_open3d()", "open3d"),
         ("import sim.tasks.scooping, sim.lab.simulated, adaptsim_cli.wiring.session", "cv2 pydrake scipy"),
     ],
 )

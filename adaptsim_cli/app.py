@@ -20,7 +20,7 @@ from adaptsim_cli.commands import (
     config,
     exporting,
     lab,
-    rollouts,
+    rollout,
     run_iteration,
     sessions,
     setup,
@@ -47,8 +47,8 @@ app.command("pretrain")(pretrain.pretrain)
 app.command("object")(own_object.own_object)
 app.command("benchmark")(benchmark.benchmark)
 app.command("world-tables")(benchmark.world_tables)
-app.command("rollout")(rollouts.rollout)
-app.command("preview")(rollouts.preview)
+app.command("rollout")(rollout.rollout)
+app.command("preview")(rollout.preview)
 app.command("setup")(setup.setup)
 app.command("parts")(setup.parts)
 app.command("report")(exporting.report)
@@ -61,7 +61,6 @@ app.command("schema")(config.schema)
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(touch_off.app, name="touch-off")
 app.add_typer(sessions.app, name="sessions")
-app.add_typer(rollouts.app, name="rollouts")
 app.add_typer(checkpoints.app, name="checkpoints")
 app.add_typer(config.app, name="config")
 app.add_typer(lab.app, name="lab")

@@ -28,11 +28,6 @@ def all_session_names(incomplete: str) -> list[str]:
     return [*session_names(incomplete), *_folders("archived-sessions", incomplete)]
 
 
-def rollout_names(incomplete: str) -> list[str]:
-    """Rollouts of this machine that begin like this."""
-    return _folders("rollouts", incomplete)
-
-
 def task_names(incomplete: str) -> list[str]:
     """Tasks that begin like this, those of installed packages too."""
     ours = {folder.name for folder in _WORLDS.iterdir() if folder.is_dir()}

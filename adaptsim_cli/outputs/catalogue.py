@@ -58,8 +58,6 @@ OUTPUTS: Mapping[str, type[Output]] = {
     "sessions prune": sessions.PrunedRecordings,
     "sessions policy": sessions.Policy,
     "sessions export": sessions.Exported,
-    "rollouts list": sessions.RolloutList,
-    "rollouts report": sessions.RolloutReported,
     "checkpoints list": learning.Checkpoints,
     "checkpoints verify": learning.CheckpointVerified,
     "checkpoints parameters": learning.CheckpointParameters,

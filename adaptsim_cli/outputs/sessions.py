@@ -1,4 +1,4 @@
-"""Outputs of the commands that read and keep sessions and rollouts."""
+"""Outputs of the commands that read and keep sessions."""
 
 from __future__ import annotations
 
@@ -269,39 +269,3 @@ class Retracked(Output):
     session: str = said("which session")
     units: dict[str, str] = said(UNITS)
     trials: list[RetrackedTrial] = said("one each")
-
-
-class RolloutRow(Record):
-    """One rollout in one line. A damaged one has only `rollout` and `error`."""
-
-    rollout: str = said("its name")
-    task: str = said("which task")
-    hw: str = said("hardware: fake, panda or fr3")
-    world: str = said("world of the simulated lab; empty on a real arm")
-    outcome: Outcome = said("how it ended")
-    reward: float = said("between 0 and 1")
-    context: Quantities = said("context as measured, in the task's units")
-    action: Quantities = said("commanded action, in the task's units")
-    when: str = said("when it was made")
-    size_bytes: int = said("its size on the disk")
-    folder: str = said("its folder")
-
-
-class DamagedRollout(Record):
-    """A rollout that cannot be read."""
-
-    rollout: str = said("its name")
-    error: str = said("what is wrong with it")
-
-
-class RolloutList(Output):
-    """All rollouts, newest last."""
-
-    rollouts: list[RolloutRow | DamagedRollout] = said("one each")
-
-
-class RolloutReported(Output):
-    """The page of a rollout."""
-
-    rollout: str = said("which rollout")
-    report: str = said("page that was written")

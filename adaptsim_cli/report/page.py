@@ -308,10 +308,9 @@ def picture(path: Path) -> str:
 MOMENTS = ("start", "contact", "middle", "lift", "end", "rest")
 
 
-def write_rollout(record: Rollout, folder: Path, out: Path | None = None) -> Path:
-    """Write the page (default: `report.html` in the rollout's folder) and return its path. Raises SessionError."""
-    path = (out if out is not None else folder / "report.html").absolute()
-    durable.make_folder(path.parent)
+def write_rollout(record: Rollout, folder: Path) -> Path:
+    """Write `report.html` in the rollout's folder and return its path. Raises SessionError."""
+    path = (folder / "report.html").absolute()
     durable.replace_file(path, render_rollout(record, folder).encode())
     return path
 

@@ -6,24 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from pydantic import ValidationError
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.sessions import (
     Damaged,
-    DamagedRollout,
-    RolloutRow,
     SessionRow,
     SessionShown,
     ShownRejection,
     ShownResult,
     ShownTrial,
 )
-from adaptsim_cli.outputs.trials import Iteration, ParticleShown, Rollout, Trial, named
+from adaptsim_cli.outputs.trials import Iteration, ParticleShown, Trial, named
 from adaptsim_cli.session.keeping import about, size_bytes
-from adaptsim_cli.session.records import ResultRecord, Samples, TrialRecord, corrupt, read_object
-from adaptsim_cli.session.store import TRIAL, SessionStore, entries, folder_of, particles_of, results_of, trials_of
-from adaptsim_cli.storage.validation import explained
+from adaptsim_cli.session.records import ResultRecord, Samples, TrialRecord
+from adaptsim_cli.session.store import SessionStore, particles_of, results_of, trials_of
 from sim.adaptation.method import Particle
 
 
@@ -104,37 +100,3 @@ def details(store: SessionStore) -> SessionShown:
         ],
         results=[result.view(ShownResult) for result in results_of(store)],
     )
-
-
-ROLLOUTS = "rollouts"
-
-
-def rollout_names(root: Path) -> tuple[str, ...]:
-    """The rollouts in `root`, newest last: their names begin with the task and the time."""
-    folders = [entry for entry in entries(root) if entry.is_dir()]
-    return tuple(folder.name for folder in sorted(folders, key=lambda folder: folder.stat().st_mtime_ns))
-
-
-def rollout_record(root: Path, name: str) -> Rollout:
-    """The record of one. Raises SessionError if it is missing, incomplete or corrupt, UsageError on a wrong name."""
-    folder = folder_of(root, name)
-    if not folder.is_dir():
-        known = ", ".join(rollout_names(root)) or "none yet"
-        raise SessionError(f"there is no rollout {name!r} in {root}; rollouts: {known}")
-    path = folder / TRIAL
-    if not path.is_file():
-        raise SessionError(f"rollout {name} was not tracked: {folder} holds its recording, and no {TRIAL}")
-    try:
-        return Rollout.model_validate(read_object(path))
-    except ValidationError as error:
-        raise corrupt(path, explained(error)) from error
-
-
-def rollout_overview(root: Path, name: str) -> RolloutRow | DamagedRollout:
-    """One rollout in one line; a damaged one with its error, so that the list still shows the others."""
-    try:
-        record = rollout_record(root, name)
-    except SessionError as error:
-        return DamagedRollout(rollout=name, error=str(error))
-    kept = record.model_dump(include=set(RolloutRow.model_fields))
-    return RolloutRow(rollout=name, size_bytes=size_bytes(root / name), folder=str(root / name), **kept)

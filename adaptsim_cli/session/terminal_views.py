@@ -13,8 +13,6 @@ from rich.text import Text
 from adaptsim_cli.outputs.sessions import (
     Amended,
     Damaged,
-    DamagedRollout,
-    RolloutRow,
     SessionRow,
     SessionShown,
     Verified,
@@ -210,11 +208,6 @@ def sessions(found: Sequence[SessionRow | Damaged]) -> RenderableType:
     return Group(*whole, *damaged)
 
 
-def rollouts(found: Sequence[RolloutRow | DamagedRollout]) -> RenderableType:
-    """Rollouts with outcome and reward, one per line."""
-    return Group(*(part for r in found for part in _rollout(r)))
-
-
 def size(count: int) -> str:
     """A size in bytes, in B, kB, MB or GB."""
     return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB" if count >= 1e6 else "under 1 MB"
@@ -236,18 +229,6 @@ def _session(s: SessionRow) -> list[RenderableType]:
     if s.note:
         lines.append(views.indent(Text(s.note, style="italic")))
     return lines
-
-
-def _rollout(r: RolloutRow | DamagedRollout) -> list[RenderableType]:
-    if isinstance(r, DamagedRollout):
-        return [Text.assemble((r.rollout, "bold"), f" {r.error}")]
-    facts = (
-        r.task,
-        views.where(r.hw, r.world),
-        f"{views.words(r.outcome.value)}, reward {r.reward:.2f}",
-        size(r.size_bytes),
-    )
-    return [_name(r.rollout, ()), _joined((*facts, r.when[:16].replace("T", " ")))]
 
 
 def _name(name: str, tags: Sequence[str]) -> Text:

@@ -10,15 +10,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import ValidationError
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.sessions import ParameterBelief
+from adaptsim_cli.outputs.trials import Rollout
 from adaptsim_cli.report import page
 from adaptsim_cli.report.agreement import end_error, mean_of
 from adaptsim_cli.report.figures import HeldOut, Judgement, Prediction
-from adaptsim_cli.session.records import TrialRecord
-from adaptsim_cli.session.store import RESULT, SessionStore, history_of, names, particles_of, results_of, trials_of
-from adaptsim_cli.session.summary import ROLLOUTS, rollout_names, rollout_record
+from adaptsim_cli.session.records import TrialRecord, read_object
+from adaptsim_cli.session.store import (
+    RESULT,
+    TRIAL,
+    SessionStore,
+    history_of,
+    names,
+    particles_of,
+    results_of,
+    trials_of,
+)
 from adaptsim_cli.wiring.settings import checkpoint_of_session, recordings_of
 from sim.errors import RecordingsRefused, SimError
 
@@ -227,13 +237,13 @@ def confirmed(store: SessionStore) -> tuple[float, ...]:
 
     Older ones are not opened; unreadable ones are skipped.
     """
-    root, found = store.folder.parents[1] / ROLLOUTS, list[float]()
+    trials, found = (store.folder.parents[1] / "rollouts").glob(f"*/{TRIAL}"), list[float]()
     results = [file.stat().st_mtime_ns for file in store.folder.glob(f"iteration-*/result-*/{RESULT}")]
-    for name in rollout_names(root) if results else ():
-        if (root / name).stat().st_mtime_ns < max(results):
+    for trial in sorted(trials) if results else ():
+        if trial.stat().st_mtime_ns < max(results):
             continue
-        with suppress(SessionError):
-            record = rollout_record(root, name)
+        with suppress(SessionError, ValidationError):
+            record = Rollout.model_validate(read_object(trial))
             if record.session == store.facts.name:
                 found.append(record.reward)
     return tuple(found)

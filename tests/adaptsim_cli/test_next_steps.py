@@ -43,8 +43,6 @@ def test_from_the_first_trial_to_the_last_command_there_is_a_next_one(capfd):
         ["sessions", "mark", "other", "--archive"],
         ["sessions", "mark", "other", "--restore"],
         ["sessions", "delete", "other", "--yes"],
-        ["rollouts", "list"],
-        ["rollouts", "report"],
     ):
         for line in named(capfd, *command):
             if line.startswith("adaptsim"):

@@ -91,8 +91,6 @@ def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(place, cap
 def test_what_is_printed_of_rollouts_worlds_checkpoints_and_settings(capfd):
     rollout = printed(capfd, "rollout", "--task", "pendulum", "--yes")
     assert set(rollout["params"]) | set(rollout["action"]) <= set(rollout["units"])
-    name = printed(capfd, "rollouts list")["rollouts"][0]["rollout"]
-    printed(capfd, "rollouts report", name)
     printed(capfd, "lab list", "--task", "scooping")
     printed(capfd, "lab show", "--task", "scooping", "--world", "wd")
     printed(capfd, "checkpoints list")

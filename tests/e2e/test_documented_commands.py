@@ -32,7 +32,6 @@ ELSEWHERE = {
     r" curling": "the task of a tutorial; tests/documents/test_tutorials.py",
     r"adaptsim object |--object tofu.toml": "minutes of two cores; tests/adaptsim_cli/commands, with a pendulum",
     r" --rerun": "opens a viewer; tests/extras",
-    r" rollouts report \S": "the name holds the time; without one it is the newest",
     r" --refine-intrinsics": "is refused with so few views, exit code 3; tests/calib/test_intrinsics_check.py",
     r" overlay": "needs pictures; tests/adaptsim_cli/calibration/test_arm_picture.py",
     r" amend \S+ \d+$": "asks at the terminal; tests/adaptsim_cli/session/test_amending.py",

@@ -26,7 +26,6 @@ def test_names_of_this_machine_are_completed(home):
     assert options.session_names("") == ["push-1", "scoop-1"]
     assert options.session_names("sc") == ["scoop-1"]
     assert options.all_session_names("") == ["push-1", "scoop-1", "old"]
-    assert options.rollout_names("o") == ["one"]
     assert options.task_names("") == sorted(TASKS)
     assert "ood-1" in options.world_names("ood")
 

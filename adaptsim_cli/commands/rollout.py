@@ -1,4 +1,4 @@
-"""`adaptsim rollout`, `preview`, `rollouts list` and `rollouts report`: single trials outside any session."""
+"""`adaptsim rollout` and `adaptsim preview`: single trials outside any session."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from adaptsim_cli import options
 if TYPE_CHECKING:
     from adaptsim_cli.outputs.trials import Rollout
     from adaptsim_cli.screen.console import Screen
-
-app = typer.Typer(help="Look at stored rollouts: single trials outside any session.", no_args_is_help=True)
 
 
 def rollout(
@@ -47,11 +45,10 @@ def rollout(
     yes: options.Yes = False,
     as_json: options.Json = False,
 ) -> None:
-    """Execute one trial with a chosen action, or with the action of a policy. Nothing is adapted.
+    """Execute one trial with a chosen action, or with the action of a policy, and write its page. Nothing is adapted.
 
     The policy chooses the actions that are not given. `--session NAME --best` takes task, world and the best policy of
     a session. With `--trials 5` its reward is measured at five drawn contexts, and the session's report says so.
-    `adaptsim rollouts list` lists rollouts.
 
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
@@ -104,11 +101,10 @@ def rollout(
             rewards.append(record.reward)
             _tell(screen, record, folder)
     lab = same_lab(settings.task, settings.hw, settings.world)
-    pages = () if out else ((f"adaptsim rollouts report {folder.name}", "the path, on a page"),)
     if session is None:
-        screen.next(*pages, (f"adaptsim run-iteration {lab}", "adapts in about twenty such trials"))
+        screen.next((f"adaptsim run-iteration {lab}", "adapts in about twenty such trials"))
     else:
-        _measured(screen, session, rewards, pages)
+        _measured(screen, session, rewards)
 
 
 def _require_together(best_of_session: bool, trials_alone: bool) -> None:
@@ -120,18 +116,21 @@ def _require_together(best_of_session: bool, trials_alone: bool) -> None:
         raise UsageError("--trials draws the contexts itself: adaptsim rollout --session NAME --best --trials 5")
 
 
-def _measured(screen: Screen, session: str, rewards: list[float], pages: tuple[tuple[str, str], ...]) -> None:
+def _measured(screen: Screen, session: str, rewards: list[float]) -> None:
     """Print what the best policy of a session has earned, and what comes next."""
+    page: tuple[tuple[str, str], ...] = ()
     if len(rewards) > 1:
         mean = sum(rewards) / len(rewards)
         screen.plain(f"Measured: {len(rewards)} trials of the best policy of {session}, mean reward {mean:.2f}")
-        pages = ((f"adaptsim report {session}", "prediction and measurement side by side"),)
-    screen.next(*pages, (f"adaptsim run-iteration --session {session}", "goes on with it"))
+        page = ((f"adaptsim report {session}", "prediction and measurement side by side"),)
+    screen.next(*page, (f"adaptsim run-iteration --session {session}", "goes on with it"))
 
 
 def _tell(screen: Screen, record: Rollout, folder: Path) -> None:
     """Print the result of the trial."""
     from math import dist
+
+    from adaptsim_cli.report.page import write_rollout
 
     screen.data("rollout", record)
     outcome = record.outcome.value.replace("_", " ")
@@ -141,6 +140,9 @@ def _tell(screen: Screen, record: Rollout, folder: Path) -> None:
     for flag in record.flags:
         screen.note(f"note: {flag}")
     screen.plain(f"Stored: {folder}")
+    with screen.busy("Drawing its page", "reporting"):
+        page = write_rollout(record, folder)
+    screen.plain(f"Report: {page}")
 
 
 def preview(
@@ -184,58 +186,3 @@ def preview(
         close = keys.enter("to close the page", "The page ends, and so does the command."), keys.stop("The same.")
         screen.choose("Look at it in a browser.", *close)
         screen.next(planned.next_step(resolved.config))
-
-
-@app.command("list")
-def list_rollouts(as_json: options.Json = False) -> None:
-    """List all rollouts, newest last.
-
-    Example: adaptsim rollouts list
-    """
-    from adaptsim_cli import config
-    from adaptsim_cli.outputs.sessions import RolloutRow
-    from adaptsim_cli.screen import console
-    from adaptsim_cli.session import summary, terminal_views
-
-    root = config.load().places.data / summary.ROLLOUTS
-    found = [summary.rollout_overview(root, name) for name in summary.rollout_names(root)]
-    screen = console.Screen(as_json=as_json)
-    if screen.data("rollouts list", {"rollouts": found}):
-        return
-    if not found:
-        screen.plain(f"No rollouts yet in {root}. Make one: adaptsim rollout --task scooping --yes")
-        return
-    screen.show(terminal_views.rollouts(found))
-    for one in [one for one in found if isinstance(one, RolloutRow)][-1:]:
-        screen.next((f"adaptsim rollouts report {one.rollout}", "the newest, on a page"))
-
-
-@app.command()
-def report(
-    name: Annotated[
-        str | None,
-        typer.Argument(help="Name of the rollout; default: the newest.", autocompletion=options.rollout_names),
-    ] = None,
-    out: options.Out = None,
-    as_json: options.Json = False,
-) -> None:
-    """Write one self-contained HTML page of a rollout: path, camera frames, numbers.
-
-    Example: adaptsim rollouts report
-    """
-    from adaptsim_cli import config
-    from adaptsim_cli.errors import SessionError
-    from adaptsim_cli.report import page
-    from adaptsim_cli.screen import console
-    from adaptsim_cli.session import summary
-
-    root = config.load().places.data / summary.ROLLOUTS
-    known = summary.rollout_names(root)
-    if name is None and not known:
-        raise SessionError(f"there are no rollouts in {root} yet; make one with adaptsim rollout")
-    chosen = known[-1] if name is None else name
-    path = page.write_rollout(summary.rollout_record(root, chosen), root / chosen, out)
-    screen = console.Screen(as_json=as_json)
-    if not screen.data("rollouts report", {"rollout": chosen, "report": str(path)}):
-        screen.plain(f"Report: {path}")
-        screen.next((f"xdg-open {path}", "the page, in the browser"))

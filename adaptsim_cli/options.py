@@ -95,8 +95,6 @@ ViewPort = Annotated[
 ]
 
 Workers = Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")]
-Executor = Annotated[str, typer.Option("--executor", help="Where simulations run: processes or dask.")]
-Scheduler = Annotated[str, typer.Option("--scheduler", help="Address of the Dask scheduler.")]
 WorkingFolder = Annotated[Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")]
 
 Out = Annotated[Path | None, typer.Option("--out", help="Where to write it.")]

@@ -29,8 +29,6 @@ def benchmark(
         str, typer.Option("--checkpoints", help="One per training seed, by name or folder; used in turn.")
     ] = "",
     workers: options.Workers = None,
-    executor: options.Executor = "processes",
-    scheduler: options.Scheduler = "",
     out: options.WorkingFolder = None,
     as_json: options.Json = False,
 ) -> None:
@@ -49,15 +47,15 @@ def benchmark(
     from adaptsim_cli import config
     from adaptsim_cli.research import benchmark_page as page
     from adaptsim_cli.research import benchmarking as wiring
-    from adaptsim_cli.research.pretraining import open_executor
     from adaptsim_cli.screen import console
+    from sim.rollouts import process_pool
 
     resolved = config.load({"task": task, "workers": workers, "recorded": recorded, "held_out": held_out})
     screen = console.Screen(as_json=as_json)
     asked = wiring.asked(resolved, targets, methods, budget, fresh, seeds, checkpoints, out, in_lab=lab)
     for name, why in asked.left_out:
         screen.note(f"{name} is left out: {why}")
-    with screen.progress() as progress, open_executor(resolved.config, executor, scheduler) as crew:
+    with screen.progress() as progress, process_pool(resolved.config.workers or None) as crew:
         found = wiring.benchmark(asked, crew, progress)
     document = page.write(found)
     for part in page.tables(found.summaries):
@@ -74,8 +72,6 @@ def world_tables(
     ] = "develop,drawn,named",
     rollouts: Annotated[int, typer.Option("--rollouts", min=8, help="True rollouts of each world.")] = 320,
     workers: options.Workers = None,
-    executor: options.Executor = "processes",
-    scheduler: options.Scheduler = "",
     as_json: options.Json = False,
 ) -> None:
     """Simulate the tables in which a benchmark looks up its trials: about a minute of one core a world.
@@ -86,12 +82,12 @@ def world_tables(
     """
     from adaptsim_cli import config
     from adaptsim_cli.research import benchmarking as wiring
-    from adaptsim_cli.research.pretraining import open_executor
     from adaptsim_cli.screen import console
+    from sim.rollouts import process_pool
 
     resolved = config.load({"task": task, "workers": workers})
     screen = console.Screen(as_json=as_json)
-    with screen.progress() as progress, open_executor(resolved.config, executor, scheduler) as crew:
+    with screen.progress() as progress, process_pool(resolved.config.workers or None) as crew:
         made = wiring.make_tables(resolved, targets, rollouts, crew, progress)
     screen.plain(f"{len(made)} tables of {resolved.config.task}: {wiring.tables_folder(resolved)}")
     command = f"adaptsim benchmark --task {resolved.config.task} --targets {targets}"

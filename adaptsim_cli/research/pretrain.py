@@ -32,8 +32,6 @@ def pretrain(
     own: options.Object = None,
     seed: options.Seed = None,
     workers: options.Workers = None,
-    executor: options.Executor = "processes",
-    scheduler: options.Scheduler = "",
     out: options.WorkingFolder = None,
     methods: Annotated[
         bool, typer.Option("--methods", help="Train the paper's adaptation policies too, and their variants.")
@@ -52,8 +50,6 @@ def pretrain(
 
     With --targets wide the targets to learn from and to be judged on may lie beyond the paper's ranges.
 
-    With --executor dask the simulations run on a cluster of yours; the numbers are the same.
-
     Example: adaptsim pretrain --task scooping --budget small
     """
     from adaptsim_cli import config
@@ -61,6 +57,7 @@ def pretrain(
     from adaptsim_cli.research import pretraining
     from adaptsim_cli.screen import console
     from sim.research.pretraining.pipeline import Wanted
+    from sim.rollouts import process_pool
 
     if episodes is not None and not methods:
         raise UsageError("--episodes sets how much the adaptation policies learn from: add --methods")
@@ -68,7 +65,7 @@ def pretrain(
         raise UsageError("--judged sets on how many targets the methods are judged: add --evaluate")
     resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
     screen = console.Screen(as_json=as_json)
-    with screen.progress() as progress, pretraining.open_executor(resolved.config, executor, scheduler) as crew:
+    with screen.progress() as progress, process_pool(resolved.config.workers or None) as crew:
         sizes = pretraining.Sizes(rollouts, denser, episodes, judged)
         wanted = Wanted(policies=methods, evaluation=evaluate)
         folder = pretraining.pretrain(resolved, out, budget, targets, sizes, crew, progress, wanted)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -111,13 +111,14 @@ def object_ready(resolved: Resolved, config: Config, rollouts: int | None, progr
     """
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.research.pretraining.for_object import is_inside, make_ready
+    from sim.rollouts import process_pool
     from sim.tasks import get_task
 
     task, usual = task_of(config), get_task(config.task)
     folder = (resolved.places.pretraining / f"{task.name}-{Path(config.object).stem}-object").absolute()
     with (
         working_in(folder, "another command works on this object in {}: wait for it"),
-        open_executor(config, "processes", "") as crew,
+        process_pool(config.workers or None) as crew,
     ):
         path, found = make_ready(task, load_checkpoint(usual), folder, config.seed, crew, progress, rollouts)
     told = tell_parameters(config, lambda done, total: progress("sessions", done, total))
@@ -141,22 +142,6 @@ def working_in(folder: Path, busy: str) -> Iterator[None]:
         how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
     ):
         yield
-
-
-def open_executor(config: Config, kind: str, scheduler: str) -> AbstractContextManager[Executor]:
-    """The executor of simulations: processes of this machine, or a Dask cluster.
-
-    Raises UsageError, ClusterUnavailable.
-    """
-    from sim.rollouts.executors import dask_cluster, process_pool
-
-    if kind == "processes" and not scheduler:
-        return process_pool(config.workers or None)
-    if kind == "dask" and scheduler:
-        return dask_cluster(scheduler)
-    if kind not in ("processes", "dask"):
-        raise UsageError(f"--executor {kind}: choose one of processes, dask")
-    raise UsageError("--executor dask and --scheduler ADDRESS belong together")
 
 
 def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int], None]) -> dict[str, Any]:

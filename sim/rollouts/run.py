@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
-from sim.errors import ClusterUnavailable, RolloutError, UnknownName
-from sim.rollouts.executors import LOST
+from sim.errors import RolloutError, UnknownName
 from sim.tasks import get_task
 from sim.tasks.task import SimulateMany, Task
 
@@ -127,9 +126,8 @@ def run_parts(
     Workers that have nothing left to do in a part work on the next ones, so no part waits for the last chunk of
     another. `progress` counts the rollouts of all parts.
 
-    Raises RolloutError naming the running requests if a rollout raises or a worker dies. Raises ClusterUnavailable if a
-    cluster's scheduler is gone. The caller keeps the executor. A task that simulates stacks does so in this process,
-    which is quicker than using the executor.
+    Raises RolloutError naming the running requests if a rollout raises or a worker dies. The caller keeps the executor.
+    A task that simulates stacks does so in this process, which is quicker than using the executor.
     """
     if not all(map(len, parts)):
         raise ValueError("no requests were given")
@@ -200,8 +198,6 @@ def _result(
     parts: Sequence[Requests], running: Mapping[Future[Rollouts], _Chunk], future: Future[Rollouts]
 ) -> Rollouts:
     """The rollouts of a future that is done."""
-    if future.cancelled():
-        raise ClusterUnavailable(LOST)
     error = future.exception()
     if error is not None:
         chunk = running[future]

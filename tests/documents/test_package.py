@@ -82,7 +82,7 @@ def needed(wanted: list[str]) -> set[str]:
 def test_what_the_program_runs_with_is_a_part_of_everything():
     run, everything = locked("requirements-run.lock"), locked("requirements.lock")
     assert run.items() <= everything.items()
-    assert not run.keys() & {"mujoco", "pin", "sbi", "botorch", "pytest", "mypy", "ruff", "distributed"}
+    assert not run.keys() & {"mujoco", "pin", "sbi", "botorch", "pytest", "mypy", "ruff"}
 
 
 def test_it_holds_all_that_the_program_needs():

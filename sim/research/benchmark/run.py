@@ -10,9 +10,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from sim.errors import ClusterUnavailable, DatasetError, RolloutError
+from sim.errors import DatasetError, RolloutError
 from sim.research.benchmark.jobs import Job, Row
-from sim.rollouts.executors import LOST
 from sim.rollouts.run import Progress
 from sim.storage.files import read_toml, whole_file, write_toml
 
@@ -68,7 +67,7 @@ def run_jobs(
 ) -> list[Row]:
     """The rows of all jobs, in order; stored ones are not run again. `run` can be sent to a worker.
 
-    Raises the errors of a job, RolloutError if a worker died, ClusterUnavailable.
+    Raises the errors of a job, and RolloutError if a worker died.
     """
     rows = {i: row for i, job in enumerate(jobs) if (row := results.row(job)) is not None}
     missing = iter([i for i in range(len(jobs)) if i not in rows])
@@ -80,8 +79,6 @@ def run_jobs(
                 running[executor.submit(run, jobs[i])] = i
             ready, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in sorted(ready, key=_failed):
-                if future.cancelled():
-                    raise ClusterUnavailable(LOST)
                 i = running.pop(future)
                 rows[i] = future.result()
                 results.keep(jobs[i], rows[i])
@@ -96,4 +93,4 @@ def run_jobs(
 
 def _failed(future: Future[Row]) -> bool:
     """Sort key: failed ones come last, so that the results of the others are stored."""
-    return future.cancelled() or future.exception() is not None
+    return future.exception() is not None

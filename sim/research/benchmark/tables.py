@@ -74,7 +74,7 @@ def build_table(
     """Simulate the missing rows of the table in `folder`, and return the whole table.
 
     `policies_of` is the digest of the checkpoint of `solver`, `scene` the task's `scene_key`. Raises DatasetError if
-    the folder holds another table, RolloutError, ClusterUnavailable.
+    the folder holds another table, RolloutError.
     """
     task = solver.task
     plan = {

@@ -30,6 +30,7 @@ DEEPEST = 32
 
 _LARGEST = 2**63
 _PIECES = re.compile(rb"[={,\n]")
+_CUT = "is cut short or damaged"
 _NO_IMAGE = "is not a whole PNG or JPEG image"
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8"
@@ -132,7 +133,7 @@ def decode_image(content: bytes, flags: int) -> NDArray[np.generic]:
     except cv2.error as error:
         raise Unreadable("is damaged") from error
     if image is None:
-        raise Unreadable("is cut short or damaged")
+        raise Unreadable(_CUT)
     return np.asarray(image)
 
 
@@ -170,11 +171,21 @@ def _too_deep() -> str:
 def _image_size(content: bytes) -> tuple[int, int]:
     """(width, height) as the header states them."""
     if content.startswith(_PNG) and len(content) >= 24:
+        _require_whole_chunks(content)
         width, height = struct.unpack(">II", content[16:24])
         return int(width), int(height)
     if content.startswith(_JPEG):
         return _jpeg_size(content)
     raise Unreadable(_NO_IMAGE)
+
+
+def _require_whole_chunks(content: bytes) -> None:
+    """OpenCV makes room for a PNG's chunk before it reads it, whatever its length says: up to 4 GB."""
+    at = len(_PNG)
+    while at + 8 <= len(content) and content[at + 4 : at + 8] != b"IEND":
+        at += 12 + int.from_bytes(content[at : at + 4], "big")
+        if at > len(content):
+            raise Unreadable(_CUT)
 
 
 def _jpeg_size(content: bytes) -> tuple[int, int]:

@@ -113,6 +113,14 @@ def test_an_image_that_claims_to_be_huge_is_refused() -> None:
         decode_image(bytes(content), cv2.IMREAD_COLOR)
 
 
+def test_a_chunk_that_claims_to_be_longer_than_the_file_is_not_given_room(monkeypatch) -> None:
+    content = bytearray(image(".png"))
+    content[33:37] = (2**31 - 1).to_bytes(4, "big")  # of the pixels' chunk, behind signature and header
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("OpenCV would take 2 GB"))
+    with pytest.raises(Unreadable, match="cut short or damaged"):
+        decode_image(bytes(content), cv2.IMREAD_COLOR)
+
+
 @pytest.mark.parametrize("content", [b"", b"\xff\xd8", b"BM" + b"\0" * 100, b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff" * 50])
 def test_what_is_no_image_is_refused(content: bytes) -> None:
     with pytest.raises(Unreadable, match="PNG or"):

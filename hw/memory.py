@@ -1,4 +1,4 @@
-"""Settings of glibc's memory: what nobody uses goes back to the system. Without glibc they do nothing."""
+"""Unused memory goes back to the system. Without glibc nothing happens."""
 
 from __future__ import annotations
 

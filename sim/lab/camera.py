@@ -16,7 +16,7 @@ from sim.render.pool import ProcessPool, RenderPool, Scene, ThreadPool
 from sim.render.sensor import SensorNoise
 
 STILL_S = 0.3  # duration of a recording without any motion
-MOST_PROCESSES = 2  # that render: as fast as the physics beside them; each takes 0.4 GB
+MOST_PROCESSES = 2  # that render; each takes 0.4 GB
 
 
 class LabCamera:

@@ -148,7 +148,7 @@ class _Middle:
 
 
 class _Camera:
-    """Depth images of the scene, without the arm; the bottle goes before the plate while a recording runs."""
+    """Depth images of the scene, without the arm; while a recording runs, the bottle moves ahead of the plate."""
 
     def __init__(self, rig: BottleBench) -> None:
         self._rig, self._rng = rig, np.random.default_rng(0)

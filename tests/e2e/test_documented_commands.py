@@ -59,7 +59,7 @@ LAST = (
 NEEDS_EXTRA = {"--format lerobot": "pyarrow", "--format parquet": "pyarrow", "--format rerun": "rerun"}
 REFUSED = {2, 3}
 LENS_IN_DOUBT = r" solve my-views"
-"""Twenty real views whose maker states no distortion: with the lens in doubt the error is too large, exit code 3."""
+"""Twenty real views: the camera states no distortion, the views ask for one, and the error is too large."""
 
 
 def documented() -> list[str]:

@@ -244,7 +244,7 @@ def small(folder: Path) -> Path:
     return folder
 
 
-def test_links_and_pipes_are_no_part_of_a_small(tmp_path):
+def test_links_and_pipes_are_no_part_of_a_session(tmp_path):
     folder, secret = small(tmp_path / "s"), tmp_path / "elsewhere"
     secret.mkdir()
     (secret / "recording.json").write_text("private")

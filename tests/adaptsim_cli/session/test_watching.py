@@ -108,3 +108,11 @@ def test_a_cut_or_changed_log_is_noticed(tmp_path, what):
     told = io.StringIO()
     watching.SessionLog(path.parent, Screen(console=CleanConsole(file=told, width=300)))
     assert "was c" in told.getvalue()
+
+
+def test_a_log_goes_on_also_behind_a_line_that_a_power_cut_truncated(tmp_path):
+    path = written(tmp_path / "s")
+    path.write_text(path.read_text() + '{"at": "2026')
+    assert watching.damage(path.parent) == ""
+    watching.SessionLog(path.parent, Screen(console=CleanConsole(file=io.StringIO()))).noted("later")
+    assert watching.damage(path.parent) == ""

@@ -5,13 +5,13 @@ The Panda is its stand-in SDK, the FR3 the maker's SDK over the network protocol
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from cells import cell, move
-from fr3_process import READY_RAD, RELAXED, Fr3Process, fr3
+from fr3_process import READY_RAD, RELAXED, Fr3Process
 from franka_modes import ANSWERS, COMMANDS, FLAGS, MODES, NOT_FINITE, SETTERS
 from players import InProcess, arm_of, driver_of
 from sdk_fake import FakeRobot, FakeSdk, JointPositions
@@ -25,18 +25,6 @@ from hw.types import JointPath
 
 BY_HAND_MODES = ("UserStopped", "Guiding")
 LASTING = tuple(mode for mode in MODES if mode not in ("Move", "AutomaticErrorRecovery"))
-
-
-@pytest.fixture(scope="module")
-def shared() -> Iterator[Fr3Process]:
-    with fr3() as running:
-        yield running
-
-
-@pytest.fixture
-def server(shared: Fr3Process) -> Fr3Process:
-    shared.place(READY_RAD)
-    return shared
 
 
 def asked(robot: Any, name: str) -> Callable[[], object]:

@@ -94,7 +94,7 @@ ViewPort = Annotated[
     int | None, typer.Option("--view-port", min=1024, max=65535, help="Port of that page; implies --view.")
 ]
 
-Workers = Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per core.")]
+Workers = Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per usable core.")]
 WorkingFolder = Annotated[Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")]
 
 Out = Annotated[Path | None, typer.Option("--out", help="Where to write it.")]

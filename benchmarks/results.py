@@ -114,7 +114,7 @@ def main() -> None:
     parser.add_argument("--short", action="store_true", help="the pendulum alone, with a small budget")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where benchmarks lie (default build/results)")
     parser.add_argument("--page-only", action="store_true", help="run nothing, show what there is")
-    parser.add_argument("--workers", type=int, default=0, help="processes; 0: one per core")
+    parser.add_argument("--workers", type=int, default=0, help="processes; 0: one per usable core")
     asked = parser.parse_args()
     parts = SHORT if asked.short else WHOLE
     page, table = (asked.folder / PAGE.name, asked.folder / SESSIONS.name) if asked.short else (PAGE, SESSIONS)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from typing import Self
 
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Array, CameraModel, Frame
+from sim.cores import usable_cores
 from sim.lab.film import Filming
 from sim.lab.kinect import kinect_model
 from sim.lab.rng_streams import camera_stream
@@ -71,7 +71,7 @@ class LabCamera:
     def _started(self) -> RenderPool:
         if self._room.world.sensing.camera == "small":
             return ThreadPool(self._scene)  # such a film is ready before a process has started
-        return ProcessPool(self._scene(), min(os.cpu_count() or 1, MOST_PROCESSES))
+        return ProcessPool(self._scene(), min(usable_cores(), MOST_PROCESSES))
 
     def _scene(self) -> Scene:
         room = self._room

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import ctypes
 import multiprocessing
-import os
 import signal
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
+from sim.cores import usable_cores
 
 _PR_SET_PDEATHSIG = 1
 
@@ -18,12 +19,12 @@ def serial_executor() -> ThreadPoolExecutor:
 
 
 def process_pool(workers: int | None = None) -> ProcessPoolExecutor:
-    """A pool of `workers` fresh processes (default: one per core), safe with threads and loaded libraries.
+    """A pool of `workers` fresh processes (default: one per usable core), safe with threads and loaded libraries.
 
     Only the waiting process handles an interrupt. On Linux no worker outlives it, however it ends.
     """
     context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(workers or os.cpu_count() or 1, mp_context=context, initializer=_serve)
+    return ProcessPoolExecutor(workers or usable_cores(), mp_context=context, initializer=_serve)
 
 
 def _serve() -> None:

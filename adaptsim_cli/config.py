@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import platformdirs
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.storage.validation import place, plain, unknown
 from hw.bounded import Unreadable, read_table
+from hw.records import Record
 
 Hardware = Literal["fake", "panda", "fr3"]
 SIMULATED: Hardware = "fake"
@@ -51,10 +52,8 @@ _OF_TESTS = _PREFIX + "TEST_"
 """Variables that lead tests to real devices begin so."""
 
 
-class Config(BaseModel):
+class Config(Record):
     """All settings, checked; the description of a key is its help, with its unit."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     hw: Annotated[Hardware, Field(description="hardware: fake, panda or fr3")] = "fake"
     rig: Annotated[str, Field(description="rig file of a real lab; empty: rig.toml beside the settings")] = ""

@@ -144,7 +144,7 @@ def readers(made: Path) -> list[Reader]:
         Reader("object", b'task = "scooping"\nname = "own"\n[ranges]\nmu = [0.1, 0.4]\n', "object.toml", load_object),
         Reader("card", card, CARD, lambda p: read_card(p.parent, "scooping")),
         Reader("weights", pendulum.read_bytes(), "model.safetensors", load_tensors),
-        Reader("log", lines, watching.FILE, lambda p: (watching.read(p.parent), watching.damage(p.parent))),
+        Reader("log", lines, watching.FILE, lambda p: watching.read(p.parent)),
         *(_of_tables(tables, name) for name in ("recorded.toml", "trials.csv", "trajectories.csv")),
         *_of_session(made / "session"),
     ]

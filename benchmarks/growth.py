@@ -26,7 +26,6 @@ import numpy as np
 from rich.console import Console
 
 from adaptsim_cli import config
-from adaptsim_cli.outputs import AnyRecord
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import recording, records, running
 from adaptsim_cli.session.flow import RunningSession, run_iteration
@@ -35,6 +34,7 @@ from adaptsim_cli.session.store import names
 from adaptsim_cli.session.summary import overview_or_damage
 from adaptsim_cli.wiring.hindsight import Reports
 from adaptsim_cli.wiring.session import open_parts
+from hw.records import AnyRecord
 from hw.types import Execution, Frame
 from sim.lab.kinect import kinect_model
 

@@ -15,8 +15,9 @@ import numpy as np
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from calib.types import Matrix, Numbers, Record
+from calib.types import Matrix, Numbers
 from hw.poses import inverse
+from hw.records import Record
 from hw.types import Array
 
 LENGTHS_M = {"m": 1.0, "mm": 1e-3}

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal, Self, TypeVar
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -14,11 +14,10 @@ from pydantic import Field, ValidationError, model_validator
 from calib.errors import ViewFolderError
 from calib.pose_records import LARGEST, PoseKeys, PosesRecord
 from calib.target_records import AnyTargetRecord
-from calib.types import FORMAT, Matrix, Numbers, Record
+from calib.types import FORMAT, Matrix, Numbers, StoredRecord
 from hw.bounded import Unreadable, read_table
+from hw.records import AnyRecord, Record, from_any_version
 from hw.types import Array, Intrinsics
-
-AnyRecord = TypeVar("AnyRecord", bound=Record)
 
 
 class IntrinsicsRecord(Record):
@@ -196,9 +195,9 @@ def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
         raise ViewFolderError(f"{path} {error}; restore it, or remove it with its images") from error
     version = data.get("format", FORMAT)
     if isinstance(version, int) and version > FORMAT:
-        raise ViewFolderError(f"{path} is of format {version}; this version reads up to {FORMAT}")
+        raise ViewFolderError(f"{path} is of format {version}; this version reads up to {FORMAT}: update adaptsim")
     try:
-        return kind.model_validate(data)
+        return from_any_version(kind, data) if issubclass(kind, StoredRecord) else kind.model_validate(data)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"]) or "the whole file"

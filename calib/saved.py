@@ -20,12 +20,12 @@ from calib.types import (
     Matrix,
     Measured,
     Numbers,
-    Record,
     Solution,
     StoredRecord,
     ViewFit,
     reasons,
 )
+from hw.records import Record
 from hw.types import Array
 
 FILE = "calibration.json"

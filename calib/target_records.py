@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from calib.types import Record
+from hw.records import Record
 from perception.board.targets import Chessboard, Circles, Markers, Points, marker_grid, single
 from perception.board.types import Board
 

@@ -1,4 +1,4 @@
-"""Inputs and results of calibration, and the base of all its records.
+"""Inputs and results of calibration, and the base of its files.
 
 Frames besides those of `hw.types`: M is the board, A the carrier of the camera, H the holder of the board:
 
@@ -24,8 +24,9 @@ from itertools import product
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BeforeValidator
 
+from hw.records import Record, content_of
 from hw.types import Array, Intrinsics, frozen_array
 from perception.board.types import CalibrationTarget, Corners
 
@@ -46,21 +47,12 @@ Measured = Annotated[float | None, BeforeValidator(_told)]
 """JSON has no NaN, so a missing measurement is null."""
 
 
-class Record(BaseModel):
-    """Base of all stored records: frozen, finite, and unknown keys are an error.
-
-    It can be validated from the object that it stores; further attributes of that object are ignored.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, from_attributes=True)
-
-
 class StoredRecord(Record):
     """A record that is the whole of a file."""
 
     def content(self) -> bytes:
         """The bytes of its file, as JSON."""
-        return (json.dumps(self.model_dump(), indent=1, allow_nan=False) + "\n").encode()
+        return (json.dumps(content_of(self), indent=1, allow_nan=False) + "\n").encode()
 
     def sha256(self) -> str:
         """SHA-256 of `content`, which a session records."""

@@ -14,7 +14,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.storage import durable
 from calib.records import read
 from calib.target_records import BoardRecord
-from calib.types import Record
+from hw.records import Record
 from perception.board.types import Board
 
 PAPERS_MM = {"a4": (297.0, 210.0), "a3": (420.0, 297.0), "letter": (279.4, 215.9)}

@@ -1,10 +1,12 @@
-"""The common base of stored records and of JSON output: no unknown keys, a meaning for every field, and units."""
+"""JSON output: a meaning for every field, and units."""
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from hw.records import Record
 
 VERSION = 1
 """Counts up when a key is removed or changes its meaning. New keys do not change it."""
@@ -27,19 +29,6 @@ def said(meaning: str) -> Any:
 def maybe(meaning: str) -> Any:
     """A field that may be null, with one line of meaning."""
     return Field(None, description=meaning)
-
-
-AnyRecord = TypeVar("AnyRecord", bound="Record")
-
-
-class Record(BaseModel):
-    """What is stored or printed: frozen, and unknown keys are an error, so that every key is documented."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", json_schema_serialization_defaults_required=True)
-
-    def view(self, kind: type[AnyRecord]) -> AnyRecord:
-        """The fields of `kind` that this record has, as a `kind`."""
-        return kind(**{name: getattr(self, name) for name in kind.model_fields if hasattr(self, name)})
 
 
 class Output(Record):

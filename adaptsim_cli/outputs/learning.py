@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from adaptsim_cli.outputs import Output, Quantities, Record, maybe, said
+from adaptsim_cli.outputs import Output, Quantities, maybe, said
 from adaptsim_cli.outputs.trials import UNITS
+from hw.records import Record
 
 
 class WorldRow(Record):

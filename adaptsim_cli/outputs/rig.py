@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from adaptsim_cli.outputs import Output, Record, maybe, said
+from adaptsim_cli.outputs import Output, maybe, said
+from hw.records import Record
 
 Matrix = list[list[float]]
 Numbers = list[float]

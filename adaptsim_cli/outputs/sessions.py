@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from adaptsim_cli.outputs import Output, Quantities, Record, said
+from adaptsim_cli.outputs import Output, Quantities, said
 from adaptsim_cli.outputs.trials import UNITS, BestRecord, Trial
+from hw.records import Record
 from perception.types import Outcome
 from sim.adaptation.verdict import Verdict
 
@@ -80,6 +81,7 @@ class SessionShown(Output):
     trials: list[ShownTrial] = said("its trials, in order")
     rejected: list[ShownRejection] = said("attempts that do not count, in order")
     results: list[ShownResult] = said("its complete iterations, in order")
+    newer_keys: tuple[str, ...] = said("keys that a newer version of adaptsim wrote; they are kept and not used")
 
 
 class Verified(Record):
@@ -88,6 +90,7 @@ class Verified(Record):
     session: str = said("its name")
     files: int = said("files that were read")
     damage: tuple[str, ...] = said("one message a damaged file")
+    newer_keys: tuple[str, ...] = said("keys that a newer version of adaptsim wrote; they are kept and not used")
 
 
 class VerifiedSessions(Output):

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adaptsim_cli.outputs import Output, Quantities, Record, said
+from adaptsim_cli.outputs import Output, Quantities, said
+from hw.records import Record
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.verdict import Verdict

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.outputs import AnyRecord, Record
 from adaptsim_cli.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import recording, records
 from adaptsim_cli.session.records import (
@@ -44,6 +43,7 @@ from adaptsim_cli.session.store import (
 )
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
+from hw.records import AnyRecord, Record
 from sim.storage.files import flush_folder, publish_new, sha256
 
 T = TypeVar("T")
@@ -55,10 +55,15 @@ def verify(root: Path, name: str) -> Verified:
     try:
         store = SessionStore.open(root, name)
     except SessionError as error:
-        return Verified(session=name, files=1, damage=(str(error),))
+        return Verified(session=name, files=1, damage=(str(error),), newer_keys=())
     examination = _Examination()
     examination.session(store)
-    return Verified(session=name, files=examination.files, damage=tuple(examination.damage))
+    return Verified(
+        session=name,
+        files=examination.files,
+        damage=tuple(examination.damage),
+        newer_keys=tuple(examination.newer_keys),
+    )
 
 
 class _Examination:
@@ -67,9 +72,11 @@ class _Examination:
     def __init__(self) -> None:
         self.files = 0
         self.damage: list[str] = []
+        self.newer_keys: dict[str, None] = {}  # in order
 
     def session(self, store: SessionStore) -> None:
         self.files += 2  # session.toml and start.json, read on opening
+        self.newer_keys.update(dict.fromkeys(store.additions()))
         if (store.folder / ABOUT).exists():
             self._record(About, store.folder / ABOUT)
         for folder in store.entries():
@@ -119,7 +126,9 @@ class _Examination:
 
     def _record(self, kind: type[AnyRecord], path: Path) -> AnyRecord | None:
         self.files += 1
-        return self._look(records.read, kind, path)
+        record = self._look(records.read, kind, path)
+        self.newer_keys.update(dict.fromkeys(record.additions if record else ()))
+        return record
 
     def _look(self, read: Callable[..., T], *arguments: Any) -> T | None:
         """The result of `read`; None if it found damage, which is noted."""
@@ -208,7 +217,7 @@ def _annotated(folder: Path, note: str | None, add: Sequence[str], remove: Seque
             raise UsageError(f"session {folder.name!r} has no tag {missing[0]!r}; tags: {known}")
         kept = tuple(tag for tag in before.tags if tag not in remove)
         tags = tuple(dict.fromkeys((*kept, *add)))
-        found = About(note=before.note if note is None else note.strip(), tags=tags)
+        found = before.model_copy(update={"note": before.note if note is None else note.strip(), "tags": tags})
         durable.replace_file(folder / ABOUT, records.to_json(found))
     return found
 

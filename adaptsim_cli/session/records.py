@@ -20,11 +20,12 @@ import tomli_w
 from pydantic import Field, ValidationError
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.outputs import AnyRecord, Quantities, Record
+from adaptsim_cli.outputs import Quantities
 from adaptsim_cli.outputs.trials import BestRecord, OutlookRecord, TrackRecord
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.validation import explained
 from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
+from hw.records import AnyRecord, Record, content_of, from_any_version
 from hw.types import Array
 from perception.types import Outcome
 from sim.adaptation.verdict import Verdict
@@ -390,24 +391,26 @@ class Pruned(Record):
 
 def to_json(record: Record) -> bytes:
     """The record as indented, sealed JSON. Raises ValueError on a value that is not finite."""
-    return durable.seal_json((json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n").encode())
+    return durable.seal_json((json.dumps(content_of(record), indent=1, allow_nan=False) + "\n").encode())
 
 
 def to_toml(record: Record) -> bytes:
     """A record as the bytes of a TOML file, sealed."""
-    return durable.seal_toml(tomli_w.dumps(record.model_dump(mode="json")).encode())
+    return durable.seal_toml(tomli_w.dumps(content_of(record)).encode())
 
 
 def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
-    """Read a record. Raises SessionError naming the file and its defect."""
+    """Read a record, of this version or a newer one of the same format. Raises SessionError naming file and defect."""
     data = _table(path, is_sealed=True)
     if (version := data.get("format", FORMAT)) != FORMAT:
+        is_newer = isinstance(version, int) and version > FORMAT
+        way = "Update adaptsim" if is_newer else "Open it with the version that wrote it"
         raise SessionError(
-            f"{path} is of format {version}, and this version of adaptsim reads format {FORMAT}. Open it with the "
-            "version that wrote it, or start another session with --session"
+            f"{path} is of format {version}, and this version of adaptsim reads format {FORMAT}. {way}, or start "
+            "another session with --session"
         )
     try:
-        return kind.model_validate(data)
+        return from_any_version(kind, data)
     except ValidationError as error:
         raise corrupt(path, explained(error)) from error
 

@@ -82,8 +82,7 @@ def run_session(
     if not request.yes:
         console.require_terminal()
     screen = screen or Screen()
-    if request.session is not None and known is None:
-        _confirm_new(screen, request, root)
+    _confirm_session(screen, request, root, known)
     unattended = config.unattended(request.yes)
     with ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
@@ -162,12 +161,16 @@ def _meant(root: Path, asked: Config, request: SessionRequest) -> str:
     return stores.newest(root)
 
 
-def _confirm_new(screen: Screen, request: SessionRequest, root: Path) -> None:
-    """Ask whether a new session is meant, if its name is like that of another one.
+def _confirm_session(screen: Screen, request: SessionRequest, root: Path, known: SessionStore | None) -> None:
+    """Note what a newer version wrote to a known session; ask whether a new one is meant whose name is like another's.
 
     Raises StoppedByOperator if it is not.
     """
-    name = request.session or ""
+    if known is not None and (keys := known.additions()):
+        screen.note(terminal_views.newer_note(known.facts.name, keys).plain)
+    if known is not None or request.session is None:
+        return
+    name = request.session
     near = did_you_mean(name, stores.names(root))
     if not near or request.yes:
         return

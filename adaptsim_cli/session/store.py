@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.outputs import AnyRecord, Record
 from adaptsim_cli.session import records
 from adaptsim_cli.session.records import (
     Amendment,
@@ -32,6 +31,7 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
+from hw.records import AnyRecord, Record
 from hw.types import Array
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
 from sim.errors import did_you_mean
@@ -93,6 +93,11 @@ class SessionStore:
     def until(self, iterations: int) -> SessionStore:
         """The first `iterations` alone, which stay as they are while the session goes on."""
         return replace(self, _most=iterations)
+
+    def additions(self) -> tuple[str, ...]:
+        """The keys that a newer version wrote into the records read so far."""
+        records_read = (self.facts, self.start, *self._read.values())
+        return tuple(dict.fromkeys(key for record in records_read for key in record.additions))
 
     def existing(self, iteration: int | None = None) -> Existing:
         """The stored contents, of all iterations or of one. Raises SessionError on names that do not belong there."""

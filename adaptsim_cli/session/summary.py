@@ -89,7 +89,7 @@ def overview_or_damage(root: Path, name: str) -> SessionRow | Damaged:
 def details(store: SessionStore) -> SessionShown:
     """One session with all its counting trials and results. Raises SessionError."""
     facts = store.facts
-    return SessionShown(
+    shown = SessionShown(
         facts=facts.model_dump(mode="json"),
         folder=str(store.folder),
         units=facts.units,
@@ -99,4 +99,6 @@ def details(store: SessionStore) -> SessionShown:
             for one in store.rejections()
         ],
         results=[result.view(ShownResult) for result in results_of(store)],
+        newer_keys=(),
     )
+    return shown.model_copy(update={"newer_keys": store.additions()})  # of all records that were read above

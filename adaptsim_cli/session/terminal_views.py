@@ -160,7 +160,16 @@ def verified(checked: Sequence[Verified]) -> RenderableType:
     """The table of `sessions verify`, and below it every damaged file."""
     body = [(one.session, str(one.files), str(len(one.damage)) if one.damage else "none") for one in checked]
     table = views.rows(("session", "files", "damaged"), body, right=(1, 2))
-    return Group(table, *(Text(message) for one in checked for message in one.damage))
+    newer = (newer_note(one.session, one.newer_keys) for one in checked if one.newer_keys)
+    return Group(table, *(Text(message) for one in checked for message in one.damage), *newer)
+
+
+def newer_note(name: str, keys: Sequence[str]) -> Text:
+    """The note on a session that a newer version wrote to."""
+    return Text(
+        f"{name} was written by a newer version of adaptsim, which added {', '.join(keys)}. This version keeps these "
+        "values and does not use them; update adaptsim to see them"
+    )
 
 
 def session(shown: SessionShown) -> RenderableType:
@@ -186,7 +195,8 @@ def session(shown: SessionShown) -> RenderableType:
         Text(f"Rejected: trial {r.trial}, attempt {r.attempt}: {r.reason}", style="yellow") for r in shown.rejected
     ]
     last = [Text(in_words(results[-1].verdict, facts["object_name"]))] if results else []
-    return Group(head, Text(shown.folder, style="dim"), Text(""), table, *rejected, *last)
+    newer = [newer_note(facts["name"], shown.newer_keys)] if shown.newer_keys else []
+    return Group(head, Text(shown.folder, style="dim"), Text(""), table, *rejected, *last, *newer)
 
 
 def tell_amended(screen: Screen, command: str, changed: Amended, consequence: str) -> None:

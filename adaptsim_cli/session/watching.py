@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import platform
@@ -16,14 +15,14 @@ from typing import Any, Literal, Protocol
 from pydantic import Field
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.outputs import Record
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import MotionPreview, TrackedTrial
 from adaptsim_cli.storage import durable
-from hw.bounded import JSON_BYTES, Unreadable, read_bytes
+from hw.bounded import JSON_BYTES, parse_table, read_bytes
+from hw.records import Record, from_any_version
 from sim.adaptation.posterior import Posterior
 
 PosteriorSource = Callable[[], Posterior | None]
@@ -77,7 +76,7 @@ class AllOf:
             watcher.reported(path)
 
 
-FILE, END = "log.jsonl", "log.end"
+FILE = "log.jsonl"
 
 Kind = Literal["begun", "asked", "answered", "done", "noted", "planned", "tracked", "stored", "reported", "ended"]
 
@@ -90,7 +89,6 @@ class LogLine(Record):
     text: str = ""  # the sentence on the screen: question, step, warning, error
     took_s: float | None = None  # duration of the step or of the answer
     data: dict[str, Any] = Field(default_factory=dict)  # further values, by name, in units
-    seal: str = ""  # checksum of this line and of the seal before it
 
 
 class SessionLog:
@@ -100,9 +98,6 @@ class SessionLog:
         self._path, self._screen, self._is_failing = folder / FILE, screen, False
         self._lock = RLock()  # a report is drawn in another thread
         self._is_torn = _is_torn(self._path)
-        self._seal = _last_seal(self._path)
-        if problem := damage(folder):
-            screen.note(f"{problem}. The session goes on; its records do not depend on the log")
 
     def doing(self, what: str, stage: str) -> None:
         """See `Listener`; the step becomes a line once it is over."""
@@ -148,12 +143,9 @@ class SessionLog:
             self._add(LogLine(at=at, event=event, text=text, took_s=took_s, data=data))
 
     def _add(self, line: LogLine) -> None:
-        line = line.model_copy(update={"seal": _seal(self._seal, line)})
         try:
             with durable.explained(self._path):
                 _append(self._path, ("\n" if self._is_torn else "") + _as_line(line))
-                self._seal = line.seal
-                self._path.with_name(END).write_text(line.seal, encoding="ascii")
             self._is_torn = self._is_failing = False
         except SessionError as error:
             self._is_torn, was_failing, self._is_failing = _is_torn(self._path), self._is_failing, True
@@ -186,42 +178,10 @@ def read(folder: Path) -> tuple[LogLine, ...]:
     found = []
     for line in read_bytes(path, JSON_BYTES).splitlines():
         try:
-            found.append(LogLine.model_validate_json(line))
+            found.append(from_any_version(LogLine, parse_table(line, is_toml=False)))
         except ValueError:
             continue
     return tuple(found)
-
-
-def damage(folder: Path) -> str:
-    """A sentence if lines of the log were removed or changed; "" if none was.
-
-    Each line seals the one before it, and `END` holds the seal of the newest. A truncated last line is a power cut, no
-    damage. Raises Unreadable, OSError.
-    """
-    end = folder / END
-    seal, seals = "", list[str]()
-    for number, line in enumerate(read(folder), start=1):
-        if line.seal != _seal(seal, line):
-            return f"{folder / FILE} was changed: line {number} does not follow from the one before it"
-        seal = line.seal
-        seals.append(seal)
-    newest = read_bytes(end, JSON_BYTES).decode(errors="replace").strip() if end.is_file() else ""
-    if newest and newest not in seals:
-        return f"{folder / FILE} was cut: its newest lines are gone"
-    return ""
-
-
-def _seal(before: str, line: LogLine) -> str:
-    content = _as_line(line.model_copy(update={"seal": before}))
-    return hashlib.sha256(content.encode()).hexdigest()[:16]
-
-
-def _last_seal(path: Path) -> str:
-    try:
-        lines = read(path.parent)
-    except (Unreadable, OSError):
-        return ""
-    return lines[-1].seal if lines else ""
 
 
 def _as_line(line: LogLine) -> str:

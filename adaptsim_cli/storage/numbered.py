@@ -13,8 +13,8 @@ from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.storage import durable
 from calib.errors import ViewFolderError
 from calib.records import read
-from calib.types import Record
 from hw.bounded import Unreadable, read_table
+from hw.records import Record
 
 RESTORED = "restored.json"
 """The file beside a restored copy, with the original's name and the time."""

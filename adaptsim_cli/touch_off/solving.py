@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.types import Record
 from hw.collision import Table
 from hw.kinematics import forward
+from hw.records import Record
 from hw.types import Array
 from sim.panda.tool import ToolCorrection
 from sim.panda.touching import Probe

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from adaptsim_cli.storage.numbered import NumberedRecords
 from adaptsim_cli.touch_off.solving import MeasuredValue
-from calib.types import Record, StoredRecord
+from calib.types import StoredRecord
 from hw.collision import Table
+from hw.records import Record
 from sim.panda.tool import ToolCorrection
 
 FILE, PREFIX = "touch-off.json", "touch-off-"

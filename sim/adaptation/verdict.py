@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from hw.records import Record
 
 LEAST_TRIALS = 6
 """With fewer trials the verdict is only that there are too few, unless the method makes a forecast."""
@@ -30,10 +32,8 @@ class Reason(StrEnum):
     UNTRIED = "untried"  # little is to gain, but no trial has tried a policy like this one
 
 
-class Verdict(BaseModel):
+class Verdict(Record):
     """The verdict on a session after an iteration."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind: Kind = Field(description="go on or stop, and by which rule")
     reasons: tuple[Reason, ...] = Field(default=(), description="what else was found")

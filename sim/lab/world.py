@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, cast, get_type_hints
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+from pydantic import BaseModel, Field, ValidationError, create_model
 
 from hw.bounded import Unreadable, parse_table, read_table
 from hw.collision import Table
+from hw.records import HandWritten
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack
 from sim.errors import NoHardware, OutOfRange, UnknownName, WorldError, did_you_mean
@@ -164,24 +165,20 @@ def load_world(name_or_path: str, task: Task) -> World:
     return _parse((files_of(task.name, "worlds") / name).read_bytes(), name_or_path, f"world {name_or_path}", task)
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
-
 _Model = TypeVar("_Model", bound=BaseModel)
 _Kind = TypeVar("_Kind")
 
 
-class _File(_Strict):
+class _File(HandWritten):
     task: str
     description: str = ""
     physics: Physics = "drake"  # "mujoco": the tool is driven directly, in a physics that training does not use
     params: dict[str, Any]
-    nuisance: dict[str, Any] = {}
-    unmodelled: dict[str, Any] = {}
-    sensing: dict[str, Any] = {}
-    mount: dict[str, Any] = {}
-    faults: dict[str, Any] = {}
+    nuisance: dict[str, Any] = Field(default_factory=dict)
+    unmodelled: dict[str, Any] = Field(default_factory=dict)
+    sensing: dict[str, Any] = Field(default_factory=dict)
+    mount: dict[str, Any] = Field(default_factory=dict)
+    faults: dict[str, Any] = Field(default_factory=dict)
 
 
 def _parse(data: bytes, name: str, source: str, task: Task) -> World:
@@ -264,7 +261,7 @@ def _vector(raw: Mapping[str, Any], space: Space, source: str, table: str, *, re
         d.name: (int if d.scale == "integer" else float, ... if required else float(middle))
         for d, middle in zip(space.dimensions, space.middle, strict=True)
     }
-    model = _check(create_model(table, __base__=_Strict, **types), raw, source, table)
+    model = _check(create_model(table, __base__=HandWritten, **types), raw, source, table)
     values = [getattr(model, d.name) for d in space.dimensions]
     for dimension, value in zip(space.dimensions, values, strict=True):
         _possible(dimension, float(value), source, table)
@@ -305,7 +302,7 @@ def _build(kind: type[_Kind], raw: Mapping[str, Any], source: str, table: str) -
     for field in fields(cast("Any", kind)):
         default = field.default if field.default_factory is MISSING else field.default_factory()
         types[field.name] = (hints[field.name], ... if default is MISSING else default)
-    model = _check(create_model(table, __base__=_Strict, **types), raw, source, table)
+    model = _check(create_model(table, __base__=HandWritten, **types), raw, source, table)
     try:
         return kind(**dict(model))
     except (ValueError, OutOfRange) as error:

@@ -26,9 +26,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from hw.bounded import Unreadable, read_table
+from hw.records import HandWritten
 from sim.errors import ObjectError
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
@@ -54,9 +55,7 @@ class OwnObject:
                 )
 
 
-class _File(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
-
+class _File(HandWritten):
     task: str
     name: str = Field(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9][A-Za-z0-9 _-]*$")
     ranges: dict[str, tuple[float, float]] = Field(

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from adaptsim_cli.storage.validation import explained
 from hw.bounded import Unreadable, read_table
+from hw.records import Record
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import RecordingsRefused
@@ -23,11 +24,7 @@ from sim.types import Space
 MANIFEST = "recorded.toml"
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Tables(_Table):
+class Tables(Record):
     """Trials as rows of CSV or Parquet files."""
 
     trials: str = Field("trials.csv", description="file with one row a trial")
@@ -43,7 +40,7 @@ class Tables(_Table):
         return self.columns.get(ours, ours)
 
 
-class Mcap(_Table):
+class Mcap(Record):
     """Trials as MCAP files of ROS 2 messages, one file a trial."""
 
     files: str = Field("*.mcap", description="which files, each one trial")
@@ -60,7 +57,7 @@ class Mcap(_Table):
     )
 
 
-class Manifest(_Table):
+class Manifest(Record):
     """The whole file."""
 
     task: str = Field(description="the task of the trials")

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from board_rig import COUNT, X_BC, ToyBench, places, rig, run
-from real_lab import quiet, said
+from real_lab import calibration, quiet, said
 
 from adaptsim_cli import app, config
 from adaptsim_cli.calibration import flow, printing, running
@@ -23,6 +23,8 @@ from adaptsim_cli.calibration.visits import Automatic, HandGuided
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.preflight import calibration_check
 from adaptsim_cli.wiring import calibration as wiring_calibration
+from calib.errors import ViewFolderError
+from calib.records import read
 from calib.saved import SavedCalibration
 from calib.types import HandEye
 from hw.errors import CameraError
@@ -207,3 +209,18 @@ def test_an_old_calibration_is_warned_of():
     assert "49 days old" in old.detail
     assert "adaptsim calibrate check" in old.detail
     assert "old" not in calibration_check(eye, 60, now).detail
+
+
+def test_a_calibration_of_a_newer_version_is_used_without_its_additions(tmp_path):
+    made = calibration()
+    file = tmp_path / "calibration.json"
+    table = json.loads(made.content()) | {"lens_age_days": 3}
+    table["uncertainty"]["bias_mm"] = 0.1
+    file.write_text(json.dumps(table))
+    stored = read(SavedCalibration, file)
+    assert stored.additions == ("lens_age_days", "uncertainty.bias_mm")
+    assert np.array_equal(stored.hand_eye().X_BC, made.hand_eye().X_BC)
+    assert json.loads(stored.content()) == table
+    file.write_text(json.dumps(table | {"format": 2}))
+    with pytest.raises(ViewFolderError, match=r"format 2; this version reads up to 1: update adaptsim"):
+        read(SavedCalibration, file)

@@ -164,7 +164,7 @@ def test_a_bundle_holds_records_and_pictures_only_if_asked(root, tmp_path, pictu
 def files_of(root: Path) -> list[Path]:
     """What `verify` reads: all but the report, which is drawn from the rest, the log, which grows, and the lock."""
     files = [path for path in (root / NAME).rglob("*") if path.is_file() and not path.name.startswith(".")]
-    return sorted(path for path in files if path.name not in ("report.html", "log.jsonl", "log.end"))
+    return sorted(path for path in files if path.name not in ("report.html", "log.jsonl"))
 
 
 @pytest.fixture(scope="module")

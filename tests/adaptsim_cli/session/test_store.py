@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
@@ -10,12 +11,13 @@ from toy_rig import ToyLab, toy_parts
 from toy_session import NAME, resolved
 
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.outputs import AnyRecord
-from adaptsim_cli.session import records, running
+from adaptsim_cli.session import keeping, records, running
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session.store import SessionStore, results_of, trials_of
 from adaptsim_cli.session.summary import details
-from adaptsim_cli.storage.durable import seal_toml
+from adaptsim_cli.storage.durable import seal_json, seal_toml
+from hw.records import AnyRecord
+from perception.types import Outcome
 
 
 def reopened(store: SessionStore) -> SessionStore:
@@ -55,6 +57,27 @@ def test_a_value_of_another_kind_and_another_format_are_named(store, old, new, t
     path.write_bytes(seal_toml(body.replace(old, new)))
     with pytest.raises(SessionError, match=told):
         reopened(store)
+
+
+def test_a_newer_version_may_add_fields_to_every_record_and_this_one_keeps_and_names_them(store):
+    before = details(reopened(store))
+    add_to(store.folder / "session.toml", b"context_off = 0.5\n")
+    for file in ("start.json", "iteration-01/trial-002-attempt-1/trial.json", "iteration-01/result-1/result.json"):
+        add_to(store.folder / file, b',\n "settled": {"after_s": 0.25}')
+    shown = details(opened := reopened(store))
+    assert shown.newer_keys == ("context_off", "settled")
+    assert shown.model_copy(update={"newer_keys": (), "facts": before.facts}) == before
+    assert keeping.verify(store.folder.parent, store.facts.name).damage == ()
+    assert keeping.verify(store.folder.parent, store.facts.name).newer_keys == ("context_off", "settled")
+    trial = trials_of(opened)[1].counting_as(Outcome.ON_TABLE, 0.0, (0.0, 0.0))
+    assert json.loads(records.to_json(trial))["settled"] == {"after_s": 0.25}
+
+
+def add_to(path: Path, addition: bytes) -> None:
+    """Write a field of a newer version into a sealed record."""
+    is_toml = path.suffix == ".toml"
+    body, _, _ = path.read_bytes().rpartition(b"# sha256 " if is_toml else b',\n "sealed": ')
+    path.write_bytes(seal_toml(addition + body) if is_toml else seal_json(body + addition + b"\n}\n"))
 
 
 def test_what_a_killed_process_left_behind_is_not_read_and_goes_with_the_next_command(store):

@@ -42,7 +42,6 @@ _NOT_SETTINGS = frozenset(
     for name in (
         "HOME",
         "DEBUG",
-        "SPEAK",
         "K4A_LIBRARY",  # hw/camera/k4a_library.py
         *("K4ARECORD_LIBRARY", "KINECT_RECORDING", "STAGED_KINECT", "DRILL_TRANSCRIPT"),  # for tests and benchmarks
         "REPOSITORY_URL",  # setup.py

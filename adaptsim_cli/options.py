@@ -5,7 +5,6 @@ Light, because every press of Tab starts the program.
 
 from __future__ import annotations
 
-import os
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -51,11 +50,6 @@ def _folders(kind: str, incomplete: str) -> list[str]:
     return _like(incomplete, {entry.name for entry in folder.iterdir()} if folder.is_dir() else set())
 
 
-def _speak(wanted: bool) -> None:
-    if wanted:
-        os.environ["ADAPTSIM_SPEAK"] = "1"  # read by `screen.console.Screen`
-
-
 def _like(incomplete: str, names: set[str]) -> list[str]:
     return sorted(name for name in names if name.startswith(incomplete) and not name.startswith("."))
 
@@ -86,9 +80,6 @@ Sure = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")]
 Realtime = Annotated[bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")]
 Pace = Annotated[float | None, typer.Option("--pace", help="Speed of every motion, 0.1 to 1; below 1 nothing counts.")]
 Operator = Annotated[str | None, typer.Option("--operator", help="Your name, for the record of a real arm.")]
-Speak = Annotated[
-    bool, typer.Option("--speak", help="Say questions and warnings aloud (espeak-ng or spd-say).", callback=_speak)
-]
 View = Annotated[bool, typer.Option("--view", help="Show camera, motion and track on a page of 127.0.0.1.")]
 ViewPort = Annotated[
     int | None, typer.Option("--view-port", min=1024, max=65535, help="Port of that page; implies --view.")

@@ -109,9 +109,6 @@ class Pedal(Protocol):
     def enabled(self) -> bool:
         """Whether the arm may move now."""
 
-    def pressed(self) -> bool | None:
-        """Whether it is held, or known to be up; None if nobody can tell, or the press was not seen to begin."""
-
     def why_not(self) -> str:
         """Why it does not enable, in words for a person."""
 

@@ -33,7 +33,6 @@ def calibrate(
     realtime: options.Realtime = False,
     pace: options.Pace = None,
     operator: options.Operator = None,
-    speak: options.Speak = False,
     as_json: options.Json = False,
 ) -> None:
     """Find the camera's pose: the arm shows the camera a board from many sides. Takes about ten minutes.

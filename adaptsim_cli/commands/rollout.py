@@ -39,7 +39,6 @@ def rollout(
     realtime: options.Realtime = False,
     pace: options.Pace = None,
     operator: options.Operator = None,
-    speak: options.Speak = False,
     view: options.View = False,
     view_port: options.ViewPort = None,
     yes: options.Yes = False,

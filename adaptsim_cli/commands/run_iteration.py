@@ -42,7 +42,6 @@ def run_iteration(
     realtime: options.Realtime = False,
     pace: options.Pace = None,
     operator: options.Operator = None,
-    speak: options.Speak = False,
     view: options.View = False,
     view_port: options.ViewPort = None,
     as_json: options.Json = False,

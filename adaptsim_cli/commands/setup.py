@@ -17,7 +17,6 @@ def setup(
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fr3, panda, or fake to practise.")] = None,
     begin: Annotated[str, typer.Option("--from", help="Do this step and all after it again, e.g. camera.")] = "",
     operator: options.Operator = None,
-    speak: options.Speak = False,
     yes: options.Yes = False,
 ) -> None:
     """Set up a lab: from an unpacked arm to the first trial, with a check after every step.

@@ -33,7 +33,6 @@ def touch_off(
     realtime: options.Realtime = False,
     pace: options.Pace = None,
     operator: options.Operator = None,
-    speak: options.Speak = False,
     as_json: options.Json = False,
 ) -> None:
     """Find the table's height and the tool's pose in the hand by touching slowly. Do this before the first scoop.

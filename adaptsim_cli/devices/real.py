@@ -146,10 +146,7 @@ class RealLab:
         part = self.rig.pedal
         if part is None:
             return None
-        pedal = self._stack.enter_context(self._drivers.pedal(part.port))
-        self._stack.callback(self._screen.hear, None)
-        self._screen.hear(pedal)
-        return pedal
+        return self._stack.enter_context(self._drivers.pedal(part.port))
 
     def _hand(self) -> Hand:
         """The arm's hand, connected."""

@@ -23,8 +23,7 @@ from rich.text import Text
 
 from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, views
-from adaptsim_cli.screen.keys import HELP, Key, Presses, chosen, enter, explained, prompt, read_line, stop, unknown
-from adaptsim_cli.screen.speaking import Speaker
+from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
 from hw.errors import HardwareError
@@ -34,12 +33,9 @@ from sim.errors import NotExecutable, RolloutError
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from hw.ports import Pedal
 
 ANSWERING = "answering"
 """The stage of the time spent waiting for answers."""
-AGAIN = "(again)"
-"""Two presses of the pedal at a question without r."""
 END = "(end of input)"
 """The answer that listeners get at the end of input."""
 
@@ -81,15 +77,6 @@ class Screen:
         self._listeners: list[Listener] = []
         self._noted: list[str] = []
         self._stopwatch = Stopwatch()
-        self._pedal: Pedal | None = None
-        if os.environ.get("ADAPTSIM_SPEAK"):
-            self.tell(Speaker())
-
-    def hear(self, pedal: Pedal | None) -> None:
-        """From now on short presses of `pedal` answer questions that name keys too: one is Enter, two are r."""
-        self._pedal = pedal
-        if pedal is not None:
-            self.note("  The pedal answers too: one short press is Enter; two are r, or ask the question again")
 
     def tell(self, listener: Listener) -> None:
         """From now on `listener` also gets every wait, question, answer and warning; earlier warnings at once."""
@@ -146,11 +133,7 @@ class Screen:
         StoppedByOperator at the end of input.
         """
         while True:
-            typed = {key.typed for key in keys}
-            presses = {1: ""} if "" in typed else {}
-            answer = self.ask(f"{question} {prompt(listed or keys)}:", presses | {2: "r" if "r" in typed else AGAIN})
-            if answer == AGAIN:
-                continue
+            answer = self.ask(f"{question} {prompt(listed or keys)}:")
             if answer == HELP:
                 self.show(views.keys(explain, explained(keys)))
             elif (key := chosen(keys, answer)) is not None:
@@ -170,17 +153,9 @@ class Screen:
         if self.choose(question, enter(does, then), stop(f"The command ends; {kept}.")) == "q":
             raise StoppedByOperator(f"stopped by the operator; {kept}")
 
-    def words(
-        self,
-        question: str,
-        explain: str = "Type the answer and press Enter; q leaves.",
-        presses: Mapping[int, str] | None = None,
-    ) -> str | None:
-        """Ask for a sentence; "" if it is empty, None at q, `explain` at `?`. Raises StoppedByOperator.
-
-        `presses`: see `ask_text`.
-        """
-        while (answer := self.ask_text(question, presses)) == HELP:
+    def words(self, question: str, explain: str = "Type the answer and press Enter; q leaves.") -> str | None:
+        """Ask for a sentence; "" if it is empty, None at q, `explain` at `?`. Raises StoppedByOperator."""
+        while (answer := self.ask_text(question)) == HELP:
             self.show(views.indent(Text(explain)))
         return None if answer in ("q", "Q") else answer
 
@@ -193,45 +168,23 @@ class Screen:
             self.note(f"  {answer} is not one of these numbers; for example {otherwise:g}")
         raise StoppedByOperator("stopped by the operator; nothing has changed")
 
-    def ask(self, question: str, presses: Mapping[int, str] | None = None) -> str:
+    def ask(self, question: str) -> str:
         """One line of answer, lower case and stripped. Raises StoppedByOperator at the end of input."""
-        return self.ask_text(question, presses).lower()
+        return self.ask_text(question).lower()
 
-    def ask_text(self, question: str, presses: Mapping[int, str] | None = None) -> str:
-        """One line of answer as it was typed, stripped. Raises StoppedByOperator at the end of input.
-
-        `presses` are the answers of so many short presses of the pedal, if one is heard.
-        """
+    def ask_text(self, question: str) -> str:
+        """One line of answer as it was typed, stripped. Raises StoppedByOperator at the end of input."""
         self._console.print(Text(question, style="bold"), end=" ")
         for listener in self._listeners:
             listener.asking(question)
         began = time.monotonic()
         with self._stopwatch.stage(ANSWERING):
-            answer = read_line(self._by_pedal(presses or {}))
+            answer = read_line()
         for listener in self._listeners:
             listener.answered(question, answer.strip(" \t\r\n") if answer else END, time.monotonic() - began)
         if not answer:
             raise StoppedByOperator("the input ended; everything completed is stored")
         return answer.strip(" \t\r\n")
-
-    def _by_pedal(self, answers: Mapping[int, str]) -> Callable[[], str | None] | None:
-        """Looks at the pedal for an answer; None without a pedal, or if no press answers."""
-        seen, pedal = Presses(), self._pedal
-        if pedal is None or not answers:
-            return None
-
-        def look() -> str | None:
-            nonlocal seen
-            now_s = time.monotonic()
-            seen = seen.after(pedal.pressed(), now_s)
-            if not (count := seen.count(now_s)):
-                return None
-            seen = Presses()
-            if (answer := answers.get(count)) is not None:
-                self.plain(answer)
-            return answer
-
-        return look
 
     @contextmanager
     def busy(self, what: str, stage: str = "") -> Iterator[None]:

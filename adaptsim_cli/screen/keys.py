@@ -1,12 +1,11 @@
-"""The answers to a question: keys, the line that a person types, and short presses of the enabling pedal."""
+"""The answers to a question: its keys, and the line that a person types."""
 
 from __future__ import annotations
 
-import select
 import sys
 import termios
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 HELP = "?"
 
@@ -58,53 +57,11 @@ def unknown(answer: str) -> str:
     return f"{answer if answer.isprintable() else repr(answer)} means nothing here, and nothing has happened."
 
 
-LOOK_S = 0.02
-
-
-def read_line(otherwise: Callable[[], str | None] | None = None) -> str:
+def read_line() -> str:
     """The typed line with its end, "" at the end of input.
 
-    Input typed before the call does not answer the question and is discarded, because Enter may start a motion.
-    `otherwise` is asked every `LOOK_S` for an answer that comes another way.
+    Input typed before the call does not answer the question and is discarded, because an answer may start a motion.
     """
     if sys.stdin.isatty():
         termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
-        while otherwise is not None and not select.select([sys.stdin], [], [], LOOK_S)[0]:
-            if (answer := otherwise()) is not None:
-                return f"{answer}\n"
     return sys.stdin.readline()
-
-
-SHORT_S = 0.6
-"""A longer press is a hold, which answers nothing."""
-PAUSE_S = 0.4
-"""A second press begins within this time of the end of the first."""
-
-
-@dataclass(frozen=True)
-class Presses:
-    """The looks at the pedal since a question was asked: pure, looks and times in, a count out.
-
-    A press counts only if it was seen from its beginning to its end, and the pedal was still for `PAUSE_S` after a
-    single one. So the pedal is up when a question is answered, and a motion needs a press of its own.
-    """
-
-    down: bool | None = None  # at the last look; None: unknown, or not seen released yet
-    since_s: float = 0.0
-    short: int = 0  # short presses that have ended
-
-    def after(self, down: bool | None, t_s: float) -> Presses:
-        """After another look at `t_s`; `down` is None while nobody can tell."""
-        if down is None or (self.down is None and down):
-            return Presses()
-        if down == self.down:
-            return self
-        if self.down is None or down:
-            return replace(self, down=down, since_s=t_s)
-        return Presses(False, t_s, self.short + 1 if t_s - self.since_s <= SHORT_S else 0)
-
-    def count(self, t_s: float) -> int:
-        """1 or 2 once so many presses are over, 0 before that."""
-        if self.down is not False:
-            return 0
-        return 2 if self.short >= 2 else self.short if t_s - self.since_s > PAUSE_S else 0

@@ -128,7 +128,7 @@ class Attended:
     def _reason(self) -> str | None:
         """Why the trial does not count; None if the operator goes back."""
         explain = "One sentence for the record, e.g. the piece was touched; then the trial is made again."
-        reason = self.screen.words("Why does this trial not count? (q: back, it is not rejected):", explain, {1: ""})
+        reason = self.screen.words("Why does this trial not count? (q: back, it is not rejected):", explain)
         return None if reason is None else reason or "the operator had it redone"
 
 

@@ -62,13 +62,6 @@ class EnablePedal:
         """Whether motion is allowed at this moment."""
         return not self._lost and not self._closing.is_set() and self._state.enabled(self._clock())
 
-    def pressed(self) -> bool | None:
-        """See `hw.ports.Pedal`."""
-        if self.enabled():
-            return True
-        unheard = self._lost or self._closing.is_set()
-        return None if unheard or not self._state.up(self._clock()) else False
-
     def why_not(self) -> str:
         """The reason for the operator why motion is not allowed."""
         if self._closing.is_set():

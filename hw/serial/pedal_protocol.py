@@ -55,10 +55,6 @@ class PedalState:
         """Whether motion is allowed at `t_s`."""
         return self.held and t_s - self.heard_s <= SILENCE_S
 
-    def up(self, t_s: float) -> bool:
-        """Whether it is known to be released at `t_s`."""
-        return self.last is not None and not self.last.pressed and t_s - self.heard_s <= SILENCE_S
-
     def why_not(self, t_s: float) -> str:
         """The reason for the operator why motion is not allowed."""
         if self.last is None:

@@ -139,9 +139,6 @@ class HandPedal:
     def enabled(self) -> bool:
         return self.held
 
-    def pressed(self) -> bool:
-        return self.held
-
     def why_not(self) -> str:
         return "the pedal is released"
 

@@ -123,9 +123,6 @@ class ToyPedal:
     def enabled(self) -> bool:
         return self.connected and (self.held.pop(0) if len(self.held) > 1 else self.held[0])
 
-    def pressed(self) -> bool | None:
-        return self.enabled() if self.connected else None
-
     def why_not(self) -> str:
         return "the pedal is released" if self.connected else "the pedal is not connected"
 

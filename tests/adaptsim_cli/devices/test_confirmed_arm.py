@@ -75,7 +75,7 @@ def test_from_a_stop_button_and_a_reflex_a_person_is_led_back_to_an_arm_that_mov
     sdk.modes.pressed = True
     asked: list[str] = []
 
-    def answer(question: str, presses: object = None) -> str:
+    def answer(question: str) -> str:
         asked.append(question.partition("(nothing moves). ")[2] or question.partition("anything. ")[2])
         if not sdk.modes.pressed:
             return "recover"
@@ -97,7 +97,7 @@ def test_who_leaves_a_pressed_stop_button_stops_the_command():
     sdk = FakeSdk(k=False)
     sdk.modes.pressed = True
     screen = quiet()
-    screen.ask = lambda question, presses=None: "q"  # type: ignore[method-assign]
+    screen.ask = lambda question: "q"  # type: ignore[method-assign]
     with arm_of(sdk, "fr3") as arm, pytest.raises(StoppedByOperator):
         offer_recovery(arm, screen)
 

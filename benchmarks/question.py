@@ -25,8 +25,8 @@ from mug import UP, Survey, survey
 from numpy.typing import NDArray
 
 from adaptsim_cli.devices.mounted import mounted_as_shipped
-from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import TrialKey
+from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Rig, Tracker
 from adaptsim_cli.storage import durable
 from calib.types import HandEye
@@ -99,7 +99,7 @@ def alone(frame: Frame, model: CameraModel, seen: Survey) -> NDArray[np.uint16]:
     return np.where(kept.reshape(frame.depth_mm.shape), frame.depth_mm, np.uint16(0))
 
 
-def target_of(recording: Path) -> OnRig:
+def target_of(recording: Path) -> RigTarget:
     with KinectRecording(recording) as opened:
         model, frame = opened.model(), next(opened.frames())
     seen = survey(frame, model, UP, np.random.default_rng(0))
@@ -123,7 +123,7 @@ def target_of(recording: Path) -> OnRig:
     eye = HandEye(seen.X_BC, 1.0, 0.1, "recorded", "", 0.0)
     scene: Any = Repeating(shot, model)
     rig = Rig("fake", "a rig that waits", cast(Arm, TimedArm()), scene, scene, eye)
-    return OnRig(there.task, rig, tracker, there.planner())
+    return RigTarget(there.task, rig, tracker, there.planner())
 
 
 def main() -> None:

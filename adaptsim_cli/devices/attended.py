@@ -1,4 +1,4 @@
-"""The person beside a real rig: questions and actions around the trials of `session.on_rig`."""
+"""The person beside a real rig: questions and actions around the trials of `session.rig_target`."""
 
 from __future__ import annotations
 

@@ -13,9 +13,9 @@ import numpy as np
 from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.devices.simulated import nominal_hand_eye
 from adaptsim_cli.devices.trackers import tracker_of
-from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import TrialKey
+from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Rig
 from adaptsim_cli.wiring.session import executable_on
 from hw.errors import MotionRefused
@@ -49,7 +49,7 @@ class Nobody:
 class InLab:
     """A `TrialSource`: trials run in the lab; scores and best actions come from the table of the same world."""
 
-    rig: OnRig
+    rig: RigTarget
     table: TrialSource
     executable: Executable
     _numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
@@ -116,9 +116,9 @@ def in_lab(job: Job) -> Iterator[InLab]:
 
 
 @contextmanager
-def rig_in_lab(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, OnRig]]:
+def rig_in_lab(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, RigTarget]]:
     """A lab in `world` and its rig, with the default arm and the nominal calibration."""
     there = mounted_as_shipped(task, "panda")
     with SimulatedLab(task, world, seed, there.cell, home_q_rad=there.home_rad) as lab:
         devices = Rig("fake", lab.title, lab.arm, lab.camera, lab.bench, nominal_hand_eye(world, seed))
-        yield lab, OnRig(there.task, devices, tracker_of(there.task), there.planner())
+        yield lab, RigTarget(there.task, devices, tracker_of(there.task), there.planner())

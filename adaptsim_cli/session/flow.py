@@ -2,24 +2,25 @@
 
 `run_iteration` asks `stages.next_stage` for the next missing step and does it: a trial, or the adaptation. Each step is
 stored before the next one begins, so a session can stop or be killed between any two lines. The steps of a trial are in
-`on_rig` and `in_simulation`.
+`rig_target` and `simulated_target`.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 from adaptsim_cli.outputs.trials import BestRecord, Iteration, OutlookRecord, TrackRecord, as_row, named
 from adaptsim_cli.screen.console import ANSWERING, Screen
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
 from adaptsim_cli.session.correcting import choices_of, overruled
+from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.film import FILM, side_by_side
 from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.preflight import drift
@@ -58,36 +59,6 @@ RIM = 0.1
 """Nobody is asked to place the object in this outer share of the area, because hands are not that steady."""
 
 
-T = TypeVar("T")
-
-
-@dataclass(frozen=True, eq=False)
-class Ahead(Generic[T]):
-    """Work beside the operator. Work that has not begun when its result is needed is done by whoever needs it."""
-
-    work: Callable[[], T]
-    future: Future[T]
-
-    def result(self) -> T:
-        """The result. Raises the error of the work."""
-        return self.work() if self.future.cancel() else self.future.result()
-
-    def drop(self) -> None:
-        """Nobody needs the result any more. Raises the error of work that has failed by now."""
-        if not self.future.cancel() and self.future.done():
-            self.future.result()
-
-    def settle(self) -> None:
-        """Return once the work is not running: it has ended in any way, or it never begins."""
-        if not self.future.cancel():
-            self.future.exception()
-
-
-def begin_beside(thread: Executor | None, work: Callable[[], T]) -> Ahead[T]:
-    """Begin as soon as the thread is free; without a thread, once the result is needed."""
-    return Ahead(work, thread.submit(work) if thread else Future())
-
-
 @dataclass(frozen=True)
 class RunningSession:
     """A stored session with the parts, the operator and the screen that run it."""
@@ -99,7 +70,7 @@ class RunningSession:
     watcher: Watcher = field(default_factory=AllOf)
     thread: Executor | None = None  # for work beside the operator
     policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # of the newest iteration, trained here
-    beside_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
+    overhead_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
     @property
     def seed(self) -> int:
@@ -109,9 +80,9 @@ class RunningSession:
     def beside(self, stage: str | None = None) -> None:
         """Book the time since the last lap on the iteration instead of a trial; all of it on `stage`, if given."""
         lap_s = self.screen.lap_s()
-        spent = added(self.beside_s, lap_s if stage is None else {stage: sum(lap_s.values())})
-        self.beside_s.clear()
-        self.beside_s.update(spent)
+        spent = added(self.overhead_s, lap_s if stage is None else {stage: sum(lap_s.values())})
+        self.overhead_s.clear()
+        self.overhead_s.update(spent)
 
 
 def run_iteration(session: RunningSession) -> Iteration:
@@ -239,7 +210,7 @@ def adapt(session: RunningSession, stage: Adapt) -> None:
         _train(session, stage.iteration + 1, index, particle, history)
 
     records, lap_s = store.trials(stage.iteration), session.screen.lap_s()
-    timing_s = added(*(record.timing_s for record in records), session.beside_s, lap_s)
+    timing_s = added(*(record.timing_s for record in records), session.overhead_s, lap_s)
     names = session.parts.task.parameters.names
     changes = changes_until(store.existing(), stage.iteration)
     known = max((one.changes for i in range(stage.iteration + 1) if (one := store.result(i)) is not None), default=0)
@@ -262,7 +233,7 @@ def adapt(session: RunningSession, stage: Adapt) -> None:
     )
     shown = summary(store, result).model_dump(mode="json")
     store.save_result(result, json.dumps(shown, allow_nan=False).encode())
-    session.beside_s.clear()
+    session.overhead_s.clear()
     tell(session)
 
 
@@ -294,11 +265,11 @@ def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Pl
     particle = particles_of(session.store, stage.iteration)[stage.particle]
     left_s = _left_s(session.store, stage)
     session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle, left_s))
-    ahead = begin_beside(session.thread, partial(policy.actions, drawn[None]))
+    deferred = submit(session.thread, partial(policy.actions, drawn[None]))
     try:
         return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
     finally:
-        ahead.settle()
+        deferred.settle()
 
 
 def _left_s(store: SessionStore, stage: RunTrial) -> float:
@@ -403,7 +374,7 @@ def _reject(session: RunningSession, stage: RunTrial, reason: str) -> None:
     if folder.is_dir():
         session.screen.plain(f"Its recording is kept: {folder}")
         motion = session.store.motion(stage.iteration, stage.key)
-        session.beside_s[REJECTED] = session.beside_s.get(REJECTED, 0.0) + sum(motion.timing_s.values())
+        session.overhead_s[REJECTED] = session.overhead_s.get(REJECTED, 0.0) + sum(motion.timing_s.values())
         if motion.stopped is None:
             name = session.store.facts.name
             session.screen.plain(f"To let it count after all: adaptsim sessions accept {name} {stage.key.number}")

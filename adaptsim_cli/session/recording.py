@@ -89,7 +89,7 @@ def stored(frame: Frame, *, lossless: bool = False) -> Stored:
 
 
 @dataclass(frozen=True, eq=False)
-class Begun:
+class PartialRecording:
     """A recording in memory, whole but for the picture with the arm at home again."""
 
     recording: Recording
@@ -110,7 +110,7 @@ def begin(
     X_BT_at: Callable[[float], Array],
     camera_late_s: float = 0.0,
     arm: str = "panda",
-) -> Begun:
+) -> PartialRecording:
     """Encode all but the picture with the arm at home again, as soon as the motion has ended.
 
     Messages are in time order. An execution without samples has no tool poses: the arm stopped, and its joints are
@@ -129,7 +129,7 @@ def begin(
     file.add(messages)
     t_s = np.array([_s(topics.ns(execution.t_start_s + t_s)) - execution.t_start_s for t_s in execution.t_s])
     played = replace(execution, t_s=t_s)
-    return Begun(Recording(before.frame, tuple(one.frame for one in frames), model, X_BC, played), file)
+    return PartialRecording(Recording(before.frame, tuple(one.frame for one in frames), model, X_BC, played), file)
 
 
 def encode_object(track: ObjectTrack, t_start_s: float) -> bytes:

@@ -14,8 +14,8 @@ from adaptsim_cli.outputs.sessions import Now, RetrackedTrial, Stored
 from adaptsim_cli.outputs.trials import named
 from adaptsim_cli.screen.views import words
 from adaptsim_cli.session import recording, topics
-from adaptsim_cli.session.on_rig import come_home, track_request
 from adaptsim_cli.session.records import TrialRecord, corrupt
+from adaptsim_cli.session.rig_target import come_home, track_request
 from adaptsim_cli.session.store import SessionStore, trials_of
 from adaptsim_cli.session.target import Tracker
 from hw.types import Array

@@ -20,7 +20,8 @@ from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session import terminal_views
 from adaptsim_cli.session.advice import after_iteration
-from adaptsim_cli.session.flow import RunningSession, begin_beside, rows_of, run_iteration, tell
+from adaptsim_cli.session.deferred import submit
+from adaptsim_cli.session.flow import RunningSession, rows_of, run_iteration, tell
 from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.preflight import preflight
 from adaptsim_cli.session.records import Draw, Facts, SessionStart, as_records, generator, next_stage, now
@@ -107,7 +108,7 @@ def run_session(
             summary, left = run_iteration(session), left - 1
             if report is not None:
                 report.drop()
-            report = begin_beside(thread, partial(_report, session, draw, store.until(summary.iteration)))
+            report = submit(thread, partial(_report, session, draw, store.until(summary.iteration)))
             screen.data("run-iteration", summary)
             if request.until_done and _is_done(summary, config.method):
                 left = 0

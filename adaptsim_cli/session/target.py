@@ -1,4 +1,4 @@
-"""Where trials happen: the contract that a rig (`on_rig`) and a simulated target (`in_simulation`) fulfil.
+"""Where trials happen: the contract that a rig (`rig_target`) and a simulated target (`simulated_target`) fulfil.
 
 A trial is `place`, `plan`, `execute`, then `track`; each step returns the input of the next. The files of `execute` are
 on the disk before `track` begins, so a trial interrupted there can continue. Below stand the parts of a rig.

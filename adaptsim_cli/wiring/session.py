@@ -17,10 +17,10 @@ from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.in_simulation import InRecordings, InSimulation
-from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.running import OpenView
+from adaptsim_cli.session.simulated_target import RecordedTarget, SimulatedTarget
 from adaptsim_cli.session.store import FACTS, SessionStore
 from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, Target
 from adaptsim_cli.session.watching import Watcher
@@ -95,7 +95,7 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
     recordings = recordings_of(checkpoint, config)
     solver = recordings.checkpoint.solver
     title = f"recorded trials of {config.recorded}, {len(recordings.held_out)} of them held out"
-    target = InRecordings(recordings.shown, title, _spent(recordings.shown, session))
+    target = RecordedTarget(recordings.shown, title, _spent(recordings.shown, session))
     learner = _learner(config, recordings.checkpoint, solver, solver, target.executable)
     return Parts(solver.task, target, learner, _provenance(checkpoint, prior, recordings.sha256))
 
@@ -151,8 +151,13 @@ def _open_target(
     if task.hardware is None or _is_foreign(config, task):
         yield task, _simulated(config, task), None, None
         return
-    with open_trials(config, places(), task, drivers, own, screen) as on_rig:
-        yield on_rig.task, on_rig, executable_on(on_rig.hardware, on_rig.planner), on_rig.rig.hand_eye
+    with open_trials(config, places(), task, drivers, own, screen) as rig_target:
+        yield (
+            rig_target.task,
+            rig_target,
+            executable_on(rig_target.hardware, rig_target.planner),
+            rig_target.rig.hand_eye,
+        )
 
 
 @contextmanager
@@ -163,7 +168,7 @@ def open_trials(
     drivers: Drivers | None = None,
     own: Facts | None = None,
     screen: Screen | None = None,
-) -> Iterator[OnRig]:
+) -> Iterator[RigTarget]:
     """The devices for trials, connected, the arm last. Nothing moves.
 
     Every check that needs no device comes first. `own`: with the calibration and the touch-off of this session. Raises
@@ -177,7 +182,7 @@ def open_trials(
             lab.note(origin(ground.touched, task))
         there = ground.there
         rig = lab.for_trials(there, ground.eye, config.calibration_days)
-        yield OnRig(there.task, rig, tracker_of(there.task), there.planner())
+        yield RigTarget(there.task, rig, tracker_of(there.task), there.planner())
 
 
 def _is_foreign(config: Config, task: Task) -> bool:
@@ -187,7 +192,7 @@ def _is_foreign(config: Config, task: Task) -> bool:
     return bool(config.lab_world) and load_world(config.lab_world, task).physics != "drake"
 
 
-def _simulated(config: Config, task: Task) -> InSimulation:
+def _simulated(config: Config, task: Task) -> SimulatedTarget:
     """The target for a task without hardware, or a foreign physics. Raises UsageError with real devices."""
     if not config.is_simulated:
         raise UsageError(
@@ -208,7 +213,7 @@ def _simulated(config: Config, task: Task) -> InSimulation:
     title = f"simulated target, world {world.name}"
     if world.physics != "drake":
         title += f" in {world.physics}, the tool driven directly"
-    return InSimulation(task.object_name, duration_s, title, rollout)
+    return SimulatedTarget(task.object_name, duration_s, title, rollout)
 
 
 def _world_sha256(name_or_path: str) -> str:

@@ -19,7 +19,7 @@ from lab_session import ADAPTSIM, environment
 from adaptsim_cli import app
 from adaptsim_cli.config import Config
 from adaptsim_cli.devices.trackers import tracker_of
-from adaptsim_cli.session.on_rig import OnRig
+from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, Rig
 from adaptsim_cli.wiring import session as wiring
 from calib.types import HandEye
@@ -99,7 +99,7 @@ class BottleBench:
         with self.arm as arm, _Camera(self) as camera:
             rig = Rig("fake", "bench in memory", arm, camera, self.bench, eye, 10**6)
             origin = Provenance("none", "c" * 64, "w" * 64, "known", "h" * 64, {"adaptsim": "0"})
-            target = OnRig(TASK, rig, tracker_of(TASK), self._planner())
+            target = RigTarget(TASK, rig, tracker_of(TASK), self._planner())
             yield Parts(TASK, target, MiddleLearner(), origin)
 
     def _planner(self) -> Planner:

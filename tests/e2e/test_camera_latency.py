@@ -9,8 +9,8 @@ import pytest
 
 from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.devices.trackers import tracker_of
-from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import TrialKey
+from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
 from hw.types import Array
@@ -40,7 +40,7 @@ def error_m(sensing: Sensing, believed_late_s: float) -> Array:
     with SimulatedLab(task, world, 0, there.cell, home_q_rad=there.home_rad) as lab:
         eye = HandEye(default_X_BC(), 1.0, 0.1, "known", "", believed_late_s)
         rig = Rig("fake", "lab", lab.arm, lab.camera, lab.bench, eye)
-        target = OnRig(there.task, rig, tracker_of(there.task), there.planner())
+        target = RigTarget(there.task, rig, tracker_of(there.task), there.planner())
         placed = target.place(task.reference_context, KEY, Nobody())  # type: ignore[arg-type]
         action = task.action.denormalise(np.array([0.5, 0.0]))
         _, recorded = target.execute(target.plan(placed, action)).stored()

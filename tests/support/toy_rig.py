@@ -15,7 +15,7 @@ from typing import Any, Self
 import numpy as np
 
 from adaptsim_cli.config import Config
-from adaptsim_cli.session.on_rig import OnRig
+from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Assessment, Parts, Paths, Planner, Provenance, Rig, Tracker, TrackRequest
 from calib.types import HandEye
 from hw.mass import NOTHING
@@ -268,7 +268,7 @@ def toy_parts(
     tracker = Tracker(
         find, lambda frame, *_: frame.colour, track, lambda drawn: drawn, lambda drawn, found: found.xy_m, OUTCOMES
     )
-    target = OnRig(TASK, rig, tracker, Planner(paths, check, flange))
+    target = RigTarget(TASK, rig, tracker, Planner(paths, check, flange))
     return Parts(TASK, target, ToyLearner(), provenance)
 
 
@@ -281,7 +281,7 @@ def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config, Path], Any]:
     return open_parts
 
 
-def on_rig(parts: Parts) -> OnRig:
+def rig_target(parts: Parts) -> RigTarget:
     """The target of `parts`, which is one with an arm."""
-    assert isinstance(parts.target, OnRig)
+    assert isinstance(parts.target, RigTarget)
     return parts.target

@@ -24,7 +24,7 @@ from real_lab import (
     typing,
     write_rig,
 )
-from toy_rig import ToyLab, on_rig, toy_parts
+from toy_rig import ToyLab, rig_target, toy_parts
 from toy_session import unattended
 
 from adaptsim_cli import config
@@ -34,9 +34,9 @@ from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.session import recording
-from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.operator import Attended
 from adaptsim_cli.session.records import RigFacts, TrialKey
+from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Executed
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from adaptsim_cli.wiring import session as wiring
@@ -63,14 +63,14 @@ def resolved(place: Path, text: str = RIG) -> Resolved:
 
 
 @contextmanager
-def opened(place: Path, devices: ToyDevices, text: str = RIG) -> Iterator[OnRig]:
+def opened(place: Path, devices: ToyDevices, text: str = RIG) -> Iterator[RigTarget]:
     there = resolved(place, text)
     calibrated(there)
     with open_trials(there.config, there.places, SCOOPING, devices.drivers()) as real:
         yield real
 
 
-def beside(real: OnRig) -> PersonBeside:
+def beside(real: RigTarget) -> PersonBeside:
     assert isinstance(real.rig.attendant, PersonBeside)
     return real.rig.attendant
 
@@ -133,7 +133,7 @@ def test_a_session_gets_the_task_as_it_is_mounted(place):
     there = resolved(place)
     calibrated(there)
     with wiring.open_parts(there.config, place, ToyDevices().drivers()) as parts:
-        assert isinstance(parts.target, OnRig)
+        assert isinstance(parts.target, RigTarget)
         np.testing.assert_array_equal(parts.task.require_hardware().X_FT, beside(parts.target).mounted.hardware.X_FT)
         assert parts.provenance.world_sha256 == ""
         assert parts.provenance.calibration == "calibrated"
@@ -286,13 +286,13 @@ def test_a_contact_is_planned_against_the_threshold_that_the_arm_itself_keeps_to
 
 def test_no_recording_runs_while_the_arm_waits_for_its_pedal():
     lab, waited = ToyLab(0), list[bool]()
-    target = on_rig(toy_parts(lab))
+    target = rig_target(toy_parts(lab))
     rig = replace(target.rig, await_enabled=lambda: waited.append(lab._recording is None))
     executed(replace(target, rig=rig))
     assert waited == [True]
 
 
-def executed(target: OnRig) -> Executed:
+def executed(target: RigTarget) -> Executed:
     """One motion to one place."""
     placed = target.place(np.array([0.68, 0.0]), KEY, unattended())
     return target.execute(target.plan(placed, np.array([0.5])))
@@ -301,7 +301,7 @@ def executed(target: OnRig) -> Executed:
 def test_a_tool_lost_during_the_motion_keeps_its_recording(tmp_path: Path) -> None:
     lab = ToyLab(0)
     target, moved = toy_parts(lab).target, list[JointPath]()
-    assert isinstance(target, OnRig)
+    assert isinstance(target, RigTarget)
 
     class Watched(AroundArm[Arm]):
         def execute(self, path: JointPath) -> Execution:
@@ -330,7 +330,7 @@ class Weighed:
 
 def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
     parts = toy_parts(ToyLab(0))
-    target = on_rig(parts)
+    target = rig_target(parts)
     rig = replace(target.rig, attendant=Weighed())
     files = executed(replace(target, rig=rig)).stored()[0]
     assert json.loads(files["rig.json"])["object_mass_kg"] == 0.5

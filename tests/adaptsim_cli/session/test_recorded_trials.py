@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from toy_rig import ToyLab, on_rig
+from toy_rig import ToyLab, rig_target
 from toy_session import NAME, ScriptedOperator, attended, run, summary
 
 from adaptsim_cli.errors import Interrupted, SessionError, StoppedByOperator
@@ -62,7 +62,7 @@ def failing(error: BaseException) -> Change:
 
 
 def with_tracker(session: RunningSession, change: Change) -> RunningSession:
-    target = on_rig(session.parts)
+    target = rig_target(session.parts)
     target = dataclasses.replace(target, tracker=change(target.tracker))
     return dataclasses.replace(session, parts=dataclasses.replace(session.parts, target=target))
 
@@ -139,7 +139,7 @@ def test_a_trial_that_could_not_be_tracked_keeps_its_recording(tmp_path):
 def reflex(home: Path, lab: ToyLab, at: TrialKey = SECOND, **how: Any) -> RunningSession:
     """A session whose arm stops at one trial."""
     session = attended(home, ScriptedOperator(), lab)
-    object.__setattr__(on_rig(session.parts).rig, "arm", Reflex(lab, at, **how))
+    object.__setattr__(rig_target(session.parts).rig, "arm", Reflex(lab, at, **how))
     return session
 
 

@@ -18,7 +18,7 @@ from adaptsim_cli import app
 from adaptsim_cli.devices import trackers
 from adaptsim_cli.session import recording, retracking
 from adaptsim_cli.session.correcting import amend
-from adaptsim_cli.session.on_rig import OnRig
+from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.types import CameraModel, Execution, Frame
@@ -36,7 +36,7 @@ def tracker() -> Tracker:
         return toy_rig.Found(np.array([0.68 + (u - 31.5) / 500, -(v - 23.5) / 500]))
 
     target = toy_rig.toy_parts(ToyLab(0)).target
-    assert isinstance(target, OnRig)
+    assert isinstance(target, RigTarget)
     return dataclasses.replace(target.tracker, find=find)
 
 

@@ -14,15 +14,15 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from real_lab import calibration, quiet, said
-from toy_rig import ToyLab, on_rig, toy_parts
+from toy_rig import ToyLab, rig_target, toy_parts
 from toy_session import RUN, ScriptedOperator, attended, call, resolved, silent, unattended
 
 from adaptsim_cli import app
 from adaptsim_cli.session import recording, running
 from adaptsim_cli.session.flow import RunningSession, run_iteration
-from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.preflight import calibration_check, drift
 from adaptsim_cli.session.records import RigFacts, TrialKey
+from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.store import SessionStore
 from calib.types import Check, Grade
 from hw.errors import Rehearsed
@@ -70,8 +70,8 @@ def test_a_session_says_it_after_the_trial_and_keeps_what_the_rig_said(tmp_path)
     exposed = (
         facts(None, exposure_us).model_copy(update={"pedal": "waived"}) for exposure_us in (8330, 8330, 2500, 2500)
     )
-    rig = replace(on_rig(session.parts).rig, attendant=Attendant(exposed))
-    parts = replace(session.parts, target=replace(on_rig(session.parts), rig=rig))
+    rig = replace(rig_target(session.parts).rig, attendant=Attendant(exposed))
+    parts = replace(session.parts, target=replace(rig_target(session.parts), rig=rig))
     screen = quiet()
     run_iteration(replace(session, parts=parts, screen=screen))
     assert said(screen).count("The camera's picture has changed: exposure and white balance are 2500 µs") == 2
@@ -83,8 +83,8 @@ def test_a_session_says_it_after_the_trial_and_keeps_what_the_rig_said(tmp_path)
 KEY, CONTEXT, ACTION = TrialKey(1, 0), np.array([0.68, 0.0]), np.array([0.5])
 
 
-def slow(pace: float) -> OnRig:
-    target = on_rig(toy_parts(ToyLab(0)))
+def slow(pace: float) -> RigTarget:
+    target = rig_target(toy_parts(ToyLab(0)))
     return replace(target, rig=replace(target.rig, pace=pace))
 
 
@@ -100,7 +100,7 @@ def test_below_full_pace_nothing_is_learnt_and_everybody_says_so(pace):
 
 def test_a_rehearsed_trial_does_not_count_and_ends_the_command(tmp_path):
     parts = toy_parts(ToyLab(0))
-    target = on_rig(parts)
+    target = rig_target(parts)
     parts = replace(parts, target=replace(target, rig=replace(target.rig, pace=0.3)))
     settings = resolved(tmp_path)
     store = running.begin(settings.places.sessions, "s", settings.config, parts)
@@ -161,6 +161,8 @@ def test_it_is_subtracted_from_every_frame_and_noted(undisturbed, place):
 
 
 def test_the_command_says_it():
-    said = calibration_check(on_rig(toy_parts(ToyLab(0), camera_late_s=LATE_S)).rig.hand_eye, 10**6, datetime.now(UTC))
+    said = calibration_check(
+        rig_target(toy_parts(ToyLab(0), camera_late_s=LATE_S)).rig.hand_eye, 10**6, datetime.now(UTC)
+    )
     assert said.ok
     assert said.detail.endswith("25.0 ms subtracted from the camera's time stamps")

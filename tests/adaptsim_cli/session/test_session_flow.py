@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from real_lab import quiet, said
-from toy_rig import PARAMETERS, ToyLab, on_rig
+from toy_rig import PARAMETERS, ToyLab, rig_target
 from toy_session import NAME, RUN, ScriptedOperator, attended, call, run, summary, unattended
 
 from adaptsim_cli.errors import Interrupted, StoppedByOperator, UsageError
@@ -107,7 +107,7 @@ def test_a_refused_motion_is_not_executed(tmp_path):
 
     lab = ToyLab(0)
     session = attended(tmp_path, ScriptedOperator(), lab)
-    object.__setattr__(on_rig(session.parts).planner, "check", refuse)
+    object.__setattr__(rig_target(session.parts).planner, "check", refuse)
     with pytest.raises(MotionRefused):
         run_iteration(session)
     assert lab.executions == []
@@ -211,7 +211,7 @@ def test_a_rejected_attempt_takes_its_time_and_the_stages_add_up(tmp_path):
 def test_what_the_tracker_notes_is_kept_and_said(tmp_path):
     flags = ("a hand is in the picture",)
     session = attended(tmp_path, unattended())
-    target = on_rig(session.parts)
+    target = rig_target(session.parts)
     noted = replace(target.tracker, track=lambda request: replace(target.tracker.track(request), flags=flags))
     parts = replace(session.parts, target=replace(target, tracker=noted))
     screen = quiet()

@@ -11,7 +11,7 @@ from adaptsim_cli import config
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.research import benchmarking as benchmark
 from adaptsim_cli.research import lab_place
-from adaptsim_cli.session.on_rig import OnRig
+from adaptsim_cli.session.rig_target import RigTarget
 from hw.types import Array
 from perception.errors import ObjectNotFound
 from sim.errors import RolloutError
@@ -53,7 +53,7 @@ def test_an_object_that_is_never_found_is_moved_inward_and_then_ends_the_session
         placed.append(PUSHING.context.normalise(drawn))
         raise ObjectNotFound("no bottle in the picture")
 
-    monkeypatch.setattr(OnRig, "place", lost)
+    monkeypatch.setattr(RigTarget, "place", lost)
     with lab_place.in_lab(job()) as place, pytest.raises(RolloutError, match="no bottle in the picture"):
         place.play(PUSHING.context.low[None], np.array([[0.5, 0.0]]), np.random.default_rng(0))
     assert tried == list(range(lab_place.ATTEMPTS))

@@ -13,7 +13,7 @@ from toy_session import resolved, run
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.report import page
 from adaptsim_cli.session import running
-from adaptsim_cli.session.flow import begin_beside
+from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.store import SessionStore, results_of, trials_of
 
 WAIT_S = 30.0  # no test waits so long unless it fails
@@ -22,16 +22,16 @@ WAIT_S = 30.0  # no test waits so long unless it fails
 def test_work_is_done_in_the_thread_or_by_whoever_needs_it_first():
     release = threading.Event()
     with ThreadPoolExecutor(1) as thread:
-        first = begin_beside(thread, lambda: release.wait(WAIT_S) and threading.current_thread())
-        second = begin_beside(thread, threading.current_thread)
+        first = submit(thread, lambda: release.wait(WAIT_S) and threading.current_thread())
+        second = submit(thread, threading.current_thread)
         assert second.result() is threading.current_thread()
         release.set()
         assert first.result() is not threading.current_thread()
     done = list[str]()
-    begin_beside(None, lambda: done.append("dropped")).drop()
-    begin_beside(None, lambda: done.append("settled")).settle()
+    submit(None, lambda: done.append("dropped")).drop()
+    submit(None, lambda: done.append("settled")).settle()
     assert done == []
-    begin_beside(None, lambda: done.append("needed")).result()
+    submit(None, lambda: done.append("needed")).result()
     assert done == ["needed"]
 
 
@@ -40,7 +40,7 @@ def test_an_error_reaches_whoever_asks_and_nobody_else():
         raise SessionError("no room")
 
     with ThreadPoolExecutor(1) as thread:
-        ahead = begin_beside(thread, failing)
+        ahead = submit(thread, failing)
         ahead.settle()
         for asked in (ahead.result, ahead.drop):
             with pytest.raises(SessionError, match="no room"):

@@ -58,7 +58,7 @@ class Recorded:
 
 
 @dataclass(frozen=True)
-class OnRig:
+class RigTarget:
     """A `Target`: a bench with an arm and a camera, real or of the simulated lab."""
 
     task: Task
@@ -255,7 +255,7 @@ class OnRig:
 
     def _behind(
         self, planned: Planned, before: Frame, filmed: Sequence[Frame], played: Execution | None
-    ) -> tuple[Future[recording.Begun], Future[Followed] | None]:
+    ) -> tuple[Future[recording.PartialRecording], Future[Followed] | None]:
         """While the arm goes back: every frame compressed and decoded, the recording encoded, the object tracked in it.
 
         `filmed` are on the camera's clock; those of the simulated lab may still be rendering. `played` is None if the
@@ -264,7 +264,7 @@ class OnRig:
         X_BC, late_s = self.rig.hand_eye.X_BC, self.rig.hand_eye.camera_late_s
         model, arm = self.rig.camera.model(), self.rig.arm.model
 
-        def encoded() -> recording.Begun:
+        def encoded() -> recording.PartialRecording:
             first, *frames = [one.result() for one in compressed]
             moved = _motionless((*frames, first)[0].frame.t_s) if played is None else played
             return recording.begin(first, frames, model, X_BC, moved, self.tool_pose(moved), late_s, arm)
@@ -292,7 +292,7 @@ class OnRig:
     def _made(
         self,
         placed: Placed,
-        begun: Future[recording.Begun],
+        begun: Future[recording.PartialRecording],
         followed: Future[Followed] | None,
         after: Frame | None,
     ) -> tuple[Mapping[str, bytes], Recorded]:

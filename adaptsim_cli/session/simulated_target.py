@@ -47,7 +47,7 @@ class WithoutDevices:
 
 
 @dataclass(frozen=True)
-class InSimulation(WithoutDevices):
+class SimulatedTarget(WithoutDevices):
     """A `Target` without arm, camera or bench."""
 
     object_name: str
@@ -72,7 +72,7 @@ class InSimulation(WithoutDevices):
 
 
 @dataclass(frozen=True)
-class InRecordings(WithoutDevices):
+class RecordedTarget(WithoutDevices):
     """A `Target` of recorded trials, each of which a session gets once, also after an interruption."""
 
     trials: RecordedTrials  # without those held out

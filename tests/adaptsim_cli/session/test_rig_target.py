@@ -8,12 +8,12 @@ from threading import Event
 
 import numpy as np
 import pytest
-from toy_rig import ToyLab, on_rig, toy_parts
+from toy_rig import ToyLab, rig_target, toy_parts
 from toy_session import unattended
 
 from adaptsim_cli.research.lab_place import rig_in_lab
-from adaptsim_cli.session.on_rig import OnRig
 from adaptsim_cli.session.records import TrialKey
+from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import TrackRequest
 from hw.types import Array
 from perception.types import ObjectTrack
@@ -30,7 +30,7 @@ def test_the_track_is_there_before_the_arm_is_home():
         if next(motions) == "back":
             waited.append(tracked.wait(30.0))
 
-    target = on_rig(toy_parts(ToyLab(0, hooks={"execute": moving})))
+    target = rig_target(toy_parts(ToyLab(0, hooks={"execute": moving})))
     plain = target.tracker.track
 
     def track(request: TrackRequest) -> ObjectTrack:
@@ -43,7 +43,7 @@ def test_the_track_is_there_before_the_arm_is_home():
     assert waited == [True]
 
 
-def require_same_again(target: OnRig, context: Array, action: Array, folder: Path) -> None:
+def require_same_again(target: RigTarget, context: Array, action: Array, folder: Path) -> None:
     placed = target.place(context, KEY, unattended())
     files, recorded = target.execute(target.plan(placed, action)).stored()
     assert recorded.followed is not None
@@ -57,7 +57,7 @@ def require_same_again(target: OnRig, context: Array, action: Array, folder: Pat
 
 
 def test_a_recording_gives_the_same_track_again_bit_for_bit(tmp_path):
-    require_same_again(on_rig(toy_parts(ToyLab(0))), CONTEXT, ACTION, tmp_path)
+    require_same_again(rig_target(toy_parts(ToyLab(0))), CONTEXT, ACTION, tmp_path)
 
 
 @pytest.mark.long

@@ -88,8 +88,9 @@ check: $(STAMP)
 	$(BIN)/lint-imports
 
 # Every method in every set of worlds, and the page that shows it: hours; stop it at any time, it goes on where it was.
+# SCHEDULER=tcp://ADDRESS: on the workers of a Dask cluster (docs/guide/beyond-one-computer.md).
 results: $(STAMP)
-	$(BIN)/python benchmarks/results.py
+	$(BIN)/python benchmarks/results.py $(if $(SCHEDULER),--scheduler $(SCHEDULER))
 
 # The same for the pendulum with a small budget: half a minute, nothing in docs/ changes.
 results-short: $(STAMP)

@@ -164,6 +164,7 @@ def _codes() -> tuple[tuple[type[BaseException], int], ...]:
         (hw.errors.BalanceError, 3),
         (hw.errors.HandError, 3),
         (hw.errors.NoContact, 3),
+        (sim.errors.ClusterUnavailable, 3),
         (sim.errors.ExtraMissing, 3),
         (calib.errors.ViewFolderError, 8),
         (calib.errors.CalibrationError, 3),

@@ -86,6 +86,16 @@ ViewPort = Annotated[
 ]
 
 Workers = Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per usable core.")]
+Scheduler = Annotated[
+    str,
+    typer.Option(
+        "--scheduler", metavar="ADDRESS", help="Simulate on the workers of this Dask scheduler, not on this computer."
+    ),
+]
+ShareOfWork = Annotated[
+    str,
+    typer.Option("--share", metavar="K/N", help="Compute the K-th of N shares; the command without it joins them."),
+]
 WorkingFolder = Annotated[Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")]
 
 Out = Annotated[Path | None, typer.Option("--out", help="Where to write it.")]

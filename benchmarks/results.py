@@ -114,15 +114,18 @@ def main() -> None:
     parser.add_argument("--short", action="store_true", help="the pendulum alone, with a small budget")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where benchmarks lie (default build/results)")
     parser.add_argument("--page-only", action="store_true", help="run nothing, show what there is")
-    parser.add_argument("--workers", type=int, default=0, help="processes; 0: one per usable core")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=int, default=0, help="processes; 0: one per usable core")
+    where.add_argument("--scheduler", default="", help="address of a Dask scheduler whose workers simulate")
     asked = parser.parse_args()
     parts = SHORT if asked.short else WHOLE
+    place = ["--scheduler", asked.scheduler] if asked.scheduler else ["--workers", str(asked.workers)]
     page, table = (asked.folder / PAGE.name, asked.folder / SESSIONS.name) if asked.short else (PAGE, SESSIONS)
     for part in () if asked.page_only else parts:
         if part.needs_tables:
-            call(["world-tables", "--task", part.task, "--targets", part.targets], asked.workers)
+            call(["world-tables", "--task", part.task, "--targets", part.targets, *place])
         for command in part.commands(asked.folder):
-            call(command, asked.workers)
+            call([*command, *place])
     known = {(s.part, s.world, s.method, s.seed): s for s in read(table)}
     known |= {(s.part, s.world, s.method, s.seed): s for part in parts for s in stored(asked.folder, part.name)}
     write(table, [known[key] for key in sorted(known)])
@@ -130,10 +133,10 @@ def main() -> None:
     print(f"Written: {page}")
 
 
-def call(arguments: Sequence[str], workers: int) -> None:
+def call(arguments: Sequence[str]) -> None:
     """Run adaptsim; its progress goes to this terminal. Raises SystemExit with its code where it fails."""
     program = "import sys; from adaptsim_cli.app import main; main()"
-    done = subprocess.run([sys.executable, "-c", program, *arguments, "--workers", str(workers)], check=False)
+    done = subprocess.run([sys.executable, "-c", program, *arguments], check=False)
     if done.returncode:
         raise SystemExit(done.returncode)
 

@@ -8,6 +8,7 @@ SimError
 ├── NoHardware           the task runs in simulation only, and an arm was asked for
 ├── NotExecutable        no joint path within the limits does this action
 ├── RolloutError         a rollout raised or its worker died; the message names them
+├── ClusterUnavailable   no scheduler answers, it was lost, or a worker has other versions
 ├── ExtraMissing         a method or world needs packages that are not installed; the message has the line to install
 │                        them
 ├── RecordingsRefused    recorded trials cannot serve as a target; the message names the trial and the defect
@@ -49,6 +50,10 @@ class NotExecutable(SimError):
 
 class RolloutError(SimError):
     """A rollout raised, or its worker died."""
+
+
+class ClusterUnavailable(SimError):
+    """No scheduler answers, it was lost, or its workers would compute other numbers."""
 
 
 class ExtraMissing(SimError):

@@ -29,6 +29,8 @@ def benchmark(
         str, typer.Option("--checkpoints", help="One per training seed, by name or folder; used in turn.")
     ] = "",
     workers: options.Workers = None,
+    scheduler: options.Scheduler = "",
+    share: options.ShareOfWork = "",
     out: options.WorkingFolder = None,
     as_json: options.Json = False,
 ) -> None:
@@ -47,19 +49,23 @@ def benchmark(
     from adaptsim_cli import config
     from adaptsim_cli.research import benchmark_page as page
     from adaptsim_cli.research import benchmarking as wiring
+    from adaptsim_cli.research.working import share_of, show_share, simulations
     from adaptsim_cli.screen import console
-    from sim.rollouts import process_pool
 
     resolved = config.load({"task": task, "workers": workers, "recorded": recorded, "held_out": held_out})
     screen = console.Screen(as_json=as_json)
     asked = wiring.asked(resolved, targets, methods, budget, fresh, seeds, checkpoints, out, in_lab=lab)
     for name, why in asked.left_out:
         screen.note(f"{name} is left out: {why}")
-    with screen.progress() as progress, process_pool(resolved.config.workers or None) as crew:
-        found = wiring.benchmark(asked, crew, progress)
+    part = share_of(share, as_json=as_json)
+    with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
+        found = wiring.benchmark(asked, crew, progress, part)
+    if part is not None:
+        show_share(screen, part, f"{len(found.rows)} sessions", asked.folder)
+        return
     document = page.write(found)
-    for part in page.tables(found.summaries):
-        screen.show(part)
+    for table in page.tables(found.summaries):
+        screen.show(table)
     screen.plain(f"Report: {document}")
     screen.next((f"xdg-open {document}", "the page, in the browser; the same command with more methods adds to it"))
     screen.data("benchmark", found.as_json())
@@ -72,6 +78,8 @@ def world_tables(
     ] = "develop,drawn,named",
     rollouts: Annotated[int, typer.Option("--rollouts", min=8, help="True rollouts of each world.")] = 320,
     workers: options.Workers = None,
+    scheduler: options.Scheduler = "",
+    share: options.ShareOfWork = "",
     as_json: options.Json = False,
 ) -> None:
     """Simulate the tables in which a benchmark looks up its trials: about a minute of one core a world.
@@ -82,12 +90,18 @@ def world_tables(
     """
     from adaptsim_cli import config
     from adaptsim_cli.research import benchmarking as wiring
+    from adaptsim_cli.research.working import share_of, show_share, simulations
     from adaptsim_cli.screen import console
-    from sim.rollouts import process_pool
 
     resolved = config.load({"task": task, "workers": workers})
     screen = console.Screen(as_json=as_json)
-    with screen.progress() as progress, process_pool(resolved.config.workers or None) as crew:
+    part = share_of(share, as_json=as_json)
+    if part is not None:
+        with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
+            files = wiring.make_tables_share(resolved, targets, rollouts, part, crew, progress)
+        show_share(screen, part, f"{files} files of tables", wiring.tables_folder(resolved))
+        return
+    with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
         made = wiring.make_tables(resolved, targets, rollouts, crew, progress)
     screen.plain(f"{len(made)} tables of {resolved.config.task}: {wiring.tables_folder(resolved)}")
     command = f"adaptsim benchmark --task {resolved.config.task} --targets {targets}"

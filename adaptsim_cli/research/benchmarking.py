@@ -7,23 +7,27 @@ import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.research.pretraining import StageProgress, working_in
+from adaptsim_cli.research.pretraining import StageProgress
+from adaptsim_cli.research.working import working_in
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.lab.physics import Physics
+    from sim.lab.world import World
     from sim.research.benchmark.jobs import Job, Row
     from sim.research.benchmark.sessions import Conditions
     from sim.research.benchmark.summary import SetSummary
     from sim.research.benchmark.tables import WorldTable
     from sim.research.benchmark.worlds import BenchmarkWorld
     from sim.rollouts.recorded import RecordedTrials
+    from sim.rollouts.shares import Share
+    from sim.solvers.solver import Solver
     from sim.tasks.task import Task
 
 FORMAT = 1
@@ -170,15 +174,16 @@ def asked(
     return Asked(resolved, task, found, chosen, conditions, seeds, loaded, out, in_lab, trials, rest)
 
 
-def benchmark(asked: Asked, executor: Executor, progress: StageProgress) -> Comparison:
-    """Run the missing sessions. Raises DatasetError if a table is missing, SimError, SessionError."""
+def benchmark(asked: Asked, executor: Executor, progress: StageProgress, share: Share | None = None) -> Comparison:
+    """Run the missing sessions, or a share's. Raises DatasetError if a table is missing, SimError, SessionError."""
     from sim.research.benchmark.run import Results, run_jobs
     from sim.rollouts.executors import serial_executor
 
     tables = _tables(asked)
     jobs = _jobs(asked, tables) if asked.recorded is None else _recorded_jobs(asked, asked.recorded)
+    jobs = jobs if share is None else share.of(jobs)
     with (
-        working_in(asked.folder, "another benchmark is running in {}: wait for it, or give another --out"),
+        working_in(asked.folder, "another benchmark is running in {}: wait for it, or give another --out", share),
         serial_executor() as here,
     ):
         results = Results(asked.folder)
@@ -194,6 +199,9 @@ def tables_folder(resolved: Resolved) -> Path:
     return resolved.places.world_tables / resolved.config.task
 
 
+TABLES_BUSY = "another process is making tables in {}: wait for it"
+
+
 def make_tables(
     resolved: Resolved, targets: str, rollouts: int, executor: Executor, progress: StageProgress
 ) -> list[dict[str, Any]]:
@@ -201,8 +209,62 @@ def make_tables(
 
     Raises UsageError for a task that needs none, UnknownName, DatasetError, RolloutError, SessionError.
     """
-    from sim.adaptation.checkpoint import load_checkpoint
     from sim.research.benchmark.tables import build_table
+
+    tables, made = _planned(resolved, targets, rollouts), list[dict[str, Any]]()
+    with working_in(tables_folder(resolved), TABLES_BUSY):
+        for i, table in enumerate(tables):
+            show = partial(_report, progress, i * rollouts, len(tables) * rollouts)
+            built = build_table(*table.made_of, executor, show)
+            made.append(
+                {
+                    "set": table.target.set,
+                    "world": table.target.name,
+                    "rollouts": len(built.actions),
+                    "digest": built.digest,
+                    "folder": str(table.folder),
+                }
+            )
+    return made
+
+
+def make_tables_share(
+    resolved: Resolved, targets: str, rollouts: int, share: Share, executor: Executor, progress: StageProgress
+) -> int:
+    """Simulate the missing parts of one share of the tables of these worlds; how many files it has.
+
+    Raises as `make_tables`.
+    """
+    from sim.research.benchmark.tables import build_table_share
+
+    tables, files, before = _planned(resolved, targets, rollouts), 0, 0
+    with working_in(tables_folder(resolved), TABLES_BUSY, share):
+        for i, table in enumerate(tables):
+            show = partial(_report, progress, i * rollouts, len(tables) * rollouts)
+            mine, all_of_it = build_table_share(*table.made_of, share, before, executor, show)
+            files, before = files + mine, before + all_of_it
+    return files
+
+
+@dataclass(frozen=True, eq=False)
+class _PlannedTable:
+    """The table of a world that is to be made."""
+
+    target: BenchmarkWorld
+    checkpoint: Checkpoint
+    scene: str
+    folder: Path
+    size: int
+
+    @property
+    def made_of(self) -> tuple[Solver, str, str, World, Path, int]:
+        """The first arguments of `build_table`."""
+        solver, policies = self.checkpoint.solver, self.checkpoint.sha256
+        return solver, policies, self.scene, self.target.world, self.folder, self.size
+
+
+def _planned(resolved: Resolved, targets: str, rollouts: int) -> list[_PlannedTable]:
+    from sim.adaptation.checkpoint import load_checkpoint
     from sim.research.benchmark.worlds import targets_of
     from sim.tasks import get_task
 
@@ -212,35 +274,12 @@ def make_tables(
         raise UsageError(f"{task.name} needs no tables: its trials cost next to nothing, so a benchmark simulates them")
     checkpoint = load_checkpoint(task, config.checkpoint or DEFAULT)
     chosen = targets_of(task, _words(targets))
-    scenes = _scenes(task, chosen)
-    folder, made, total = tables_folder(resolved), list[dict[str, Any]](), len(chosen) * rollouts
-    with working_in(folder, "another process is making tables in {}: wait for it"):
-        for i, target in enumerate(chosen):
-            place = folder / target.set / target.name
+    scenes, folder = _scenes(task, chosen), tables_folder(resolved)
+    return [_PlannedTable(t, checkpoint, scenes[t.world.physics], folder / t.set / t.name, rollouts) for t in chosen]
 
-            def report(done: int, _: int, before: int = i * rollouts) -> None:
-                progress("rollouts", before + done, total)
 
-            table = build_table(
-                checkpoint.solver,
-                checkpoint.sha256,
-                scenes[target.world.physics],
-                target.world,
-                place,
-                rollouts,
-                executor,
-                report,
-            )
-            made.append(
-                {
-                    "set": target.set,
-                    "world": target.name,
-                    "rollouts": len(table.actions),
-                    "digest": table.digest,
-                    "folder": str(place),
-                }
-            )
-    return made
+def _report(progress: StageProgress, before: int, total: int, done: int, _: int) -> None:
+    progress("rollouts", before + done, total)
 
 
 def _runner(asked: Asked) -> Callable[[Job], Row]:

@@ -37,6 +37,7 @@ def own_object(
     ] = None,
     seed: options.Seed = None,
     workers: options.Workers = None,
+    scheduler: options.Scheduler = "",
     as_json: options.Json = False,
 ) -> None:
     """Describe an object of your own, draw it, and make its checkpoint from the shipped one.
@@ -50,6 +51,7 @@ def own_object(
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.research.pretraining import object_ready
+    from adaptsim_cli.research.working import simulations
     from adaptsim_cli.screen import console, views
     from adaptsim_cli.storage import durable
     from sim.tasks import get_task
@@ -76,8 +78,8 @@ def own_object(
     if drawn:
         with screen.busy("Drawing the object"):
             durable.replace_file(picture.absolute(), _png(own_task))
-    with screen.progress() as progress:
-        ready = object_ready(resolved, chosen, rollouts, progress)
+    with screen.progress() as progress, simulations(chosen, workers, scheduler) as crew:
+        ready = object_ready(resolved, chosen, rollouts, crew, progress)
     told = {"object": name, "file": str(file), "picture": str(picture) if drawn else None, **ready}
     if screen.data("object", told):
         return

@@ -32,6 +32,8 @@ def pretrain(
     own: options.Object = None,
     seed: options.Seed = None,
     workers: options.Workers = None,
+    scheduler: options.Scheduler = "",
+    share: options.ShareOfWork = "",
     out: options.WorkingFolder = None,
     methods: Annotated[
         bool, typer.Option("--methods", help="Train the paper's adaptation policies too, and their variants.")
@@ -48,6 +50,8 @@ def pretrain(
 
     Stop it at any time: the same command continues. Use the checkpoint with the setting `checkpoint`.
 
+    --share K/N simulates a part of the dataset: first its even part, and run once more the denser one.
+
     With --targets wide the targets to learn from and to be judged on may lie beyond the paper's ranges.
 
     Example: adaptsim pretrain --task scooping --budget small
@@ -55,9 +59,9 @@ def pretrain(
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.research import pretraining
+    from adaptsim_cli.research.working import share_of, show_share, simulations
     from adaptsim_cli.screen import console
     from sim.research.pretraining.pipeline import Wanted
-    from sim.rollouts import process_pool
 
     if episodes is not None and not methods:
         raise UsageError("--episodes sets how much the adaptation policies learn from: add --methods")
@@ -65,10 +69,21 @@ def pretrain(
         raise UsageError("--judged sets on how many targets the methods are judged: add --evaluate")
     resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
     screen = console.Screen(as_json=as_json)
-    with screen.progress() as progress, process_pool(resolved.config.workers or None) as crew:
-        sizes = pretraining.Sizes(rollouts, denser, episodes, judged)
+    part = share_of(share, as_json=as_json)
+    sizes = pretraining.Sizes(rollouts, denser, episodes, judged)
+    request = pretraining.checked(resolved, out, budget, targets, sizes)
+    if part is not None:
+        with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
+            complete = pretraining.pretrain_share(request, part, crew, progress)
+        if complete:
+            show_share(screen, part, "its part of the dataset", request.folder)
+        else:
+            screen.plain(f"Share {part} of the even part is complete in {request.folder}")
+            screen.plain("Once all shares are, the same command simulates this share of the denser part.")
+        return
+    with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
         wanted = Wanted(policies=methods, evaluation=evaluate)
-        folder = pretraining.pretrain(resolved, out, budget, targets, sizes, crew, progress, wanted)
+        folder = pretraining.pretrain(request, crew, progress, wanted)
     screen.plain(f"Checkpoint: {folder}")
     chosen = resolved.config
     whose = f" --object {chosen.object}" if chosen.object else ""

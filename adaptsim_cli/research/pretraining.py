@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Executor
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen.console import how_to_continue
-from adaptsim_cli.storage.durable import locked, make_folder
+from adaptsim_cli.research.working import working_in
 from adaptsim_cli.wiring.settings import SOLVERS, checkpoint_of, task_of
 
 if TYPE_CHECKING:
     from sim.research.pretraining.pipeline import PretrainBudget, Wanted
+    from sim.rollouts.shares import Share
+    from sim.tasks.task import Task
 
 StageProgress = Callable[[str, int, int], None]
 """(stage, done, total)"""
@@ -62,22 +62,52 @@ def _either(asked: int | None, usual: int) -> int:
     return usual if asked is None else asked
 
 
-def pretrain(
-    resolved: Resolved,
-    out: Path | None,
-    budget: str,
-    targets: str,
-    sizes: Sizes,
-    executor: Executor,
-    progress: StageProgress,
-    wanted: Wanted,
-) -> Path:
-    """Run Phase 1 with the settings' task, solver and seed; return the checkpoint's folder. Resumes a run in `out`.
+@dataclass(frozen=True)
+class Request:
+    """A checked request for a pretraining."""
 
-    Raises UsageError on an unknown budget, solver or kind of targets, SimError, SessionError.
+    task: Task
+    solver: str
+    budget: PretrainBudget
+    seed: int
+    folder: Path
+
+
+BUSY = "another pretraining is running in {}: wait for it, or give another --out"
+
+
+def pretrain(request: Request, executor: Executor, progress: StageProgress, wanted: Wanted) -> Path:
+    """Run Phase 1; return the checkpoint's folder. Resumes a run in the request's. Raises SimError, SessionError."""
+    from sim.research.pretraining.pipeline import pretrain
+
+    with working_in(request.folder, BUSY):
+        return pretrain(
+            request.task, request.folder, request.budget, request.seed, executor, progress, request.solver, wanted
+        )
+
+
+def pretrain_share(request: Request, share: Share, executor: Executor, progress: StageProgress) -> bool:
+    """Simulate one share of the dataset; whether it is complete: False while its second half waits for other shares.
+
+    Raises UsageError if there is no dataset to simulate, SimError, SessionError.
+    """
+    from sim.research.pretraining.pipeline import simulate_dataset_share
+
+    if request.task.exact or request.solver != SOLVERS[0]:
+        raise UsageError("--share divides the dataset of the emulator, and this pretraining has none: leave it out")
+    with working_in(request.folder, BUSY, share):
+        return simulate_dataset_share(
+            request.task, request.folder, request.budget, request.seed, share, executor, progress
+        )
+
+
+def checked(resolved: Resolved, out: Path | None, budget: str, targets: str, sizes: Sizes) -> Request:
+    """The request with the settings' task, solver and seed.
+
+    Raises UsageError on an unknown budget, solver or kind of targets, SimError.
     """
     from sim.research.pretraining.meta_training import TARGETS
-    from sim.research.pretraining.pipeline import PretrainBudget, pretrain
+    from sim.research.pretraining.pipeline import PretrainBudget
 
     budgets = {"full": PretrainBudget.full, "small": PretrainBudget.small}
     if budget not in budgets:
@@ -100,27 +130,24 @@ def pretrain(
     )
     parts = (task.name, *(part for part in unusual if part), f"seed{config.seed}")
     folder = (out or resolved.places.pretraining / "-".join(parts)).absolute()
-    with working_in(folder, "another pretraining is running in {}: wait for it, or give another --out"):
-        return pretrain(task, folder, chosen, config.seed, executor, progress, solver, wanted)
+    return Request(task, solver, chosen, config.seed, folder)
 
 
-def object_ready(resolved: Resolved, config: Config, rollouts: int | None, progress: StageProgress) -> dict[str, Any]:
+def object_ready(
+    resolved: Resolved, config: Config, rollouts: int | None, executor: Executor, progress: StageProgress
+) -> dict[str, Any]:
     """Make the checkpoint of the settings' object; what `adaptsim object` says of it, for JSON.
 
     Raises SimError, SessionError.
     """
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.research.pretraining.for_object import is_inside, make_ready
-    from sim.rollouts import process_pool
     from sim.tasks import get_task
 
     task, usual = task_of(config), get_task(config.task)
     folder = (resolved.places.pretraining / f"{task.name}-{Path(config.object).stem}-object").absolute()
-    with (
-        working_in(folder, "another command works on this object in {}: wait for it"),
-        process_pool(config.workers or None) as crew,
-    ):
-        path, found = make_ready(task, load_checkpoint(usual), folder, config.seed, crew, progress, rollouts)
+    with working_in(folder, "another command works on this object in {}: wait for it"):
+        path, found = make_ready(task, load_checkpoint(usual), folder, config.seed, executor, progress, rollouts)
     told = tell_parameters(config, lambda done, total: progress("sessions", done, total))
     return {
         "inside": is_inside(task, usual),
@@ -130,20 +157,6 @@ def object_ready(resolved: Resolved, config: Config, rollouts: int | None, progr
     }
 
 
-@contextmanager
-def working_in(folder: Path, busy: str) -> Iterator[None]:
-    """Inside, this process alone writes into `folder`; an interruption says how to continue.
-
-    Raises SessionError with the sentence `busy`, which holds {} for the folder, if another process is there.
-    """
-    make_folder(folder)
-    with (
-        locked(folder, busy.format(folder)),
-        how_to_continue("Finished parts are kept: the same command continues", "interrupted"),
-    ):
-        yield
-
-
 def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int], None]) -> dict[str, Any]:
     """Load the settings' checkpoint, compare it with card and task, and measure the card's figures again; for JSON.
 
@@ -151,13 +164,13 @@ def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int],
     """
     from sim.research.pretraining.verification import Figure
     from sim.research.pretraining.verification import verify_figures as verify
-    from sim.rollouts import process_pool, run_many
+    from sim.rollouts import run_many, simulating_executor
 
     checkpoint = checkpoint_of(config)
     task = checkpoint.solver.task
     figures: list[Figure] = []
     if rollouts:
-        with process_pool(config.workers or None) as executor:
+        with simulating_executor(config.workers) as executor:
             roll = partial(run_many, task, executor=executor)
             figures = verify(checkpoint, roll, rollouts, config.seed, progress)
     return {

@@ -28,7 +28,7 @@ from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
 from hw.errors import HardwareError
 from perception.errors import PerceptionError
-from sim.errors import NotExecutable, RolloutError
+from sim.errors import ClusterUnavailable, NotExecutable, RolloutError
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -339,6 +339,7 @@ _WORTH_CONTINUING = (
     PerceptionError,
     NotExecutable,
     RolloutError,
+    ClusterUnavailable,
     OSError,
 )
 

@@ -134,14 +134,16 @@ _POLL_S = 0.02
 
 
 @contextmanager
-def locked(folder: Path, taken: str, wait_s: float = 0.0) -> Iterator[None]:
-    """Lock the existing `folder`.
+def locked(
+    folder: Path, taken: str, wait_s: float = 0.0, *, file: str = LOCK, kind: int = fcntl.LOCK_EX
+) -> Iterator[None]:
+    """Lock the existing `folder`; with LOCK_SH as `kind`, against whoever wants it alone.
 
     Raises UsageError with the message `taken` if another process still holds the lock after `wait_s`, DiskFull or
     SessionError if the folder is not writable, or was moved or deleted meanwhile.
     """
     try:
-        descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        descriptor = os.open(folder / file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     except FileNotFoundError as error:
         raise _gone(folder) from error
     except OSError as error:
@@ -149,26 +151,26 @@ def locked(folder: Path, taken: str, wait_s: float = 0.0) -> Iterator[None]:
             raise disk_full(folder / LOCK) from error
         raise SessionError(f"{folder} cannot be locked: {error.strerror}; check that you may write there") from error
     try:
-        _lock(descriptor, folder, taken, time.monotonic() + wait_s)
+        _lock(descriptor, folder / file, kind, taken, time.monotonic() + wait_s)
         yield
     finally:
         os.close(descriptor)
 
 
-def _lock(descriptor: int, folder: Path, taken: str, until_s: float) -> None:
+def _lock(descriptor: int, file: Path, kind: int, taken: str, until_s: float) -> None:
     while True:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
         except BlockingIOError as error:
             if time.monotonic() >= until_s:
                 raise UsageError(taken) from error
             time.sleep(_POLL_S)
         except OSError as error:
-            raise SessionError(f"{folder} is on a file system without locks: {error.strerror}") from error
+            raise SessionError(f"{file.parent} is on a file system without locks: {error.strerror}") from error
         else:
             break
-    if not _is_file_of(descriptor, folder / LOCK):  # the folder was moved between opening and locking
-        raise _gone(folder)
+    if not _is_file_of(descriptor, file):  # the folder was moved between opening and locking
+        raise _gone(file.parent)
 
 
 def _is_file_of(descriptor: int, path: Path) -> bool:

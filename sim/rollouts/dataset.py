@@ -12,6 +12,7 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Callable
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import reduce
 from pathlib import Path
@@ -24,7 +25,8 @@ from hw.types import Array
 from sim.errors import DatasetError
 from sim.rollouts.draws import at_reference, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
-from sim.rollouts.shards import columns_digest, read_manifest, read_rollouts, simulate_missing, split
+from sim.rollouts.shards import columns_digest, read_manifest, read_rollouts, simulate_missing, simulate_share, split
+from sim.rollouts.shares import Share
 from sim.storage.files import whole_file, write_toml
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
@@ -117,22 +119,53 @@ def build_dataset(
     """
     more = 0 if denser is None else denser.count
     _agree_on_manifest(task, folder, size, more, seed, executor)
-
-    def simulate(requests: Requests, kind: str, before: int) -> Rollouts:
-        show = _offset(progress, before, size + more)
-        return simulate_missing(task, _shards(folder, requests, kind), executor, show)
-
-    requests = dataset_requests(task, seed, size)
-    results = simulate(requests, "shard", 0)
+    even = _shards(folder, dataset_requests(task, seed, size), "shard")
+    results = simulate_missing(task, even, executor, _offset(progress, 0, size + more))
     if denser is not None:
-        pool = _pool(task, seed, size, more)
-        if not (folder / DENSER).exists():
-            variance = denser.variance(Dataset(requests, results, size), pool)
-            rows = choose(variance, more, np.random.default_rng([seed, size]))
-            with whole_file(folder / DENSER) as temporary, temporary.open("wb") as file:
-                np.savez(file, rows=rows)
-        simulate(pool[_read_rows(folder / DENSER, more, len(pool))], "denser", size)
+        added = _denser_shards(task, folder, size, seed, results, denser)
+        simulate_missing(task, added, executor, _offset(progress, size, size + more))
     return load_dataset(folder, task)
+
+
+def build_share(
+    task: Task,
+    folder: Path,
+    size: int,
+    seed: int,
+    share: Share,
+    executor: Executor,
+    progress: Progress | None = None,
+    denser: Denser | None = None,
+) -> bool:
+    """Simulate the missing rollouts of one share in `folder`; several processes may do so at a time.
+
+    The `denser` part follows from the whole first part. Returns whether the share is complete: False while other shares
+    of the first part are missing. Raises as `build_dataset`.
+    """
+    show = progress or (lambda done, total: None)
+    _agree_on_manifest(task, folder, size, 0 if denser is None else denser.count, seed, executor)
+    even = _shards(folder, dataset_requests(task, seed, size), "shard")
+    simulate_share(task, even, share, executor, show)
+    if denser is None:
+        return True
+    stored = [rows for path, part in even.items() if (rows := read_rollouts(path, part)) is not None]
+    if len(stored) < len(even):
+        return False
+    simulate_share(task, _denser_shards(task, folder, size, seed, concatenate(stored), denser), share, executor, show)
+    return True
+
+
+def _denser_shards(
+    task: Task, folder: Path, size: int, seed: int, results: Rollouts, denser: Denser
+) -> dict[Path, Requests]:
+    """The shards of the second part, whose places are chosen once by the `results` of the first."""
+    pool = _pool(task, seed, size, denser.count)
+    if not (folder / DENSER).exists():
+        variance = denser.variance(Dataset(dataset_requests(task, seed, size), results, size), pool)
+        rows = choose(variance, denser.count, np.random.default_rng([seed, size]))
+        with suppress(FileExistsError), whole_file(folder / DENSER, replace=False) as temporary:  # the first share's
+            np.savez(temporary, rows=rows)
+    return _shards(folder, pool[_read_rows(folder / DENSER, denser.count, len(pool))], "denser")
 
 
 def _pool(task: Task, seed: int, size: int, count: int) -> Requests:

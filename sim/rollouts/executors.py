@@ -1,4 +1,4 @@
-"""Executors of rollouts: a thread, or a pool of fresh processes."""
+"""Executors of rollouts: a thread, a pool of fresh processes, or the workers of a cluster."""
 
 from __future__ import annotations
 
@@ -6,11 +6,20 @@ import ctypes
 import multiprocessing
 import signal
 import sys
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import AbstractContextManager
 
 from sim.cores import usable_cores
+from sim.rollouts.cluster import dask_cluster
 
 _PR_SET_PDEATHSIG = 1
+
+
+def simulating_executor(workers: int = 0, scheduler: str = "") -> AbstractContextManager[Executor]:
+    """Where a command simulates: on the workers of the Dask `scheduler`, if it names one; else on `workers` processes
+    of this computer (0: one per usable core). The numbers are the same. Raises as `dask_cluster`.
+    """
+    return dask_cluster(scheduler) if scheduler else process_pool(workers or None)
 
 
 def serial_executor() -> ThreadPoolExecutor:

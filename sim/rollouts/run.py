@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
-from sim.errors import RolloutError, UnknownName
+from sim.errors import ClusterUnavailable, RolloutError, UnknownName
 from sim.tasks import get_task
 from sim.tasks.task import SimulateMany, Task
 
@@ -126,7 +126,8 @@ def run_parts(
     Workers that have nothing left to do in a part work on the next ones, so no part waits for the last chunk of
     another. `progress` counts the rollouts of all parts.
 
-    Raises RolloutError naming the running requests if a rollout raises or a worker dies. The caller keeps the executor.
+    Raises RolloutError naming the running requests if a rollout raises or a worker dies, ClusterUnavailable if the
+    scheduler of a cluster is lost. The caller keeps the executor.
     A task that simulates stacks does so in this process, which is quicker than using the executor.
     """
     if not all(map(len, parts)):
@@ -199,6 +200,8 @@ def _result(
 ) -> Rollouts:
     """The rollouts of a future that is done."""
     error = future.exception()
+    if isinstance(error, ClusterUnavailable):
+        raise error
     if error is not None:
         chunk = running[future]
         lost = [other for other in running.values() if other.part == chunk.part]

@@ -16,6 +16,7 @@ import numpy as np
 from hw.bounded import Unreadable
 from sim.errors import DatasetError
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many, run_parts
+from sim.rollouts.shares import Share
 from sim.storage.files import read_toml, whole_file
 from sim.tasks.fingerprint import scene_key
 from sim.tasks.task import Task
@@ -103,6 +104,19 @@ def simulate_missing(task: Task, shards: Mapping[Path, Requests], executor: Exec
         write_rollouts(path, missing[path], rollouts)
         there[path] = rollouts
     return concatenate(rollouts for rollouts in there.values() if rollouts is not None)
+
+
+def simulate_share(
+    task: Task, shards: Mapping[Path, Requests], share: Share, executor: Executor, progress: Progress, before: int = 0
+) -> int:
+    """Simulate the missing ones among the shards of one share, and return how many it has.
+
+    `before`: how many shards of the same work come before these. Raises as `run_parts`.
+    """
+    mine = dict(share.of(list(shards.items()), before))
+    if mine:
+        simulate_missing(task, mine, executor, progress)
+    return len(mine)
 
 
 def stored_count(path: Path) -> int:

@@ -67,7 +67,7 @@ def run_jobs(
 ) -> list[Row]:
     """The rows of all jobs, in order; stored ones are not run again. `run` can be sent to a worker.
 
-    Raises the errors of a job, and RolloutError if a worker died.
+    Raises the errors of a job, RolloutError if a worker died, ClusterUnavailable.
     """
     rows = {i: row for i, job in enumerate(jobs) if (row := results.row(job)) is not None}
     missing = iter([i for i in range(len(jobs)) if i not in rows])

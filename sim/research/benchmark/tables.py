@@ -25,7 +25,8 @@ from sim.lab.drawn import as_toml
 from sim.lab.world import World, rollouts_in
 from sim.rollouts.draws import cover, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate
-from sim.rollouts.shards import read_manifest, read_shard, simulate_missing, split
+from sim.rollouts.shards import read_manifest, read_shard, simulate_missing, simulate_share, split
+from sim.rollouts.shares import Share
 from sim.solvers.solver import Solver
 from sim.storage.files import write_toml
 from sim.tasks.task import Task
@@ -74,13 +75,44 @@ def build_table(
     """Simulate the missing rows of the table in `folder`, and return the whole table.
 
     `policies_of` is the digest of the checkpoint of `solver`, `scene` the task's `scene_key`. Raises DatasetError if
-    the folder holds another table, RolloutError.
+    the folder holds another table, RolloutError, ClusterUnavailable.
     """
-    task = solver.task
+    plan = _agreed_plan(solver, policies_of, scene, world, folder, size)
+    shards = split(table_requests(solver, world, size), SHARD, partial(_shard, folder))
+    simulate_missing(_in_world(solver, world), shards, executor, progress)
+    table = _read(folder, world, size)
+    write_toml(folder / MANIFEST, {**plan, "digest": table.digest})
+    return table
+
+
+def build_table_share(
+    solver: Solver,
+    policies_of: str,
+    scene: str,
+    world: World,
+    folder: Path,
+    size: int,
+    share: Share,
+    before: int,
+    executor: Executor,
+    progress: Progress,
+) -> tuple[int, int]:
+    """Simulate the missing rows of one share of the table; several processes may do so at a time.
+
+    `before`: how many shards other tables of the same work have. Returns how many shards are this share's, and how many
+    the table has. `build_table` joins the shares. Raises as it does.
+    """
+    _agreed_plan(solver, policies_of, scene, world, folder, size)
+    shards = split(table_requests(solver, world, size), SHARD, partial(_shard, folder))
+    return simulate_share(_in_world(solver, world), shards, share, executor, progress, before), len(shards)
+
+
+def _agreed_plan(solver: Solver, policies_of: str, scene: str, world: World, folder: Path, size: int) -> dict[str, Any]:
+    """The conditions of the table, stored in a new folder. Raises DatasetError if the folder holds another table."""
     plan = {
         "format": FORMAT,
-        "task": task.name,
-        "world": world_digest(task, world),
+        "task": solver.task.name,
+        "world": world_digest(solver.task, world),
         "scene": scene,
         "size": size,
         "policies": policies_of,
@@ -92,11 +124,11 @@ def build_table(
         raise DatasetError(
             f"{folder} holds a table with a different {', '.join(different)}: remove it and run the same command again"
         )
-    shards = split(table_requests(solver, world, size), SHARD, partial(_shard, folder))
-    simulate_missing(replace(task, simulate=rollouts_in(world)), shards, executor, progress)
-    table = _read(folder, world, size)
-    write_toml(folder / MANIFEST, {**plan, "digest": table.digest})
-    return table
+    return plan
+
+
+def _in_world(solver: Solver, world: World) -> Task:
+    return replace(solver.task, simulate=rollouts_in(world))
 
 
 def load_table(task: Task, world: World, scene: str, folder: Path) -> WorldTable:

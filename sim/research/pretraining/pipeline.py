@@ -45,9 +45,10 @@ from sim.research.pretraining.meta_training import (
     learning_gate,
     train_adaptation,
 )
-from sim.rollouts.dataset import Denser, build_dataset
+from sim.rollouts.dataset import Denser, build_dataset, build_share
 from sim.rollouts.run import Roll, run_many
 from sim.rollouts.shards import CachedRollouts
+from sim.rollouts.shares import Share
 from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.training import EmulatorSettings, outcome_variance, train_emulator
 from sim.solvers.solver import Solver
@@ -195,6 +196,38 @@ def pretrain(
     return path
 
 
+def simulate_dataset_share(
+    task: Task,
+    folder: Path,
+    budget: PretrainBudget,
+    seed: int,
+    share: Share,
+    executor: Executor,
+    progress: StageProgress,
+) -> bool:
+    """Simulate one share of the dataset that `pretrain` learns from; several processes may do so at a time.
+
+    Returns whether the share is complete: False while the denser part waits for other shares of the first. Only for a
+    task with a dataset, that is for the solver emulator. Raises DatasetError if the folder holds another plan.
+    """
+    _agree_on_plan(task, folder, budget, seed, "emulator")
+    seeds = stage_seeds(seed)
+    return build_share(
+        task,
+        folder / "dataset",
+        budget.rollouts,
+        seeds[0],
+        share,
+        executor,
+        lambda i, n: progress(STAGES[0], i, n),
+        _denser(task, budget, seeds[1]),
+    )
+
+
+def _denser(task: Task, budget: PretrainBudget, seed: int) -> Denser | None:
+    return Denser(budget.denser, partial(outcome_variance, task, seed)) if budget.denser else None
+
+
 def stage_seeds(seed: int) -> tuple[int, ...]:
     """Seeds of dataset, emulator, adaptation policies and evaluation."""
     return tuple(int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4))
@@ -236,7 +269,7 @@ def _learnt(
         seeds[0],
         executor,
         lambda i, n: progress(STAGES[0], i, n),
-        Denser(budget.denser, partial(outcome_variance, task, seeds[1])) if budget.denser else None,
+        _denser(task, budget, seeds[1]),
     )
     path, report = folder / "emulator.safetensors", folder / "emulator.toml"
     if not (path.exists() and report.exists()):

@@ -6,6 +6,9 @@ import json
 import pytest
 
 from adaptsim_cli.app import run
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.research.working import working_in
+from sim.rollouts.shares import Share
 
 PENDULUM = ["benchmark", "--task", "pendulum", "--targets", "wd,ood-1", "--budget", "4", "--seeds", "2"]
 
@@ -104,3 +107,47 @@ def test_a_table_of_pushing_is_made_and_sessions_are_looked_up_in_it(capsys):
     assert all(0.0 <= row["reward"] <= 1.0 for row in found["rows"])
     assert run(["world-tables", "--task", "pushing", "--targets", "wd", "--rollouts", "32"]) == 8
     assert "holds a table with a different size" in said(capsys)[1]
+
+
+@pytest.mark.long
+def test_shares_are_joined_by_the_same_command_without_share(capsys, home):
+    flags = ["--methods", "udr,random,oracle"]
+    assert run([*PENDULUM, *flags, "--json", "--out", "whole"]) == 0
+    whole = json.loads(said(capsys)[0])["rows"]
+    for number in (1, 2, 3):
+        assert run([*PENDULUM, *flags, "--share", f"{number}/3", "--out", "shared"]) == 0
+        assert f"Share {number}/3 is complete: 4 sessions in" in " ".join(said(capsys)[0].split())
+    assert run([*PENDULUM, *flags, "--json", "--out", "shared"]) == 0
+    out, err = said(capsys)
+    assert "sessions: 100 % (12 of 12)" in err
+    timed = ("wall_s", "cpu_s")
+    assert [{k: v for k, v in row.items() if k not in timed} for row in json.loads(out)["rows"]] == [
+        {k: v for k, v in row.items() if k not in timed} for row in whole
+    ]
+
+
+@pytest.mark.parametrize("share", ["0/2", "3/2", "2", "a/b", "1/0"])
+def test_a_share_that_is_none_is_refused(share, capsys):
+    assert run([*PENDULUM, "--methods", "udr", "--share", share]) == 2
+    assert f"--share {share}: write K/N with K from 1 to N, for example 2/8" in said(capsys)[1]
+
+
+def test_a_share_has_no_json_and_a_scheduler_no_number_of_processes(capsys):
+    assert run([*PENDULUM, "--methods", "udr", "--share", "1/2", "--json"]) == 2
+    assert "--share computes a part and has no result as JSON: leave --json out" in said(capsys)[1]
+    assert run([*PENDULUM, "--methods", "udr", "--scheduler", "tcp://127.0.0.1:9", "--workers", "2"]) == 2
+    assert "--workers counts processes of this computer" in said(capsys)[1]
+
+
+def test_shares_run_beside_each_other_and_neither_twice_nor_beside_the_whole(tmp_path):
+    folder = tmp_path / "work"
+    busy = "another benchmark is running in {}"
+    with working_in(folder, busy, Share(1, 2)), working_in(folder, busy, Share(2, 2)):
+        twice = r"share 2/2 is running in .*give this one another number"
+        with pytest.raises(UsageError, match=twice), working_in(folder, busy, Share(2, 2)):
+            pass
+        with pytest.raises(UsageError, match="another benchmark is running in"), working_in(folder, busy):
+            pass
+    alone, refused = working_in(folder, busy), pytest.raises(UsageError, match="another benchmark")
+    with alone, refused, working_in(folder, busy, Share(1, 2)):
+        pass

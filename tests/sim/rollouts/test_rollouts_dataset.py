@@ -7,9 +7,10 @@ from toy_task import ACTION, TOY, Counted, best_action, simulate
 
 from sim.errors import DatasetError, RolloutError
 from sim.rollouts import build_dataset, load_dataset, run_many, serial_executor
-from sim.rollouts.dataset import Denser, dataset_requests
+from sim.rollouts.dataset import Denser, build_share, dataset_requests
 from sim.rollouts.draws import cover, sobol
 from sim.rollouts.shards import CachedRollouts
+from sim.rollouts.shares import Share
 from sim.solvers.emulator.training import outcome_variance
 from sim.types import Dimension, Space
 
@@ -150,3 +151,43 @@ def test_whole_numbers_get_equal_shares_of_the_draws():
     assert np.bincount(draws[:, 0].astype(int)).tolist() == [16, 16, 16, 16]
     assert np.median(draws[:, 1]) == pytest.approx(10.0, rel=0.1)
     assert sobol(5, 0, np.random.default_rng(0)).shape == (5, 0)
+
+
+def build_a_share(folder, number, count, size=600, denser=0):
+    counted = Counted()
+    with serial_executor() as executor:
+        more = Denser(denser, partial(outcome_variance, TOY, 0)) if denser else None
+        complete = build_share(counted.task, folder, size, 0, Share(number, count), executor, denser=more)
+    return complete, counted.count - 2  # two probes
+
+
+def test_shares_are_joined_to_the_dataset_of_one_process(tmp_path):
+    assert [build_a_share(tmp_path, k, 2) for k in (2, 1)] == [(True, 256), (True, 344)]
+    assert build_a_share(tmp_path, 1, 2) == (True, 0)
+    counted = Counted()
+    assert build(tmp_path, task=counted.task).identity == build(tmp_path / "fresh").identity
+    assert counted.count == 2
+
+
+def test_more_shares_than_files_leave_some_without_work(tmp_path):
+    assert [build_a_share(tmp_path, k, 5)[1] for k in range(1, 6)] == [256, 256, 88, 0, 0]
+
+
+@pytest.mark.long
+def test_the_denser_part_is_shared_once_the_first_part_is_whole(tmp_path):
+    assert build_a_share(tmp_path, 1, 2, 512, 300) == (False, 256)
+    assert build_a_share(tmp_path, 2, 2, 512, 300) == (True, 256 + 44)
+    assert build_a_share(tmp_path, 1, 2, 512, 300) == (True, 256)
+    assert build(tmp_path, 512, denser=300).identity == build(tmp_path / "fresh", 512, denser=300).identity
+
+
+@pytest.mark.parametrize(("number", "count"), [(0, 2), (3, 2), (1, 0)])
+def test_a_share_is_one_of_its_number(number, count):
+    with pytest.raises(ValueError, match="is no share"):
+        Share(number, count)
+
+
+def test_shares_divide_work_that_comes_in_parts_without_gap_or_overlap():
+    parts = [list(range(start, start + 5)) for start in range(0, 35, 5)]
+    shares = [[item for part in parts for item in Share(k, 3).of(part, part[0])] for k in (1, 2, 3)]
+    assert shares == [list(range(k, 35, 3)) for k in range(3)]

@@ -11,9 +11,10 @@ from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 from sim.errors import DatasetError
 from sim.lab.world import Faults, Sensing, World
 from sim.research.benchmark import tables
-from sim.research.benchmark.tables import MANIFEST, build_table, load_table, table_requests
+from sim.research.benchmark.tables import MANIFEST, build_table, build_table_share, load_table, table_requests
 from sim.research.benchmark.trial_sources import Tabled
 from sim.rollouts import serial_executor
+from sim.rollouts.shares import Share
 
 TRUTH = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))
 WORLD = World("windy", "toy", "", TRUTH, np.zeros(1), Unmodelled(wind_m=0.01), Sensing(), Faults())
@@ -141,3 +142,29 @@ def test_the_best_actions_of_a_table_earn_more_than_any_others(tmp_path):
     others = [place.judge(contexts, np.tile(a, (32, 1)), rng).mean() for a in TOY.action.sample(rng, 20)]
     assert best > max(others) - 0.02
     assert best > 0.85
+
+
+def test_shares_are_joined_to_the_same_table(tmp_path):
+    whole, _ = build(tmp_path / "whole")
+    counted.clear()
+    for number, rows in ((2, 64), (1, 96)):
+        counted.clear()
+        with serial_executor() as executor:
+            files = build_table_share(
+                solver(),
+                "abc",
+                "scene",
+                WORLD,
+                tmp_path / "shared",
+                SIZE,
+                Share(number, 2),
+                0,
+                executor,
+                lambda *_: None,
+            )
+        assert (files, len(counted)) == ((3 - number, 3), rows)
+    with pytest.raises(DatasetError, match="there is no finished table"):
+        load_table(TOY, WORLD, "scene", tmp_path / "shared")
+    joined, _ = build(tmp_path / "shared")
+    assert not counted
+    assert joined.digest == whole.digest

@@ -1,0 +1,70 @@
+"""Where the work of a long command is done: on which workers, in which folder, and which share of it."""
+
+from __future__ import annotations
+
+import fcntl
+import re
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from adaptsim_cli.config import Config
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen.console import Screen, how_to_continue
+from adaptsim_cli.storage.durable import LOCK, locked, make_folder
+
+if TYPE_CHECKING:
+    from sim.rollouts.shares import Share
+
+
+def simulations(config: Config, workers: int | None, scheduler: str) -> AbstractContextManager[Executor]:
+    """The executor of simulations: the workers of the Dask `scheduler`, or processes of this computer.
+
+    Raises UsageError if both a number of `workers` and a scheduler were given, ClusterUnavailable, ExtraMissing.
+    """
+    from sim.rollouts import simulating_executor
+
+    if scheduler and workers is not None:
+        raise UsageError("--workers counts processes of this computer, --scheduler uses others: leave one of them out")
+    return simulating_executor(config.workers, scheduler)
+
+
+def share_of(text: str, *, as_json: bool) -> Share | None:
+    """The share K/N; None for the whole work. Raises UsageError."""
+    from sim.rollouts.shares import Share
+
+    if not text:
+        return None
+    if as_json:
+        raise UsageError("--share computes a part and has no result as JSON: leave --json out")
+    written = re.fullmatch(r"(\d+)/(\d+)", text)
+    if written is not None and 1 <= int(written[1]) <= int(written[2]):
+        return Share(int(written[1]), int(written[2]))
+    raise UsageError(f"--share {text}: write K/N with K from 1 to N, for example 2/8")
+
+
+def show_share(screen: Screen, share: Share, contents: str, folder: Path) -> None:
+    """Tell that a share is complete."""
+    screen.plain(f"Share {share} is complete: {contents} in {folder}")
+    screen.plain("Once all shares are, the same command without --share joins them.")
+
+
+@contextmanager
+def working_in(folder: Path, busy: str, share: Share | None = None) -> Iterator[None]:
+    """Inside, this process alone writes into `folder`, or its own files beside those of other shares.
+
+    An interruption says how to continue. Raises SessionError with the sentence `busy`, which holds {} for the folder,
+    if another process is there.
+    """
+    make_folder(folder)
+    with how_to_continue("Finished parts are kept: the same command continues", "interrupted"):
+        if share is None:
+            with locked(folder, busy.format(folder)):
+                yield
+        else:
+            own = f"{LOCK}-{share.number}-of-{share.count}"
+            twice = f"share {share} is running in {folder}: give this one another number"
+            with locked(folder, busy.format(folder), kind=fcntl.LOCK_SH), locked(folder, twice, file=own):
+                yield

@@ -1,0 +1,135 @@
+"""The same rollouts on two Dask workers of this computer, one of which is killed half-way."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+from distributed import LocalCluster
+from toy_task import TOY, equal_rollouts
+
+from sim.errors import ClusterUnavailable, RolloutError
+from sim.rollouts import cluster, run_many, serial_executor
+from sim.rollouts.cluster import dask_cluster
+from sim.rollouts.dataset import dataset_requests
+
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning", "ignore::UserWarning"),
+]
+
+
+def local_cluster(workers: int, threads: int = 1) -> LocalCluster:
+    return LocalCluster(n_workers=workers, threads_per_worker=threads, dashboard_address=None, host="127.0.0.1")
+
+
+@pytest.fixture(scope="module")
+def two_workers() -> Iterator[LocalCluster]:
+    with local_cluster(2) as running:
+        yield running
+
+
+def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(two_workers):
+    requests = dataset_requests(TOY, 3, 800)
+    with serial_executor() as executor:
+        expected = run_many(TOY, requests, executor)
+    killed: list[int] = []
+    counts: list[int] = []
+
+    def progress(done: int, total: int) -> None:
+        counts.append(done)
+        if not killed and done > total // 4:
+            killed.append(next(iter(two_workers.workers.values())).pid)
+            os.kill(killed[0], signal.SIGKILL)
+
+    with dask_cluster(two_workers.scheduler_address) as dask:
+        rollouts = run_many(TOY, requests, dask, progress)
+    assert killed
+    assert counts == sorted(counts)
+    assert counts[-1] == 800
+    assert equal_rollouts(rollouts, expected)
+
+
+def _fails(parameters, context, action, nuisance, unmodelled=None):
+    raise ZeroDivisionError("the scene fell apart")
+
+
+def test_an_error_of_a_rollout_is_named_as_on_this_computer(two_workers):
+    task = replace(TOY, simulate=_fails)
+    with dask_cluster(two_workers.scheduler_address) as dask, pytest.raises(RolloutError, match="scene fell apart"):
+        run_many(task, dataset_requests(TOY, 3, 8), dask)
+
+
+def test_a_worker_with_other_versions_is_refused_by_name(two_workers, monkeypatch):
+    here = {**cluster.versions(), "drake": "1.0.0"}
+    monkeypatch.setattr(cluster, "versions", lambda: here)
+    address = two_workers.scheduler_address
+    with (
+        pytest.raises(ClusterUnavailable, match=r"other versions.*: drake [\d.]+ \(here 1\.0\.0\)"),
+        dask_cluster(address),
+    ):
+        pass
+
+
+def test_a_worker_that_comes_later_with_other_versions_is_refused_too(two_workers, monkeypatch):
+    here = {**cluster.versions(), "drake": "1.0.0"}
+    with dask_cluster(two_workers.scheduler_address) as dask:
+        monkeypatch.setattr(cluster, "versions", lambda: here)
+        with pytest.raises(ClusterUnavailable, match=r"other versions.*: drake [\d.]+ \(here 1\.0\.0\)"):
+            run_many(TOY, dataset_requests(TOY, 3, 8), dask)
+
+
+def test_a_worker_with_threads_is_refused():
+    with (
+        local_cluster(1, threads=2) as threaded,
+        pytest.raises(ClusterUnavailable, match=r"has 2 threads.*--nthreads 1"),
+        dask_cluster(threaded.scheduler_address),
+    ):
+        pass
+
+
+def test_a_lost_scheduler_keeps_what_is_finished():
+    with local_cluster(1) as lost:
+        counts: list[int] = []
+
+        def progress(done: int, total: int) -> None:
+            counts.append(done)
+            if len(counts) == 3:
+                threading.Thread(target=lost.close).start()
+
+        with (
+            pytest.raises(ClusterUnavailable, match="was lost: start it again"),
+            dask_cluster(lost.scheduler_address) as dask,
+        ):
+            run_many(TOY, dataset_requests(TOY, 3, 80_000), dask, progress)
+    assert 0 < counts[-1] < 80_000
+
+
+def test_an_address_where_nobody_answers_gets_one_sentence(monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.3)
+    with (
+        pytest.raises(ClusterUnavailable, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9: "),
+        dask_cluster("tcp://127.0.0.1:9"),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("address", ["nonsense", "127.0.0.1", "ftp://127.0.0.1:80"])
+def test_neither_does_anybody_at_an_address_that_is_none(address, monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.3)
+    with pytest.raises(ClusterUnavailable, match=f"no Dask scheduler answers at {address}"), dask_cluster(address):
+        pass
+
+
+def test_a_scheduler_without_workers_gets_the_line_that_starts_one(monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT_S", 1.0)
+    with (
+        local_cluster(0) as empty,
+        pytest.raises(ClusterUnavailable, match=r"has no worker: dask worker tcp://127\.0\.0\.1:\d+ --nthreads 1"),
+        dask_cluster(empty.scheduler_address),
+    ):
+        pass

@@ -261,6 +261,12 @@ def slowed(path: JointPath, pace: float) -> JointPath:
     The result is a path as any other: whoever plays it checks every limit again.
     """
     number(pace, "pace", SLOWEST, FULL)
+    return at_pace(path, pace)
+
+
+def at_pace(path: JointPath, pace: float) -> JointPath:
+    """As `slowed`, and slower than an operator may ask for: what it takes to keep a reduced speed."""
+    number(pace, "pace", 0.0, FULL, above=True)
     if pace == FULL:
         return path
     t_s = np.arange(math.ceil(path.duration_s / pace * PATH_RATE_HZ) + 1) / PATH_RATE_HZ

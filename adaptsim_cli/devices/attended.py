@@ -10,12 +10,12 @@ import numpy as np
 
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.mounted import MountedTask
+from adaptsim_cli.devices.pacing import at_speed
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.screen.views import Readiness, clear_to_move
 from adaptsim_cli.session.records import RigFacts
-from hw.braking import slowed
 from hw.errors import ArmFault, BalanceError, DeviceUnavailable, HandError
 from hw.ports import Arm, Balance, Camera, Hand
 from hw.types import Array, Placing
@@ -150,7 +150,7 @@ class PersonBeside:
             return
         path = free_path(q_rad, lab.home_rad, lab.cell)
         lab.cell.require(path)
-        path = slowed(path, self.arm.consent.pace)
+        path = at_speed(path, self.arm.consent.pace, lab.cell)
         question = clear_to_move(True, "goes home", path.duration_s) + "."
         self.screen.go_on(question, "to start", then="The arm goes home, slowly. Release the pedal to brake.")
         self.arm.consent.agreed()

@@ -60,6 +60,7 @@ class MountedTask:
         It caches the newest plans and which of their paths passed the check, because a policy, its prediction and the
         trial need the same motion. The arm checks a path again before it moves.
         """
+        from adaptsim_cli.devices.pacing import at_speed
         from adaptsim_cli.session.target import Planner
         from hw.kinematics import forward
 
@@ -75,7 +76,12 @@ class MountedTask:
             return planned[key]
 
         X_WB, arm = self.correction.X_WB, self.cell.arm
-        return Planner(paths, check, lambda q_rad: np.asarray(X_WB @ forward(arm.true_rad(q_rad))))
+        return Planner(
+            paths,
+            check,
+            lambda q_rad: np.asarray(X_WB @ forward(arm.true_rad(q_rad))),
+            lambda path, pace: at_speed(path, pace, self.cell),
+        )
 
 
 def mounted(

@@ -69,7 +69,7 @@ class RealLab:
         return Rig(
             self.rig.arm.model,
             self.title,
-            PacedArm[Arm](arm, self._pace),
+            PacedArm[Arm](arm, there.cell, self._pace),
             camera,
             Person(),
             hand_eye,
@@ -86,7 +86,7 @@ class RealLab:
         self._require_payload(BOARD)
         arm, camera = self._arm(cell, BOARD, "nothing on the table but the object"), self._camera(infrared=True)
         self._connect(arm)
-        return PacedArm[Arm](arm, self._pace), camera, time.sleep, None
+        return PacedArm[Arm](arm, cell, self._pace), camera, time.sleep, None
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """See `Lab`."""
@@ -102,7 +102,7 @@ class RealLab:
             arm.carry(loaded if there else cell.tool, self.rig.tool(self._task.name).held() if there else Payload())
 
         self._connect(arm)
-        return PacedArm(arm, self._pace), hand, tool_there, arm.confirm
+        return PacedArm(arm, cell.holding(loaded), self._pace), hand, tool_there, arm.confirm
 
     def check_stop_button(self, cell: Workcell) -> None:
         """Connect the arm; have its stop button pressed and released if that is due. Raises StoppedByOperator."""

@@ -65,7 +65,7 @@ class SimulatedLab:
 
         lab = SimulatedLab(self._task, self._world, self._seed, there.cell, home_q_rad=there.home_rad)
         self._stack.enter_context(lab)
-        arm = PacedArm[Arm](lab.arm, self._pace, realtime=self._realtime)
+        arm = PacedArm[Arm](lab.arm, there.cell, self._pace, realtime=self._realtime)
         return Rig(SIMULATED, self.title, arm, lab.camera, lab.bench, hand_eye, days, pace=self._pace)
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
@@ -74,7 +74,7 @@ class SimulatedLab:
 
         lab = CalibrationLab(self._task, self._world, self._seed, held, cell, home_q_rad=home_rad)
         self._stack.enter_context(lab)
-        arm = PacedArm[Arm](lab.arm, self._pace, realtime=self._realtime)
+        arm = PacedArm[Arm](lab.arm, cell, self._pace, realtime=self._realtime)
         return arm, lab.camera, lambda _: None, lab.hands
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
@@ -84,5 +84,5 @@ class SimulatedLab:
 
         ready_rad = cell.arm.reported_rad(READY_RAD)
         lab = self._stack.enter_context(TouchLab(self._task, self._world, self._seed, cell, home_q_rad=ready_rad))
-        arm = PacedArm(lab.arm, self._pace, realtime=self._realtime)
+        arm = PacedArm(lab.arm, cell.holding(loaded), self._pace, realtime=self._realtime)
         return arm, lab.hand, lab.offer_tool, lambda: None

@@ -21,6 +21,17 @@ from adaptsim_cli.devices.known_arm import ArmFacts, KnownArm, folder_of, setup_
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription, Waivable
 from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
+from adaptsim_cli.doctor.contact_limits import judged
+from adaptsim_cli.doctor.separation import (
+    INTRUSION_M,
+    REACH_M,
+    WALKING_M_S,
+    SideDistance,
+    nearest_m,
+    open_sides,
+    separation_m,
+    tool_reach_m,
+)
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.report.page import fill
 from adaptsim_cli.screen.console import Screen
@@ -28,19 +39,16 @@ from adaptsim_cli.screen.views import top_speed_m_s
 from adaptsim_cli.storage import durable
 from adaptsim_cli.wiring.calibration import current_calibration
 from adaptsim_cli.wiring.motion import mounted_for, planned
-from hw.braking import STOP_S, check_braking
 from hw.contact import IMPACT_NS_M
 from hw.errors import MotionRefused
 from hw.kinematics import forward
 from hw.limits import contact_limit_N
 from hw.motion_limits import FLANGE
+from hw.stopping import REDUCED_M_S, WorstStop, worst_stop
 from hw.types import JointPath
 from hw.watchdog import SILENCE_S
 from hw.workcell import SPEED_M_S
 from sim.errors import NotExecutable
-
-REACH_M = 0.855
-"""Of both arms, from the axis of joint 1 to the flange (the maker's data sheets)."""
 
 WITHOUT: dict[Waivable, str] = {
     "pedal": "the arm moves without anybody holding a pedal; only the stop button ends a motion",
@@ -60,13 +68,9 @@ class Motions:
 
     planned: int  # actions; the others cannot be executed
     speed_m_s: float  # of the tool, at most
-    stop_s: float  # longest stop
+    stop: WorstStop  # from the wish to stop to rest
     contact_N: float  # predicted, at most
-
-    @property
-    def stop_m(self) -> float:
-        """The tool's travel from a released pedal to rest, at most: the pedal's silence, then a stop at full speed."""
-        return self.speed_m_s * (SILENCE_S + STOP_S)
+    nearest_m: float | None = None  # the least distance from the person's side; None: there is none
 
     @property
     def impact_N(self) -> float:
@@ -74,21 +78,28 @@ class Motions:
         return self.speed_m_s * IMPACT_NS_M
 
 
-def motions_of(there: MountedTask, actions: Sequence[Sequence[JointPath]]) -> Motions:
+def motions_of(there: MountedTask, actions: Sequence[Sequence[JointPath]], rig: RigDescription) -> Motions:
     """Speeds, stops and forces of the planned paths (in reported joints) of each action."""
     paths = [path for one in actions for path in one]
     arm, X_FT = there.cell.arm, there.hardware.X_FT
     return Motions(
         len(actions),
         top_speed_m_s(paths, lambda q_rad: forward(arm.true_rad(q_rad)) @ X_FT),
-        max(check_braking(path, there.cell.motion).longest_s for path in paths),
+        worst_stop(there.cell, paths),
         max((path.contact.force_N for path in paths if path.contact is not None), default=0.0),
+        None if rig.person is None else nearest_m(rig.person.box(), there.cell, paths),
     )
 
 
 def page(there: MountedTask, rig: RigDescription, moves: Motions, known: ArmFacts, identity: dict[str, str]) -> str:
-    """The assessment as HTML, two sides of A4; `identity` names rig file, arm and program version."""
-    payload = rig.tool(there.task.name).payload
+    """The assessment as HTML, three sides of A4; `identity` names rig file, arm and program version."""
+    payload, cell = rig.tool(there.task.name).payload, there.cell
+    accepted, reach_m = worst_stop(cell), REACH_M + tool_reach_m(cell.tool)
+    apart_m = separation_m(accepted.time_s)
+    regions = judged(moves.speed_m_s, rig.arm.stops_at_N, cell.tool.mass, there.hardware.edge_m)
+    side = None
+    if rig.person is not None and moves.nearest_m is not None:
+        side = SideDistance(rig.person.from_m, moves.nearest_m, apart_m)
     return fill(
         "assessment.html.j2",
         rig=rig,
@@ -96,17 +107,26 @@ def page(there: MountedTask, rig: RigDescription, moves: Motions, known: ArmFact
         moves=moves,
         identity=identity,
         payload_kg=None if payload is None else payload.mass_kg,
-        boxes=[(box.name, _corner(box.low_m), _corner(box.high_m)) for box in there.cell.keep_out],
+        boxes=[(box.name, _corner(box.low_m), _corner(box.high_m)) for box in cell.keep_out],
         without=[(name, WITHOUT[name]) for name in rig.waived],
-        reach_m=REACH_M + float(np.linalg.norm(there.hardware.X_FT[:3, 3])),
+        reach_m=reach_m,
+        open_sides=open_sides(cell.keep_out, reach_m),
+        side=side,
+        apart_m=apart_m,
+        walking_m_s=WALKING_M_S,
+        intrusion_m=INTRUSION_M,
+        regions=regions,
+        failing=list(dict.fromkeys(limit for one in regions for limit in one.broken)),
+        edge_mm=1e3 * there.hardware.edge_m,
         flange_m_s=FLANGE[rig.arm.model].m_s,
         allowed_N=contact_limit_N(rig.arm.stops_at_N),
         moved=known.setups.get(identity["set-up"], "never"),
         stop_button=f"{known.stop_button} by {known.stop_button_by}" if known.stop_button else "never",
-        stop_s=STOP_S,
+        accepted=accepted,
         silence_s=SILENCE_S,
         guarded_m_s=SPEED_M_S,
         slow_pace=SLOW_PACE,
+        reduced_m_s=REDUCED_M_S,
     )
 
 
@@ -114,7 +134,7 @@ def _corner(p_m: np.ndarray) -> str:
     return ", ".join(f"{value:.2f}" for value in p_m)
 
 
-def _planned(there: MountedTask) -> list[Sequence[JointPath]]:
+def planned_actions(there: MountedTask) -> list[Sequence[JointPath]]:
     """The middle action, which must be executable, and those at the ends of all ranges that are."""
     found: list[Sequence[JointPath]] = [planned(there, (), ()).paths]
     space = there.task.action
@@ -146,7 +166,7 @@ def write(resolved: Resolved, path: Path, screen: Screen) -> None:
         "calibration": "none yet: no box around the camera" if calibrated is None else calibrated.created[:10],
     }
     with screen.busy(f"Planning {there.task.name} with {rig.name}"):
-        moves = motions_of(there, _planned(there))
+        moves = motions_of(there, planned_actions(there), rig)
     text = page(there, rig, moves, KnownArm(folder_of(places, rig)).read(), identity)
     durable.write_file(path.absolute(), text.encode())
     screen.plain(f"Written: {path}. Print it, complete it, decide, and sign it")

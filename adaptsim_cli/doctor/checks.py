@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
+import numpy as np
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
@@ -21,6 +22,7 @@ from adaptsim_cli.devices.known_arm import KnownArm, folder_of
 from adaptsim_cli.devices.rig_file.reading import gaps, waiving
 from adaptsim_cli.doctor import readings
 from adaptsim_cli.doctor.readings import serial_ports
+from adaptsim_cli.doctor.separation import REACH_M, SIDE_M, open_sides, separation_m, tool_reach_m
 from adaptsim_cli.doctor.table import (
     Check,
     Examined,
@@ -36,9 +38,11 @@ from adaptsim_cli.doctor.table import (
     with_rig,
 )
 from adaptsim_cli.wiring.calibration import current_calibration
+from hw.collision import BARE_HAND
 from hw.errors import BalanceError
 from hw.franka.realtime import PRIORITY
 from hw.franka.versions import MATRIX, PACKAGES
+from hw.stopping import WORST_STOP_S, worst_stop
 
 CHECKS: dict[str, Check] = {}
 """Every check by its name, in the order of the screen."""
@@ -175,6 +179,32 @@ def _safeguards(lab: Examined) -> Finding:
         told = f"{', '.join(lab.rig.waived)}: waived by the rig file, which every trial records"
         return advice(told, "state them in the rig file: docs/guide/rig.md")
     return ok("the rig file states all of them")
+
+
+@check(
+    DEVICES,
+    "sides",
+    "write [person] with side and from_m, and a [[keep_out]] box for every place of a person",
+    with_rig,
+)
+def _sides(lab: Examined) -> Finding:
+    """Which sides of the arm no box closes: a person may stand there within its reach."""
+    from sim.tasks import get_task
+
+    hardware = get_task(lab.config.task).hardware
+    tool_m = 0.0 if hardware is None else np.linalg.norm(lab.rig.tool(lab.config.task).designed(hardware.X_FT)[:3, 3])
+    reach_m = REACH_M + max(float(tool_m), tool_reach_m(BARE_HAND))
+    open_ = open_sides(lab.rig.boxes(), reach_m)
+    if not open_:
+        return ok(f"every side is closed by a box beyond {SIDE_M:g} m")
+    told = f"no box closes {', '.join(open_)} beyond {SIDE_M:g} m: the arm may reach a person there"
+    if lab.rig.person is None or lab.rig.person.side in open_:
+        return advice(f"{told}, and the rig file does not keep the arm off the operator's own side")
+    apart_m = separation_m(WORST_STOP_S)
+    return ok(
+        f"the operator's side ({lab.rig.person.side}) is closed from {lab.rig.person.from_m:g} m; {told}. Separation "
+        f"distance {apart_m:.2f} m (ISO 13855)"
+    )
 
 
 @check(DEVICES, "stop button", "the next command that moves the arm leads you through the check", with_rig)
@@ -353,7 +383,11 @@ def _motion(lab: Examined) -> Finding:
 
     made = planned(mounted_for(lab.resolved, None), (), ())
     used = 100 * max(report.worst.ratio for report in made.reports)
-    return ok(f"{lab.config.task} can be done with this tool and these boxes, {used:.0f} % of the tightest limit")
+    stop = worst_stop(made.there.cell, made.paths)
+    return ok(
+        f"{lab.config.task} can be done with this tool and these boxes, {used:.0f} % of the tightest limit; from "
+        f"the wish to stop to rest {stop}"
+    )
 
 
 def examine(resolved: Resolved, names: Collection[str] = tuple(CHECKS)) -> Iterator[Finding]:

@@ -35,7 +35,7 @@ from adaptsim_cli.session.target import (
     silently,
 )
 from adaptsim_cli.session.topics import joints_at
-from hw.braking import FULL, slowed
+from hw.braking import FULL
 from hw.errors import ArmFault, HardwareError, Rehearsed
 from hw.kinematics import FLANGE, link_poses
 from hw.poses import inverse
@@ -125,16 +125,20 @@ class RigTarget:
         with progress("Checking every limit along the motion", "checking"):
             for path in paths:
                 self.planner.check(path)
-                self.planner.check(slowed(path, self.rig.pace))  # at full pace the same path, known by now
+                self.planner.check(
+                    self.planner.at_speed(path, self.rig.pace)
+                )  # at full pace the same path, known by now
         pace, duration_s = self.rig.pace, sum(path.duration_s for path in paths)
-        slow = "" if pace == FULL else f", at pace {pace:g} {duration_s / pace:.1f} s: nothing is learnt from it"
-        speed_m_s = top_speed_m_s(paths, lambda q_rad: self.planner.flange(q_rad) @ self.hardware.X_FT)
+        played = tuple(self.planner.at_speed(path, pace) for path in paths)
+        played_s = sum(path.duration_s for path in played)
+        slow = "" if pace == FULL else f", at pace {pace:g} {played_s:.1f} s: nothing is learnt from it"
+        speed_m_s = top_speed_m_s(played, lambda q_rad: self.planner.flange(q_rad) @ self.hardware.X_FT)
         what = f"comes to the {self.task.object_name}, makes its motion and goes back"
         return Planned(
             placed=placed,
             action=action,
             summary=f"The motion takes {duration_s:.1f} s and passed all limits{slow}",
-            announcement=clear_to_move(self.is_real, what, duration_s / pace, speed_m_s * pace),
+            announcement=clear_to_move(self.is_real, what, played_s, speed_m_s),
             preview=self._preview(placed, paths),
             paths=paths,
         )

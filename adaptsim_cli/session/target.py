@@ -20,6 +20,7 @@ from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import Film, KeyMoment, RigFacts, RunTrial, TrialKey
 from calib.types import HandEye
+from hw.braking import slowed
 from hw.errors import HardwareError
 from hw.ports import Arm, Camera, ObjectPlacer
 from hw.types import Array, CameraModel, Frame, JointPath
@@ -216,6 +217,8 @@ class Planner:
     """Raises MotionRefused for a path that the arm would refuse."""
     flange: Callable[[Array], Array]
     """Reported joints (7,) -> the flange over the table, X_WF (4, 4)."""
+    at_speed: Callable[[JointPath, float], JointPath] = slowed
+    """(path, pace) -> the path as the arm plays it at that pace."""
 
 
 class Attendant(Protocol):

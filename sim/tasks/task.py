@@ -210,6 +210,8 @@ class Hardware:
     """Pitch of the tool between trials; positive: front down."""
     carries: bool = False
     """Whether the tool carries the object home, so that the way there must be gentle."""
+    edge_m: float = 0.001
+    """Width of the tool's narrowest edge, which decides the pressure of a contact with a person."""
     touchable: Touchable | None = None  # how its tool finds the table by touch; None: not possible
     parts: Callable[[], tuple[Part, ...]] = tuple  # what a lab prints for it; raises ExtraMissing
     weighing: tuple[str, Callable[[Array, Array, Any], float]] | None = None

@@ -14,6 +14,7 @@ HARDWARE = Hardware(
     weighing=("bottle_mass_scale", rollout.bottle_mass_kg),
     course=rollout.course_of,
     tracker="bottle",
+    edge_m=mount.PLATE_THICKNESS_M,
     parts=mount.parts,
     standing=Standing(params.BOTTLE_RADIUS_M, params.BOTTLE_HEIGHT_M, params.START_M),
 )

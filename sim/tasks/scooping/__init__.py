@@ -16,6 +16,7 @@ HARDWARE = Hardware(
     tracker="piece",
     home_pitch_rad=params.HOME_PITCH_RAD,
     carries=True,
+    edge_m=params.EDGE_M,
     touchable=spatula.TOUCHABLE,
     parts=spatula.parts,
 )

@@ -1,0 +1,147 @@
+"""How long and how far an arm still moves once somebody wants it to stop: the one worst case that all pages state.
+
+The chain, at its worst: the pedal falls silent and nobody hears it for `SILENCE_S`; the program's word reaches the
+player after `HEARD_S`; a stop may begin up to `NEXT_STOP_S` later; the arm brakes along its path, and follows its
+commands with a lag of up to `LAG_S`. Until the brake begins, every point moves on as planned. A released pedal, Ctrl-C,
+a program that hangs and one that is killed are all heard sooner.
+
+The reaction of a person comes before all this and is in none of these numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hw.braking import FULL, LONGEST_S, STOP_S, Braking, at_pace, check_braking
+from hw.collision import ARM, Capsule, segments
+from hw.franka.playback import STOPS_EVERY_S
+from hw.joint_limits import DT_S
+from hw.kinematics import FLANGE as FLANGE_FRAME
+from hw.kinematics import link_poses
+from hw.motion_limits import FLANGE
+from hw.types import Array, JointPath
+from hw.watchdog import SILENCE_S, WORD_EVERY_S
+from hw.workcell import Workcell
+
+HEARD_S = WORD_EVERY_S + DT_S
+"""From the pedal's silence to the player: the wait for the program's next word, and one cycle."""
+NEXT_STOP_S = 2.0 * STOPS_EVERY_S
+"""The longest wait for a moment at which a stop may begin (`hw.franka.playback.motion_of`)."""
+LAG_S = STOP_S - LONGEST_S - NEXT_STOP_S
+"""How far an arm may be behind its commands."""
+BEFORE_S = SILENCE_S + HEARD_S + NEXT_STOP_S
+"""From the wish to stop to the first slowed command, at worst."""
+WORST_STOP_S = BEFORE_S + LONGEST_S + LAG_S
+"""From the wish to stop to rest in any motion that the program accepts."""
+REDUCED_M_S = 0.25
+"""The reduced speed of ISO 10218-1: a slow motion keeps every point of arm and tool under it."""
+_KEPT = 0.99
+"""Share of the reduced speed that a motion is slowed to, so that the rounding of its samples stays below it."""
+
+
+@dataclass(frozen=True)
+class WorstStop:
+    """From the wish to stop to rest, at worst."""
+
+    time_s: float
+    distance_m: float  # travel of the point of arm or tool that goes farthest
+    speed_m_s: float  # of the fastest point of arm and tool
+    braking_s: float  # the part of `time_s` that the arm brakes
+    point: str  # the body that goes farthest
+
+    def __str__(self) -> str:
+        return f"at most {self.time_s:.2f} s and {100.0 * self.distance_m:.0f} cm"
+
+
+def worst_stop(cell: Workcell, paths: Sequence[JointPath] = (), pace: float = FULL) -> WorstStop:
+    """The worst stop of `paths` (reported joints, at full pace), played at `pace` in `cell`.
+
+    Without paths: a bound for every motion that the cell accepts, from the flange's limits, the tool's length and the
+    longest stop. Raises ValueError for a pace out of range, MotionRefused if a path has a moment without a stop.
+    """
+    if not paths:
+        speed_m_s, point = _bound_m_s(cell)
+        return WorstStop(WORST_STOP_S, pace * speed_m_s * WORST_STOP_S, pace * speed_m_s, LONGEST_S, point)
+    stops = [_of_path(cell, at_pace(path, pace)) for path in paths]
+    farthest = max(stops, key=lambda stop: stop.distance_m)
+    return WorstStop(
+        max(stop.time_s for stop in stops),
+        farthest.distance_m,
+        max(stop.speed_m_s for stop in stops),
+        max(stop.braking_s for stop in stops),
+        farthest.point,
+    )
+
+
+def _of_path(cell: Workcell, path: JointPath) -> WorstStop:
+    braking = check_braking(path, cell.motion)
+    bodies = _bodies(cell)
+    speed_m_s = speeds_m_s(path, cell)
+    distance_m = _travels_m(path, braking, speed_m_s)
+    braking_s = float(np.max(braking.duration_s, where=np.isfinite(braking.duration_s), initial=0.0))
+    farthest = int(distance_m.argmax())
+    return WorstStop(
+        BEFORE_S + braking_s + LAG_S,
+        float(distance_m[farthest]),
+        float(speed_m_s.max()),
+        braking_s,
+        bodies[farthest].name,
+    )
+
+
+def _travels_m(path: JointPath, braking: Braking, speed_m_s: Array) -> Array:
+    """(C,) the farthest that each body goes: unbraked until the stop begins, then along its tail.
+
+    A measured arm is behind its commands, so what it still has to go begins earlier by the lag.
+    """
+    way_m = np.concatenate([np.zeros((1, speed_m_s.shape[1])), np.cumsum(speed_m_s * DT_S, axis=0)])
+    stops = np.isfinite(braking.duration_s)
+    at_s, end_s = braking.at_s[stops], braking.path_time_s[stops, -1]
+    last = len(way_m) - 1
+
+    def row(t_s: Array) -> Array:
+        return np.clip(np.rint(t_s / DT_S), 0, last).astype(int)
+
+    return np.asarray((way_m[row(end_s)] - way_m[row(at_s - BEFORE_S - LAG_S)]).max(axis=0))
+
+
+def speeds_m_s(path: JointPath, cell: Workcell) -> Array:
+    """(N - 1, C) the speed of the fastest point of each body of arm and tool from one sample to the next.
+
+    A point of a capsule is a point of its axis plus at most its radius: it moves at most as fast as the faster end of
+    the axis, plus radius times turning speed.
+    """
+    poses = link_poses(cell.arm.true_rad(path.q_rad))
+    bodies = _bodies(cell)
+    ends_m = np.linalg.norm(np.diff(segments(poses, bodies), axis=0), axis=-1).max(axis=-1)
+    turned = np.linalg.norm(np.diff(poses[..., :3, :3], axis=0), axis=(-2, -1)) / np.sqrt(2.0)  # of a small angle
+    radii = np.array([body.radius_m for body in bodies])
+    return np.asarray((ends_m + radii * turned[:, [body.link for body in bodies]]) / DT_S)
+
+
+def reduced_pace(path: JointPath, cell: Workcell, pace: float = FULL) -> float:
+    """The largest pace, at most `pace`, at which every point of arm and tool stays under `REDUCED_M_S`."""
+    fastest_m_s = float(speeds_m_s(path, cell).max())
+    return min(pace, _KEPT * REDUCED_M_S / fastest_m_s) if fastest_m_s > 0.0 else pace
+
+
+def _bodies(cell: Workcell) -> tuple[Capsule, ...]:
+    """Everything that moves: the capsules of arm and tool, and the tool's points."""
+    tool = cell.tool
+    tips = tuple(Capsule(f"tip of {tool.name}", FLANGE_FRAME, p, p, 0.0) for p in tool.points_F_m)
+    return (*(body for body in (*ARM, *tool.capsules) if body.link >= 1), *tips)
+
+
+def _bound_m_s(cell: Workcell) -> tuple[float, str]:
+    """The fastest that a point on the flange can be in any motion that the cell accepts, and its body."""
+    limits = FLANGE[cell.arm.name]
+    reach_m = {
+        body.name: max(float(np.linalg.norm(end)) for end in (body.start_m, body.end_m)) + body.radius_m
+        for body in _bodies(cell)
+        if body.link == FLANGE_FRAME
+    }
+    point = max(reach_m, key=lambda name: reach_m[name], default="the flange")
+    return limits.m_s + limits.rad_s * reach_m.get(point, 0.0), point

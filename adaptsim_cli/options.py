@@ -22,11 +22,6 @@ def session_names(incomplete: str) -> list[str]:
     return _folders("sessions", incomplete)
 
 
-def all_session_names(incomplete: str) -> list[str]:
-    """The same, with archived ones."""
-    return [*session_names(incomplete), *_folders("archived-sessions", incomplete)]
-
-
 def task_names(incomplete: str) -> list[str]:
     """Tasks that begin like this, those of installed packages too."""
     ours = {folder.name for folder in _WORLDS.iterdir() if folder.is_dir()}

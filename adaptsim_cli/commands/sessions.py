@@ -19,11 +19,9 @@ def list_sessions(
     task: Annotated[
         str | None, typer.Option("--task", autocompletion=options.task_names, help="Only those of this task.")
     ] = None,
-    tag: Annotated[str | None, typer.Option("--tag", help="Only those with this tag.")] = None,
-    archived: Annotated[bool, typer.Option("--archived", help="Those in the archive.")] = False,
     as_json: options.Json = False,
 ) -> None:
-    """List all sessions, newest last: task, world, verdict, trials, size, notes and tags.
+    """List all sessions, newest last: task, world, verdict, trials, size and note.
 
     Example: adaptsim sessions list
     """
@@ -31,20 +29,16 @@ def list_sessions(
     from adaptsim_cli.outputs.sessions import Damaged
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import store, summary, terminal_views
-    from adaptsim_cli.session.keeping import archive_of
 
     root = config.load().places.sessions
-    root = archive_of(root) if archived else root
     found = [summary.overview_or_damage(root, name) for name in store.names(root)]
     if task is not None:
         found = [one for one in found if isinstance(one, Damaged) or one.task == task]
-    if tag is not None:
-        found = [one for one in found if isinstance(one, Damaged) or tag in one.tags]
     screen = console.Screen(as_json=as_json)
     if screen.data("sessions list", {"sessions": found}):
         return
     if not found:
-        chosen = " that match" if task is not None or tag is not None else ""
+        chosen = " that match" if task is not None else ""
         screen.plain(f"No sessions{chosen} in {root}. Begin one: adaptsim run-iteration --task scooping")
         return
     screen.show(terminal_views.sessions(found))
@@ -117,45 +111,31 @@ def verify(
 
 @app.command()
 def mark(
-    name: Annotated[str, typer.Argument(help="Name of the session.", autocompletion=options.all_session_names)],
+    name: options.Session,
     note: Annotated[str | None, typer.Option("--note", help="A note in place of an earlier one; '' for none.")] = None,
-    tag: Annotated[
-        list[str] | None, typer.Option("--tag", help="Tag to add, repeatable: letters, digits, '.', '_' and '-'.")
-    ] = None,
-    untag: Annotated[list[str] | None, typer.Option("--untag", help="Tag to remove, repeatable.")] = None,
-    archive: Annotated[
-        bool | None, typer.Option("--archive/--restore", help="Move it out of the list as it is, or back into it.")
-    ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """Write a note or tags to a session, move it to the archive, or bring it back. No record is changed.
+    """Write a note to a session. No record is changed.
 
-    `sessions list --tag` finds tags, `sessions list --archived` archived sessions.
-
-    Example: adaptsim sessions mark scooping-oreo --note "before the camera was moved" --tag paper
+    Example: adaptsim sessions mark scooping-oreo --note "before the camera was moved"
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import keeping
 
-    if note is None and not tag and not untag and archive is None:
-        raise UsageError("nothing to mark: add --note, --tag, --untag, --archive or --restore")
-    made = keeping.mark(config.load().places.sessions, name, note, tag or (), untag or (), archive=archive)
+    if note is None:
+        raise UsageError("nothing to mark: add --note 'TEXT' (an empty text removes the note)")
+    marked = keeping.mark(config.load().places.sessions, name, note)
     screen = console.Screen(as_json=as_json)
-    if screen.data("sessions mark", made):
-        return
-    screen.plain(f"{name}: {made.note or 'no note'}; tags: {', '.join(made.tags) or 'none'}; in {made.folder}")
-    if archive:
-        screen.next((f"adaptsim sessions mark {name} --restore", "brings it back"))
-    else:
-        tagged = f" --tag {made.tags[-1]}" if made.tags else ""
-        screen.next((f"adaptsim sessions list{tagged}", "finds it again"))
+    if not screen.data("sessions mark", marked):
+        screen.plain(f"{name}: {marked.note or 'no note'}")
+        screen.next(("adaptsim sessions list", "shows it"))
 
 
 @app.command()
 def delete(name: options.Session, yes: options.Sure = False, as_json: options.Json = False) -> None:
-    """Remove a session for good, after you type its name. `sessions mark --archive` keeps it.
+    """Remove a session for good, after you type its name.
 
     Example: adaptsim sessions delete scooping-oreo
     """

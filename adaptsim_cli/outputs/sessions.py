@@ -27,7 +27,6 @@ class SessionRow(Record):
     verdict: Verdict | None = said("of its last iteration; null before the first")
     size_bytes: int = said("its size on the disk")
     note: str = said("the operator's note")
-    tags: tuple[str, ...] = said("its tags")
 
 
 class Damaged(Record):
@@ -122,7 +121,6 @@ class Marked(Output):
     session: str = said("which session")
     folder: str = said("its folder")
     note: str = said("the operator's note")
-    tags: tuple[str, ...] = said("its tags")
 
 
 class Deleted(Output):

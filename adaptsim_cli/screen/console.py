@@ -7,7 +7,6 @@ measures the terminal.
 from __future__ import annotations
 
 import json
-import os
 import re
 import sys
 import time
@@ -262,14 +261,6 @@ class Screen:
         self.note(f"Open session{many} that rest{'' if many else 's'} on {what}: {', '.join(sessions)}.")
         self.plain("Once it is replaced, each can continue only with its own, if the camera has not moved:")
         self.plain(f"  adaptsim run-iteration --session {sessions[0]} --own-calibration")
-
-    def picture(self, jpeg: bytes) -> bool:
-        """Show a small picture if the terminal can; return whether it did."""
-        if not (self._live and views.knows_kitty(os.environ)):
-            return False
-        self._console.file.write(f"{views.drawn(jpeg)}\n")
-        self._console.file.flush()
-        return True
 
     def checks(self, found: Sequence[Readiness]) -> None:
         """Print which checks passed, and the remedy for each that did not."""

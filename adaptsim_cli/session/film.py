@@ -11,7 +11,6 @@ import numpy as np
 from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import Film, KeyMoment
 from adaptsim_cli.session.target import Image
-from hw.bounded import decode_image
 from hw.poses import inverse
 from hw.types import Array, CameraModel, ContactWindow, Frame
 from perception.types import ObjectTrack, Outcome
@@ -140,12 +139,6 @@ def write(picture: Image, text: str, at_px: tuple[int, int], scale: float) -> No
     """Write white text with a dark rim into a picture."""
     for colour, width in ((_DARK, 3), ((255, 255, 255), 1)):
         cv2.putText(picture, text, at_px, cv2.FONT_HERSHEY_SIMPLEX, scale, colour, width, cv2.LINE_AA)
-
-
-def side_by_side(jpegs: Sequence[bytes]) -> bytes:
-    """One JPEG with the pictures in a row, at the same height."""
-    images = [decode_image(jpeg, cv2.IMREAD_COLOR) for jpeg in jpegs]
-    return bytes(cv2.imencode(".jpg", np.hstack(images))[1].tobytes())
 
 
 def _pixels(model: CameraModel, X_BC: Array, p_m: Array) -> Array:

@@ -21,7 +21,7 @@ from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.deferred import submit
-from adaptsim_cli.session.film import FILM, side_by_side
+from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
@@ -183,7 +183,7 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Any | None) -> Non
     if seen.film is not None:
         durable.replace_file(folder / FILM, seen.files[FILM])
         session.screen.plain(f"  Film: {folder / FILM}")
-    show_tracked(record, seen, session.screen, session.watcher)
+    session.watcher.tracked(record, seen)
     review = operator.review(record, choices_of(task, target.outcomes, seen.track, motion.context_array))
     if review.rejected:
         _reject(session, stage, review.rejected)
@@ -315,18 +315,9 @@ def propose(
 
 
 def show_proposal(task: Task, proposal: Proposal, planned: Planned, screen: Screen, watcher: Watcher) -> None:
-    """Show a planned trial, with the camera's picture, before the operator is asked."""
+    """Show a planned trial before the operator is asked."""
     screen.show(terminal_views.proposal(task, proposal))
-    if planned.preview is not None:
-        screen.picture(planned.preview.picture)
     watcher.proposed(proposal, planned.preview)
-
-
-def show_tracked(record: TrialRecord, seen: TrackedTrial, screen: Screen, watcher: Watcher) -> None:
-    """Show the key frames of a tracked trial in a row, before its review."""
-    if seen.moments:
-        screen.picture(side_by_side([seen.files[moment.file] for moment in seen.moments]))
-    watcher.tracked(record, seen)
 
 
 def motion_record(made: Proposal, started: str, executed: Executed, timing_s: dict[str, float]) -> MotionRecord:

@@ -1,24 +1,24 @@
-"""Keeps sessions in order: notes and tags, archive, deletion, and pruning of recordings.
+"""Keeps sessions in order: notes, deletion, and pruning of recordings.
 
-Sealed records never change: a note has its own file, an archived session moves unchanged, and a pruned recording leaves
-a record of its absence.
+Sealed records never change: a note has its own file, and a pruned recording leaves a record of its absence.
 """
 
 from __future__ import annotations
 
 import json
 import platform
-import re
 import shutil
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from importlib import metadata
 from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
 
-from adaptsim_cli.errors import SessionError, UsageError
+from pydantic import Field
+
+from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import recording, records
 from adaptsim_cli.session.records import (
@@ -44,7 +44,7 @@ from adaptsim_cli.session.store import (
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
 from hw.records import AnyRecord, Record
-from sim.storage.files import flush_folder, publish_new, sha256
+from sim.storage.files import flush_folder, sha256
 
 T = TypeVar("T")
 
@@ -156,70 +156,31 @@ def _require_trials(store: SessionStore) -> None:
 
 
 ABOUT = "about.json"
-ARCHIVE = "archived-sessions"
 RECORDED = (".mcap",)
 """Suffixes of the files that `prune` removes; files that a report needs stay."""
 
-_TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,39}")
-
 
 class About(Record):
-    """about.json: a person's note and tags. The only file of a session that is replaced."""
+    """about.json: a person's note. The only file of a session that is replaced."""
 
     note: str = ""  # free text
-    tags: tuple[str, ...] = ()  # for `sessions list --tag`
+    tags: tuple[str, ...] = Field(default=(), exclude=True)  # of earlier versions; read as part of the note
 
 
 def about(folder: Path) -> About:
-    """Note and tags of the session in `folder`; empty if there are none. Raises SessionError."""
+    """The note of the session in `folder`; empty if there is none. Raises SessionError."""
     path = folder / ABOUT
-    return records.read(About, path) if path.exists() else About()
+    stored = records.read(About, path) if path.exists() else About()
+    return About(note=" ".join((stored.note, *(f"#{tag}" for tag in stored.tags))).strip())
 
 
-def archive_of(root: Path) -> Path:
-    """The folder of the archived sessions of `root`."""
-    return root.parent / ARCHIVE
-
-
-def mark(
-    root: Path,
-    name: str,
-    note: str | None = None,
-    add: Sequence[str] = (),
-    remove: Sequence[str] = (),
-    *,
-    archive: bool | None = None,
-) -> Marked:
-    """Replace the note of a session (None: it stays), add and remove tags, then move it into the archive or out of it.
-
-    With `archive` None the session stays in its place. Damaged ones can be moved too. Raises UsageError, SessionError.
-    """
-    archived = archive_of(root)
-    is_there = archive is False or (archive is None and folder_of(archived, name).is_dir())
-    source = archived if is_there else root
-    folder = existing_folder(source, name)
-    said = _annotated(folder, note, add, remove) if note is not None or add or remove else None
-    if archive is not None:
-        folder = _move(source, archived if archive else root, name)
-    with suppress(SessionError):  # `verify` names the damage
-        said = said or about(folder)
-    told = said or About()
-    return Marked(session=name, folder=str(folder), note=told.note, tags=told.tags)
-
-
-def _annotated(folder: Path, note: str | None, add: Sequence[str], remove: Sequence[str]) -> About:
-    if wrong := [tag for tag in add if not _TAG.fullmatch(tag)]:
-        raise UsageError(f"tag {wrong[0]!r}: use letters, digits, '.', '_' and '-' (at most 40)")
+def mark(root: Path, name: str, note: str) -> Marked:
+    """Replace the note of a session. Raises UsageError, SessionError."""
+    folder = existing_folder(root, name)
     with _held(folder):
-        before = about(folder)
-        if missing := [tag for tag in remove if tag not in before.tags]:
-            known = ", ".join(before.tags) or "none"
-            raise UsageError(f"session {folder.name!r} has no tag {missing[0]!r}; tags: {known}")
-        kept = tuple(tag for tag in before.tags if tag not in remove)
-        tags = tuple(dict.fromkeys((*kept, *add)))
-        found = before.model_copy(update={"note": before.note if note is None else note.strip(), "tags": tags})
-        durable.replace_file(folder / ABOUT, records.to_json(found))
-    return found
+        content = about(folder).model_copy(update={"note": note.strip()})
+        durable.replace_file(folder / ABOUT, records.to_json(content))
+    return Marked(session=name, folder=str(folder), note=content.note)
 
 
 def delete(root: Path, name: str) -> None:
@@ -276,16 +237,6 @@ def _recordings(store: SessionStore, *, rejected_only: bool) -> list[tuple[Path,
                 recorded = [path for path in entries(folder) if path.suffix in RECORDED]
                 found += [(folder, recorded)] if recorded else []
     return found
-
-
-def _move(source: Path, target: Path, name: str) -> Path:
-    folder, there = existing_folder(source, name), target / name
-    if there.exists():
-        raise UsageError(f"there is a session {name!r} in {target} already: restore or delete that one first")
-    durable.make_folder(target)
-    with _held(folder), durable.explained(there):
-        publish_new(folder, there)
-    return there
 
 
 def _held(folder: Path) -> AbstractContextManager[None]:

@@ -16,7 +16,7 @@ from adaptsim_cli.outputs.trials import Rollout
 from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import failures
-from adaptsim_cli.session.flow import motion_record, propose, show_proposal, show_tracked, trial_record
+from adaptsim_cli.session.flow import motion_record, propose, show_proposal, trial_record
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.records import RunTrial, TrialKey, TrialRecord, now
 from adaptsim_cli.session.target import Parts, Placed, Planned, Target
@@ -117,7 +117,7 @@ def rollout(
         picture.unlink(missing_ok=True)  # the folder holds it from now on
     seen = target.track(placed.context, action, recorded, screen.busy)
     record = trial_record(task, motion_record(proposal, started, executed, screen.lap_s()), seen)
-    show_tracked(record, seen, screen, watcher or AllOf())
+    (watcher or AllOf()).tracked(record, seen)
     shown = _shown(config, parts, record, chosen)
     content = json.dumps(shown.model_dump(mode="json"), allow_nan=False, indent=1).encode()
     durable.complete_folder(folder, seen.files, "trial.json", content)

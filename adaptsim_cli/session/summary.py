@@ -74,7 +74,6 @@ def overview(store: SessionStore) -> SessionRow:
         verdict=results[-1].verdict if results else None,
         size_bytes=size_bytes(store.folder),
         note=said.note,
-        tags=said.tags,
     )
 
 

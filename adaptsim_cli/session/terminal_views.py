@@ -233,19 +233,12 @@ def _session(s: SessionRow) -> list[RenderableType]:
         size(s.size_bytes),
         s.created[:16].replace("T", " "),
     )
-    lines: list[RenderableType] = [_name(s.session, s.tags), _joined(facts)]
+    lines: list[RenderableType] = [Text(s.session, style="bold", no_wrap=True, overflow="ignore"), _joined(facts)]
     if s.verdict:
         lines.append(views.indent(Text(HEADLINES[s.verdict.kind])))
     if s.note:
         lines.append(views.indent(Text(s.note, style="italic")))
     return lines
-
-
-def _name(name: str, tags: Sequence[str]) -> Text:
-    text = Text(name, style="bold", no_wrap=True, overflow="ignore")
-    for tag in tags:
-        text.append(f"  #{tag}", style="magenta")
-    return text
 
 
 def _joined(facts: Sequence[str]) -> RenderableType:

@@ -31,7 +31,7 @@ def test_from_the_first_trial_to_the_last_command_there_is_a_next_one(capfd):
         ["sessions", "list"],
         ["sessions", "show", "s"],
         ["sessions", "verify", "s"],
-        ["sessions", "mark", "s", "--note", "a note", "--tag", "paper"],
+        ["sessions", "mark", "s", "--note", "a note"],
         ["sessions", "policy", "s", "--out", "policy.json"],
         ["sessions", "export", "s"],
         ["sessions", "redo", "s", "2"],
@@ -40,7 +40,6 @@ def test_from_the_first_trial_to_the_last_command_there_is_a_next_one(capfd):
         ["report", "s"],
         ["bundle", "s"],
         ["sessions", "prune", "s", "--yes"],
-        ["sessions", "mark", "other", "--archive"],
         ["sessions", "mark", "other", "--restore"],
         ["sessions", "delete", "other", "--yes"],
     ):

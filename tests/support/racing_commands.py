@@ -30,15 +30,13 @@ from lab_session import digest_of
 from toy_rig import ToyLab
 from toy_session import RUN, call
 
-from adaptsim_cli.session.keeping import archive_of, verify
+from adaptsim_cli.session.keeping import verify
 from adaptsim_cli.session.store import SessionStore
 from sim.storage.files import TEMPORARY
 
 NOTE = ("sessions", "mark", "s", "--note", "the lamp was moved")
-TAG = ("sessions", "mark", "s", "--tag", "paper")
+SECOND_NOTE = ("sessions", "mark", "s", "--note", "the lamp was turned")
 REDO = ("sessions", "redo", "s", "1", "--reason", "it was pushed by hand")
-ARCHIVE = ("sessions", "mark", "s", "--archive")
-RESTORE = ("sessions", "mark", "s", "--restore")
 DELETE = ("sessions", "delete", "s", "--yes")
 VERIFY = ("sessions", "verify", "s")
 PRUNE = ("sessions", "prune", "s", "--yes")
@@ -58,13 +56,12 @@ RACES = (
     Race("nothing", (RUN, RUN)),
     Race("half", (RUN, RUN)),
     Race("half", (RUN, NOTE)),
-    Race("half", (RUN, ARCHIVE)),
     Race("half", (RUN, DELETE)),
     Race("half", (RUN, VERIFY)),
-    Race("done", (NOTE, TAG)),
+    Race("done", (NOTE, SECOND_NOTE)),
     Race("done", (REDO, REDO)),
-    Race("done", (ARCHIVE, DELETE)),
-    Race("done", (PRUNE, ARCHIVE)),
+    Race("done", (NOTE, DELETE)),
+    Race("done", (PRUNE, DELETE)),
 )
 
 
@@ -150,9 +147,6 @@ def done(home: Path, command: Sequence[str], *, interrupted: bool = False) -> tu
 def carry_on(home: Path) -> None:
     """To the end of the first iteration, as a person would who wants the session there."""
     root = home / "data" / "sessions"
-    if (archive_of(root) / "s").is_dir() and not (root / "s").is_dir():
-        code, said = done(home, RESTORE)
-        assert code == 0, said
     if not (root / "s").is_dir() or not SessionStore.open(root, "s").existing().shown:
         code, said = done(home, RUN)
         assert code == 0, said
@@ -181,9 +175,9 @@ def run(race: Race, home: Path, delays_s: Sequence[float]) -> dict[str, Any]:
 
 
 def roots(home: Path) -> list[Path]:
-    """Where the session lies now: in the list, in the archive, or nowhere. In both: something is wrong."""
+    """Where the session lies now: in the list, or nowhere."""
     root = home / "data" / "sessions"
-    return [place for place in (root, archive_of(root)) if (place / "s").is_dir()]
+    return [root] if (root / "s").is_dir() else []
 
 
 def main(root: Path, races: int) -> None:

@@ -17,7 +17,7 @@ PROGRAM = "import sys; sys.argv = ['adaptsim']; from adaptsim_cli.app import mai
 
 @pytest.fixture
 def home(place) -> Path:
-    for name in ("sessions/scoop-1", "sessions/push-1", "sessions/.hidden", "archived-sessions/old", "rollouts/one"):
+    for name in ("sessions/scoop-1", "sessions/push-1", "sessions/.hidden", "rollouts/one"):
         (place / "home/data" / name).mkdir(parents=True)
     return place / "home"
 
@@ -25,7 +25,6 @@ def home(place) -> Path:
 def test_names_of_this_machine_are_completed(home):
     assert options.session_names("") == ["push-1", "scoop-1"]
     assert options.session_names("sc") == ["scoop-1"]
-    assert options.all_session_names("") == ["push-1", "scoop-1", "old"]
     assert options.task_names("") == sorted(TASKS)
     assert "ood-1" in options.world_names("ood")
 
@@ -37,7 +36,7 @@ def test_names_of_this_machine_are_completed(home):
         ("adaptsim sessions show s", ["scoop-1"]),
         ("adaptsim run-iteration --session p", ["push-1"]),
         ("adaptsim run-iteration --task pen", ["pendulum"]),
-        ("adaptsim sessions mark o", ["old"]),
+        ("adaptsim sessions mark s", ["scoop-1"]),
     ],
 )
 def test_a_shell_gets_them(home, typed, expected):

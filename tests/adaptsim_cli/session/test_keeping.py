@@ -21,6 +21,7 @@ from adaptsim_cli.session.keeping import mark, prune, verify
 from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.store import SessionStore, entries, names, own_files
+from adaptsim_cli.storage.durable import seal_json
 from perception.types import Outcome
 
 
@@ -44,46 +45,25 @@ def recordings(root: Path) -> list[str]:
     return sorted(str(path.relative_to(root)) for path in root.rglob("*.mcap"))
 
 
-def test_notes_and_tags_leave_every_seal_whole(root):
+def test_a_note_leaves_every_seal_whole(root):
     before = verify(root, NAME)
-    keeping.mark(root, NAME, "  before the camera moved ", ("paper", "olive"))
-    said = keeping.mark(root, NAME, add=("paper",), remove=("olive",))
-    assert (said.note, said.tags) == ("before the camera moved", ("paper",))
+    assert mark(root, NAME, "  before the camera moved ").note == "before the camera moved"
     after = verify(root, NAME)
     assert (after.damage, after.files) == ((), before.files + 1)
-    (root / NAME / keeping.ABOUT).write_text((root / NAME / keeping.ABOUT).read_text().replace("paper", "pepper"))
+    (root / NAME / keeping.ABOUT).write_text((root / NAME / keeping.ABOUT).read_text().replace("moved", "stood"))
     assert len(verify(root, NAME).damage) == 1
 
 
-@pytest.mark.parametrize(("add", "remove", "message"), [(("a b",), (), "use letters"), ((), ("x",), "has no tag 'x'")])
-def test_a_wrong_tag_is_refused(root, add, remove, message):
-    with pytest.raises(UsageError, match=message):
-        keeping.mark(root, NAME, add=add, remove=remove, archive=True)
-    assert names(root) == (NAME,)
+def test_tags_of_an_earlier_version_are_part_of_the_note(root):
+    content = b'{\n "note": "the first one",\n "tags": [\n  "paper"\n ]\n}\n'
+    (root / NAME / keeping.ABOUT).write_bytes(seal_json(content))
+    assert keeping.about(root / NAME) == keeping.About(note="the first one #paper")
+    assert verify(root, NAME).newer_keys == ()
 
 
-def test_an_archived_session_leaves_the_list_and_comes_back_whole(root):
-    keeping.mark(root, NAME, archive=True)
-    assert names(root) == ()
-    assert names(keeping.archive_of(root)) == (NAME,)
-    assert verify(keeping.archive_of(root), NAME).damage == ()
-    with pytest.raises(SessionError, match=NAME):
-        keeping.mark(root, NAME, archive=True)
-    keeping.mark(root, NAME, archive=False)
-    assert names(root) == (NAME,)
-    assert verify(root, NAME).damage == ()
-
-
-def test_nothing_takes_the_place_of_another_session(root):
-    shutil.copytree(root / NAME, keeping.archive_of(root) / NAME)
-    with pytest.raises(UsageError, match="already"):
-        keeping.mark(root, NAME, archive=True)
-    assert names(root) == (NAME,)
-
-
-def test_a_session_that_runs_is_not_moved_or_deleted(root):
+def test_a_session_that_runs_is_not_marked_or_deleted(root):
     with SessionStore.open(root, NAME).locked():
-        for act in (partial(keeping.mark, archive=True), keeping.delete):
+        for act in (partial(keeping.mark, note="a note"), keeping.delete):
             with pytest.raises(UsageError, match=NAME):
                 act(root, NAME)
     assert names(root) == (NAME,)
@@ -116,18 +96,16 @@ def test_a_recording_that_was_lost_is_still_damage_after_pruning(root):
     assert "trial-002-attempt-1/recording.mcap" in verify(root, NAME).damage[0]
 
 
-def test_the_list_has_verdict_size_note_and_tags(root, capfd):
-    assert app.run(["sessions", "mark", NAME, "--note", "the first one", "--tag", "paper"]) == 0
-    assert app.run(["sessions", "mark", NAME]) == 2, "it says what can be marked"
+def test_the_list_has_verdict_size_and_note(root, capfd):
+    assert app.run(["sessions", "mark", NAME, "--note", "the first one"]) == 0
     capfd.readouterr()
-    assert app.run(["sessions", "list", "--tag", "paper"]) == 0
-    said = capfd.readouterr().out
-    for part in (NAME, "#paper", "the first one", "toy", "4 trials", "Converged"):
-        assert part in " ".join(said.split()).replace("\N{NO-BREAK SPACE}", " ")
-    assert app.run(["sessions", "list", "--tag", "nothing", "--json"]) == 0
+    assert app.run(["sessions", "list"]) == 0
+    shown = capfd.readouterr().out
+    for part in (NAME, "the first one", "toy", "4 trials", "Converged"):
+        assert part in " ".join(shown.split()).replace("\N{NO-BREAK SPACE}", " ")
+    assert app.run(["sessions", "list", "--task", "nothing", "--json"]) == 0
     assert json.loads(capfd.readouterr().out.splitlines()[-1])["sessions"] == []
-    assert app.run(["sessions", "mark", NAME, "--archive"]) == 0
-    assert app.run(["sessions", "list", "--archived", "--json"]) == 0
+    assert app.run(["sessions", "list", "--json"]) == 0
     (one,) = json.loads(capfd.readouterr().out.splitlines()[-1])["sessions"]
     assert one["size_bytes"] > 1000
     assert one["verdict"]["kind"] == "converged"
@@ -177,7 +155,7 @@ def corrected(tmp_path_factory) -> SessionStore:
     amend(store, TASK, 3, Outcome.LOST, choices[Outcome.LOST], "seen on the recording")
     store = run(home)
     assert prune(store, rejected_only=True).files > 0
-    mark(store.folder.parent, store.facts.name, "the lamp was moved", ("paper",))
+    mark(store.folder.parent, store.facts.name, "the lamp was moved")
     return store
 
 

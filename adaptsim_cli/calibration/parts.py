@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from adaptsim_cli.config import is_simulated
+from adaptsim_cli.screen.release import Release
 from hw.ports import Arm, Camera
 from hw.types import Array, JointPath
 from perception.board.types import Board
@@ -49,6 +50,7 @@ class CalibrationRig:
     ways: Ways
     pause: Callable[[float], None]  # seconds; the simulated lab does not wait
     hands: BoardHandler | None = None  # None: a person at the terminal
+    release: Release = field(default_factory=Release)  # the questions that let the arm move
 
     @property
     def is_real(self) -> bool:

@@ -13,7 +13,6 @@ from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
-from adaptsim_cli.screen.views import clear_to_move
 from calib import poses
 from calib.poses import Coverage
 from hw.types import Array
@@ -42,7 +41,7 @@ class Visits(Protocol):
         ...
 
     def begin(self) -> None:
-        """Ask for approval, once for the whole series. Raises StoppedByOperator, UsageError."""
+        """Say what the series does, before its first motion. Raises UsageError."""
         ...
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
@@ -69,16 +68,15 @@ class Automatic:
         return [number for number in range(len(self.q_rad)) if number not in taken]
 
     def begin(self) -> None:
-        """Announce the motions and wait for Enter. Raises UsageError, StoppedByOperator."""
+        """Announce the motions: the first one is watched, then one answer releases the others. Raises UsageError."""
         if self.unattended and self.rig.is_real:
             raise UsageError(
                 "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
             )
-        if self.unattended:
-            return
-        what = f"brings the board to {len(self.q_rad)} places, slowly, one after the other, without asking again"
-        question = clear_to_move(self.rig.is_real, what) + ". Board firm in the gripper?"
-        self.screen.go_on(question, "to start", then=f"The arm {what}. Ctrl-C stops it.", kept="nothing has moved")
+        if not self.unattended:
+            self.screen.show("Is the board firm in the gripper? Watch the first motion; the others are like it.")
+        others = f"brings the board to the other places, {len(self.q_rad)} in all, and back, without asking again"
+        self.rig.release.begin_run("brings the board to its first place, slowly", others)
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
         """Move to one posture, or skip it if no way leads there. Raises MotionRefused, HardwareError."""
@@ -97,6 +95,7 @@ class Automatic:
             self.rig.arm.execute(self.rig.ways.way(self.rig.arm.state().q_rad, self.home_rad))
         except NotExecutable as error:
             self.screen.note(f"  the arm stays where it is: {error}")
+        self.rig.release.end_run()
 
 
 @dataclass(frozen=True, eq=False)

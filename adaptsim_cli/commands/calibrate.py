@@ -52,7 +52,7 @@ def calibrate(
 
     flags = {"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None}
     resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
-    open_rig = partial(wiring.open_calibration_rig, screen=screen)
+    open_rig = partial(wiring.open_calibration_rig, screen=None if resolved.config.unattended(yes) else screen)
     sessions = rig_frames.open_sessions(resolved.config, resolved.places)
     running.calibrate(
         resolved, _store(resolved), sessions, open_rig, screen, guide=guide, views=views, fresh=fresh, yes=yes
@@ -109,7 +109,7 @@ def check(
 
     flags = {"task": task, "world": world, "seed": seed, "hw": hw}
     resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
-    open_rig = partial(wiring.open_calibration_rig, screen=screen)
+    open_rig = partial(wiring.open_calibration_rig, screen=None if resolved.config.unattended(yes) else screen)
     running.check(resolved, _store(resolved), open_rig, screen, guide=guide, yes=yes)
 
 

@@ -87,7 +87,9 @@ def rollout(
     single.typed(task_meant, wanted[0])  # raises before anything is loaded or connected
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
-            parts = stack.enter_context(wiring.open_parts(settings, Path(learnt), screen=screen))
+            parts = stack.enter_context(
+                wiring.open_parts(settings, Path(learnt), screen=None if settings.unattended(yes) else screen)
+            )
         screen.show(views.badge(settings.hw, parts.target.title))
         watcher, rewards = None, list[float]()
         for chosen in wanted:

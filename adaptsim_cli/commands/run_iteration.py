@@ -72,5 +72,6 @@ def run_iteration(
     looking_on = wiring.beside(view_port) if view or view_port is not None else running.terminal_alone
     begun = running.facts_of(resolved, request) if own_calibration else None
     screen = Screen(as_json=as_json)
-    opener = partial(wiring.open_parts, own=begun, screen=screen)
+    asked = None if resolved.config.unattended(yes) else screen
+    opener = partial(wiring.open_parts, own=begun, screen=asked)
     running.run_session(resolved, request, opener, Reports().draw, screen, looking_on)

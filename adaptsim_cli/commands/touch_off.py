@@ -58,7 +58,7 @@ def touch_off(
         Grasp(1e-3 * handle_mm, grasp_force_N),
         _store(resolved),
         rig_frames.open_sessions(resolved.config, resolved.places),
-        partial(wiring.open_touch_rig, screen=screen),
+        partial(wiring.open_touch_rig, screen=None if resolved.config.unattended(yes) else screen),
         screen,
         yes=yes,
     )

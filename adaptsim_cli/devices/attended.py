@@ -11,13 +11,14 @@ import numpy as np
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.pacing import at_speed
+from adaptsim_cli.devices.recovery import offer_recovery
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.screen.views import Readiness, clear_to_move
 from adaptsim_cli.session.records import RigFacts
-from hw.errors import ArmFault, BalanceError, DeviceUnavailable, HandError
-from hw.ports import Arm, Balance, Camera, Hand
+from hw.errors import BalanceError, DeviceUnavailable, HandError
+from hw.ports import Balance, Camera, Hand
 from hw.types import Array, Placing
 
 _WAY_OUT = "The command ends; everything completed is stored, and the same command goes on from here."
@@ -67,32 +68,6 @@ class Scales:
         self._screen.show(f"  {1000.0 * mass_kg:.1f} g")
         self.facts = RigFacts(object_mass_kg=mass_kg, weighed=datetime.now(UTC).isoformat(timespec="seconds"))
         self._asked = True
-
-
-def offer_recovery(arm: Arm, screen: Screen) -> None:
-    """Help a person to clear the arm's fault, or let them leave it. Nothing moves.
-
-    Waits until a person releases the stop button or stops guiding the arm. Clears any other fault if the person types
-    so, and asks again until none is left. Raises StoppedByOperator.
-    """
-    while (state := arm.state()).fault is not None:
-        screen.note(f"The arm reports: {state.fault}")
-        if state.by_hand:
-            then = "Reads the arm's state again. Nothing moves."
-            screen.go_on("Resolve this first (nothing moves).", "when done", then=then, kept="nothing has moved")
-            continue
-        clear = Key("recover", "to clear it", "Clears the arm's fault. Nothing moves.")
-        leave = enter("to leave it", "Keeps the fault; the command ends before anything moves.")
-        answer = screen.choose("Neither key moves anything.", clear, leave, stop("The command ends; the fault stays."))
-        if answer == "q":
-            raise StoppedByOperator("stopped by the operator; nothing has moved")
-        if answer == "recover":
-            try:
-                arm.recover()
-            except ArmFault as error:
-                screen.note(f"  {error}")
-        else:
-            return
 
 
 @runtime_checkable
@@ -152,8 +127,7 @@ class PersonBeside:
         lab.cell.require(path)
         path = at_speed(path, self.arm.consent.pace, lab.cell)
         question = clear_to_move(True, "goes home", path.duration_s) + "."
-        self.screen.go_on(question, "to start", then="The arm goes home, slowly. Release the pedal to brake.")
-        self.arm.consent.agreed()
+        self.arm.release.one(question, "The arm goes home, slowly. Release the pedal to brake.")
         self.arm.execute(path)
 
 

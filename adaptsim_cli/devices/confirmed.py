@@ -1,4 +1,4 @@
-"""A real arm and hand that ask before they move: a typed word once per command, the pedal before every motion."""
+"""A real arm and hand that ask before they move: a typed word once per command, a key and the pedal before a motion."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Literal, Self
 
 from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.devices.lab import RealArm
+from adaptsim_cli.screen.release import Release
 from hw.collision import Tool
 from hw.errors import MotionRefused
-from hw.ports import AroundArm, Hand, Pedal
-from hw.types import Contact, Execution, Guard, HandState, JointPath
+from hw.ports import AroundArm, Pedal
+from hw.types import Contact, Execution, Guard, JointPath
 
 if TYPE_CHECKING:
     from hw.franka.settings import Payload
@@ -41,6 +42,7 @@ class ConfirmedArm(AroundArm[RealArm]):
         super().__init__(arm)
         self.consent, self._before = consent, before
         self._screen, self._pedal = consent.screen, pedal
+        self.release = Release(consent.screen, arm.model, True, consent.each, first=self.confirm)
         self._now_s, self._pause = now_s, pause
 
     @property
@@ -76,10 +78,13 @@ class ConfirmedArm(AroundArm[RealArm]):
         """Ask everything that is asked once before the first motion of a command. Raises StoppedByOperator."""
         self.consent.once(self._arm)
 
-    def await_enabled(self) -> None:
-        """Wait for the consent to the next motion and for the pedal. Raises StoppedByOperator, MotionRefused."""
+    def await_enabled(self, what: str, duration_s: float) -> None:
+        """Wait until the next motion, which does `what`, is released, and for the pedal.
+
+        Raises StoppedByOperator, MotionRefused.
+        """
         self.confirm()
-        self.consent.motion()
+        self.release.motion(what, duration_s)
         self.await_pedal()
 
     def await_pedal(self, what: str = "arm") -> None:
@@ -100,10 +105,10 @@ class ConfirmedArm(AroundArm[RealArm]):
     def _allowed(self, path: JointPath) -> Iterator[None]:
         """Around one motion: consent, pedal, a note on the disk until it has come to its end."""
         self.confirm()
-        self.consent.motion(path.duration_s)
+        self.release.motion(duration_s=path.duration_s)
         self.await_pedal()
         self._before()
-        self.consent.begun()
+        self.release.begun()
         known = self.consent.known
         with nullcontext() if known is None else known.moving():
             yield
@@ -120,41 +125,3 @@ class ConfirmedArm(AroundArm[RealArm]):
             f"  Only {told} (at least {100.0 * LEAST_RATE:g} %): the computer or its network was too slow, and the "
             f"motion may have been rough. End other programs; adaptsim doctor --hw {self.model} checks both"
         )
-
-
-class ConfirmedHand:
-    """`hw.ports.Hand` of a confirmed arm: its fingers need the same typed word and wait for the same pedal."""
-
-    def __init__(self, hand: Hand, arm: ConfirmedArm) -> None:
-        self._hand, self._arm = hand, arm
-
-    def __enter__(self) -> Self:
-        self._hand.__enter__()
-        return self
-
-    def __exit__(self, *exc: object) -> None:
-        self._hand.__exit__(*exc)
-
-    def state(self) -> HandState:
-        """See `hw.ports.Hand`."""
-        return self._hand.state()
-
-    def home(self) -> None:
-        """See `hw.ports.Hand`."""
-        self._may()
-        self._hand.home()
-
-    def move(self, width_m: float) -> None:
-        """See `hw.ports.Hand`."""
-        self._may()
-        self._hand.move(width_m)
-
-    def grasp(self, width_m: float, force_N: float) -> None:
-        """See `hw.ports.Hand`."""
-        self._may()
-        self._hand.grasp(width_m, force_N)
-
-    def _may(self) -> None:
-        """Raises StoppedByOperator, MotionRefused."""
-        self._arm.confirm()
-        self._arm.await_pedal("hand")

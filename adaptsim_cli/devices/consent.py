@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Literal
 
 from adaptsim_cli.devices.known_arm import STOP_BUTTON_DAYS, KnownArm
+from adaptsim_cli.devices.recovery import offer_recovery
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
-from adaptsim_cli.screen.views import clear_to_move
-from hw.errors import ArmFault
+from adaptsim_cli.screen.release import Each, before_first, require_word
 from hw.ports import Arm
 
 SLOW_PACE = 0.3
@@ -34,12 +33,11 @@ class Consent:
     pedal: bool = False
     pace: float = 1.0
     waived: tuple[str, ...] = ()  # checks that the rig file waives
-    each: Literal["motion", "command"] = "command"
+    each: Each = "command"
     known: KnownArm | None = None  # None: an arm that nothing is remembered of
     setup: str = ""  # `known_arm.setup_of`
     given: str | None = field(default=None, init=False)  # ISO 8601: when the arm's model was typed
     _slow_ended: bool = field(default=False, init=False)
-    _motion: bool = field(default=False, init=False)  # given for the next motion
 
     def once(self, arm: Arm) -> None:
         """Before the first motion of a command: name, stop button, slow start, and the typed model."""
@@ -52,30 +50,10 @@ class Consent:
         self._slow_start()
         if self.pace < 1.0:
             self.screen.note(f"Every motion is played at pace {self.pace:g}; nothing is learnt from these trials")
-        self.screen.note(
-            f"THE REAL ROBOT, {self.where}, is about to move for the first time. Check: nobody within its "
-            f"reach, {self.table}, a hand on the arm's stop button" + (", a foot at the pedal." if self.pedal else ".")
-        )
-        agreed = Key(arm.model, "to confirm", "The arm may move; the program still asks before each motion.")
-        if self.screen.choose("Have you checked all of this?", agreed, stop(_WAY_OUT)) == "q":
-            raise StoppedByOperator(NOBODY)
+        self.screen.note(before_first(f"THE REAL ROBOT, {self.where},", self.table, self.pedal))
+        agreed = Key(arm.model, "to confirm", "The arm may move; the program still asks before it does.")
+        require_word(self.screen, "Have you checked all of this?", agreed)
         self.given = datetime.now(UTC).isoformat(timespec="seconds")
-
-    def motion(self, duration_s: float | None = None) -> None:
-        """Before one motion, if each needs its own consent; an answer counts for the next `begun`."""
-        if self.each == "command" or self._motion:
-            return
-        question = clear_to_move(True, "makes its next motion", duration_s) + "."
-        self.screen.go_on(question, "to let it move", then="This one motion begins.", kept="this motion has not begun")
-        self._motion = True
-
-    def agreed(self) -> None:
-        """The next motion was announced and agreed to by a question of its own."""
-        self._motion = True
-
-    def begun(self) -> None:
-        """The motion that was consented to begins; the next one is asked for again."""
-        self._motion = False
 
     def ended(self) -> None:
         """A motion came to its end: a slow one makes its set-up known."""
@@ -112,17 +90,13 @@ class Consent:
                 if state.by_hand == pressed and (pressed or state.fault is None):
                     break
                 if not pressed and not state.by_hand:
-                    self._recover(arm)
-                    break
+                    offer_recovery(arm, self.screen)
+                    if arm.state().fault is None:
+                        break
+                    raise StoppedByOperator(NOBODY)
                 self.screen.note(f"  The arm reports: {state.fault or 'ready to move'}")
         self.known.stop_button_checked(self.operator)
         self.screen.note("  The stop button stops this arm.")
-
-    def _recover(self, arm: Arm) -> None:
-        try:
-            arm.recover()
-        except ArmFault as error:
-            self.screen.note(f"  {error}")
 
     def _slow_start(self) -> None:
         """A set-up that has never moved this arm begins slowly, or a person takes it on by name."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from adaptsim_cli.calibration.parts import BoardHandler
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool
@@ -25,13 +26,14 @@ if TYPE_CHECKING:
     from sim.lab.board import HeldBoard
 
 
-BoardDevices = tuple[Arm, Camera, Callable[[float], None], BoardHandler | None]
+BoardDevices = tuple[Arm, Camera, Callable[[float], None], BoardHandler | None, Release]
 """Arm and camera, connected, with the board in the gripper: the camera's frames have an infrared image. Then a pause of
-so many seconds, for which the simulated lab does not wait, and the board's handler; None: a person at the terminal."""
+so many seconds, for which the simulated lab does not wait, the board's handler (None: a person at the terminal), and
+the questions that let the arm move."""
 
-TouchDevices = tuple[GuardedArm, Hand, Callable[[bool], None], Callable[[], None]]
+TouchDevices = tuple[GuardedArm, Hand, Callable[[bool], None], Release]
 """Arm and hand, connected, the hand empty. `tool_there(True)`: the person holds the tool between the open fingers;
-False: takes it away. `confirm()` asks for confirmation of a real arm's first motion. Raises StoppedByOperator."""
+False: takes it away. Then the questions that let them move."""
 
 
 class Lab(Protocol):

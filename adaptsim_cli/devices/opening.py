@@ -20,11 +20,16 @@ def open_lab(config: Config, task: Task, drivers: Drivers | None = None, screen:
 
     Sessions, calibrations and touch-offs plan with the rig and nominal calibration of the lab. Then they ask it for
     their devices. There is no other way to a device. `drivers` are those of a real lab's devices; None: the
-    makers'. `screen` is the command's: a real lab asks its questions there; None: on stderr. Raises WorldError,
-    UnknownName; for a real lab UsageError (rig file, something neither stated nor waived, no terminal; realtime).
+    makers'. `screen` is the command's, where a lab asks its questions; None: a real lab asks them on stderr,
+    a simulated one asks nothing. Raises WorldError, UnknownName; for a real lab UsageError (rig file, something neither
+    stated nor waived, no terminal; realtime).
     """
     with ExitStack() as stack:
-        yield (_simulated(config, task, stack) if config.is_simulated else _real(config, task, drivers, screen, stack))
+        yield (
+            _simulated(config, task, screen, stack)
+            if config.is_simulated
+            else _real(config, task, drivers, screen, stack)
+        )
 
 
 def check_stop_button(config: Config, rig: RigDescription, screen: Screen, drivers: Drivers | None = None) -> None:
@@ -43,13 +48,13 @@ def check_stop_button(config: Config, rig: RigDescription, screen: Screen, drive
         lab.check_stop_button(mounted_as_shipped(task, rig.arm.model).cell)
 
 
-def _simulated(config: Config, task: Task, stack: ExitStack) -> Lab:
+def _simulated(config: Config, task: Task, screen: Screen | None, stack: ExitStack) -> Lab:
     from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
     from adaptsim_cli.devices.simulated import SimulatedLab
     from sim.lab.world import load_world
 
     world, rig = load_world(config.world, task), rig_of(config, tasks_with_tools())
-    return SimulatedLab(task, world, config.seed, stack, rig, realtime=config.realtime, pace=config.pace)
+    return SimulatedLab(task, world, config.seed, stack, rig, realtime=config.realtime, pace=config.pace, screen=screen)
 
 
 def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | None, stack: ExitStack) -> Lab:

@@ -8,13 +8,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from adaptsim_cli.config import Config, places
-from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, ToolWatch, offer_recovery
-from adaptsim_cli.devices.confirmed import ConfirmedArm, ConfirmedHand
+from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, ToolWatch
+from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.devices.known_arm import KnownArm, folder_of, setup_of
 from adaptsim_cli.devices.lab import BoardDevices, Drivers, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.pacing import PacedArm
+from adaptsim_cli.devices.recovery import offer_recovery
+from adaptsim_cli.devices.released import ReleasedHand
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import BOARD, gaps, in_words
 from adaptsim_cli.errors import UsageError
@@ -79,6 +81,7 @@ class RealLab:
             arm.await_enabled,
             () if watch is None else (watch.check,),
             self._pace,
+            arm.release,
         )
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
@@ -86,7 +89,7 @@ class RealLab:
         self._require_payload(BOARD)
         arm, camera = self._arm(cell, BOARD, "nothing on the table but the object"), self._camera(infrared=True)
         self._connect(arm)
-        return PacedArm[Arm](arm, cell, self._pace), camera, time.sleep, None
+        return PacedArm[Arm](arm, cell, self._pace), camera, time.sleep, None, arm.release
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """See `Lab`."""
@@ -96,13 +99,13 @@ class RealLab:
                 'tool: remove "hand" from waived, or write height, pitch and roll of the tool into [tools]'
             )
         arm = self._arm(cell, self._task.name, "nothing on the table")
-        hand = ConfirmedHand(self._hand(), arm)
+        hand = ReleasedHand(self._hand(), arm.release, arm.await_pedal)
 
         def tool_there(there: bool) -> None:
             arm.carry(loaded if there else cell.tool, self.rig.tool(self._task.name).held() if there else Payload())
 
         self._connect(arm)
-        return PacedArm(arm, cell.holding(loaded), self._pace), hand, tool_there, arm.confirm
+        return PacedArm(arm, cell.holding(loaded), self._pace), hand, tool_there, arm.release
 
     def check_stop_button(self, cell: Workcell) -> None:
         """Connect the arm; have its stop button pressed and released if that is due. Raises StoppedByOperator."""
@@ -120,7 +123,7 @@ class RealLab:
         where = f"{self.rig.arm.model} at {self.rig.arm.address}"
         before = (lambda: None) if watch is None else watch.require
         known = KnownArm(self._folder)
-        each = self.rig.consent or ("command" if known.read().setups else "motion")
+        each = self.rig.consent or "motion"
         consent = Consent(
             self._screen,
             where,

@@ -1,4 +1,4 @@
-"""The simulated lab: a world hidden from learning and tracking, and an arm that needs no confirmation."""
+"""The simulated lab: a world hidden from learning and tracking. To whoever practises it asks what a real arm asks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from adaptsim_cli.config import SIMULATED
 from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.pacing import PacedArm
+from adaptsim_cli.devices.released import ReleasedArm, ReleasedHand
 from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.keys import Key
+from adaptsim_cli.screen.release import Release, before_first, require_word
 from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
 from hw.braking import FULL
@@ -46,11 +50,13 @@ class SimulatedLab:
         *,
         realtime: bool = False,
         pace: float = FULL,
+        screen: Screen | None = None,
     ) -> None:
+        """`screen`: whoever sits there is asked before anything moves, as with a real arm; None: nobody is asked."""
         self.rig, self.title = rig, f"simulated lab, world {world.name}"
         self.nominal = nominal_hand_eye(world, seed)
         self._task, self._world, self._seed, self._stack = task, world, seed, stack
-        self._realtime, self._pace = realtime, pace
+        self._realtime, self._pace, self._screen = realtime, pace, screen
 
     def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
         """None: no trial comes near the simulated camera."""
@@ -65,8 +71,12 @@ class SimulatedLab:
 
         lab = SimulatedLab(self._task, self._world, self._seed, there.cell, home_q_rad=there.home_rad)
         self._stack.enter_context(lab)
-        arm = PacedArm[Arm](lab.arm, there.cell, self._pace, realtime=self._realtime)
-        return Rig(SIMULATED, self.title, arm, lab.camera, lab.bench, hand_eye, days, pace=self._pace)
+        release = self._release("nothing on the table but the object")
+        arm = PacedArm[Arm](ReleasedArm[Arm](lab.arm, release), there.cell, self._pace, realtime=self._realtime)
+        return Rig(
+            SIMULATED, self.title, arm, lab.camera, lab.bench, hand_eye, days,
+            await_enabled=release.motion, pace=self._pace, release=release,
+        )  # fmt: skip
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
         """See `Lab`."""
@@ -74,8 +84,9 @@ class SimulatedLab:
 
         lab = CalibrationLab(self._task, self._world, self._seed, held, cell, home_q_rad=home_rad)
         self._stack.enter_context(lab)
-        arm = PacedArm[Arm](lab.arm, cell, self._pace, realtime=self._realtime)
-        return arm, lab.camera, lambda _: None, lab.hands
+        release = self._release("nothing on the table but the object")
+        arm = PacedArm[Arm](ReleasedArm[Arm](lab.arm, release), cell, self._pace, realtime=self._realtime)
+        return arm, lab.camera, lambda _: None, lab.hands, release
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """See `Lab`. The tool is the world's own."""
@@ -84,5 +95,18 @@ class SimulatedLab:
 
         ready_rad = cell.arm.reported_rad(READY_RAD)
         lab = self._stack.enter_context(TouchLab(self._task, self._world, self._seed, cell, home_q_rad=ready_rad))
-        arm = PacedArm(lab.arm, cell.holding(loaded), self._pace, realtime=self._realtime)
-        return arm, lab.hand, lab.offer_tool, lambda: None
+        release = self._release("nothing on the table")
+        arm = PacedArm(ReleasedArm(lab.arm, release), cell.holding(loaded), self._pace, realtime=self._realtime)
+        return arm, ReleasedHand(lab.hand, release), lab.offer_tool, release
+
+    def _release(self, table: str) -> Release:
+        """The questions to whoever practises here."""
+        model, screen = self.rig.arm.model, self._screen
+
+        def first() -> None:
+            if screen is not None:
+                screen.note(before_first("The simulated robot", table, pedal=False))
+                agreed = Key(model, "to confirm", "The arm may move; the program still asks before it does.")
+                require_word(screen, "Have you checked all of this?", agreed)
+
+        return Release(screen, model, False, self.rig.consent or "motion", first)

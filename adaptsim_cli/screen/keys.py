@@ -41,10 +41,15 @@ def chosen(keys: Sequence[Key], answer: str) -> Key | None:
 
 
 def prompt(keys: Sequence[Key]) -> str:
-    """The end of a question: `Enter to start, q to stop, ? explains`."""
-    named = [f"{'type ' if len(key.typed) > 1 and key.typed.isalnum() else ''}{key.name} {key.does}" for key in keys]
+    """The end of a question: `Type y to start, q to stop, ? explains`."""
+    first = keys[0]
+    named = [f"{'type ' if _is_typed(key, key is first) else ''}{key.name} {key.does}" for key in keys]
     text = ", ".join([*named, f"{HELP} explains"])
-    return text[:1].upper() + text[1:] if len(keys[0].typed) != 1 else text
+    return text[:1].upper() + text[1:]
+
+
+def _is_typed(key: Key, is_first: bool) -> bool:
+    return key.typed.isalnum() and (is_first or len(key.typed) > 1)
 
 
 def explained(keys: Sequence[Key]) -> list[tuple[str, str]]:
@@ -54,7 +59,8 @@ def explained(keys: Sequence[Key]) -> list[tuple[str, str]]:
 
 def unknown(answer: str) -> str:
     """The message for an unknown answer."""
-    return f"{answer if answer.isprintable() else repr(answer)} means nothing here, and nothing has happened."
+    shown = answer if answer.isprintable() else repr(answer)
+    return f"{shown or 'Enter alone'} means nothing here, and nothing has happened."
 
 
 def read_line() -> str:

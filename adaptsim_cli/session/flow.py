@@ -133,7 +133,7 @@ def _move(session: RunningSession, stage: RunTrial) -> Any | None:
         mean = particles_of(store, stage.iteration)[stage.particle].mean
         proposal = propose(session.parts.task, stage, mean, policy, planned, partial(store.scratch, "overlay.jpg"))
         show_proposal(session.parts.task, proposal, planned, session.screen, session.watcher)
-        operator.approve(proposal, target.is_real)
+        operator.approve(proposal, target.is_real, target.release)
 
         started = now()
         store.mark_started(stage.iteration, stage.key, started)

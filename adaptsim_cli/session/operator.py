@@ -12,6 +12,7 @@ from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
+from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.records import ProposedTrial, RunTrial, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
@@ -51,8 +52,8 @@ class Operator(Protocol):
         """Returns once `what` lies at `wanted_m` (2,), or the simulated lab may put it there."""
         ...
 
-    def approve(self, proposal: Proposal, real: bool) -> None:
-        """Returns once the trial may start."""
+    def approve(self, proposal: Proposal, real: bool, release: Release) -> None:
+        """Returns once the trial may start, which `release` then lets begin."""
         ...
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
@@ -70,6 +71,7 @@ _OVERRULE = Key(
 )
 _REDO = Key("r", "to reject it", "The trial is made again; you say why. Later: adaptsim sessions accept.")
 _LATER = stop("The command ends. The trial is recorded; the same command asks for its review again, and nothing moves.")
+_LEAVE = stop("The command ends; everything completed is stored.")
 _BACK = Key("", "to go back", "Nothing is overruled.", is_way_out=True)
 _REVIEW = "Outcome and reward come from the pictures of the camera. Compare them with what you saw yourself."
 
@@ -86,8 +88,10 @@ class Attended:
             f"Trial {stage.key.number} was interrupted after its motion had started: "
             "the arm and the object may have moved."
         )
-        then = "The trial begins again; the program asks again before the arm moves."
-        self.screen.go_on("Is the arm at rest and its path clear?", "to repeat this trial", then=then)
+        question = "Have you looked: is the arm at rest and its path clear?"
+        yes = Key("y", "to repeat this trial", "The trial begins again; the program asks again before the arm moves.")
+        if self.screen.choose(question, yes, _LEAVE) == "q":
+            raise StoppedByOperator("stopped by the operator; everything completed is stored")
 
     def placed(self, what: str, wanted_m: Array, real: bool) -> None:
         """See `Operator`."""
@@ -98,12 +102,13 @@ class Attended:
             then = f"The lab places the {what}, the camera finds it, and the motion is planned. Nothing moves yet."
             self.screen.go_on(f"The simulated lab puts the {what} at {_spot(wanted_m)}.", then=then)
 
-    def approve(self, proposal: Proposal, real: bool) -> None:
+    def approve(self, proposal: Proposal, real: bool, release: Release) -> None:
         """See `Operator`."""
         if proposal.overlay is not None:
             self.screen.plain(f"  Detection: {proposal.overlay}")
         then = "The motion starts at once. Ctrl-C stops it along its path; then this trial does not count."
-        self.screen.go_on(f"{proposal.announcement}.", "to start", then=then)
+        asking = release if release.screen else Release(self.screen)
+        asking.announced(f"{proposal.announcement}.", then, "everything completed is stored")
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """See `Operator`; Enter accepts."""
@@ -189,7 +194,7 @@ class Unattended:
         """See `Operator`; only shows it."""
         self.screen.show(Text(f"  The simulated lab puts the {what} at {_spot(wanted_m)}", style="dim"))
 
-    def approve(self, proposal: Proposal, real: bool) -> None:
+    def approve(self, proposal: Proposal, real: bool, release: Release) -> None:
         """See `Operator`. Raises UsageError for a real arm."""
         if real:
             raise UsageError(

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from adaptsim_cli.errors import Interrupted
+from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness, clear_to_move, top_speed_m_s
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.film import Filmed, key_moments
@@ -82,6 +83,11 @@ class RigTarget:
         return self.rig.is_real
 
     @property
+    def release(self) -> Release:
+        """See `Target`."""
+        return self.rig.release
+
+    @property
     def outcomes(self) -> tuple[Outcome, ...]:
         """The outcomes that a person may choose between."""
         return self.tracker.outcomes
@@ -133,12 +139,14 @@ class RigTarget:
         played_s = sum(path.duration_s for path in played)
         slow = "" if pace == FULL else f", at pace {pace:g} {played_s:.1f} s: nothing is learnt from it"
         speed_m_s = top_speed_m_s(played, lambda q_rad: self.planner.flange(q_rad) @ self.hardware.X_FT)
-        what = f"comes to the {self.task.object_name}, makes its motion and goes back"
+        what, asked_s = f"comes to the {self.task.object_name}, makes its motion and goes back", played_s
+        if self.release.asks_each:
+            what, asked_s = f"comes to the {self.task.object_name}", played[0].duration_s
         return Planned(
             placed=placed,
             action=action,
             summary=f"The motion takes {duration_s:.1f} s and passed all limits{slow}",
-            announcement=clear_to_move(self.is_real, what, played_s, speed_m_s),
+            announcement=clear_to_move(self.is_real, what, asked_s, speed_m_s),
             preview=self._preview(placed, paths),
             paths=paths,
         )
@@ -151,15 +159,19 @@ class RigTarget:
         assert planned.paths is not None and planned.placed.frame is not None
         approach, motion, back = planned.paths
         arm, camera, after = self.rig.arm, self.rig.camera, None
+        there_s, motion_s, back_s = (self.planner.at_speed(path, self.rig.pace).duration_s for path in planned.paths)
         stopped: HardwareError | None
+        self.rig.await_enabled(f"comes to the {self.task.object_name}", there_s)
         with progress(f"The robot comes to the {self.task.object_name}", "moving"), _interruptible("on the way there"):
             arm.execute(approach)
+        self.rig.await_enabled("makes its motion", motion_s)
         with progress("The robot makes its motion and the camera records", "moving"):
             played, frames, stopped = self._film(motion)
         begun, followed = self._behind(planned, planned.placed.frame, frames, played)
         del frames  # each is freed once it is compressed
         if stopped is None:
             try:
+                self.rig.await_enabled("goes back", back_s)
                 with progress("The robot goes back", "moving"), _interruptible("on the way back"):
                     arm.execute(back)
                 if self.hardware.carries:
@@ -243,7 +255,6 @@ class RigTarget:
         The recording always ends, and an error while ending it never hides an earlier one.
         """
         rig, frames = self.rig, tuple[Frame, ...]()
-        rig.await_enabled()
         rig.camera.start_recording()
         try:
             with _interruptible("in mid-motion"):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from adaptsim_cli.outputs.trials import TrackRecord
+from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import RunTrial, TrialKey, read, to_json
@@ -27,6 +28,7 @@ class WithoutDevices:
     """The part of a `Target` in which nothing can move."""
 
     is_real = False
+    release = Release()
     outcomes: tuple[Outcome, ...] = ()  # nobody watches, so nobody overrules
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:

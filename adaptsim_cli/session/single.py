@@ -104,7 +104,7 @@ def rollout(
     try:
         proposal = propose(task, chosen.stage, mean, policy, planned, partial(_keep, picture))
         show_proposal(task, proposal, planned, screen, watcher or AllOf())
-        operator.approve(proposal, target.is_real)
+        operator.approve(proposal, target.is_real, target.release)
         started = now()
         executed = target.execute(planned, screen.busy)
         with screen.busy("Storing the recording", "storing"):

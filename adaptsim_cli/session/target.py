@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adaptsim_cli.config import is_simulated
+from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import Film, KeyMoment, RigFacts, RunTrial, TrialKey
@@ -120,6 +121,11 @@ class Target(Protocol):
     @property
     def is_real(self) -> bool:
         """Whether a real robot moves."""
+        ...
+
+    @property
+    def release(self) -> Release:
+        """The questions that let its arm move; those of nobody where there is no arm."""
         ...
 
     @property
@@ -254,11 +260,13 @@ class Rig:
     attendant: Attendant | None = None  # None: nobody is needed
     wait: Callable[[float], None] = lambda _: None
     """(duration in s) -> None: wait. A simulated motion returns with the object at rest, so the lab does not wait."""
-    await_enabled: Callable[[], None] = lambda: None
-    """Waits until the operator enables motion, so that no recording runs meanwhile. Raises MotionRefused."""
+    await_enabled: Callable[[str, float], None] = lambda what, duration_s: None
+    """Waits until the operator lets the next motion begin, which does `what` for `duration_s`, so that no recording
+    runs meanwhile. Raises StoppedByOperator, MotionRefused."""
     more_checks: tuple[Callable[[], Readiness], ...] = ()
     """Further checks before a session."""
     pace: float = 1.0  # of every motion; below 1 a trial is a rehearsal, which counts for nothing
+    release: Release = field(default_factory=Release)  # the questions that let the arm move
 
     @property
     def is_real(self) -> bool:

@@ -52,7 +52,7 @@ def calibrate(answers: Answers) -> None:
         _slowly(answers, practice=False),
         calibration.calibrations(config, answers.places),
         rig_frames.open_sessions(config, answers.places),
-        partial(calibration.open_calibration_rig, screen=screen),
+        partial(calibration.open_calibration_rig, screen=answers.asked),
         screen,
         guide=known is None and not config.is_simulated,
         yes=answers.defaults,
@@ -66,7 +66,7 @@ def touch(answers: Answers) -> None:
         Grasp(),
         touch_off.touch_offs(answers.config, answers.places),
         rig_frames.open_sessions(answers.config, answers.places),
-        partial(touch_off.open_touch_rig, screen=answers.screen),
+        partial(touch_off.open_touch_rig, screen=answers.asked),
         answers.screen,
         yes=answers.defaults,
     )
@@ -88,7 +88,7 @@ def _trial(resolved: Resolved, answers: Answers) -> None:
     folder = resolved.places.data / "rollouts" / f"{config.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
-            parts = stack.enter_context(open_parts(config, Path(learnt), screen=screen))
+            parts = stack.enter_context(open_parts(config, Path(learnt), screen=answers.asked))
         made = single.rollout(config, parts, single.Chosen((), (), ()), screen, folder, yes=answers.defaults)
     screen.plain(f"  {made.outcome.value.replace('_', ' ')}, reward {made.reward:.2f}, stored: {folder}")
 

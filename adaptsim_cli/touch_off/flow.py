@@ -15,7 +15,6 @@ from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
-from adaptsim_cli.screen.views import clear_to_move
 from adaptsim_cli.storage.durable import versions
 from adaptsim_cli.touch_off import terminal_views
 from adaptsim_cli.touch_off.parts import Grasp, TouchOffFailed, TouchRig
@@ -46,6 +45,7 @@ SLOW_TOUCHES = 2
 SLIPPED_M = 0.0004
 """A larger movement of the tool in the hand is more than the measurement's own error."""
 _OPEN_M = 0.06
+_FIRST = "comes over the first place on the table"
 NEVER_CONFIRMS = "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
 
 
@@ -84,10 +84,6 @@ def run(
     screen.data("touch-off", terminal_views.summary(saved) | {"folder": str(folder)})
 
 
-Wait = Callable[[str, str, str], None]
-"""(request to the operator, what Enter is for, its effect): returns at Enter. Raises StoppedByOperator."""
-
-
 def touch_off(rig: TouchRig, screen: Screen, *, unattended: bool, created: str) -> SavedTouchOff:
     """Home the hand, touch the table, take the tool, touch with it, press, touch again, solve.
 
@@ -99,30 +95,29 @@ def touch_off(rig: TouchRig, screen: Screen, *, unattended: bool, created: str) 
         if not unattended:
             screen.go_on(question, does, then=then, kept="nothing was stored")
 
-    def clear(what: str) -> None:
-        wait(f"{clear_to_move(rig.is_real, what)}.", "to start", f"The arm {what}.")
-
-    if rig.is_real:
-        if unattended:
-            raise UsageError(NEVER_CONFIRMS)
-        rig.confirm()
+    if rig.is_real and unattended:
+        raise UsageError(NEVER_CONFIRMS)
+    rig.release.start()
     wait(
-        f"Take the {rig.tool_name} out of the hand. Keep your own fingers away: the hand opens and closes.",
+        f"Take the {rig.tool_name} out of the hand. Keep your own fingers away: the hand opens and closes next.",
         "when it is empty",
-        "The hand opens, closes, and is homed.",
+        "Nothing moves yet: the program asks before the hand opens and closes.",
     )
     rig.tool_there(False)
     rig.hand.home()
     rig.hand.move(0.0)
-    clear("touches the table with its closed fingers, slowly")
+    rig.release.begin_run(_FIRST, "touches the table with its closed fingers at all places, slowly, and comes back")
     fingers = _touch_all(rig, rig.empty, rig.plan.table, rig.empty.cell.table, screen)
     table, _, _ = table_of(fingers)
     _go(rig, rig.home_rad, rig.empty)
-    take_tool(rig, wait)
-    clear(f"touches the table with the {rig.tool_name}, slowly")
+    rig.release.end_run()
+    take_tool(rig)
+    all_places = f"touches the table with the {rig.tool_name} at all places, slowly, and comes back"
+    rig.release.begin_run(_FIRST, all_places)
     tool = _touch_all(rig, rig.loaded, rig.plan.tool, table, screen)
     slip_m = _slip_m(rig, table, tool, screen)
     _go(rig, rig.home_rad, rig.loaded)
+    rig.release.end_run()
     work_m = np.asarray(np.mean([probe.xy_m for probe in rig.plan.tool], axis=0))
     result, problems = solve(fingers, tool, rig.loaded.X_FT, work_m)
     screen.show(terminal_views.result(result, slip_m, PRESS_N))
@@ -236,14 +231,14 @@ def _feel(
         ) from error
 
 
-def take_tool(rig: TouchRig, wait: Wait) -> None:
+def take_tool(rig: TouchRig) -> None:
     """Let the operator put the tool between the fingers, and grasp it. Raises TouchOffFailed, HandError."""
     rig.hand.move(_OPEN_M)
-    wait(
+    rig.release.one(
         f"Hold the {rig.tool_name} between the fingers, as its drawing shows. Keep your own fingers clear: "
         f"the hand closes with {rig.grasp.force_N:g} N.",
-        "to close",
         f"The hand closes on the {rig.tool_name}.",
+        "nothing was stored",
     )
     rig.tool_there(True)
     try:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.errors import PreflightFailed
+from adaptsim_cli.screen.release import Release
 from hw.ports import GuardedArm, Hand
 from hw.types import Array
 from sim.panda.tool import Held, touchable
@@ -55,7 +56,7 @@ class TouchRig:
     plan: Plan
     home_rad: Array  # (7,) posture for handing over the tool, and at the end
     tool_there: Callable[[bool], None]  # True: the tool is offered between the open fingers; False: taken away
-    confirm: Callable[[], None] = lambda: None  # asks for confirmation of a real arm. Raises StoppedByOperator
+    release: Release = field(default_factory=Release)  # the questions that let arm and hand move
 
     @property
     def is_real(self) -> bool:

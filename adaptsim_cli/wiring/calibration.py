@@ -96,7 +96,7 @@ def open_calibration_rig(
         boxes = () if eye is None else (camera_box(eye.X_BC),)
         held, home_rad = held_board(board), np.array(BOARD_HOME_RAD)
         cell = workcell(lab.rig, UNKNOWN_RAD, weighed(held.tool(), lab.rig.tool(BOARD)), boxes)
-        arm, camera, pause, hands = lab.for_calibration(held, cell, home_rad)
+        arm, camera, pause, hands, release = lab.for_calibration(held, cell, home_rad)
         yield CalibrationRig(
             name=config.hw,
             title=lab.title,
@@ -109,6 +109,7 @@ def open_calibration_rig(
             ways=ways(cell, home_rad),
             pause=pause,
             hands=hands,
+            release=release,
         )
 
 

@@ -110,7 +110,7 @@ def open_touch_rig(
         loaded = weighed(feeling(hardware), part)
         cell = workcell(rig, zeros_rad, empty_hand(), (camera_box(eye.X_BC),))
         home_rad = home(hardware.X_FT, cell.holding(tool_of(hardware)), hardware.home_pitch_rad)
-        arm, hand, tool_there, confirm = lab.for_touch_off(cell, loaded)
+        arm, hand, tool_there, release = lab.for_touch_off(cell, loaded)
         yield TouchRig(
             name=config.hw,
             title=lab.title,
@@ -124,7 +124,7 @@ def open_touch_rig(
             plan=plan_of(hardware),
             home_rad=home_rad,
             tool_there=tool_there,
-            confirm=confirm,
+            release=release,
         )
 
 

@@ -98,7 +98,7 @@ REPLIES: dict[str, str | Callable[[Person, str], str]] = {
     "Enter to repeat this trial": "",
     "to overrule the outcome": "",
     "Enter to accept": "",
-    "Enter to start": "",
+    "Type y to start": "y",
 }
 
 

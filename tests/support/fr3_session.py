@@ -53,13 +53,13 @@ port = "{port}"
 [person]
 side = "left"
 """
-START = "Enter to start, q to stop, ? explains:"
+START = "Type y to start, q to stop, ? explains:"
 ANSWERS = {
     "Your name goes into the record:": "Kim",
     "Type fr3 to confirm, q to stop, ? explains:": "fr3",
     "Type recover to clear it, Enter to leave it, q to stop, ? explains:": "recover",
-    "Is the arm at rest and its path clear? Enter to repeat this trial, q to stop, ? explains:": "",
-    START: "",
+    "Have you looked: is the arm at rest and its path clear? Type y to repeat this trial, q to stop, ? explains:": "y",
+    START: "y",
     "Enter when it lies there, q to stop, ? explains:": "",
     "Enter to accept, o to overrule the outcome, r to reject it, q to stop, ? explains:": "",
 }

@@ -19,6 +19,7 @@ from toy_rig import ToyLab, opener, toy_parts
 from adaptsim_cli import app, config
 from adaptsim_cli.report import page
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session import running
 from adaptsim_cli.session.flow import RunningSession
 from adaptsim_cli.session.operator import Choices, Operator, Proposal, Review, Unattended
@@ -43,7 +44,7 @@ class ScriptedOperator:
     def placed(self, what: str, wanted_m: np.ndarray, real: bool) -> None:
         self.asked.append(f"place the {what}")
 
-    def approve(self, proposal: Proposal, real: bool) -> None:
+    def approve(self, proposal: Proposal, real: bool, release: Release) -> None:
         self.asked.append(f"approve {proposal.trial.trial}")
         self.before_motion(proposal)
 

@@ -279,8 +279,7 @@ class RigDescription:
     consent: Annotated[
         Literal["motion", "command"] | None,
         key(
-            "what the operator agrees to: each motion, or all that a question of the command announces; "
-            "left out: each motion until this rig has moved slowly once",
+            "what one answer releases: one motion, or all motions that a question announces; left out: one motion",
             examples=["motion"],
         ),
     ] = None

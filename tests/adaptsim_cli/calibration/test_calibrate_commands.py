@@ -8,7 +8,9 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
+from typing import cast
 
 import cv2
 import numpy as np
@@ -17,10 +19,13 @@ from board_rig import COUNT, X_BC, ToyBench, places, rig, run
 from real_lab import calibration, quiet, said
 
 from adaptsim_cli import app, config
-from adaptsim_cli.calibration import flow, printing, running
+from adaptsim_cli.calibration import flow, printing, running, touching
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.visits import Automatic, HandGuided
 from adaptsim_cli.config import Config
+from adaptsim_cli.devices.released import ReleasedArm
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.preflight import calibration_check
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from calib.errors import ViewFolderError
@@ -28,6 +33,7 @@ from calib.records import read
 from calib.saved import SavedCalibration
 from calib.types import HandEye
 from hw.errors import CameraError
+from hw.ports import Arm
 from hw.types import Intrinsics
 from perception.board import detect
 from perception.board.types import Board
@@ -47,8 +53,12 @@ def bench(monkeypatch) -> ToyBench:
     bench = ToyBench()
 
     @contextmanager
-    def opened(_: Config, board: Board, known: SavedCalibration | None, **__: object) -> Iterator[CalibrationRig]:
-        yield rig(bench, board=board)
+    def opened(
+        _: Config, board: Board, known: SavedCalibration | None, screen: Screen | None = None
+    ) -> Iterator[CalibrationRig]:
+        release = Release(screen, "panda")
+        arm = ReleasedArm[Arm](cast(Arm, bench), release)
+        yield replace(rig(bench, board=board), arm=arm, release=release)
 
     monkeypatch.setattr(wiring_calibration, "open_calibration_rig", opened)
     monkeypatch.setattr(running, "plan", lambda _, count: places(COUNT)[:count])
@@ -121,11 +131,16 @@ def test_nothing_to_check_and_no_terminal_are_said(bench, monkeypatch, refused):
     assert "no terminal" in refused(2, "calibrate", "--world", "wd")
 
 
-def test_an_operator_who_is_asked_once_may_stop(bench, monkeypatch):
+@pytest.mark.parametrize(
+    ("typed", "motions"), [("q\n", 0), ("\n" * 9, 0), ("y\n" + "\n" * 9, 1), ("y\ny\nq\n", 1), ("y\npanda\n", 14)]
+)
+def test_the_first_motion_is_watched_before_one_answer_releases_the_rest(typed, motions, bench, monkeypatch):
     monkeypatch.setattr("adaptsim_cli.screen.console.require_terminal", lambda: None)
-    monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
-    assert app.run(["calibrate", "--world", "wd"]) == 7
-    assert bench.motions == 0
+    monkeypatch.setattr("sys.stdin", io.StringIO(typed))
+    monkeypatch.setattr(touching, "offer", lambda *_, **__: None)
+    code = app.run(["calibrate", "--world", "wd"])
+    assert (code == 7) == (motions < 14)
+    assert bench.motions == motions
 
 
 def test_guiding_by_hand_asks_for_every_place(monkeypatch):

@@ -18,10 +18,10 @@ from real_lab import (
 )
 from sdk_fake import FakeSdk
 
-from adaptsim_cli.devices.attended import offer_recovery
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.devices.known_arm import KnownArm
+from adaptsim_cli.devices.recovery import offer_recovery
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from hw.errors import ArmFault, MotionRefused

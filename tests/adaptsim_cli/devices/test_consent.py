@@ -78,24 +78,24 @@ def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(tmp_
 def test_each_motion_is_agreed_to_if_the_rig_asks_for_it(monkeypatch):
     screen = quiet()
     arm, bare = arm_with(Consent(screen, "panda", operator="Kim", each="motion"))
-    typing(monkeypatch, "panda", "", "", "q")
+    typing(monkeypatch, "panda", "", "y", "", "y", "", "q")
     with arm:
         arm.execute(STILL)
-        arm.await_enabled()  # asked before the camera records
+        arm.await_enabled("makes its motion", 1.0)  # asked before the camera records
         arm.execute(STILL)
         with pytest.raises(StoppedByOperator):
             arm.execute(STILL)
     assert len(bare.executed) == 2
-    assert said(screen).count("Enter to let it move") == 3
+    assert said(screen).count("Type y to start") == 6, "Enter alone asks again"
 
 
 def test_a_rig_asks_for_each_motion_until_it_has_moved_slowly(monkeypatch, place, kim):
     devices = ToyDevices()
     write_rig(place, RIG.replace('consent = "command"\n', "").replace(', "slow_start"', ""))
-    for pace, each in ((0.3, "motion"), (1.0, "command")):
+    for pace, each in ((0.3, "motion"), (1.0, "motion")):
         there = config.load({"hw": "panda", "task": "scooping", "pace": pace})
         calibrated(there)
-        typing(monkeypatch, "panda", *[""] * 3)
+        typing(monkeypatch, "panda", "y", "y")
         with open_trials(there.config, there.places, get_task("scooping"), devices.drivers(), screen=quiet()) as real:
             assert real.rig.attendant.arm.consent.each == each  # type: ignore[attr-defined]
             real.rig.arm.execute(STILL)
@@ -117,13 +117,14 @@ class Buttoned:
 
     def recover(self) -> None:
         self.recovered.append(None)
+        self.states = [(None, False)]
 
 
 def test_the_stop_button_is_checked_once_a_day(tmp_path, monkeypatch):
     known = KnownArm(tmp_path / "arm")
     pressed, free = ("the stop button is pressed", True), (None, False)
     screen = quiet()
-    typing(monkeypatch, *[""] * 5, "panda")
+    typing(monkeypatch, *[""] * 4, "recover", "panda")
     consent = Consent(screen, "panda", operator="Kim", known=known, pace=0.3)
     arm: Any = Buttoned([free, pressed, pressed, ("reflex", False)])
     consent.once(arm)

@@ -141,11 +141,12 @@ def test_a_session_gets_the_task_as_it_is_mounted(place):
 
 def test_the_arm_goes_home_before_the_object_is_placed(place, monkeypatch):
     devices = ToyDevices(balance=ToyBalance([None, 0.4123]))
-    typing(monkeypatch, "panda", "", "", "", "")
+    typing(monkeypatch, "panda", "", "y", "", "", "")
     with opened(place, devices) as real:
         screen = quiet()
         person = beside(real)
         object.__setattr__(person, "screen", screen)
+        person.arm.release.screen = screen
         person.scales._screen = screen
         with pytest.raises(PerceptionError):  # the scripted camera shows a dark room
             real.place(SCOOPING.reference_context, KEY, Attended(screen))
@@ -287,9 +288,9 @@ def test_a_contact_is_planned_against_the_threshold_that_the_arm_itself_keeps_to
 def test_no_recording_runs_while_the_arm_waits_for_its_pedal():
     lab, waited = ToyLab(0), list[bool]()
     target = rig_target(toy_parts(lab))
-    rig = replace(target.rig, await_enabled=lambda: waited.append(lab._recording is None))
+    rig = replace(target.rig, await_enabled=lambda what, duration_s: waited.append(lab._recording is None))
     executed(replace(target, rig=rig))
-    assert waited == [True]
+    assert waited == [True] * 3
 
 
 def executed(target: RigTarget) -> Executed:

@@ -15,6 +15,7 @@ from toy_session import ScriptedOperator, attended
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import CleanConsole, Screen, clean
+from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import clear_to_move, top_speed_m_s
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.operator import Attended, Proposal
@@ -41,18 +42,27 @@ def answering(monkeypatch: pytest.MonkeyPatch, *answers: str, width: int = 80) -
     return Attended(Screen(console=Console(file=said, width=width, highlight=False, markup=False))), said
 
 
-def test_enter_is_enough_for_a_whole_iteration(tmp_path, monkeypatch):
-    operator, said = answering(monkeypatch, *[""] * 12)
+def test_a_key_releases_each_trial_of_an_iteration(tmp_path, monkeypatch):
+    operator, said = answering(monkeypatch, *["", "y", ""] * 4)
     session = attended(tmp_path, operator)
     object.__setattr__(session, "screen", operator.screen)
     run_iteration(session)
     text = said.getvalue()
     assert text.index("The task policy was trained for") < text.index("Expected reward") < text.index("Tracked:")
-    assert " ".join(text.split()).count("the tool at up to 0.00 m/s. Enter to start, q to stop, ? explains:") == 4
+    assert " ".join(text.split()).count("the tool at up to 0.00 m/s. Type y to start, q to stop, ? explains:") == 4
     assert "What changed" in text
 
 
-@pytest.mark.parametrize("answers", [("q",), ("", "q"), ("", "", "q"), ()])
+def test_enter_alone_moves_nothing(tmp_path, monkeypatch):
+    lab = ToyLab(0)
+    operator, said = answering(monkeypatch, *[""] * 30)
+    with pytest.raises(StoppedByOperator):
+        run_iteration(attended(tmp_path, operator, lab))
+    assert lab.executions == []
+    assert "Enter alone means nothing here, and nothing has happened." in " ".join(said.getvalue().split())
+
+
+@pytest.mark.parametrize("answers", [("q",), ("", "q"), ("", "y", "q"), ()])
 def test_q_or_the_end_of_input_stops_at_every_question(answers, tmp_path, monkeypatch):
     lab = ToyLab(0)
     operator, _ = answering(monkeypatch, *answers)
@@ -83,7 +93,7 @@ def test_what_q_promises_is_what_it_then_says(monkeypatch):
 
 def test_a_rejection_begun_by_mistake_is_left_without_a_trace(tmp_path, monkeypatch):
     """`r`, then second thoughts; then the list of outcomes, and second thoughts again."""
-    operator, said = answering(monkeypatch, "", "", "r", "q", "o", "q", "", "q")
+    operator, said = answering(monkeypatch, "", "y", "r", "q", "o", "q", "", "q")
     session = attended(tmp_path, operator)
     with pytest.raises(StoppedByOperator):
         run_iteration(session)
@@ -93,7 +103,7 @@ def test_a_rejection_begun_by_mistake_is_left_without_a_trace(tmp_path, monkeypa
 
 
 def test_overruling_offers_the_outcomes_that_the_track_supports(tmp_path, monkeypatch):
-    operator, said = answering(monkeypatch, "", "", "o", "9", "o", "2", "q")
+    operator, said = answering(monkeypatch, "", "y", "o", "9", "o", "2", "q")
     session = attended(tmp_path, operator)
     with pytest.raises(StoppedByOperator):
         run_iteration(session)
@@ -102,7 +112,7 @@ def test_overruling_offers_the_outcomes_that_the_track_supports(tmp_path, monkey
 
 
 def test_a_redo_asks_why(tmp_path, monkeypatch):
-    operator, said = answering(monkeypatch, "", "", "r", "?", "a hand was in the way", "q")
+    operator, said = answering(monkeypatch, "", "y", "r", "?", "a hand was in the way", "q")
     session = attended(tmp_path, operator)
     object.__setattr__(session, "screen", operator.screen)
     with pytest.raises(StoppedByOperator):
@@ -112,7 +122,7 @@ def test_a_redo_asks_why(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("width", [80, 50, 40])
 def test_nothing_runs_past_a_narrow_screen(width, tmp_path, monkeypatch):
-    operator, said = answering(monkeypatch, *[""] * 12, width=width)
+    operator, said = answering(monkeypatch, *["", "y", ""] * 4, width=width)
     session = attended(tmp_path, operator)
     object.__setattr__(session, "screen", operator.screen)
     run_iteration(session)
@@ -168,7 +178,7 @@ def test_it_is_asked_after_every_placing_and_before_anything_moves(name, tmp_pat
         def placed(self, what: str, wanted_m: np.ndarray, real: bool) -> None:
             events.append("placed")
 
-        def approve(self, proposal: Proposal, real: bool) -> None:
+        def approve(self, proposal: Proposal, real: bool, release: Release) -> None:
             who = "THE REAL ROBOT" if real else "The simulated robot"
             assert proposal.announcement.startswith(
                 f"Is the work area clear, nobody within reach? {who} then comes to the"

@@ -10,6 +10,7 @@ from toy_rig import OUTCOMES, TASK, ToyLab
 from toy_session import NAME, ScriptedOperator, attended, run
 
 from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session import correcting
 from adaptsim_cli.session.correcting import amend, amendable, redo, restore
 from adaptsim_cli.session.flow import run_iteration
@@ -126,7 +127,7 @@ def test_a_restored_attempt_may_be_rejected_and_restored_once_more(tmp_path):
         def review(self, tracked: TrialRecord, choices: Choices) -> Review:
             return Review(rejected="no")
 
-        def approve(self, proposal: Proposal, real: bool) -> None:
+        def approve(self, proposal: Proposal, real: bool, release: Release) -> None:
             if proposal.trial.attempt > 1:
                 raise StoppedByOperator("later")
 

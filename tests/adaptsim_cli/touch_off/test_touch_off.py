@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from real_lab import quiet, said
+from real_lab import quiet, said, typing
 from touch_rig import MOUNT, PITCH_RAD, on_lab, world
 from typer.testing import CliRunner
 
@@ -19,10 +18,10 @@ from adaptsim_cli.app import app
 from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off import flow
-from adaptsim_cli.touch_off.parts import TouchOffFailed, TouchRig
+from adaptsim_cli.touch_off.parts import Grasp, TouchOffFailed, TouchRig
 from adaptsim_cli.touch_off.solving import Result, Touched, solve
 from adaptsim_cli.touch_off.store import SavedTouchOff
-from adaptsim_cli.wiring.touch_off import touch_off_of, touch_offs
+from adaptsim_cli.wiring.touch_off import open_touch_rig, touch_off_of, touch_offs
 from hw.collision import KeepOut, Table
 from hw.errors import StoppedByPedal
 from hw.types import Array
@@ -176,7 +175,7 @@ def test_a_tool_that_nobody_holds_is_not_grasped():
     with on_lab(world()) as (rig, _):
         rig.hand.home()
         with pytest.raises(TouchOffFailed, match="does not hold the tool"):
-            flow.take_tool(replace(rig, tool_there=lambda there: None), lambda *_: None)
+            flow.take_tool(replace(rig, tool_there=lambda there: None))
 
 
 @pytest.mark.slow
@@ -186,29 +185,31 @@ def test_a_weak_grip_is_found_out():
         touch_off(rig)
 
 
-def test_a_real_arm_is_never_confirmed_by_nobody_and_a_person_is_asked_by_the_arm_itself(monkeypatch):
-    asked: list[str] = []
-    monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
-    with on_lab(world()) as (lab_rig, _):
-        real: TouchRig = replace(lab_rig, name="panda", confirm=lambda: asked.append("typed"))
-        with pytest.raises(UsageError, match="never confirms"):
-            touch_off(real)
-        assert asked == []
+def test_a_real_arm_is_never_confirmed_by_nobody():
+    with on_lab(world()) as (lab_rig, _), pytest.raises(UsageError, match="never confirms"):
+        touch_off(replace(lab_rig, name="panda"))
+
+
+@pytest.mark.parametrize(
+    ("typed", "fingers", "arm"),
+    [
+        ([""] * 9, False, False),
+        (["panda", *[""] * 9], False, False),
+        (["panda", "", "y", *[""] * 9], True, False),
+        (["panda", "", "y", "y", "y", *[""] * 9], True, True),
+    ],
+)
+def test_whoever_stands_beside_the_simulated_arm_is_asked_as_beside_a_real_one(typed, fingers, arm, monkeypatch):
+    """Enter alone moves neither fingers nor arm; `y` releases one motion, and the model all that follow it."""
+    out, settings = quiet(), config.load({"task": "scooping", "world": "wd"})
+    typing(monkeypatch, *typed)
+    with open_touch_rig(settings.config, settings.places, Grasp(), screen=out) as rig:
+        before_rad = rig.arm.state().q_rad
         with pytest.raises(StoppedByOperator):
-            touch_off(real, unattended=False)
-    assert asked == ["typed"]
-
-
-def test_whoever_stands_beside_the_simulated_arm_is_asked_as_beside_a_real_one(monkeypatch):
-    out = quiet()
-    monkeypatch.setattr("sys.stdin", io.StringIO("\nq\n"))
-    with on_lab(world()) as (rig, lab):
-        before = lab.arm.state().q_rad
-        with pytest.raises(StoppedByOperator, match="nothing was stored"):
             touch_off(rig, out, unattended=False)
-        assert rig.hand.state().homed
-        assert np.array_equal(lab.arm.state().q_rad, before)
-    assert "The simulated robot then touches the table" in said(out)
+        assert rig.hand.state().homed == fingers
+        assert np.array_equal(rig.arm.state().q_rad, before_rad) == (not arm)
+    assert ("Type panda to let it move" in said(out)) == arm, "after the first motion was watched"
 
 
 def test_what_the_command_refuses_at_once(tmp_path):

@@ -18,6 +18,7 @@ from toy_rig import PARAMETERS, ToyLab
 from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.operator import Choices, Proposal, Review
 from adaptsim_cli.session.records import TrialRecord
@@ -128,7 +129,7 @@ class Looking(ScriptedOperator):
         self.approvals: list[dict[str, Any]] = []
         self.judgements: list[tuple[dict[str, Any], dict[str, bytes]]] = []
 
-    def approve(self, proposal: Proposal, real: bool) -> None:
+    def approve(self, proposal: Proposal, real: bool, release: Release) -> None:
         self.approvals.append(dict(self._view._state))
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:

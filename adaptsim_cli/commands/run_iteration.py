@@ -15,7 +15,7 @@ def run_iteration(
         int | None, typer.Option("--iterations", "-n", min=1, help="How many iterations to run.", show_default="1")
     ] = None,
     until_done: Annotated[
-        bool, typer.Option("--until-done", help="Go on until another iteration is not worth its trials.")
+        bool, typer.Option("--until-done", help="Go on until the verdict says stop, --iterations at most.")
     ] = False,
     world: options.World = None,
     seed: options.Seed = None,
@@ -49,8 +49,8 @@ def run_iteration(
     """Run the trials of one iteration, adapt the simulation parameters and train the next task policies.
 
     Continues where the session stopped. Without --session, its name follows from task, world, method and seed; with
-    none of these it is the newest session. Only --task begins a new one. With --until-done it stops when another
-    iteration is not worth its trials, and runs --iterations at most.
+    none of these it is the newest session. Only --task begins a new one. With --until-done it ends where the
+    verdict says stop, after --iterations at most; without it, a terminal asks there.
 
     Example: adaptsim run-iteration --task scooping --world oreo --seed 0 --yes
     """

@@ -26,6 +26,7 @@ def setup(
 
     Example: adaptsim setup --hw fr3 --task scooping
     """
+    from adaptsim_cli.config import same_lab
     from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.setup import walk
     from adaptsim_cli.setup.answers import begun
@@ -34,9 +35,10 @@ def setup(
     resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw, "operator": operator})
     answers = begun(resolved, Screen(leads=False), yes=yes)
     walk.walk(answers, begin=begin)
-    lab = answers.config.same_lab
+    lab = answers.config
     Screen().next(
-        (f"adaptsim run-iteration {lab}", "the first session"), (f"adaptsim doctor {lab}", "everything in one table")
+        (f"adaptsim run-iteration {lab.same_lab}", "the first session"),
+        (f"adaptsim doctor {same_lab(lab.task, lab.hw, lab.world)}", "everything in one table"),
     )
 
 

@@ -51,7 +51,7 @@ class SessionRequest:
     given: frozenset[str]  # settings that came as flags
     iterations: int | None = 1  # None: as many as the task's horizon
     yes: bool = False
-    until_done: bool = False  # stop once another iteration is not worth its trials
+    until_done: bool = False  # end where the verdict says stop
 
 
 def terminal_alone(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
@@ -110,7 +110,7 @@ def run_session(
                 report.drop()
             report = submit(thread, partial(_report, session, draw, store.until(summary.iteration)))
             screen.data("run-iteration", summary)
-            if request.until_done and _is_done(summary, config.method):
+            if left and summary.verdict.stops and not _goes_on(screen, store, request, summary, unattended=unattended):
                 left = 0
             if not left:
                 with screen.busy("Drawing the report", "reporting"):
@@ -138,14 +138,20 @@ def _report(session: RunningSession, draw: Callable[[SessionStore], Path], store
     return path
 
 
-def _is_done(summary: Iteration, method: str) -> bool:
-    """Raises UsageError if the method makes no forecast."""
-    if summary.outlook is None:
-        raise UsageError(
-            f"--until-done: the method {method} does not say what another iteration is worth. The iteration is stored; "
-            "use --iterations instead"
-        )
-    return summary.outlook.done
+def _goes_on(
+    screen: Screen, store: SessionStore, request: SessionRequest, summary: Iteration, *, unattended: bool
+) -> bool:
+    """Whether the session goes on although the verdict says stop: asked at a terminal, decided by --until-done."""
+    if request.until_done:
+        return False
+    if unattended:
+        earlier = store.result(summary.iteration - 2) if summary.iteration > 1 else None
+        if earlier is None or not earlier.verdict.stops:
+            screen.note("The verdict says stop. The command runs on; with --until-done it would end here.")
+        return True
+    on = Key("y", "to run the next iteration", "The session goes on with the next iteration.")
+    end = Key("", "to end here", "The command ends. The session can be continued at any time.", is_way_out=True)
+    return screen.choose("The verdict says stop. Run another iteration?", on, end) == "y"
 
 
 def _meant(root: Path, asked: Config, request: SessionRequest) -> str:

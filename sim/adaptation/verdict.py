@@ -45,6 +45,11 @@ class Verdict(Record):
     likely: float | None = Field(default=None, description="chance of a worthwhile gain; null without a forecast")
 
     @property
+    def stops(self) -> bool:
+        """Whether it says that more trials are not worth their time."""
+        return self.kind in (Kind.ENOUGH, Kind.HOPELESS, Kind.CONVERGED, Kind.STAYS_LOW)
+
+    @property
     def is_inexpressible(self) -> bool:
         """Whether the simulator cannot express the object."""
         return Reason.INEXPRESSIBLE in self.reasons

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from documents import parse
 from toy_session import NAME, run
 
 from adaptsim_cli import app
@@ -21,6 +22,20 @@ def place(tmp_path, monkeypatch) -> Path:
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture(autouse=True)
+def _every_next_step_can_be_typed(monkeypatch) -> None:
+    """Whatever any test makes a command print after "Next:" must be a command with options that it has."""
+    shown = console.Screen.next
+
+    def checked(screen: console.Screen, *steps: tuple[str, str]) -> None:
+        for command, _ in steps:
+            if command.startswith("adaptsim "):
+                parse(command)
+        shown(screen, *steps)
+
+    monkeypatch.setattr(console.Screen, "next", checked)
 
 
 @pytest.fixture

@@ -40,7 +40,6 @@ def test_from_the_first_trial_to_the_last_command_there_is_a_next_one(capfd):
         ["report", "s"],
         ["bundle", "s"],
         ["sessions", "prune", "s", "--yes"],
-        ["sessions", "mark", "other", "--restore"],
         ["sessions", "delete", "other", "--yes"],
     ):
         for line in named(capfd, *command):

@@ -1,7 +1,8 @@
-"""Collision geometry: capsules of links and tool, keep-out boxes, the table, and the distances between them.
+"""Collision geometry: the tool, keep-out boxes, the table, and what the arm's bodies keep from them and each other.
 
-The capsules are those of the maker's coarse collision model (robot description, "self collision"), in the frames of
-`hw.kinematics`. Distances are exact and vectorised over all leading axes.
+Two models of the arm (`hw.outline`): boxes and table are judged by an outline that contains the real arm, the arm
+against itself by the maker's own capsules, which are thinner. All clearances are exact and vectorised over the leading
+axes.
 """
 
 from __future__ import annotations
@@ -10,32 +11,18 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from hw.capsules import Capsule, box_distance, segment_distance, segments, travel
 from hw.kinematics import FLANGE
 from hw.mass import Mass
+from hw.outline import ARM, COARSE_ARM, COARSE_HAND, FINGERS, HAND
 from hw.types import REACH_M, Array, frozen_array, number
 
 Side = Literal["left", "right", "front", "back"]
 """Seen from the base along its X axis."""
 
 _CLOSEST_M = 0.2
-
-
-@dataclass(frozen=True, eq=False)
-class Capsule:
-    """All points within `radius_m` of a segment that is fixed in a link (0 base, 1..7 links, 8 flange)."""
-
-    name: str
-    link: int
-    start_m: Array  # (3,) in the link's frame
-    end_m: Array  # (3,)
-    radius_m: float
-
-    def __post_init__(self) -> None:
-        number(self.link, f"link of {self.name}", 0, FLANGE)
-        number(self.radius_m, f"radius of {self.name}", 0.0, REACH_M, "m")
-        object.__setattr__(self, "start_m", frozen_array(self.start_m, (3,), f"start of {self.name}", most=REACH_M))
-        object.__setattr__(self, "end_m", frozen_array(self.end_m, (3,), f"end of {self.name}", most=REACH_M))
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,95 +79,49 @@ LEVEL = Table()
 
 @dataclass(frozen=True, eq=False)
 class Tool:
-    """Everything on the flange, hand included: mass, capsules that must stay clear, points that may touch the table."""
+    """Everything on the flange, hand included: its mass, and capsules and points that contain it."""
 
     name: str
     mass: Mass  # in the flange
-    capsules: tuple[Capsule, ...] = ()
-    points_F_m: Array = field(default_factory=lambda: np.zeros((0, 3)))  # (P, 3) in the flange
+    capsules: tuple[Capsule, ...] = ()  # contain what must stay clear of boxes and of the table
+    points_F_m: Array = field(default_factory=lambda: np.zeros((0, 3)))  # (P, 3) in the flange, first at the table
+    touching: tuple[Capsule, ...] = ()  # contain what may touch the table (`points_F_m` say how deep), but no box
+    coarse: tuple[Capsule, ...] | None = None  # for the arm against itself; None: `capsules` and `touching`
 
     def __post_init__(self) -> None:
         points_F_m = frozen_array(self.points_F_m, (None, 3), f"points of {self.name}", most=REACH_M)
         object.__setattr__(self, "points_F_m", points_F_m)
 
+    @property
+    def against_arm(self) -> tuple[Capsule, ...]:
+        """The capsules that must stay clear of the arm."""
+        return (*self.capsules, *self.touching) if self.coarse is None else self.coarse
 
-def _capsule(name: str, link: int, start: tuple[float, ...], end: tuple[float, ...], radius: float) -> Capsule:
-    return Capsule(name, link, np.array(start), np.array(end), radius)
-
-
-ARM: tuple[Capsule, ...] = (
-    _capsule("base", 0, (-0.09, 0.0, 0.06), (-0.06, 0.0, 0.06), 0.06),
-    _capsule("link 1", 1, (0.0, 0.0, -0.333), (0.0, 0.0, -0.05), 0.06),
-    _capsule("link 2", 2, (0.0, 0.0, -0.06), (0.0, 0.0, 0.06), 0.06),
-    _capsule("link 3", 3, (0.0, 0.0, -0.22), (0.0, 0.0, -0.07), 0.06),
-    _capsule("link 4", 4, (0.0, 0.0, -0.06), (0.0, 0.0, 0.06), 0.06),
-    _capsule("link 5", 5, (0.0, 0.0, -0.31), (0.0, 0.0, -0.21), 0.06),
-    _capsule("forearm", 5, (0.0, 0.08, -0.20), (0.0, 0.08, -0.06), 0.025),
-    _capsule("link 6", 6, (0.0, 0.0, -0.07), (0.0, 0.0, 0.01), 0.05),
-    _capsule("link 7", 7, (0.0, 0.0, -0.06), (0.0, 0.0, 0.08), 0.04),
-    _capsule("guide button", 7, (0.06, 0.0, 0.077), (0.06, 0.0, 0.087), 0.03),
-)
-
-_DIAGONAL = 0.1 / 2.0 * np.sqrt(0.5)  # the hand is rotated by -45° about the flange's axis
-
-HAND: tuple[Capsule, ...] = (
-    _capsule("hand", FLANGE, (-_DIAGONAL, -_DIAGONAL, 0.04), (_DIAGONAL, _DIAGONAL, 0.04), 0.04),
-    _capsule("fingers", FLANGE, (0.0, 0.0, 0.08), (0.0, 0.0, 0.095), 0.022),
-)
 
 HAND_MASS = Mass(0.73, np.array([-0.01, 0.0, 0.03]), np.diag([0.001, 0.0025, 0.0017]))
 """The Franka Hand in the flange (the maker's values, as Desk has them)."""
 
-BARE_HAND = Tool("bare hand", HAND_MASS, HAND)
+BARE_HAND = Tool("bare hand", HAND_MASS, (*HAND, *FINGERS), coarse=COARSE_HAND)
 
 
-def segments(poses: Array, capsules: tuple[Capsule, ...]) -> Array:
-    """Link poses (..., 9, 4, 4) -> (..., C, 2, 3): both ends of every capsule's segment in the base frame."""
-    links = [c.link for c in capsules]
-    ends = np.array([[c.start_m, c.end_m] for c in capsules]).reshape(-1, 2, 3)
-    chosen = poses[..., links, :, :]
-    return np.asarray(np.einsum("...cij,ckj->...cki", chosen[..., :3, :3], ends) + chosen[..., None, :3, 3])
+NO_POINTS: Array = frozen_array(np.zeros((0, 3)))
 
 
-def segment_distance(a: Array, b: Array) -> Array:
-    """Smallest distance between segments (..., 2, 3) and (..., 2, 3) -> (...).
-
-    Closest points as in Ericson, "Real-Time Collision Detection" (2005), 5.1.9.
-    """
-    d1, d2, r = a[..., 1, :] - a[..., 0, :], b[..., 1, :] - b[..., 0, :], a[..., 0, :] - b[..., 0, :]
-    aa, ee, ab = _dot(d1, d1), _dot(d2, d2), _dot(d1, d2)
-    ar, br = _dot(d1, r), _dot(d2, r)
-    tiny = 1e-18
-    det = aa * ee - ab * ab
-    s = np.where(det > 1e-12 * (aa * ee + tiny), np.clip((ab * br - ar * ee) / np.maximum(det, tiny), 0.0, 1.0), 0.0)
-    t = np.clip((ab * s + br) / np.maximum(ee, tiny), 0.0, 1.0)
-    s = np.clip((ab * t - ar) / np.maximum(aa, tiny), 0.0, 1.0)
-    gap = r + s[..., None] * d1 - t[..., None] * d2
-    return np.sqrt(_dot(gap, gap))
+def fingertips(tip_F_m: Array) -> Tool:
+    """The empty hand whose fingers may touch the table, first at `tip_F_m` (3,)."""
+    return Tool("fingertips", HAND_MASS, HAND, np.array([tip_F_m]), FINGERS, COARSE_HAND)
 
 
-def box_distance(segment: Array, low_m: Array, high_m: Array) -> Array:
-    """Smallest distance between segments (..., 2, 3) and a box; 0 where a segment enters it.
-
-    Along a segment, half the derivative of the squared distance is piecewise linear and rises, with breaks at the
-    planes of the box. So its zero lies between two of the crossings.
-    """
-    start, step = segment[..., 0, :], segment[..., 1, :] - segment[..., 0, :]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = np.concatenate([(low_m - start) / step, (high_m - start) / step], axis=-1)
-    crossing = np.clip(np.where(np.isfinite(crossing), crossing, 0.0), 0.0, 1.0)
-    ends = np.broadcast_to(np.array([0.0, 1.0]), (*crossing.shape[:-1], 2))
-    at = np.sort(np.concatenate([crossing, ends], axis=-1), axis=-1)  # (..., 8)
-    point = start[..., None, :] + at[..., None] * step[..., None, :]
-    outside = point - np.clip(point, low_m, high_m)
-    slope = _dot(outside, np.broadcast_to(step[..., None, :], outside.shape))  # rising along the last axis
-    upper = np.clip((slope < 0.0).sum(axis=-1), 1, at.shape[-1] - 1)[..., None]
-    t0, t1 = np.take_along_axis(at, upper - 1, -1), np.take_along_axis(at, upper, -1)
-    f0, f1 = np.take_along_axis(slope, upper - 1, -1), np.take_along_axis(slope, upper, -1)
-    share = np.clip(-f0 / np.where(f1 > f0, f1 - f0, 1.0), 0.0, 1.0)
-    closest = start + (t0 + share * (t1 - t0)) * step
-    gap = closest - np.clip(closest, low_m, high_m)
-    return np.sqrt(_dot(gap, gap))
+def hand_with(
+    mass: Mass,
+    carried: tuple[Capsule, ...],
+    points_F_m: ArrayLike = NO_POINTS,
+    touching: tuple[Capsule, ...] = (),
+    name: str = "tool",
+) -> Tool:
+    """The hand that holds something: `mass` of both, the rest as in `Tool`."""
+    coarse = (*COARSE_HAND, *carried, *touching)
+    return Tool(name, mass, (*HAND, *FINGERS, *carried), np.asarray(points_F_m), touching, coarse)
 
 
 def self_clearance(poses: Array, tool: Tool) -> tuple[Array, tuple[str, ...]]:
@@ -199,12 +140,12 @@ def self_clearance(poses: Array, tool: Tool) -> tuple[Array, tuple[str, ...]]:
 def self_travel(poses: Array, tool: Tool) -> Array:
     """Link poses (N, 9, 4, 4) -> (N - 1, P): how much closer (m) each pair of `self_clearance` may come in a step."""
     capsules, first, second = _pairs(tool)
-    travel = _travel(poses, capsules)
-    return np.asarray(travel[:, first] + travel[:, second])
+    each = travel(poses, capsules)
+    return np.asarray(each[:, first] + each[:, second])
 
 
 def _pairs(tool: Tool) -> tuple[tuple[Capsule, ...], list[int], list[int]]:
-    capsules = (*ARM, *tool.capsules)
+    capsules = (*COARSE_ARM, *tool.against_arm)
     pairs = [
         (i, j)
         for i, a in enumerate(capsules)
@@ -214,17 +155,12 @@ def _pairs(tool: Tool) -> tuple[tuple[Capsule, ...], list[int], list[int]]:
     return capsules, [i for i, _ in pairs], [j for _, j in pairs]
 
 
-def _travel(poses: Array, capsules: tuple[Capsule, ...]) -> Array:
-    """Link poses (N, 9, 4, 4) -> (N - 1, C): how far the ends of each capsule go from one sample to the next."""
-    return np.asarray(np.linalg.norm(np.diff(segments(poses, capsules), axis=0), axis=-1).max(axis=-1))
-
-
 def box_clearance(poses: Array, tool: Tool, box: KeepOut) -> tuple[Array, tuple[str, ...]]:
     """Link poses (..., 9, 4, 4) -> clearances (..., C) in m between a box and everything that moves, and names.
 
-    These are the capsules of arm and tool, and the tool's points that may touch the table.
+    These are the outline of the arm from link 1 on and everything of the tool.
     """
-    capsules = _moving(tool)
+    capsules = moving(tool)
     radii = np.array([c.radius_m for c in capsules])
     clearance = box_distance(segments(poses, capsules), box.low_m, box.high_m) - radii
     return clearance, tuple(f"{c.name} and {box.name}" for c in capsules)
@@ -232,12 +168,13 @@ def box_clearance(poses: Array, tool: Tool, box: KeepOut) -> tuple[Array, tuple[
 
 def box_travel(poses: Array, tool: Tool) -> Array:
     """Link poses (N, 9, 4, 4) -> (N - 1, C): travel (m) of each item of `box_clearance` in a step."""
-    return _travel(poses, _moving(tool))
+    return travel(poses, moving(tool))
 
 
-def _moving(tool: Tool) -> tuple[Capsule, ...]:
+def moving(tool: Tool) -> tuple[Capsule, ...]:
+    """Everything that moves: the outline from link 1 on, all of the tool, and its points."""
     points = tuple(Capsule(f"tip of {tool.name}", FLANGE, p, p, 0.0) for p in tool.points_F_m)
-    return (*(c for c in (*ARM, *tool.capsules) if c.link >= 1), *points)
+    return (*(c for c in (*ARM, *tool.capsules, *tool.touching) if c.link >= 1), *points)
 
 
 def table_clearance(poses: Array, tool: Tool, table: Table) -> tuple[Array, tuple[str, ...]]:
@@ -247,9 +184,11 @@ def table_clearance(poses: Array, tool: Tool, table: Table) -> tuple[Array, tupl
     Links 0 and 1 stand on the table and are left out.
     """
     capsules = tuple(c for c in (*ARM, *tool.capsules) if c.link >= 2)
-    radii = np.array([c.radius_m for c in capsules])
+    lean = np.hypot(1.0, np.hypot(table.slope_x, table.slope_y))  # a ball over a slope is nearer than its lowest point
+    below_m = lean * np.array([c.radius_m for c in capsules])
     ends = segments(poses, capsules)
-    return (ends[..., 2] - table.height_at(ends)).min(axis=-1) - radii, tuple(f"{c.name} and table" for c in capsules)
+    heights_m = (ends[..., 2] - table.height_at(ends)).min(axis=-1) - below_m
+    return heights_m, tuple(f"{c.name} and table" for c in capsules)
 
 
 def point_heights(poses: Array, tool: Tool, table: Table) -> Array:
@@ -293,7 +232,3 @@ def persons_side(side: Side, from_m: float) -> KeepOut:
 
 def _chain(capsule: Capsule) -> int:
     return min(capsule.link, 7)
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(np.einsum("...i,...i->...", a, b))

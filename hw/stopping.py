@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw.braking import FULL, LONGEST_S, STOP_S, Braking, at_pace, check_braking
-from hw.collision import ARM, Capsule, segments
+from hw.capsules import segments
+from hw.collision import moving
 from hw.franka.playback import STOPS_EVERY_S
 from hw.joint_limits import DT_S
 from hw.kinematics import FLANGE as FLANGE_FRAME
@@ -78,7 +79,7 @@ def worst_stop(cell: Workcell, paths: Sequence[JointPath] = (), pace: float = FU
 
 def _of_path(cell: Workcell, path: JointPath) -> WorstStop:
     braking = check_braking(path, cell.motion)
-    bodies = _bodies(cell)
+    bodies = moving(cell.tool)
     speed_m_s = speeds_m_s(path, cell)
     distance_m = _travels_m(path, braking, speed_m_s)
     braking_s = float(np.max(braking.duration_s, where=np.isfinite(braking.duration_s), initial=0.0))
@@ -115,7 +116,7 @@ def speeds_m_s(path: JointPath, cell: Workcell) -> Array:
     the axis, plus radius times turning speed.
     """
     poses = link_poses(cell.arm.true_rad(path.q_rad))
-    bodies = _bodies(cell)
+    bodies = moving(cell.tool)
     ends_m = np.linalg.norm(np.diff(segments(poses, bodies), axis=0), axis=-1).max(axis=-1)
     turned = np.linalg.norm(np.diff(poses[..., :3, :3], axis=0), axis=(-2, -1)) / np.sqrt(2.0)  # of a small angle
     radii = np.array([body.radius_m for body in bodies])
@@ -128,20 +129,16 @@ def reduced_pace(path: JointPath, cell: Workcell, pace: float = FULL) -> float:
     return min(pace, _KEPT * REDUCED_M_S / fastest_m_s) if fastest_m_s > 0.0 else pace
 
 
-def _bodies(cell: Workcell) -> tuple[Capsule, ...]:
-    """Everything that moves: the capsules of arm and tool, and the tool's points."""
-    tool = cell.tool
-    tips = tuple(Capsule(f"tip of {tool.name}", FLANGE_FRAME, p, p, 0.0) for p in tool.points_F_m)
-    return (*(body for body in (*ARM, *tool.capsules) if body.link >= 1), *tips)
-
-
 def _bound_m_s(cell: Workcell) -> tuple[float, str]:
     """The fastest that a point on the flange can be in any motion that the cell accepts, and its body."""
     limits = FLANGE[cell.arm.name]
-    reach_m = {
-        body.name: max(float(np.linalg.norm(end)) for end in (body.start_m, body.end_m)) + body.radius_m
-        for body in _bodies(cell)
-        if body.link == FLANGE_FRAME
-    }
-    point = max(reach_m, key=lambda name: reach_m[name], default="the flange")
-    return limits.m_s + limits.rad_s * reach_m.get(point, 0.0), point
+    reach_m, point = max(
+        (
+            (float(np.linalg.norm(end)) + body.radius_m, body.name)
+            for body in moving(cell.tool)
+            if body.link == FLANGE_FRAME
+            for end in (body.start_m, body.end_m)
+        ),
+        default=(0.0, "the flange"),
+    )
+    return limits.m_s + limits.rad_s * reach_m, point

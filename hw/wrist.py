@@ -1,17 +1,13 @@
-"""Hand and flange as a camera sees them, from the outer dimensions of the maker's meshes.
+"""Hand, fingers and link 7 as they look: tight convex shapes from the outer dimensions of the maker's meshes.
 
-The capsules of `hw.collision` are the maker's coarse model. On links 1 to 6 no point of the mesh lies more than 21 mm
-outside them. On the hand some points lie 36 mm outside, on link 7 up to 41 mm: the hand's plug and ends, and the
-buttons, which lie between X and Y of link 7. Masks of the arm include these (`SEEN`); planning uses the maker's
-capsules.
+They are drawn into pictures and compared with them. What the arm must keep clear of is judged by `hw.outline`, which
+contains the meshes.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from hw.collision import ARM, HAND, Capsule
-from hw.kinematics import FLANGE
 from hw.types import Array, frozen_array
 
 _S = float(np.sqrt(0.5))
@@ -52,19 +48,3 @@ LINK7: tuple[Array, ...] = (
     _disc(0.0315, 0.090 - _LINK7_TO_FLANGE_M, 0.0),
 )
 """Link 7 without its buttons, in the flange."""
-
-
-def _across(name: str, y_m: tuple[float, float], z_m: float, radius_m: float) -> Capsule:
-    """A capsule along the hand."""
-    start, end = (np.array([_S * y, _S * y, z_m]) for y in y_m)
-    return Capsule(name, FLANGE, start, end, radius_m)
-
-
-SEEN: tuple[Capsule, ...] = (
-    *ARM,
-    *HAND,
-    _across("body of the hand", (-0.080, 0.080), 0.032, 0.040),
-    _across("plug of the hand", (-0.085, -0.060), -0.008, 0.022),
-    Capsule("buttons of link 7", 7, np.array([0.020, 0.068, 0.078]), np.array([0.060, 0.050, 0.090]), 0.025),
-)
-"""The capsules that masks of the arm use. With the mask's slack of 25 mm they contain every point of the meshes."""

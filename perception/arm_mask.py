@@ -47,7 +47,7 @@ class ToolMask:
         return np.asarray(close)
 
 
-_ARM_SLACK_M = 0.025  # capsules follow the arm roughly
+_ARM_SLACK_M = 0.025  # the outline contains the arm; cables and the wide pixels at its edges lie outside
 _TOOL_SLACK_M = 0.009  # the tool's mesh is exact; this covers the camera's error
 
 

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from adaptsim_cli.calibration.solving import Solved
 from calib.errors import UnusableViews
 from calib.types import View
-from hw.collision import ARM, segments
+from hw.capsules import segments
 from hw.kinematics import FLANGE, forward, link_poses
+from hw.outline import ARM
 from hw.poses import inverse
 from hw.types import Array, Intrinsics
 from hw.wrist import FINGERS, HAND_BODY, LINK7
@@ -135,7 +136,7 @@ def _flange(view: View, offsets_rad: Array) -> Array:
 
 
 def _links(view: View, offsets_rad: Array, X_CB: Array) -> tuple[Array, ...]:
-    """The capsules of the arm in the camera frame, each as points; empty if joints are unknown."""
+    """The arm's outline in the camera frame, each capsule as points; empty if joints are unknown."""
     if view.q_rad is None or len(view.q_rad) != FLANGE - 1:
         return ()
     ends = segments(link_poses(view.q_rad + offsets_rad), ARM)

@@ -135,7 +135,7 @@ def setup_of(rig: RigDescription, cell: Workcell) -> str:
 
 def _plain(cell: Workcell) -> list[Any]:
     arrays: list[Array] = [cell.arm.zeros_rad, cell.tool.points_F_m, cell.tool.mass.com_m, cell.tool.mass.inertia_kg_m2]
-    for capsule in cell.tool.capsules:
+    for capsule in (*cell.tool.capsules, *cell.tool.touching):
         arrays += [capsule.start_m, capsule.end_m, np.array([capsule.radius_m])]
     for box in cell.keep_out:
         arrays += [box.low_m, box.high_m]

@@ -83,9 +83,9 @@ BOTTLE_AREA = (0.42, 1.22, -0.36, 0.36)
 
 def _bottle(task: Task) -> Tracker:
     """The tracker of a bottle, from its mark until it rests; the context is a goal."""
-    from hw.collision import segments
+    from hw.capsules import segments
     from hw.kinematics import link_poses
-    from hw.wrist import SEEN
+    from hw.outline import ARM, FINGERS, HAND
     from perception import bottle
     from perception.arm_mask import Arm, Capsules, ToolMask
     from perception.cylinder import Cylinder
@@ -97,11 +97,12 @@ def _bottle(task: Task) -> Tracker:
         raise ValueError(f"{task.name}: an object that stands on a mark and has a goal needs `standing` and `goal_m`")
     mark_m, body = standing.mark_m, Cylinder(standing.radius_m, standing.height_m)
     tool = ToolMask(*tool_mesh(task))
-    radii_m = np.array([capsule.radius_m for capsule in SEEN])
+    outline = (*ARM, *HAND, *FINGERS)
+    radii_m = np.array([capsule.radius_m for capsule in outline])
 
     def track(request: TrackRequest) -> ObjectTrack:
         def arm_at(t_s: float) -> Arm:
-            ends_m = segments(link_poses(request.q_at(t_s)), SEEN)
+            ends_m = segments(link_poses(request.q_at(t_s)), outline)
             return Arm(Capsules(ends_m, radii_m), tool, request.X_BT_at(t_s))
 
         return bottle.track_bottle(

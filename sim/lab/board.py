@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw import mass
-from hw.collision import HAND, HAND_MASS, Capsule, Tool
+from hw.capsules import Capsule
+from hw.collision import HAND_MASS, Tool, hand_with
 from hw.kinematics import FLANGE
 from hw.mass import Mass
 from hw.types import Array
@@ -33,6 +34,7 @@ _WHITE, _EDGE = 0.80, (0.30, 0.30, 0.32)
 _TEXEL_M = 0.001
 _CAPSULE_M = 0.018
 _CLEARANCE_M = 0.01
+_TAB_Y_M, _TAB_HALF_M, _TAB_RADIUS_M = -MARGIN_M - 0.02, 0.0185, 0.0168  # the capsule that contains the tab
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,14 +84,17 @@ class HeldBoard:
             ends = np.array([[along, y, THICKNESS_M / 2] for y in rows])
             start, end = ends @ X[:3, :3].T + X[:3, 3]
             plate.append(Capsule(f"board strip {i + 1}", FLANGE, start, end, _CAPSULE_M + _CLEARANCE_M))
-        return Tool("calibration board", HAND_MASS + self.mass_F, (*HAND, *plate))
+        tab = np.array([[width / 2 - MARGIN_M, _TAB_Y_M + side * _TAB_HALF_M, THICKNESS_M / 2] for side in (-1, 1)])
+        start, end = tab @ X[:3, :3].T + X[:3, 3]
+        plate.append(Capsule("tab of the board", FLANGE, start, end, _TAB_RADIUS_M))
+        return hand_with(HAND_MASS + self.mass_F, tuple(plate), name="calibration board")
 
     def visuals(self) -> tuple[Visual, ...]:
         """Plate with the print on its face, and the tab in the gripper; fixed to the flange."""
         X, (width, height) = self.X_FM, self.size_m
         centre = np.array([width / 2, height / 2, THICKNESS_M / 2])
         plate = Primitive(BODY, "box", (width + 2 * MARGIN_M, height + 2 * MARGIN_M, THICKNESS_M), tuple(centre))
-        tab = Primitive(BODY, "box", (*TAB_M, THICKNESS_M), (width / 2, -MARGIN_M - 0.02, THICKNESS_M / 2))
+        tab = Primitive(BODY, "box", (*TAB_M, THICKNESS_M), (width / 2, _TAB_Y_M, THICKNESS_M / 2))
         face = Texture(self._albedo(), X, self.size_m)
         return (
             Visual(BODY, *_placed(plate, X), (_WHITE, _WHITE, _WHITE), face),

@@ -2,7 +2,7 @@
 
 Links `panda_link0` to `panda_link7`, `panda_flange` (frame F) and `panda_hand`; joints and actuators
 `panda_joint1` to `panda_joint7`. The link frames are those of `hw.kinematics`. There is no collision geometry:
-paths are checked beforehand against the capsules of `hw.collision`, and the tool brings its own.
+paths are checked beforehand by `hw.collision`, and the tool brings its own.
 
 Sources: frames from the maker's Denavit-Hartenberg table; masses, centres of mass and inertia are those of
 `hw.dynamics`; torque limits from the maker's specification.

@@ -8,7 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.collision import HAND, HAND_MASS, LEVEL, Capsule, Table, Tool
+from hw.capsules import Capsule
+from hw.collision import HAND_MASS, LEVEL, Table, Tool, fingertips, hand_with
 from hw.kinematics import FLANGE
 from hw.mass import Mass
 from hw.poses import pose
@@ -63,6 +64,11 @@ class Held(Protocol):
         ...
 
     @property
+    def may_touch(self) -> tuple[Capsule, ...]:
+        """Capsules that may touch the table but nothing else, in the tool frame."""
+        ...
+
+    @property
     def touchable(self) -> Touchable | None:
         """The touch-off of the tool; None: it has no feelers."""
         ...
@@ -73,24 +79,28 @@ def held(
     mass_T: Mass,
     capsules_T: tuple[Capsule, ...] = (),
     points_T_m: ArrayLike = ((0.0, 0.0, 0.0),),
+    touching_T: tuple[Capsule, ...] = (),
 ) -> Tool:
     """The hand with a tool at X_FT (4, 4), which has the mass `mass_T` in the tool frame.
 
-    `capsules_T`, in the tool frame, must stay clear of arm, table and boxes; the points `points_T_m` (P, 3), in the
-    tool frame too, may touch the table.
+    `capsules_T`, in the tool frame, must stay clear of arm, table and boxes; `touching_T` too, but they may touch the
+    table, first with the points `points_T_m` (P, 3) in the tool frame.
     """
 
     def in_flange(p_T_m: ArrayLike) -> Array:
         return np.asarray(np.asarray(p_T_m, dtype=np.float64) @ X_FT[:3, :3].T + X_FT[:3, 3])
 
-    carried = (replace(c, link=FLANGE, start_m=in_flange(c.start_m), end_m=in_flange(c.end_m)) for c in capsules_T)
+    def carried(capsules: tuple[Capsule, ...]) -> tuple[Capsule, ...]:
+        moved = (replace(c, link=FLANGE, start_m=in_flange(c.start_m), end_m=in_flange(c.end_m)) for c in capsules)
+        return tuple(moved)
+
     mass = HAND_MASS + mass_T.placed(X_FT)
-    return Tool("tool", mass, (*HAND, *carried), in_flange(np.atleast_2d(points_T_m)))
+    return hand_with(mass, carried(capsules_T), in_flange(np.atleast_2d(points_T_m)), carried(touching_T))
 
 
 def tool_of(hardware: Held) -> Tool:
     """The hand with the task's tool at `hardware.X_FT`."""
-    return held(hardware.X_FT, hardware.tool_mass, hardware.keep_clear)
+    return held(hardware.X_FT, hardware.tool_mass, hardware.keep_clear, touching_T=hardware.may_touch)
 
 
 def cell_as_shipped(hardware: Held, model: str) -> Workcell:
@@ -110,13 +120,13 @@ def touchable(hardware: Held) -> Touchable:
 
 def empty_hand() -> Tool:
     """The hand with closed, empty fingers: only their tips may touch."""
-    return Tool("fingertips", HAND_MASS, HAND[:1], np.array([[0.0, 0.0, FINGERTIP_M]]))
+    return fingertips(np.array([0.0, 0.0, FINGERTIP_M]))
 
 
 def feeling(hardware: Held) -> Tool:
     """The hand with the task's tool: only its feelers may touch. Raises UnknownName, as `touchable`."""
     lowest = np.array([f.p_T_m - [0.0, 0.0, f.radius_m] for f in touchable(hardware).feelers])
-    return held(hardware.X_FT, hardware.tool_mass, hardware.keep_clear, lowest)
+    return held(hardware.X_FT, hardware.tool_mass, hardware.keep_clear, lowest, hardware.may_touch)
 
 
 @dataclass(frozen=True)

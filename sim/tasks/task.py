@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from hw.collision import Capsule
+from hw.capsules import Capsule
 from hw.mass import Mass
 from hw.types import Array
 from perception.types import ObjectTrack
@@ -198,7 +198,8 @@ class Hardware:
 
     X_FT: Array  # (4, 4) the tool in the arm's flange
     tool_mass: Mass  # mass of the tool, in its frame T, without the hand
-    keep_clear: tuple[Capsule, ...]  # parts of the tool, in its frame T, that must stay clear of arm, table and boxes
+    keep_clear: tuple[Capsule, ...]
+    """Contain the parts of the tool, in its frame T, that must stay clear of arm, table and boxes."""
     plan: Callable[[Array, Array], ToolMotion]  # (context, action) -> motion
     build_scene: BuildScene
     time_step_s: Callable[[Any], float]  # time step of the plant, given the unmodelled effects (None: training)
@@ -212,6 +213,7 @@ class Hardware:
     """Whether the tool carries the object home, so that the way there must be gentle."""
     edge_m: float = 0.001
     """Width of the tool's narrowest edge, which decides the pressure of a contact with a person."""
+    may_touch: tuple[Capsule, ...] = ()  # parts that may touch the table but neither arm nor boxes, as `keep_clear`
     touchable: Touchable | None = None  # how its tool finds the table by touch; None: not possible
     parts: Callable[[], tuple[Part, ...]] = tuple  # what a lab prints for it; raises ExtraMissing
     weighing: tuple[str, Callable[[Array, Array, Any], float]] | None = None

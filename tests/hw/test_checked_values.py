@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from cells import cell, find, stick
 
-from hw.collision import Capsule, KeepOut, Table, Tool
+from hw.capsules import Capsule
+from hw.collision import KeepOut, Table, Tool
 from hw.errors import MotionRefused
 from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
 from hw.limits import CONTACT_FORCE_N

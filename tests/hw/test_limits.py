@@ -78,7 +78,7 @@ def test_start_must_be_where_the_arm_is() -> None:
 
 
 def test_self_collision_names_the_pair() -> None:
-    worst = find(move(joint(6, -1.58) + joint(4, -0.7), 6.0), "self-collision", PANDA)
+    worst = find(move(joint(6, -1.58) + joint(4, -0.7) + joint(7, -np.pi / 4), 6.0), "self-collision", PANDA)
     assert worst.ratio > 1.0
     assert worst.where == "link 2 and guide button"
 

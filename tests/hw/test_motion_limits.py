@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from cells import READY, cell, find, joint, move
 
-from hw.collision import BARE_HAND, HAND_MASS, Capsule, KeepOut, Tool, box_clearance, self_clearance
+from hw.capsules import Capsule
+from hw.collision import BARE_HAND, HAND_MASS, KeepOut, Tool, box_clearance, self_clearance
 from hw.dynamics import torque_Nm
 from hw.errors import MotionRefused
 from hw.joint_limits import derivatives

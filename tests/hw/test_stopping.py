@@ -10,7 +10,8 @@ from cells import READY, cell, joint, move
 from hard_paths import LOADED
 
 from hw.braking import FULL, LONGEST_S, STOP_S, at_pace
-from hw.collision import ARM, segments
+from hw.capsules import segments
+from hw.collision import moving
 from hw.franka.playback import motion_of
 from hw.kinematics import link_poses
 from hw.stopping import (
@@ -32,10 +33,7 @@ PATH = move(joint(1, 0.9) + joint(4, 0.2), 1.1)
 def points_m(path: JointPath) -> Array:
     """(N, P, 3) both ends of every capsule that moves, and the tip."""
     poses = link_poses(path.q_rad)
-    moving = tuple(body for body in (*ARM, *LOADED.capsules) if body.link >= 1)
-    ends = segments(poses, moving).reshape(len(poses), -1, 3)
-    tip = poses[:, 8, :3, :3] @ LOADED.points_F_m[0] + poses[:, 8, :3, 3]
-    return np.concatenate([ends, tip[:, None]], axis=1)
+    return segments(poses, moving(LOADED)).reshape(len(poses), -1, 3)
 
 
 def test_the_time_is_the_sum_of_its_parts_and_stays_the_same_for_every_motion() -> None:
@@ -78,8 +76,7 @@ def test_no_point_of_a_body_is_faster_than_its_bound() -> None:
     rng = np.random.default_rng(3)
     bound = speeds_m_s(PATH, CELL)
     poses = link_poses(PATH.q_rad)
-    bodies = [body for body in (*ARM, *LOADED.capsules) if body.link >= 1]
-    for i, body in enumerate(bodies):
+    for i, body in enumerate(moving(LOADED)):
         share, off = rng.uniform(size=(200, 1)), rng.standard_normal((200, 3))
         off *= body.radius_m / np.linalg.norm(off, axis=1)[:, None]
         inside = body.start_m + share * (body.end_m - body.start_m) + off

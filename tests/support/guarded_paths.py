@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from hw.collision import HAND, HAND_MASS, Tool
+from hw.collision import fingertips
 from hw.contact import predicted_force_N
 from hw.kinematics import forward
 from hw.types import Array, ContactWindow, Guard, JointPath, frozen_array
 from hw.wrist import FINGERTIP_M
 
 TIP = frozen_array([0.0, 0.0, FINGERTIP_M])
-TOOL = Tool("fingertips", HAND_MASS, HAND[:1], TIP[None])
+TOOL = fingertips(TIP)
 GUARD = Guard(4.0, TIP)
 XY_M, TOP_M = (0.5, 0.0), 0.02
 _NEAR = np.array([0.0, 0.25, 0.0, -2.3, 0.0, 2.55, np.pi / 4])

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from hw import mass
-from hw.collision import Capsule
+from hw.capsules import Capsule
 from hw.kinematics import FLANGE
 from hw.poses import pose
 from hw.types import Array, frozen_array
@@ -69,25 +69,27 @@ def _block_axes() -> Array:
     return np.asarray(np.linalg.inv(X_FT)[:3, :3] @ [[half, half, 0.0], [-half, half, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _rim(name: str, y_m: tuple[float, float], z_m: tuple[float, float]) -> Capsule:
-    """A capsule along a border of the plate, as thick as the plate and inset by a radius, so that both end at the same
-    place.
-    """
-    radius_m = PLATE_THICKNESS_M / 2
-    start, end = (np.array([-radius_m, y, z]) for y, z in zip(y_m, z_m, strict=True))
-    return Capsule(f"{name} of the plate", FLANGE, start, end, radius_m)
+_ROWS, _ROW_RADIUS_M, _ROW_INSET_M = 4, 0.0106, 0.0024
 
 
-_SIDE_M, _LOW_M, _HIGH_M = (PLATE_WIDTH_M - PLATE_THICKNESS_M) / 2, PLATE_THICKNESS_M / 2, PLATE_HEIGHT_M - 0.0025
+def _row(number: int) -> Capsule:
+    """A capsule across the plate that contains an equal share of its height."""
+    x_m, z_m = -PLATE_THICKNESS_M / 2, (number + 0.5) * PLATE_HEIGHT_M / _ROWS
+    start, end = (np.array([x_m, side * (PLATE_WIDTH_M / 2 - _ROW_INSET_M), z_m]) for side in (-1, 1))
+    return Capsule("plate of the pusher", FLANGE, start, end, _ROW_RADIUS_M)
+
+
+def _block() -> Capsule:
+    half_m = 0.0105 * _block_axes()[:, 2]
+    return Capsule("block of the pusher", FLANGE, GRIP_M - half_m, GRIP_M + half_m, 0.0187)
+
 
 KEEP_CLEAR = (
-    _rim("lower edge", (-_SIDE_M, _SIDE_M), (_LOW_M, _LOW_M)),
-    _rim("upper edge", (-_SIDE_M, _SIDE_M), (_HIGH_M, _HIGH_M)),
-    _rim("left side", (_SIDE_M, _SIDE_M), (_LOW_M, _HIGH_M)),
-    _rim("right side", (-_SIDE_M, -_SIDE_M), (_LOW_M, _HIGH_M)),
+    *(_row(number) for number in range(_ROWS)),
     Capsule("stem of the pusher", FLANGE, ROOT_M, GRIP_M, STEM_M * np.sqrt(0.5)),
+    _block(),
 )
-"""The parts of the pusher that must stay clear of arm and table, in T."""
+"""The outline of the pusher, in T, which must stay clear of arm, boxes and table."""
 
 
 def _mass() -> mass.Mass:

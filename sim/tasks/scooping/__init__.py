@@ -7,6 +7,7 @@ HARDWARE = Hardware(
     X_FT=spatula.X_FT,
     tool_mass=spatula.TOOL_MASS,
     keep_clear=spatula.KEEP_CLEAR,
+    may_touch=spatula.MAY_TOUCH,
     plan=plan.plan,
     build_scene=scene.build_scene,
     time_step_s=scene.time_step_s,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hw import mass
-from hw.collision import Capsule
+from hw.capsules import Capsule
 from hw.kinematics import FLANGE
 from hw.poses import pose
 from hw.types import Array, frozen_array
@@ -45,11 +45,42 @@ UP: Array = np.array([-np.cos(HANDLE_RISE_RAD), 0.0, np.sin(HANDLE_RISE_RAD)])
 _NECK_END_M = ROOT_M + NECK_M * UP
 _HANDLE_END_M = ROOT_M + (NECK_M + HANDLE_M) * UP
 
+_LOW_NECK_M = 0.03
+"""So far from its root the neck may touch the table with the blade."""
+
+
+def _beside(name: str, start_m: Array, end_m: Array, y_m: float, radius_m: float) -> tuple[Capsule, Capsule]:
+    """A capsule on each side of the plane y = 0."""
+    left, right = (
+        Capsule(f"{name} of the spatula", FLANGE, start_m + aside, end_m + aside, radius_m)
+        for aside in (np.array([0.0, y_m, 0.0]), np.array([0.0, -y_m, 0.0]))
+    )
+    return left, right
+
+
 KEEP_CLEAR = (
-    Capsule("neck of the spatula", FLANGE, ROOT_M + 0.02 * UP, _NECK_END_M, 0.005),
-    Capsule("handle of the spatula", FLANGE, _NECK_END_M, _HANDLE_END_M, 0.015),
+    *_beside("neck", ROOT_M + _LOW_NECK_M * UP, _NECK_END_M, 0.0088, 0.0095),
+    Capsule("handle of the spatula", FLANGE, _NECK_END_M, _HANDLE_END_M, 0.0152),
+    *_beside("adapter", ROOT_M + (GRIP_M - 0.0198) * UP, ROOT_M + (GRIP_M + 0.0198) * UP, 0.0113, 0.0216),
 )
-"""What must stay clear of arm and table. The blade slides on the table; the motion's contact window limits it."""
+"""The outline of what must stay clear of arm, boxes and table, in T."""
+
+_STRIP_M, _STRIP_RADIUS_M, _STRIP_INSET_M = BLADE_WIDTH_M / 3, 0.0146, 0.0055
+
+MAY_TOUCH = (
+    *(
+        Capsule(
+            "blade of the spatula",
+            FLANGE,
+            np.array([-_STRIP_INSET_M, y_m, 0.0]),
+            np.array([_STRIP_INSET_M - BLADE_LENGTH_M, y_m, 0.0]),
+            _STRIP_RADIUS_M,
+        )
+        for y_m in (-_STRIP_M, 0.0, _STRIP_M)
+    ),
+    *_beside("neck", ROOT_M, ROOT_M + _LOW_NECK_M * UP, 0.0088, 0.0095),
+)
+"""The outline of what slides on the table, in T; the motion's contact window limits how deep."""
 
 BLADE_MASS_KG, TURNER_KG = 0.02, 0.12
 _HANDLE_EDGE_M = 0.02

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from cells import cell
 
-from hw.collision import LEVEL, Capsule, KeepOut, Tool, point_heights
+from hw.capsules import Capsule
+from hw.collision import LEVEL, KeepOut, Tool, point_heights
 from hw.joint_limits import LIMITS
 from hw.kinematics import FLANGE, forward, link_poses
 from hw.mass import NOTHING

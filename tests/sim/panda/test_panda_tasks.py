@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from hw.collision import HAND_MASS, segment_distance, segments
+from hw.capsules import segment_distance, segments
+from hw.collision import HAND_MASS
 from hw.kinematics import link_poses
 from hw.types import JointPath
 from sim.panda.planning import home, trial_paths

@@ -46,6 +46,7 @@ from hard_paths import LOADED, SCENE, shares
 from kept import Kept
 from own_judge import wrong
 from players import InProcess
+from real_lab import waiver
 from rich.console import Console
 from sdk_fake import FakeSdk, NetworkException
 from toy_rig import ToyLab
@@ -296,7 +297,7 @@ class Lab:
             operator="Kim",
             pedal=True,
             known=self.known,
-            waived=("stop_button", "slow_start"),
+            waivers=(waiver("stop_button"), waiver("slow_start")),
         )
         self.hand = FakeHand(0.012, holds=True).__enter__()
         watch = ToolWatch(self.hand, "tool", "touch-off")

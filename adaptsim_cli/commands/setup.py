@@ -16,6 +16,9 @@ def setup(
     seed: options.Seed = None,
     hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fr3, panda, or fake to practise.")] = None,
     begin: Annotated[str, typer.Option("--from", help="Do this step and all after it again, e.g. camera.")] = "",
+    waive: Annotated[
+        str, typer.Option("--waive", help="Ask why this lab goes without a safeguard, e.g. hand, and nothing else.")
+    ] = "",
     operator: options.Operator = None,
     yes: options.Yes = False,
 ) -> None:
@@ -34,6 +37,9 @@ def setup(
 
     resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw, "operator": operator})
     answers = begun(resolved, Screen(leads=False), yes=yes)
+    if waive:
+        walk.waive(answers, waive)
+        return
     walk.walk(answers, begin=begin)
     lab = answers.config
     Screen().next(

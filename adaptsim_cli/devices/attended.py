@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Protocol, runtime_checkable
 
@@ -16,7 +16,7 @@ from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.screen.views import Readiness, clear_to_move
-from adaptsim_cli.session.records import RigFacts
+from adaptsim_cli.session.records import RigFacts, WaiverRecord
 from hw.errors import BalanceError, DeviceUnavailable, HandError
 from hw.ports import Balance, Camera, Hand
 from hw.types import Array, Placing
@@ -109,7 +109,9 @@ class PersonBeside:
                 "operator": self.arm.consent.operator,
                 "consent": self.arm.consent.given,
                 "stop_button": "" if self.arm.consent.known is None else self.arm.consent.known.read().stop_button,
-                "waived": self.arm.consent.waived,
+                "waivers": tuple(
+                    WaiverRecord(**asdict(one), until=one.until.isoformat()) for one in self.arm.consent.waivers
+                ),
                 "pace": self.arm.consent.pace,
                 "tool": "waived" if self.watch is None else "held",
                 "tool_width_m": None if self.watch is None else self.watch.width_m,

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 
 from adaptsim_cli.devices.known_arm import STOP_BUTTON_DAYS, KnownArm
 from adaptsim_cli.devices.recovery import offer_recovery
+from adaptsim_cli.devices.rig_file.waivers import Waivable, WaiverPart
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
@@ -32,7 +33,7 @@ class Consent:
     operator: str = ""  # "": asked
     pedal: bool = False
     pace: float = 1.0
-    waived: tuple[str, ...] = ()  # checks that the rig file waives
+    waivers: tuple[WaiverPart, ...] = ()  # those of the rig file that count
     each: Each = "command"
     known: KnownArm | None = None  # None: an arm that nothing is remembered of
     setup: str = ""  # `known_arm.setup_of`
@@ -61,6 +62,9 @@ class Consent:
             self.known.moved_slowly(self.setup)
             self._slow_ended = True
 
+    def _waives(self, what: Waivable) -> bool:
+        return any(waiver.safeguard == what for waiver in self.waivers)
+
     def _name(self) -> None:
         while not self.operator:
             answer = self.screen.words("Who operates the arm? Your name goes into the record:")
@@ -71,7 +75,7 @@ class Consent:
 
     def stop_button(self, arm: Arm) -> None:
         """If it is due: have the stop button pressed, see that the arm says so, have it released, recover."""
-        if self.known is None or "stop_button" in self.waived:
+        if self.known is None or self._waives("stop_button"):
             return
         if not self.known.read().stop_button_is_due(datetime.now(UTC)):
             return
@@ -100,7 +104,7 @@ class Consent:
 
     def _slow_start(self) -> None:
         """A set-up that has never moved this arm begins slowly, or a person takes it on by name."""
-        if self.known is None or "slow_start" in self.waived or self.pace <= SLOW_PACE:
+        if self.known is None or self._waives("slow_start") or self.pace <= SLOW_PACE:
             return
         if self.setup in self.known.read().setups:
             return

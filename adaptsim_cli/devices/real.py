@@ -51,6 +51,10 @@ class RealLab:
         self._folder = folder_of(places(), rig)
         durable.make_folder(self._folder)
         screen.tell(SessionLog(self._folder, screen))
+        for waiver in rig.in_force():
+            screen.note(f"Waived: {waiver.sentence}")
+        for waiver in rig.lapsed():
+            screen.note(f"Not waived any more: {waiver.safeguard}, since {waiver.until} ({waiver.by}, {waiver.on})")
 
     def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
         """The box around the camera."""
@@ -96,7 +100,7 @@ class RealLab:
         if self.rig.without_hand:
             raise UsageError(
                 "the rig file waives the hand, but in a touch-off the closed hand touches the table and grasps the "
-                'tool: remove "hand" from waived, or write height, pitch and roll of the tool into [tools]'
+                "tool: remove that waiver, or write height, pitch and roll of the tool into [tools]"
             )
         arm = self._arm(cell, self._task.name, "nothing on the table")
         hand = ReleasedHand(self._hand(), arm.release, arm.await_pedal)
@@ -131,7 +135,7 @@ class RealLab:
             self._operator,
             pedal is not None,
             self._pace,
-            self.rig.waived,
+            self.rig.in_force(),
             each,
             known,
             setup_of(self.rig, cell),

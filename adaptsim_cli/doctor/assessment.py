@@ -19,8 +19,9 @@ from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.consent import SLOW_PACE
 from adaptsim_cli.devices.known_arm import ArmFacts, KnownArm, folder_of, setup_of
 from adaptsim_cli.devices.mounted import MountedTask
-from adaptsim_cli.devices.rig_file.description import RigDescription, Waivable
+from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
+from adaptsim_cli.devices.rig_file.waivers import WITHOUT
 from adaptsim_cli.doctor.contact_limits import judged
 from adaptsim_cli.doctor.separation import (
     INTRUSION_M,
@@ -49,17 +50,6 @@ from hw.types import JointPath
 from hw.watchdog import SILENCE_S
 from hw.workcell import SPEED_M_S
 from sim.errors import NotExecutable
-
-WITHOUT: dict[Waivable, str] = {
-    "pedal": "the arm moves without anybody holding a pedal; only the stop button ends a motion",
-    "hand": "nobody asks the hand whether it still holds the tool",
-    "person": "no side is kept clear for a person: the arm may move wherever the operator stands",
-    "payload": "the arm takes the weight of tool or object for a push, or a push for weight",
-    "keep_out": "the arm knows no obstacle but table, camera and itself",
-    "stop_button": "nobody shows every day that the stop button stops this arm",
-    "slow_start": "a changed rig file, tool or calibration moves the arm at full speed at once",
-}
-"""What is missing where a rig file waives a check."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +98,8 @@ def page(there: MountedTask, rig: RigDescription, moves: Motions, known: ArmFact
         identity=identity,
         payload_kg=None if payload is None else payload.mass_kg,
         boxes=[(box.name, _corner(box.low_m), _corner(box.high_m)) for box in cell.keep_out],
-        without=[(name, WITHOUT[name]) for name in rig.waived],
+        waived=[waiver.safeguard for waiver in rig.in_force()],
+        without=[(one, WITHOUT[one.safeguard]) for one in rig.in_force()],
         reach_m=reach_m,
         open_sides=open_sides(cell.keep_out, reach_m),
         side=side,

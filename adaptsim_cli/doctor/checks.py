@@ -19,7 +19,7 @@ from packaging.specifiers import SpecifierSet
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.known_arm import KnownArm, folder_of
-from adaptsim_cli.devices.rig_file.reading import gaps, waiving
+from adaptsim_cli.devices.rig_file.reading import gaps
 from adaptsim_cli.doctor import readings
 from adaptsim_cli.doctor.readings import serial_ports
 from adaptsim_cli.doctor.separation import REACH_M, SIDE_M, open_sides, separation_m, tool_reach_m
@@ -173,11 +173,12 @@ def _rig_file(lab: Examined) -> Finding:
 def _safeguards(lab: Examined) -> Finding:
     """What the rig file must state or waive before the arm moves."""
     if found := gaps(lab.rig, lab.config.task):
-        told = "; ".join(gap.message for gap in found)
-        return missing(f"{told}, and the arm does not move", "; ".join(gap.remedy for gap in found) + waiving(found))
-    if lab.rig.waived:
-        told = f"{', '.join(lab.rig.waived)}: waived by the rig file, which every trial records"
-        return advice(told, "state them in the rig file: docs/guide/rig.md")
+        lacking = "; ".join(gap.message for gap in found)
+        return missing(f"{lacking}, and the arm does not move", "; ".join(gap.remedy for gap in found))
+    told = [waiver.sentence for waiver in lab.rig.in_force()]
+    told += [f"{one.safeguard} is not waived any more, since {one.until}" for one in lab.rig.lapsed()]
+    if told:
+        return advice("; ".join(told), "state them in the rig file: docs/guide/rig.md")
     return ok("the rig file states all of them")
 
 
@@ -210,7 +211,7 @@ def _sides(lab: Examined) -> Finding:
 @check(DEVICES, "stop button", "the next command that moves the arm leads you through the check", with_rig)
 def _stop_button(lab: Examined) -> Finding:
     known = KnownArm(folder_of(lab.resolved.places, lab.rig)).read()
-    if "stop_button" in lab.rig.waived:
+    if lab.rig.waives("stop_button"):
         return advice("its check is waived by the rig file", "check it by hand every day")
     if not known.stop_button:
         return advice("it was never checked with this computer")

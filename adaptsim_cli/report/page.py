@@ -139,6 +139,7 @@ def render(
             trials, known.predictions if known else None, known.unit if known else "", trial_std(facts.task)
         ),
         measured_udr=reference is not None,
+        waivers=sorted({(w.safeguard, w.reason, w.by, w.on, w.until) for rig in store.rigs() for w in rig.waivers}),
         confirmed=len(confirmed),
         unknown=judgement if isinstance(judgement, str) else "",
         quantities=[

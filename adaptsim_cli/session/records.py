@@ -322,6 +322,16 @@ class TrialRecord(MotionRecord):
 RIG = "rig.json"
 
 
+class WaiverRecord(Record):
+    """A safeguard that the lab went without."""
+
+    safeguard: str  # e.g. "pedal"
+    reason: str  # as typed
+    by: str  # who decided it
+    on: str  # ISO 8601, a day
+    until: str  # ISO 8601, the last day on which it counts
+
+
 class RigFacts(Record):
     """rig.json beside a trial on a real rig: the object's mass, and the state of pedal, tool and camera."""
 
@@ -336,7 +346,7 @@ class RigFacts(Record):
     operator: str = ""  # who typed the arm's model
     consent: str | None = None  # ISO 8601: when it was typed
     stop_button: str = ""  # ISO 8601: when the arm's stop button was last found to stop it; "": never, or waived
-    waived: tuple[str, ...] = ()  # checks that the rig file waives
+    waivers: tuple[WaiverRecord, ...] = ()  # safeguards that the rig file waives
     pace: float = 1.0  # of every motion
 
 

@@ -7,20 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from adaptsim_cli.config import PRACTICE_FILE, Config, Places, Resolved
 from adaptsim_cli.devices.known_arm import KnownArm, folder_of
-from adaptsim_cli.devices.rig_file.description import ArmPart, Model, RigDescription, Waivable, as_shipped
-from adaptsim_cli.devices.rig_file.reading import described, read, tasks_with_tools
+from adaptsim_cli.devices.rig_file.description import ArmPart, Model, RigDescription, as_shipped
+from adaptsim_cli.devices.rig_file.reading import described, tasks_with_tools, without_old_waivers
 from adaptsim_cli.devices.rig_file.template import template
+from adaptsim_cli.devices.rig_file.waivers import DAYS, SHORTEST_REASON, WITHOUT, Waivable
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.storage import durable
 
 NOTHING = "none"
+WAIVE = "waive"
+"""The answer that leads to the question for a reason to go without."""
 T = TypeVar("T")
 
 
@@ -51,10 +55,10 @@ class Answers:
         return KnownArm(folder_of(self.places, self.rig))
 
     def text(self, question: str, default: str) -> str:
-        """An answer as typed; Enter gives the default. Raises StoppedByOperator."""
+        """An answer as typed; Enter gives the default, if there is one. Raises StoppedByOperator."""
         if self.defaults:
             return default
-        answer = self.screen.words(f"{question} [{default}]:")
+        answer = self.screen.words(f"{question} [{default}]:" if default else f"{question[:-1]}:")
         if answer is None:
             raise StoppedByOperator("stopped by the operator; every completed step is kept")
         return answer or default
@@ -86,10 +90,35 @@ class Answers:
             self.screen.note(f"  {answer!r}: choose one of {', '.join(choices)}")
         return answer
 
-    def waived(self, what: Waivable, is_there: bool) -> list[str]:
-        """The waived checks once `what` is there, or is not and goes without."""
-        others = [str(name) for name in self.rig.waived if name != what]
-        return others if is_there else [*others, what]
+    def waive(self, what: Waivable, **without: Any) -> bool:
+        """Ask a person why the lab goes without a safeguard, and put the waiver and `without` into the rig file.
+
+        Enter waives nothing. Returns whether it is waived. Raises StoppedByOperator.
+        """
+        self.screen.plain(f"  Without it {WITHOUT[what]}.")
+        self.screen.plain(f"  Reason, name and day go into the rig file and every record; it ends in {DAYS} days.")
+        reason = self._typed("Why does this lab go without it? One sentence; Enter waives nothing:")
+        if len(reason) < SHORTEST_REASON:
+            self.screen.note(f"  Nothing is waived: a reason has at least {SHORTEST_REASON} letters.")
+            return False
+        by = self.config.operator or self._typed("Who decides this? Your name; Enter waives nothing:")
+        if not by:
+            self.screen.note("  Nothing is waived: a waiver has a name.")
+            return False
+        waiver = {"safeguard": what, "reason": reason, "by": by, "on": datetime.now(UTC).date().isoformat()}
+        self.put(waivers=[*self.waivers_but(what), waiver], **without)
+        self.screen.note(f"  Waived: {self.rig.waivers[-1].sentence}")
+        return True
+
+    def waivers_but(self, what: Waivable) -> list[dict[str, Any]]:
+        """The waivers of everything but `what`, for when it is there."""
+        return [asdict(waiver) for waiver in self.rig.waivers if waiver.safeguard != what]
+
+    def _typed(self, question: str) -> str:
+        answer = self.screen.words(question)
+        if answer is None:
+            raise StoppedByOperator("stopped by the operator; every completed step is kept")
+        return answer.strip()
 
     def save(self) -> None:
         """Write the rig file, whole, with a comment at every key. Raises SessionError."""
@@ -128,13 +157,11 @@ def begun(resolved: Resolved, screen: Screen, *, yes: bool) -> Answers:
     here = project if places.project_file.is_file() else user
     if config.is_simulated:
         file, new = here.with_name(PRACTICE_FILE), as_shipped("panda")
-        rig = (
-            read(file, tasks_with_tools()) if file.is_file() else RigDescription("practice", new.arm, waived=("pedal",))
-        )
+        rig = _continued(file, screen) if file.is_file() else RigDescription("practice", new.arm)
     else:
         file = Path(config.rig) if config.rig else here
         arm = ArmPart(cast(Model, config.hw), ADDRESS)
-        rig = read(file, tasks_with_tools()) if file.is_file() else RigDescription("lab", arm)
+        rig = _continued(file, screen) if file.is_file() else RigDescription("lab", arm)
         if rig.arm.model != config.hw:
             raise UsageError(f"{file} is the rig file of a {rig.arm.model}: say --hw {rig.arm.model}, or move it away")
     operator = config.operator
@@ -145,3 +172,14 @@ def begun(resolved: Resolved, screen: Screen, *, yes: bool) -> Answers:
         operator = answer
     config = config.model_copy(update={"rig": str(file), "operator": operator})
     return Answers(config, places, file, rig, screen, yes)
+
+
+def _continued(file: Path, screen: Screen) -> RigDescription:
+    """The rig file that a setup continues. Waivers of an older version are dropped, and asked for again."""
+    content, dropped = without_old_waivers(file)
+    if dropped:
+        screen.note(
+            f"{file} waives {', '.join(dropped)} in the way of an older version. This ends now: each is required, or "
+            "asked for again with a reason"
+        )
+    return described(content, str(file), tasks_with_tools())

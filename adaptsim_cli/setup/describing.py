@@ -16,7 +16,7 @@ from adaptsim_cli.devices.rig_file.reading import BOARD, tasks_with_tools
 from adaptsim_cli.doctor import readings
 from adaptsim_cli.doctor.readings import BALANCES, BOARDS, like, serial_ports
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.setup.answers import NOTHING, Answers, numbers, shown
+from adaptsim_cli.setup.answers import NOTHING, WAIVE, Answers, numbers, shown
 from hw.collision import KeepOut, Side
 from hw.mass import Mass
 from hw.serial.balance import PROTOCOLS
@@ -49,14 +49,18 @@ def pedal(answers: Answers) -> None:
     rig, ports = answers.rig, serial_ports(Path("/dev"))
     for number, port in enumerate(ports, start=1):
         answers.screen.plain(f"  {number}  {port}")
-    choice = "A number, a path, or none." if ports else "A path, or none."
+    which = "A number, or a path" if ports else "A path"
     port = rig.pedal.port if rig.pedal else like(ports, BOARDS)
 
-    def with_pedal(text: str) -> dict[str, Any]:
-        found = _port(text, ports)
-        return {"pedal": found, "waived": answers.waived("pedal", found is not None)}
+    def with_pedal(text: str) -> None:
+        if text != WAIVE:
+            answers.put(pedal=_port(text, ports), waivers=answers.waivers_but("pedal"))
+        elif not answers.waive("pedal", pedal=None):
+            raise UsageError("the arm moves only while its pedal is held: name its port")
 
-    answers.take(f"Serial port of the enabling pedal? {choice}", port or NOTHING, with_pedal)
+    if not rig.waives("pedal"):
+        answers.ask(f"Serial port of the enabling pedal? {which}; {WAIVE}: to go without.", port or "", with_pedal)
+    choice = f"{which}, or {NOTHING}."
     left = [other for other in ports if answers.rig.pedal is None or other != answers.rig.pedal.port]
     port = rig.balance.port if rig.balance else like(left, BALANCES)
     answers.take(f"Serial port of the balance? {choice}", port or NOTHING, lambda text: {"balance": _port(text, ports)})
@@ -71,6 +75,8 @@ def _port(text: str, ports: Sequence[str]) -> dict[str, str] | None:
         return None
     if text.isdigit() and 1 <= int(text) <= len(ports):
         return {"port": ports[int(text) - 1]}
+    if not text:
+        raise UsageError("there is no default: type a path, it begins with /dev/")
     if not text.startswith("/"):
         raise UsageError(f"{text!r} is not a path: it begins with /dev/")
     return {"port": text}
@@ -140,19 +146,23 @@ def table(answers: Answers) -> None:
 def _person(answers: Answers) -> None:
     """The operator's side, which a task must not need."""
     given = answers.rig.person
-    side = answers.one_of(
-        "On which side, seen from the base, do you stand?",
-        (*get_args(Side), NOTHING),
-        NOTHING if "person" in answers.rig.waived else "left" if given is None else given.side,
-    )
-    if side == NOTHING:
-        answers.put(person=None, waived=answers.waived("person", False))
+    if answers.rig.waives("person"):
         return
+    while True:
+        side = answers.one_of(
+            "On which side, seen from the base, do you stand?",
+            (*get_args(Side), WAIVE),
+            "left" if given is None else given.side,
+        )
+        if side != WAIVE:
+            break
+        if answers.waive("person", person=None):
+            return
 
     def kept_clear(text: str) -> dict[str, Any]:
         parts = {
             "person": {"side": side, "from_m": numbers(text, 1)[0]},
-            "waived": answers.waived("person", True),
+            "waivers": answers.waivers_but("person"),
         }
         answers.put(**parts)
         if answers.rig.person is not None and (said := "; ".join(reached(answers.rig.person.box()))):
@@ -166,21 +176,34 @@ def _boxes(answers: Answers, drawn: _Drawn | None) -> None:
     """The boxes one after the other, until there are no more."""
     for box in answers.rig.keep_out:
         answers.screen.plain(f"  box {box.name}: {shown(box.low_m)} to {shown(box.high_m)}")
-    question = "Name a box that the arm must keep out of: lamp, stand, screen (none: no more)."
-    while (name := answers.text(question, NOTHING)) != NOTHING:
+    while (name := _next_box(answers)) != NOTHING:
         low_m = answers.ask("  Its lower corner, x y z?", "0.5 -0.9 0", partial(numbers, count=3))
         answers.take("  Its upper corner, x y z?", "0.7 -0.7 0.4", partial(_with_box, answers, name, low_m))
         if drawn:
             drawn.again()
         for said in reached(answers.rig.keep_out[-1].box()):
             answers.screen.note(f"  {said}: name it again to correct it")
-    answers.put(waived=answers.waived("keep_out", bool(answers.rig.keep_out)))
+
+
+def _next_box(answers: Answers) -> str:
+    """The name of the next box; none: there are enough. Without any the lab has to say why."""
+    enough = bool(answers.rig.keep_out) or answers.rig.waives("keep_out")
+    what = "Name a box that the arm must keep out of: lamp, stand, screen"
+    if enough or answers.defaults:
+        return answers.text(f"{what} ({NOTHING}: no more).", NOTHING if enough else "lamp")
+    name = answers.text(f"{what}; {WAIVE}: to go without any.", "")
+    if name == WAIVE:
+        return NOTHING if answers.waive("keep_out") else _next_box(answers)
+    if name in ("", NOTHING):
+        answers.screen.note("  There is no box yet, and no default: name the nearest thing that the arm could hit")
+        return _next_box(answers)
+    return name
 
 
 def _with_box(answers: Answers, name: str, low_m: Sequence[float], text: str) -> dict[str, Any]:
     box = {"name": name, "low_m": low_m, "high_m": numbers(text, 3)}
     others = [asdict(other) for other in answers.rig.keep_out if other.name != name]
-    return {"keep_out": [*others, box], "waived": answers.waived("keep_out", True)}
+    return {"keep_out": [*others, box], "waivers": answers.waivers_but("keep_out")}
 
 
 def tool(answers: Answers) -> None:

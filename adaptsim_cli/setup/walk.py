@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 from rich.text import Text
 
+from adaptsim_cli.devices.rig_file.reading import gaps
+from adaptsim_cli.devices.rig_file.waivers import WITHOUT, Waivable
 from adaptsim_cli.doctor import checks, table
 from adaptsim_cli.doctor.table import Severity
 from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
@@ -33,6 +35,7 @@ class Step:
     checks: tuple[str, ...] = ()
     practised: str = ""  # what a real lab does here, if the simulated one has nothing to do
     touches: bool = False  # only for a task whose tool finds the table by touch
+    safeguards: tuple[Waivable, ...] = ()  # those that it asks for; the step is done once each is there, or waived
 
 
 COMPUTER = (
@@ -51,13 +54,13 @@ STEPS = (
     ),
     Step(
         "pedal", describing.pedal, ("rig file", "pedal", "balance"),
-        "asks for the serial ports of pedal and balance, and reads both",
+        "asks for the serial ports of pedal and balance, and reads both", safeguards=("pedal",),
     ),
     Step(
         "camera", describing.camera, ("rig file", "camera", "camera images"),
         "lists the cameras, and films half a second with yours",
     ),
-    Step("table and boxes", describing.table, ("rig file",)),
+    Step("table and boxes", describing.table, ("rig file",), safeguards=("person", "keep_out")),
     Step("tool", describing.tool, ("rig file", "safeguards", "motion")),
     Step("board", moving.board, ("rig file",)),
     Step("calibration", moving.calibrate, ("rig file", "calibration")),
@@ -87,6 +90,17 @@ def walk(answers: Answers, *, begin: str = "") -> None:
                 _do(answers, step)
                 answers.known.set_up(names[:number])
     screen.plain(f"\nThe lab is set up. Rig file: {answers.file}")
+
+
+def waive(answers: Answers, name: str) -> None:
+    """Ask why this lab goes without one safeguard, and write that into the rig file. Raises UsageError."""
+    what = next((known for known in WITHOUT if known == name), None)
+    if what is None:
+        raise UsageError(f"--waive {name}: choose one of {', '.join(WITHOUT)}")
+    if answers.defaults:
+        raise UsageError("a waiver has a reason that a person types: leave out --yes")
+    if answers.waive(what):
+        answers.save()
 
 
 def command(answers: Answers) -> str:
@@ -131,9 +145,12 @@ def _missing(answers: Answers, step: Step) -> list[str]:
         return []
     with answers.screen.busy("Checking"):
         found = tuple(checks.examine(answers.resolved, step.checks))
+        lacking = [gap for gap in gaps(answers.rig, answers.config.task) if gap.what in step.safeguards]
     made = [finding for finding in found if finding.verdict is not Severity.SKIPPED]
     table.show_table(made, answers.screen, grouped=False)
-    return table.missing_in(found)
+    for gap in lacking:
+        answers.screen.note(f"  {gap.what}: {gap.message}")
+    return [*table.missing_in(found), *(gap.what for gap in lacking)]
 
 
 def _only_told(answers: Answers, step: Step) -> bool:

@@ -13,6 +13,7 @@ import os
 import subprocess
 import sys
 import time
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,6 @@ from world import START_RAD, TRUTH, Line, Room, Truth, camera_pose, table_height
 HERE = Path(__file__).parent
 RIG = """\
 name = "foreign"
-waived = ["pedal", "keep_out", "stop_button", "slow_start"]
 consent = "command"
 [arm]
 model = "fr3"
@@ -42,6 +42,10 @@ com_F_m = [0.02, -0.02, 0.12]
 mass_kg = 0.45
 com_F_m = [0.0, 0.0, 0.22]
 """
+WAIVERS = "".join(
+    f'[[waivers]]\nsafeguard = "{name}"\nreason = "the whole lab is simulated"\nby = "Kim"\non = {date.today()}\n'
+    for name in ("pedal", "keep_out", "stop_button", "slow_start")
+)
 HOST, BOARD_MM = "127.77.0.2", "259.4"
 VIEWS = 22
 CLOSING_S = 2.0
@@ -87,7 +91,7 @@ class Lab:
 
     def open(self) -> None:
         """Print the board, switch on arm and camera."""
-        (self._out / "rig.toml").write_text(RIG.format(host=HOST))
+        (self._out / "rig.toml").write_text(RIG.format(host=HOST) + WAIVERS)
         if not self._board.exists():
             page = self._out / "page.png"
             self._alone("calibrate", "board", "--paper", "a4", "--out", str(page))

@@ -23,6 +23,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
             ("[tools.TASK.payload]", "adaptsim_cli.devices.rig_file.description", "PayloadPart"),
             ("[person]", "adaptsim_cli.devices.rig_file.description", "PersonPart"),
             ("[[keep_out]]", "adaptsim_cli.devices.rig_file.description", "KeepOutPart"),
+            ("[[waivers]]", "adaptsim_cli.devices.rig_file.waivers", "WaiverPart"),
         ),
     ),
     (
@@ -86,7 +87,14 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
     ),
     ("about.json", "Note and tags of a session.", (("", "adaptsim_cli.session.keeping", "About"),)),
     ("pruned.json", "Beside a trial whose recordings were removed.", (("", "adaptsim_cli.session.records", "Pruned"),)),
-    ("rig.json", "Beside a trial on a real rig.", (("", "adaptsim_cli.session.records", "RigFacts"),)),
+    (
+        "rig.json",
+        "Beside a trial on a real rig.",
+        (
+            ("", "adaptsim_cli.session.records", "RigFacts"),
+            ("waivers", "adaptsim_cli.session.records", "WaiverRecord"),
+        ),
+    ),
     (
         "result.json",
         "What the trials of one iteration led to.",

@@ -114,8 +114,7 @@ def opened(call: Call, listener: Watchdog) -> tuple[Keeper | None, Answer]:
         worker.kill()
         return None, DeviceUnavailable(
             f"the hand at {call.arguments[1]} does not accept a second connection ({second}), and without one nothing "
-            'could stop it: end other programs that use it, or put waived = ["hand"] into the rig file and close the '
-            "hand in Desk"
+            "could stop it: end other programs that use it, or screw the tool on (docs/guide/rig.md#waivers)"
         )
     return Keeper(call.arguments[1], listener, worker, lambda: _stopped(stopper)), answer
 

@@ -25,7 +25,7 @@ from typing import Any
 from fr3_process import Fr3Process, own_host
 from gripper_server import GripperServer
 from lab_session import WORLD, environment
-from real_lab import HANDLE_M, calibration
+from real_lab import HANDLE_M, calibration, waivers
 from serial_lines import Box, Line
 
 from adaptsim_cli import config
@@ -43,7 +43,6 @@ LISTENS_S = 0.5
 HOLD = "Hold the pedal to let the arm move"
 RIG = """\
 name = "drill"
-waived = ["keep_out", "payload", "stop_button", "slow_start"]
 consent = "command"
 [arm]
 model = "fr3"
@@ -52,7 +51,7 @@ address = "{host}"
 port = "{port}"
 [person]
 side = "left"
-"""
+""" + waivers("keep_out", "payload", "stop_button", "slow_start")
 START = "Type y to start, q to stop, ? explains:"
 ANSWERS = {
     "Your name goes into the record:": "Kim",

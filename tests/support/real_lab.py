@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
@@ -14,6 +15,7 @@ from rich.console import Console
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.lab import Drivers
+from adaptsim_cli.devices.rig_file.waivers import Waivable, WaiverPart
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from calib.saved import SavedCalibration, UncertaintyRecord
@@ -27,9 +29,22 @@ from hw.workcell import Workcell
 from perception.board.types import Board
 from sim.lab.kinect import default_X_BC
 
+
+def waivers(*names: str, on: str = "") -> str:
+    """The part of a rig file that waives these safeguards, from today on."""
+    day = on or datetime.now(UTC).date().isoformat()
+    entry = '[[waivers]]\nsafeguard = "{}"\nreason = "a lab of the tests"\nby = "Kim"\non = "{}"\n'
+    return "".join(entry.format(name, day) for name in names)
+
+
+def waiver(name: Waivable) -> WaiverPart:
+    """From today on."""
+    return WaiverPart(name, "a lab of the tests", "Kim", datetime.now(UTC).date().isoformat())
+
+
+WAIVED = ("keep_out", "stop_button", "slow_start")
 RIG = """\
 name = "lab-1"
-waived = ["keep_out", "stop_button", "slow_start"]
 consent = "command"
 [arm]
 model = "panda"
@@ -49,7 +64,7 @@ mass_kg = 0.45
 height_m = 0.002
 [tools.scooping.payload]
 mass_kg = 0.12
-"""
+""" + waivers(*WAIVED)
 READY_RAD = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 _PINHOLE = Intrinsics(64, 48, np.array([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1.0]]))
 MODEL = CameraModel("000123", _PINHOLE, _PINHOLE, np.eye(4))

@@ -6,19 +6,20 @@ Positions are in the arm's base frame B (X forward, Z up); tool and payload are 
 from __future__ import annotations
 
 from dataclasses import astuple
-from typing import Annotated, Any, Literal
+from datetime import UTC, date, datetime
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass
 
+from adaptsim_cli.devices.rig_file.keys import RULES, key
+from adaptsim_cli.devices.rig_file.waivers import Waivable, WaiverPart
 from hw.camera.k4a_device import ColourSettings
 from hw.camera.process import KINECT, REALSENSE, CameraProcess
 from hw.collision import MOST_SLOPE, KeepOut, Side, Table, persons_side
 from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
 from hw.types import Array, frozen_array
-
-_RULES = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
@@ -26,20 +27,12 @@ Six = tuple[float, float, float, float, float, float]
 Seven = tuple[float, float, float, float, float, float, float]
 Range = tuple[float, float]
 Model = Literal["panda", "fr3"]
-Waivable = Literal["pedal", "hand", "person", "payload", "keep_out", "stop_button", "slow_start"]
-"""The checks of a real lab that its rig file may waive."""
-
-
-def key(meaning: str, unit: str = "", **rules: Any) -> Any:
-    """The help text of a key, its unit, and pydantic's rules for it."""
-    return Field(description=meaning, json_schema_extra={"unit": unit} if unit else None, **rules)
-
 
 _IMPEDANCE: Seven = tuple(FrankaSettings("arm").joint_impedance_Nm_rad.tolist())
 _COLLISION = CollisionThresholds()
 
 
-@dataclass(frozen=True, config=_RULES)
+@dataclass(frozen=True, config=RULES)
 class Collision:
     """Above `contact` the arm reports a contact; above `collision` it stops by itself with a reflex."""
 
@@ -64,7 +57,7 @@ class Collision:
         return CollisionThresholds(*map(np.array, astuple(self)))
 
 
-@dataclass(frozen=True, config=_RULES)
+@dataclass(frozen=True, config=RULES)
 class ArmPart:
     """The arm. Its hand is set up on the arm's web page (Desk)."""
 
@@ -94,7 +87,7 @@ class ArmPart:
         return FrankaSettings(self.address, payload or Payload(), self.collision.thresholds(), impedance)
 
 
-@dataclass(frozen=True, config=_RULES)
+@dataclass(frozen=True, config=RULES)
 class PayloadPart:
     """The load in the hand; without it the arm takes the tool's weight for an external force."""
 
@@ -112,7 +105,7 @@ class PayloadPart:
         return Payload(self.mass_kg, np.array(self.com_F_m), np.array(self.inertia_F_kg_m2))
 
 
-@dataclass(frozen=True, config=_RULES)
+@dataclass(frozen=True, config=RULES)
 class ToolPart:
     """The tool of one task, and its pose on the flange. Left out: the printed mount that ships with the task."""
 
@@ -161,7 +154,7 @@ class ToolPart:
         return frozen_array(X, (4, 4), "X_FT")
 
 
-@dataclass(frozen=True, config=_RULES)
+@dataclass(frozen=True, config=RULES)
 class TablePart:
     """The table top in the base frame, as a touch-off measures it, and the work area on it."""
 
@@ -190,7 +183,7 @@ class TablePart:
         return bool(((xy_m >= low) & (xy_m <= high)).all())
 
 
-@dataclass(frozen=True, config=_RULES)
+@dataclass(frozen=True, config=RULES)
 class PersonPart:
     """The operator's side, seen from the base along X: arm and tool stay away from that whole side."""
 
@@ -202,7 +195,7 @@ class PersonPart:
         return persons_side(self.side, self.from_m)
 
 
-@dataclass(frozen=True, config=_RULES)
+@dataclass(frozen=True, config=RULES)
 class KeepOutPart:
     """A box, along the axes of the base frame, that neither arm nor tool enters."""
 
@@ -218,7 +211,7 @@ class KeepOutPart:
         return KeepOut(self.name, np.array(self.low_m), np.array(self.high_m))
 
 
-@dataclass(frozen=True, config=_RULES)
+@dataclass(frozen=True, config=RULES)
 class CameraPart:
     """The camera. Exposure and white balance are fixed, so that pictures are comparable."""
 
@@ -243,14 +236,14 @@ class CameraPart:
         return ColourSettings(self.exposure_us, self.white_balance_K, self.gain, self.mains_hz)
 
 
-@dataclass(frozen=True, config=_RULES)
+@dataclass(frozen=True, config=RULES)
 class PedalPart:
     """The enabling pedal (docs/guide/enable-pedal.md): the arm moves while it is held. Not a safety device."""
 
     port: Annotated[str, key("serial port", min_length=1, examples=["/dev/ttyACM0"])]
 
 
-@dataclass(frozen=True, config=_RULES)
+@dataclass(frozen=True, config=RULES)
 class BalancePart:
     """The balance that weighs the object; left out: its mass is not recorded."""
 
@@ -260,7 +253,7 @@ class BalancePart:
     )
 
 
-@dataclass(frozen=True, config=_RULES)
+@dataclass(frozen=True, config=RULES)
 class RigDescription:
     """One lab with one real arm."""
 
@@ -269,13 +262,6 @@ class RigDescription:
     table: Annotated[TablePart, key("the table")] = Field(default_factory=TablePart)
     camera: Annotated[CameraPart, key("the camera")] = Field(default_factory=CameraPart)
     pedal: Annotated[PedalPart | None, key("the enabling pedal")] = None
-    waived: Annotated[
-        tuple[Waivable, ...],
-        key(
-            "checks that this lab goes without, which every trial records: pedal, hand (the tool is "
-            "screwed on), person, payload, keep_out, stop_button, slow_start"
-        ),
-    ] = ()
     consent: Annotated[
         Literal["motion", "command"] | None,
         key(
@@ -287,24 +273,44 @@ class RigDescription:
     tools: Annotated[dict[str, ToolPart], key("the tool of each task")] = Field(default_factory=dict)
     person: Annotated[PersonPart | None, key("where the operator stands", examples=[PersonPart("left")])] = None
     keep_out: Annotated[tuple[KeepOutPart, ...], key("boxes that the arm must not enter")] = ()
+    waivers: Annotated[
+        tuple[WaiverPart, ...], key("safeguards that this lab goes without for 30 days, which every trial records")
+    ] = ()
 
     def __post_init__(self) -> None:
         names = [part.name for part in self.keep_out]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"keep_out: two boxes are called {twice[0]!r}, give each a name of its own")
-        if self.pedal and "pedal" in self.waived:
-            raise ValueError('the file names a pedal and waives it: remove [pedal], or "pedal" from waived')
+        waived = [waiver.safeguard for waiver in self.waivers]
+        if repeated := sorted({name for name in waived if waived.count(name) > 1}):
+            raise ValueError(f"waivers: {repeated[0]} is waived more than once, keep the newest")
+        if self.pedal and "pedal" in waived:
+            raise ValueError("the file names a pedal and waives it: remove one of the two")
         if self.pedal and self.balance and self.pedal.port == self.balance.port:
             raise ValueError(f"pedal and balance share the port {self.pedal.port!r}: each has its own")
 
-    def covers(self, what: Waivable, is_there: bool) -> bool:
-        """Whether something is there, or waived."""
-        return is_there or what in self.waived
+    def in_force(self, today: date | None = None) -> tuple[WaiverPart, ...]:
+        """The waivers that count today."""
+        day = datetime.now(UTC).date() if today is None else today
+        return tuple(waiver for waiver in self.waivers if waiver.counts(day))
+
+    def lapsed(self) -> tuple[WaiverPart, ...]:
+        """The waivers that do not count, or not any more."""
+        return tuple(waiver for waiver in self.waivers if waiver not in self.in_force())
+
+    def waives(self, what: Waivable) -> bool:
+        """Whether this safeguard is waived today."""
+        return any(waiver.safeguard == what for waiver in self.in_force())
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether it describes the simulated lab, which has no pedal."""
+        return self.arm.address == SIMULATED_ADDRESS
 
     @property
     def without_hand(self) -> bool:
         """Whether no hand holds the tool."""
-        return "hand" in self.waived
+        return self.waives("hand")
 
     def tool(self, task: str) -> ToolPart:
         """The tool of a task; the shipped mount if the file does not name one."""
@@ -316,10 +322,11 @@ class RigDescription:
         return (*person, *(part.box() for part in self.keep_out))
 
 
+SIMULATED_ADDRESS = "simulated"
 _EVERYWHERE: Range = (-9.0, 9.0)
 """Extent in m, along each axis, of a table without a rig file."""
 
 
 def as_shipped(model: Model) -> RigDescription:
     """The simulated lab's rig: an arm over a level table with nothing around it, its tools mounted as designed."""
-    return RigDescription("simulated", ArmPart(model, "simulated"), TablePart(x_m=_EVERYWHERE, y_m=_EVERYWHERE))
+    return RigDescription("simulated", ArmPart(model, SIMULATED_ADDRESS), TablePart(x_m=_EVERYWHERE, y_m=_EVERYWHERE))

@@ -18,13 +18,17 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from adaptsim_cli.config import PRACTICE_FILE, Config
-from adaptsim_cli.devices.rig_file.description import RigDescription, Waivable, as_shipped
+from adaptsim_cli.devices.rig_file.description import RigDescription, as_shipped
+from adaptsim_cli.devices.rig_file.waivers import Waivable, WaiverPart
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.storage.validation import plain, unknown
 from hw.bounded import Unreadable, read_table
 
 BOARD = "board"
 """[tools.board]: the calibration board in the gripper, for its payload."""
+
+OLD_WAIVERS = "waived"
+"""The key of an older version."""
 
 _UNKNOWN = "unexpected_keyword_argument"
 _LIMITS = {
@@ -89,8 +93,27 @@ def read(path: Path, tools: Collection[str] = ()) -> RigDescription:
     return described(content, str(path), tools)
 
 
+def without_old_waivers(path: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The content of a file for a setup, without the list of waivers of an older version, and the names in it.
+
+    Raises FileNotFoundError, UsageError.
+    """
+    try:
+        content = read_table(path)
+    except Unreadable as error:
+        raise UsageError(f"rig file {path} {error}") from error
+    names = content.pop(OLD_WAIVERS, ())
+    return content, tuple(map(str, names)) if isinstance(names, (list, tuple)) else (str(names),)
+
+
 def described(content: dict[str, Any], source: str, tools: Collection[str] = ()) -> RigDescription:
     """The lab of a parsed file. Raises UsageError beginning with `source`."""
+    if OLD_WAIVERS in content:
+        raise UsageError(
+            f"{source}: {OLD_WAIVERS} is a list of an older version. A waiver now has a reason, a name and a day, and "
+            "counts for 30 days. adaptsim setup removes the list and asks again for what it named; for one of them "
+            "alone: adaptsim setup --waive NAME (docs/guide/rig.md#waivers)"
+        )
     try:
         rig = TypeAdapter(RigDescription).validate_json(json.dumps(content, default=str), strict=True)
     except ValidationError as error:
@@ -192,10 +215,11 @@ class Gap:
 
 def gaps(rig: RigDescription, tool: str) -> tuple[Gap, ...]:
     """The gaps of a rig whose hand holds the tool `tool`, most important first."""
+    lapsed = {waiver.safeguard: waiver for waiver in rig.lapsed()}
     stated: tuple[tuple[Waivable, bool, str, str], ...] = (
         (
             "pedal",
-            rig.pedal is not None,
+            rig.pedal is not None or rig.is_simulated,
             "it names no enabling pedal",
             "write its port into [pedal] (docs/guide/enable-pedal.md)",
         ),
@@ -217,16 +241,26 @@ def gaps(rig: RigDescription, tool: str) -> tuple[Gap, ...]:
             "it names no box that the arm must keep out of",
             "write a [[keep_out]] for each obstacle: stand, lamp, screen",
         ),
+        (
+            "hand",
+            "hand" not in lapsed,
+            "it does not say any more that the tool is screwed on",
+            "let the hand hold the tool and remove its [[waivers]]",
+        ),
     )
-    return tuple(Gap(what, says, remedy) for what, is_there, says, remedy in stated if not rig.covers(what, is_there))
+    return tuple(
+        Gap(what, says + _lapsed(lapsed.get(what)), remedy)
+        for what, is_there, says, remedy in stated
+        if not (is_there or rig.waives(what))
+    )
+
+
+def _lapsed(waiver: WaiverPart | None) -> str:
+    if waiver is None:
+        return ""
+    return f" (its waiver of {waiver.on} ended on {waiver.until}; adaptsim setup asks for the reason again)"
 
 
 def in_words(found: tuple[Gap, ...]) -> str:
-    """The gaps in one sentence, with the line that waives them."""
-    return "; ".join(f"{gap.message}: {gap.remedy}" for gap in found) + waiving(found)
-
-
-def waiving(found: tuple[Gap, ...]) -> str:
-    """The line that waives the gaps, as the end of a sentence."""
-    names = ", ".join(f'"{gap.what}"' for gap in found)
-    return f". To go without: waived = [{names}], which every trial records"
+    """The gaps in one sentence."""
+    return "; ".join(f"{gap.message}: {gap.remedy}" for gap in found)

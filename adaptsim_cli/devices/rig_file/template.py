@@ -30,6 +30,9 @@ def template(rig: RigDescription, tasks: tuple[str, ...]) -> str:
     if not rig.keep_out:
         lines += ["", "# a box that neither arm nor tool enters; one of these for each", "#[[keep_out]]"]
         lines += _part(_EXAMPLE_BOX, "keep_out", commented=True)
+    for waiver in rig.waivers:
+        lines += ["", "# a safeguard that this lab goes without for 30 days", "[[waivers]]"]
+        lines += _part(waiver, "waivers", commented=False)
     return "\n".join(lines) + "\n"
 
 
@@ -43,7 +46,7 @@ def _part(part: Any, path: str, *, commented: bool) -> Iterator[str]:
         mark = "#" if commented or value is None else ""
         yield from (f"# {_told(fields[name])}", f"{mark}{name} = {_value(shown)}")
     for name, field in fields.items():
-        if name in plain or name in ("tools", "keep_out"):
+        if name in plain or name in ("tools", "keep_out", "waivers"):
             continue
         full = f"{path}.{name}".lstrip(".")
         kind = next(k for k in (field.annotation, *get_args(field.annotation)) if dataclasses.is_dataclass(k))

@@ -15,6 +15,7 @@ from real_lab import (
     quiet,
     said,
     typing,
+    waiver,
 )
 from sdk_fake import FakeSdk
 
@@ -103,7 +104,7 @@ def test_who_leaves_a_pressed_stop_button_stops_the_command():
 
 
 def remembering(screen: Screen, known: KnownArm) -> Consent:
-    return Consent(screen, "panda", operator="Kim", known=known, waived=("stop_button", "slow_start"))
+    return Consent(screen, "panda", operator="Kim", known=known, waivers=(waiver("stop_button"), waiver("slow_start")))
 
 
 def test_every_motion_says_how_many_commands_came_in_time(monkeypatch):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import cell, stick
-from real_lab import READY_RAD, RIG, ToyDevices, calibrated, quiet, said, typing, write_rig
+from real_lab import READY_RAD, RIG, WAIVED, ToyDevices, calibrated, quiet, said, typing, waiver, waivers, write_rig
 
 from adaptsim_cli import config
 from adaptsim_cli.devices.confirmed import ConfirmedArm
@@ -68,7 +69,9 @@ def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(tmp_
     with open_trials(there.config, there.places, get_task("scooping"), devices.drivers(), screen=screen) as real:
         real.rig.arm.execute(STILL)
         facts = real.rig.attendant.facts()
-    assert (facts.operator, facts.waived) == ("Kim", ("keep_out", "stop_button", "slow_start"))
+    assert facts.operator == "Kim"
+    assert [(one.safeguard, one.by) for one in facts.waivers] == [(name, "Kim") for name in WAIVED]
+    assert all(one.reason == "a lab of the tests" and one.on < one.until for one in facts.waivers)
     assert facts.consent is not None
     for folder in (session, folder_of(there.places, read(place / "rig.toml"))):
         said_there = [line.data.get("answer") for line in read_log(folder) if line.event == "answered"]
@@ -91,7 +94,7 @@ def test_each_motion_is_agreed_to_if_the_rig_asks_for_it(monkeypatch):
 
 def test_a_rig_asks_for_each_motion_until_it_has_moved_slowly(monkeypatch, place, kim):
     devices = ToyDevices()
-    write_rig(place, RIG.replace('consent = "command"\n', "").replace(', "slow_start"', ""))
+    write_rig(place, RIG.replace('consent = "command"\n', "").replace(waivers("slow_start"), ""))
     for pace, each in ((0.3, "motion"), (1.0, "motion")):
         there = config.load({"hw": "panda", "task": "scooping", "pace": pace})
         calibrated(there)
@@ -173,7 +176,9 @@ def test_a_new_set_up_moves_slowly_first_or_by_name(answer, moves, tmp_path, mon
     typing(monkeypatch, answer, "panda")
 
     def asked(pace: float, setup: str, into: Screen) -> Consent:
-        return Consent(into, "panda", operator="Kim", known=known, setup=setup, pace=pace, waived=("stop_button",))
+        return Consent(
+            into, "panda", operator="Kim", known=known, setup=setup, pace=pace, waivers=(waiver("stop_button"),)
+        )
 
     arm, bare = arm_with(asked(1.0, "new", screen))
     with arm:
@@ -215,16 +220,48 @@ def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(place, kim
     assert [gap.what for gap in gaps(rig, "scooping")] == ["pedal", "person", "payload", "keep_out"]
     there = config.load({"hw": "panda", "task": "scooping"})
     calibrated(there)
-    every = r'pedal.*operator stands.*payload.*keep out.*waived = \["pedal", "person", "payload", "keep_out"\]'
+    every = r"pedal.*operator stands.*payload.*keep out"
     with (
-        pytest.raises(UsageError, match=every),
+        pytest.raises(UsageError, match=every) as refused,
         open_trials(there.config, there.places, get_task("scooping"), ToyDevices().drivers()),
     ):
         pass
     lab = Examined(there, {"rig file": ok("")})
     found = CHECKS["safeguards"](lab)
     assert found.verdict is Severity.MISSING
-    assert 'waived = ["pedal", "person", "payload", "keep_out"]' in found.fix
-    write_rig(place, 'waived = ["pedal", "person", "payload", "keep_out"]\n' + bare)
+    assert not re.search("waive", f"{refused.value} {found.detail} {found.fix}"), "no message prints a waiver to paste"
+    write_rig(place, bare + waivers("pedal", "person", "payload", "keep_out"))
     lab = Examined(there, {"rig file": ok("")})
-    assert CHECKS["safeguards"](lab).verdict is Severity.ADVICE
+    found = CHECKS["safeguards"](lab)
+    assert found.verdict is Severity.ADVICE
+    assert "pedal is waived until" in found.detail and "a lab of the tests (Kim," in found.detail
+
+
+@pytest.mark.parametrize(("age_days", "counts"), [(-400, False), (-2, False), (0, True), (30, True), (31, False)])
+def test_a_waiver_counts_for_thirty_days_and_then_not(age_days, counts, place, kim):
+    on = (datetime.now(UTC) - timedelta(days=age_days)).date().isoformat()
+    bare = 'name = "lab-1"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n'
+    rig = read(write_rig(place, bare + waivers("pedal", "person", "payload", "keep_out", "hand", on=on)))
+    assert rig.without_hand == counts
+    missing = gaps(rig, "scooping")
+    assert [gap.what for gap in missing] == ([] if counts else ["pedal", "person", "payload", "keep_out", "hand"])
+    assert all(f"its waiver of {on} ended on" in gap.message and "adaptsim setup" in gap.message for gap in missing)
+
+
+def test_a_waiver_of_an_older_version_is_named_with_the_way_to_renew_it(place, kim, refused):
+    write_rig(place, 'waived = ["pedal"]\n' + RIG)
+    answer = refused(2, "doctor", "--hw", "panda", "--assessment", "sheet.html")
+    assert "waived is a list of an older version" in answer and "adaptsim setup --waive NAME" in answer
+
+
+def test_every_command_says_and_logs_what_is_waived_and_what_is_not_any_more(place, kim):
+    old = (datetime.now(UTC) - timedelta(days=40)).date().isoformat()
+    write_rig(place, RIG.replace(waivers("stop_button"), waivers("stop_button", on=old)))
+    there = config.load({"hw": "panda", "task": "scooping"})
+    calibrated(there)
+    screen = quiet()
+    with open_trials(there.config, there.places, get_task("scooping"), ToyDevices().drivers(), screen=screen):
+        pass
+    lines = [line.text for line in read_log(folder_of(there.places, read(place / "rig.toml"))) if line.event == "noted"]
+    assert any("Waived: keep_out is waived until" in line and "a lab of the tests (Kim" in line for line in lines)
+    assert any(line.startswith("Not waived any more: stop_button, since") for line in lines)

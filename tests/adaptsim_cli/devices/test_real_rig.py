@@ -15,6 +15,7 @@ from real_lab import (
     HANDLE_M,
     READY_RAD,
     RIG,
+    WAIVED,
     ToyBalance,
     ToyDevices,
     Untouched,
@@ -22,6 +23,7 @@ from real_lab import (
     quiet,
     said,
     typing,
+    waivers,
     write_rig,
 )
 from toy_rig import ToyLab, rig_target, toy_parts
@@ -185,12 +187,13 @@ def test_a_lab_without_pedal_and_balance_asks_less(place):
     text = RIG[: RIG.index("[pedal]")] + RIG[RIG.index("[person]") :]
     with pytest.raises(UsageError, match="pedal"), opened(place, devices, text):
         pass
-    with opened(place, devices, text.replace('"keep_out"', '"keep_out", "pedal", "hand"')) as real:
+    with opened(place, devices, text + waivers("pedal", "hand")) as real:
         assert set(devices.opened) == {"arm", "camera"}
         assert devices.opened["arm"]["pedal"] is None
         assert beside(real).scales is None
-        waived = ("keep_out", "pedal", "hand", "stop_button", "slow_start")
-        assert beside(real).facts() == RigFacts(pedal="waived", tool="waived", operator="Kim", waived=waived)
+        facts = beside(real).facts()
+        assert {waiver.safeguard for waiver in facts.waivers} == {*WAIVED, "pedal", "hand"}
+        assert facts == RigFacts(pedal="waived", tool="waived", operator="Kim", waivers=facts.waivers)
 
 
 def test_a_tool_that_is_lost_or_slips_is_noticed_before_the_next_motion(place, monkeypatch):

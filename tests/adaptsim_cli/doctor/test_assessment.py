@@ -10,14 +10,14 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from real_lab import RIG, calibrated, write_rig
+from real_lab import RIG, calibrated, waivers, write_rig
 
 from adaptsim_cli import app, config
 from adaptsim_cli.devices.known_arm import ArmFacts
 from adaptsim_cli.devices.mounted import mounted
-from adaptsim_cli.devices.rig_file.description import Waivable
 from adaptsim_cli.devices.rig_file.reading import read
-from adaptsim_cli.doctor.assessment import WITHOUT, Motions, page
+from adaptsim_cli.devices.rig_file.waivers import WITHOUT, Waivable
+from adaptsim_cli.doctor.assessment import Motions, page
 from hw.stopping import WorstStop
 from sim.tasks import get_task
 
@@ -25,9 +25,7 @@ USAGE = 2
 GUIDE = Path(__file__).parents[3] / "docs" / "guide" / "rig.md"
 STOP = WorstStop(0.41, 0.21, 0.83, 0.29, "tip of spatula")
 MOVES = Motions(7, 0.8, STOP, 12.0, 0.2)
-BARE = (
-    f"waived = {list(get_args(Waivable))}\n{RIG[: RIG.index('waived')]}{RIG[RIG.index('[arm]') : RIG.index('[pedal]')]}"
-)
+BARE = RIG[: RIG.index("consent")] + RIG[RIG.index("[arm]") : RIG.index("[pedal]")] + waivers(*get_args(Waivable))
 
 
 def sheet(folder: Path, rig_text: str = RIG, moves: Motions = MOVES) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import pytest
 from real_lab import ToyDevices, calibrated, quiet, said, typing
@@ -39,7 +40,7 @@ def test_enter_takes_what_the_machine_has(answers, monkeypatch):
         "cameras",
         lambda _: probe.ProbeReport("x", "1", "Orbbec", True, (probe.FoundDevice(0, "000123", ""),), None, None),
     )
-    typing(monkeypatch, *[""] * 20)
+    typing(monkeypatch, *[""] * 12, "lamp", "", "", "", "", "")
     for step in (describing.arm, describing.pedal, describing.camera, describing.table, describing.tool):
         step(answers)
     answers.save()
@@ -48,7 +49,7 @@ def test_enter_takes_what_the_machine_has(answers, monkeypatch):
     assert rig.pedal is not None and rig.pedal.port == ARDUINO
     assert rig.balance is not None and (rig.balance.port, rig.balance.protocol) == (FTDI, "mt-sics")
     assert rig.person is not None and (rig.person.side, rig.person.from_m) == ("left", 0.6)
-    assert rig.waived == ("keep_out",)
+    assert rig.waivers == () and [box.name for box in rig.keep_out] == ["lamp"]
     payload = rig.tool("scooping").payload
     assert payload is not None and payload.mass_kg == pytest.approx(0.12)
     assert "# where that side begins, m, 0.2 to 1.9" in answers.file.read_text()
@@ -68,15 +69,71 @@ def test_wrong_answers_are_explained_and_asked_again(answers, monkeypatch):
     assert "The arm stops by itself at 80 N, and at 60 60 54 54 10 10 10 Nm in joints 1 to 7." in told
 
 
-def test_what_is_missing_is_waived_in_the_file_and_stated_again_later(answers, monkeypatch):
-    typing(monkeypatch, "none", "none", *[""] * 3, "none", "none")
+def test_enter_waives_nothing(answers, monkeypatch):
+    """Enter at everything, on a computer without a pedal: each question without a default is asked again."""
+    monkeypatch.setattr(describing, "serial_ports", lambda _: ())
+    typing(monkeypatch, *[""] * 40)
+    with pytest.raises(StoppedByOperator):
+        describing.pedal(answers)
+    typing(monkeypatch, *[""] * 40)
+    with pytest.raises(StoppedByOperator):
+        describing.table(answers)
+    assert answers.rig.waivers == () and answers.rig.pedal is None and answers.rig.keep_out == ()
+    told = said(answers.screen)
+    assert "there is no default" in told and "There is no box yet" in told
+
+
+@pytest.mark.parametrize("reason", ["", "short"])
+def test_a_waiver_needs_a_typed_reason(reason, answers, monkeypatch):
+    typing(monkeypatch, "waive", reason, "1", "none", *[""] * 3, "waive", reason, "left", "", "waive", reason, "lamp",
+           "", "", "")  # fmt: skip
     describing.pedal(answers)
     describing.table(answers)
-    assert set(answers.rig.waived) == {"pedal", "person", "keep_out"}
-    assert answers.rig.person is answers.rig.pedal is None
+    assert answers.rig.waivers == ()
+    assert "Nothing is waived" in said(answers.screen)
+
+
+def test_a_waiver_has_reason_name_and_day_in_the_file_and_ends_when_the_safeguard_is_there(answers, monkeypatch):
+    answers.config = answers.config.model_copy(update={"operator": "Kim"})
+    why = "the pedal is ordered"
+    typing(monkeypatch, "waive", why, "none", *[""] * 3, "waive", "nobody enters", "waive", "an empty room")
+    describing.pedal(answers)
+    describing.table(answers)
+    answers.save()
+    rig = read(answers.file)
+    assert [waiver.safeguard for waiver in rig.waivers] == ["pedal", "person", "keep_out"]
+    assert (rig.waivers[0].reason, rig.waivers[0].by) == (why, "Kim")
+    assert rig.waivers[0].counts(datetime.now(UTC).date())
+    old = replace(rig.waivers[0], on="2026-01-01")
+    answers.rig = replace(rig, waivers=(old, *rig.waivers[1:]))
     typing(monkeypatch, "1", "none")
     describing.pedal(answers)
-    assert set(answers.rig.waived) == {"person", "keep_out"}
+    assert [waiver.safeguard for waiver in answers.rig.waivers] == ["person", "keep_out"]
+
+
+def test_a_step_is_not_done_while_its_safeguard_is_missing(answers, monkeypatch):
+    step = next(step for step in walk.STEPS if step.name == "pedal")
+    monkeypatch.setattr(checks, "examine", lambda *_: iter(()))
+    assert walk._missing(answers, step) == ["pedal"]
+
+
+def test_a_setup_drops_the_waivers_of_an_older_version_and_asks_again(tmp_path, kim):
+    (tmp_path / "home").mkdir()
+    file = tmp_path / "home/rig.toml"
+    file.write_text('name = "lab"\nwaived = ["pedal"]\n[arm]\nmodel = "panda"\naddress = "a"\n')
+    screen = quiet()
+    assert begun(config.load({"hw": "panda"}), screen, yes=False).rig.waivers == ()
+    assert "waives pedal in the way of an older version" in said(screen)
+
+
+@pytest.mark.parametrize(("typed", "count"), [(["the tool is screwed on"], 1), ([""], 0)])
+def test_one_safeguard_is_waived_alone(typed, count, tmp_path, kim, monkeypatch):
+    answers = begun(config.load({"hw": "panda"}), quiet(), yes=False)
+    typing(monkeypatch, *typed)
+    walk.waive(answers, "hand")
+    assert len(answers.rig.waivers) == count and answers.file.is_file() == bool(count)
+    with pytest.raises(UsageError, match="--waive lamp: choose one of pedal, hand"):
+        walk.waive(answers, "lamp")
 
 
 def test_a_side_where_a_task_works_is_refused_and_a_box_there_is_named(answers, monkeypatch):

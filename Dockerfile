@@ -1,20 +1,30 @@
-# adaptsim with the simulated lab: docker build -t adaptsim .
-# Then: docker run --rm -v "$PWD/data:/data" adaptsim run-iteration --task pendulum --world wd --yes
+# adaptsim with the simulated lab: docker build -t adaptsim --build-arg VERSION="$(git describe --tags --always)" .
+# Then: docker run --rm --user "$(id -u)" -v "$PWD/data:/data" adaptsim run-iteration --task pendulum --world wd --yes
+# It runs as the user adaptsim, or as whoever --user names, who needs no home; neither git nor its history is inside.
 FROM python:3.11-slim-bookworm
 
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends git libegl1 libgl1 libusb-1.0-0 libglib2.0-0 libgomp1 \
-    && rm -rf /var/lib/apt/lists/*
+    && apt-get install -y --no-install-recommends libegl1 libgl1 libusb-1.0-0 libglib2.0-0 libgomp1 \
+    && rm -rf /var/lib/apt/lists/* \
+    && useradd --uid 10001 --create-home adaptsim \
+    && install --directory --owner adaptsim /data
 
 WORKDIR /adaptsim
 COPY requirements-run.lock ./
 ARG TORCH_INDEX=https://download.pytorch.org/whl/cpu
-RUN pip install --no-cache-dir --index-url "$TORCH_INDEX" torch==2.13.0 \
-    && pip install --no-cache-dir --requirement requirements-run.lock
-COPY . .
-RUN pip install --no-cache-dir --no-deps .
+RUN pip install --no-cache-dir --index-url "$TORCH_INDEX" "$(grep '^torch==' requirements-run.lock)" \
+    && pip install --no-cache-dir --no-deps --requirement requirements-run.lock
+COPY pyproject.toml setup.py README.md LICENSE NOTICE ./
+COPY adaptsim_cli adaptsim_cli
+COPY calib calib
+COPY hw hw
+COPY perception perception
+COPY sim sim
+ARG VERSION=
+RUN SETUPTOOLS_SCM_PRETEND_VERSION="$VERSION" pip install --no-cache-dir --no-deps .
 
-ENV ADAPTSIM_HOME=/data
+USER adaptsim
+ENV ADAPTSIM_HOME=/data MPLCONFIGDIR=/tmp
 VOLUME /data
 ENTRYPOINT ["adaptsim"]
 CMD ["--help"]

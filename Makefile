@@ -11,6 +11,8 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 RUNS   := $(VENV)/.runs
+# With its CUDA libraries where there is no CPU build; the locks hold everything else, so nothing is resolved again.
+TORCH  := $(shell grep '^torch==' requirements-run.lock)
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
@@ -24,15 +26,15 @@ $(RUNS): pyproject.toml requirements-run.lock
 	@$(MAKE) --no-print-directory system
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"adaptsim needs Python 3.11, 3.12 or 3.13, and $(PYTHON) is {v[0]}.{v[1]}: make PYTHON=python3.11")'
 	$(PYTHON) -m venv $(VENV)
-	$(if $(TORCH_INDEX),$(BIN)/python -m pip install --quiet --index-url $(TORCH_INDEX) torch==2.13.0)
-	$(BIN)/python -m pip install --quiet --requirement requirements-run.lock
+	$(BIN)/python -m pip install --quiet $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) $(TORCH)
+	$(BIN)/python -m pip install --quiet --no-deps --requirement requirements-run.lock
 	$(BIN)/python -m pip install --quiet --no-deps --editable .
-	@$(BIN)/python -c 'import open3d, pydrake, torch' || { echo "The packages are installed but do not import: see above. System libraries needed: $(DEBIAN)"; exit 1; }
+	@$(BIN)/python -c 'from perception.raycasting import load_open3d; load_open3d(); import pydrake, torch' || { echo "The packages are installed but do not import: see above. System libraries needed: $(DEBIAN)"; exit 1; }
 	@touch $@
 
 # And the extras and tools of development.
 $(STAMP): $(RUNS) requirements.lock
-	$(BIN)/python -m pip install --quiet --requirement requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --requirement requirements.lock
 	@touch $@
 
 system:
@@ -65,18 +67,21 @@ test-slow: $(STAMP)
 
 # What the extras export, rerun, lerobot and realsense read and write, with these programs themselves.
 test-extra:
+	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 12) else "LeRobot needs Python 3.12 or newer: make test-extra PYTHON=python3.12")'
 	rm -rf .venv-extra && $(PYTHON) -m venv .venv-extra
-	.venv-extra/bin/python -m pip install --quiet --constraint requirements.lock --editable '.[export,kinect,realsense,rerun]' pytest pytest-timeout
-	.venv-extra/bin/python -m pip install --quiet uv
-	printf 'torch==2.13.0\ntorchvision==0.28.0\n' > .venv-extra/overrides.txt  # lerobot asks for torch below 2.11
-	.venv-extra/bin/uv pip install --quiet --python .venv-extra --target .venv-extra/lerobot --overrides .venv-extra/overrides.txt 'lerobot>=0.4,<0.5'
+	.venv-extra/bin/python -m pip install --quiet $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) $(TORCH)
+	.venv-extra/bin/python -m pip install --quiet --no-deps --requirement requirements-run.lock
+	.venv-extra/bin/python -m pip install --quiet --no-deps --editable .
+	.venv-extra/bin/python -m pip install --quiet --constraint requirements.lock av jsonschema 'pyarrow>=20' pyrealsense2 'rerun-sdk>=0.41' pytest pytest-timeout uv
+	printf '%s\ntorchvision==0.28.0\n' '$(TORCH)' > .venv-extra/overrides.txt  # LeRobot asks for torch below 2.12
+	.venv-extra/bin/uv pip install --quiet --python .venv-extra --target .venv-extra/lerobot --overrides .venv-extra/overrides.txt 'lerobot>=0.6,<0.7'
 	LEROBOT=$(CURDIR)/.venv-extra/lerobot .venv-extra/bin/python -m pytest -m extra tests/extras tests/hw/test_camera_realsense.py tests/contracts/test_camera_contract.py
 
 # Every package that pyproject.toml names, at the lowest version that it allows; the two tests left out are about the locked ones.
 test-lowest:
 	rm -rf .venv-lowest && $(PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/python -m pip install --quiet uv
-	$(if $(TORCH_INDEX),.venv-lowest/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) torch==2.13.0)
+	$(if $(TORCH_INDEX),.venv-lowest/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) $(TORCH))
 	.venv-lowest/bin/uv pip install --quiet --python .venv-lowest --resolution lowest-direct --editable '.[dev]'
 	.venv-lowest/bin/python -m pytest -n 2 -m 'not slow and not hardware and not extra' \
 	  --ignore tests/documents/test_generated_pages.py --deselect tests/documents/test_package.py::test_it_holds_all_that_the_program_needs
@@ -119,32 +124,39 @@ check-site: site
 check-live: $(STAMP)
 	$(BIN)/python docs/check_live.py
 
-# What a user gets: the wheel, installed in an empty environment and used outside of the checkout.
+# What a user gets: the wheel, installed in an empty environment and used outside of the checkout; its hash and its bill of materials.
 package:
 	rm -rf .venv-package build/package && mkdir -p build/package
 	$(PYTHON) -m venv .venv-package
 	$(PYTHON) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir build/package .
-	$(if $(TORCH_INDEX),.venv-package/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) torch==2.13.0)
+	.venv-package/bin/python -m pip install --quiet $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) $(TORCH)
 	.venv-package/bin/python -m pip install --quiet --disable-pip-version-check --constraint requirements.lock build/package/*.whl
 	cd build/package && export ADAPTSIM_HOME=$$PWD/home PATH=$(CURDIR)/.venv-package/bin:$$PATH && \
-	  adaptsim --version && adaptsim --help >/dev/null && adaptsim lab list && adaptsim doctor && \
+	  adaptsim --version && python -m adaptsim_cli --help >/dev/null && adaptsim lab list && adaptsim doctor && \
 	  adaptsim run-iteration --task pendulum --world wd --yes
+	rm -rf .venv-sbom && $(PYTHON) -m venv .venv-sbom
+	.venv-sbom/bin/python -m pip install --quiet --disable-pip-version-check 'cyclonedx-bom>=7.2,<8'
+	.venv-sbom/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible --output-file build/package/sbom.cdx.json .venv-package/bin/python
+	cd build/package && sha256sum *.whl sbom.cdx.json > SHA256SUMS
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-# Resolve pyproject.toml again and write down the exact versions.
+# Write down exact versions for all three Pythons. What still fits stays; UPGRADE=--upgrade takes the newest.
+# PyTorch stays (a CPU build of it must exist), and so do its CUDA libraries with it: both locks leave them out.
+RESOLVE = .venv-lock/bin/uv pip compile --quiet --universal --python-version 3.11 --no-annotate --no-header $(UPGRADE)
+SHORTEN = sed -E -e '/^(cuda-|nvidia-|triton)/d' -e "s/ and platform_machine == 'x86_64'//; s/ and platform_python_implementation != 'PyPy'//; s/ and sys_platform == 'linux'//" \
+  -e "s/ ; python_full_version < '3.14'$$//; s/ and python_full_version < '3.14'$$//"
 lock:
 	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
-	.venv-lock/bin/python -m pip install --quiet '.[dev]'
-	{ echo "# Exact versions of everything, for Python 3.11 to 3.13 on Linux x86-64. Made by make lock."; \
-	  .venv-lock/bin/python -m pip freeze --exclude adaptsim | sed -e 's/+cpu$$//' -e "s/^pylibfranka==.*/&; python_version < '3.13'/" ; } > requirements.lock
-	rm -rf .venv-lock && $(PYTHON) -m venv .venv-lock
-	.venv-lock/bin/python -m pip install --quiet --constraint requirements.lock .
-	{ echo "# Exact versions of what the program runs with, a part of requirements.lock: no tools, no extras. Made by make lock."; \
-	  .venv-lock/bin/python -m pip freeze --exclude adaptsim | sed -e 's/+cpu$$//' ; } > requirements-run.lock
+	.venv-lock/bin/python -m pip install --quiet uv
+	cp requirements.lock .venv-lock/all.txt && echo '$(TORCH)' > .venv-lock/torch.txt
+	$(RESOLVE) --extra dev --constraint .venv-lock/torch.txt --output-file .venv-lock/all.txt pyproject.toml
+	{ echo "# Exact versions of everything, for Python 3.11 to 3.13 on Linux x86-64. Made by make lock."; $(SHORTEN) .venv-lock/all.txt; } > requirements.lock
+	$(RESOLVE) --constraint requirements.lock --output-file .venv-lock/run.txt pyproject.toml
+	{ echo "# Exact versions of what the program runs with, a part of requirements.lock: no tools, no extras. Made by make lock."; $(SHORTEN) .venv-lock/run.txt; } > requirements-run.lock
 	rm -rf .venv-lock
 
 clean:
-	rm -rf $(VENV) .venv-lock .venv-lowest .venv-site .venv-package build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) .venv-lock .venv-lowest .venv-site .venv-package .venv-sbom .venv-extra build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -24,10 +25,16 @@ def repository() -> str:
     """Address of the published repository without a slash at the end, empty when there is none."""
     url = os.environ.get("ADAPTSIM_REPOSITORY_URL", "")
     if not url:
-        asked = ["git", "config", "--get", "remote.origin.url"]
-        done = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False)
-        url = re.sub(r"^git@([^:]+):", r"https://\1/", done.stdout.strip())
+        url = re.sub(r"^git@([^:]+):", r"https://\1/", _remote())
     return url.removesuffix("/").removesuffix(".git") if url.startswith("https://") else ""
+
+
+def _remote() -> str:
+    """The address of the remote `origin`; empty where there is none, or no git (in the container)."""
+    if shutil.which("git") is None:
+        return ""
+    asked = ["git", "config", "--get", "remote.origin.url"]
+    return subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
 
 
 def readme(text: str, url: str) -> str:

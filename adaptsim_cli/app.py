@@ -30,7 +30,8 @@ from adaptsim_cli.research import benchmark, checkpoints, own_object, pretrain
 from adaptsim_cli.screen import loading
 
 EXIT_CODES = (
-    "Exit codes: 0 done, 2 usage or configuration, 3 preflight failed, 4 motion refused by limits, 5 robot fault, "
+    "Exit codes: 0 done, 1 a simulation failed, 2 usage or configuration, 3 preflight failed, "
+    "4 motion refused by limits, 5 robot fault, "
     "6 camera or tracking, 7 stopped by the operator, 8 corrupt or missing data, 130 interrupted."
 )
 

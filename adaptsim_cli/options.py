@@ -24,7 +24,7 @@ def session_names(incomplete: str) -> list[str]:
 
 def task_names(incomplete: str) -> list[str]:
     """Tasks that begin like this, those of installed packages too."""
-    ours = {folder.name for folder in _WORLDS.iterdir() if folder.is_dir()}
+    ours = {file.parent.name for file in _WORLDS.glob("*/*.toml")}
     return _like(incomplete, ours | {entry.name for entry in entry_points(group="adaptsim.tasks")})
 
 

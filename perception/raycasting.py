@@ -10,7 +10,10 @@ _PLOTS = "open3d.visualization.draw_plotly"
 
 
 def load_open3d() -> Any:
-    """Import Open3D without its plots for notebooks: they start a web framework, 0.3 s and 30 MB in every process."""
+    """Import Open3D without its plots for notebooks, which import plotly and dash; `make setup` leaves both out.
+
+    Where they are installed, they would start a web framework: 0.3 s and 30 MB in every process.
+    """
     if "open3d" not in sys.modules:
         plots = ModuleType(_PLOTS, "Left out: see perception.raycasting.")
         vars(plots).update(dict.fromkeys(("get_plotly_fig", "draw_plotly", "draw_plotly_server")))

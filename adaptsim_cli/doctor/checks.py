@@ -51,12 +51,13 @@ check = partial(add_check, CHECKS)
 
 PROGRAM, MACHINE, DEVICES, TASK = "program", "machine", "devices", "task"
 LIBRARIES = {
-    "libEGL.so.1": "libegl1",
-    "libGL.so.1": "libgl1",
-    "libusb-1.0.so.0": "libusb-1.0-0",
-    "libglib-2.0.so.0": "libglib2.0-0",
+    "Open3D": (
+        ("open3d-cpu", "open3d"),
+        {"libEGL.so.1": "libegl1", "libGL.so.1": "libgl1", "libusb-1.0.so.0": "libusb-1.0-0"},
+    ),
+    "Drake": (("drake",), {"libglib-2.0.so.0": "libglib2.0-0"}),
 }
-"""Library that Open3D or Drake loads -> its Debian package."""
+"""Program -> the packages that hold it, and each library that it loads with that library's Debian package."""
 
 
 @check(PROGRAM, "python", "make PYTHON=python3.11, in a new checkout")
@@ -81,10 +82,15 @@ def _packages(lab: Examined) -> Finding:
 
 @check(PROGRAM, "libraries")
 def _libraries(lab: Examined) -> Finding:
-    gone = [package for name, package in LIBRARIES.items() if not readings.loads(name)]
+    used = {
+        program: libraries for program, (names, libraries) in LIBRARIES.items() if any(map(readings.installed, names))
+    }
+    if not used:
+        return missing(f"neither {' nor '.join(LIBRARIES)} is installed, so nothing was tried", "make setup")
+    gone = [package for each in used.values() for name, package in each.items() if not readings.loads(name)]
     if gone:
         return missing(f"cannot be loaded: {', '.join(gone)}", f"sudo apt-get install -y {' '.join(gone)}")
-    return ok("Open3D and Drake find theirs")
+    return ok(f"{' and '.join(used)} {'find theirs' if len(used) > 1 else 'finds its'}")
 
 
 @check(PROGRAM, "driver", when=real)

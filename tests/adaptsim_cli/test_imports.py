@@ -63,3 +63,9 @@ def test_it_is_not_shown_where_nothing_is_loaded(line, monkeypatch):
 def test_no_pipe_and_no_dumb_terminal_holds_it(monkeypatch):
     assert stderr_of(monkeypatch, io.StringIO(), "config", "path") == ""
     assert stderr_of(monkeypatch, Terminal(), "config", "path", term="dumb") == ""
+
+
+def test_the_program_is_a_module_too():
+    line = [sys.executable, "-m", "adaptsim_cli", "--version"]
+    done = subprocess.run(line, check=True, capture_output=True, text=True)
+    assert done.stdout.startswith("adaptsim 0.")

@@ -13,6 +13,7 @@ import pytest
 from documents import ROOT, module
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from packaging.version import Version
 
 URL = "https://git.example/lab/adaptsim"
 TARGET = re.compile(r"\]\(([^)\s]+)\)")
@@ -58,21 +59,27 @@ def test_the_readme_has_a_picture_that_is_small():
     assert text.index(first[0]) < 100
 
 
-NOT_FROZEN = {"setuptools"}  # pip leaves it out of what it freezes
-
-
 def locked(name: str) -> dict[str, str]:
     lines = (ROOT / name).read_text().splitlines()
-    return {canonicalize_name(re.split("==", line)[0]): line for line in lines if not line.startswith("#")}
+    packages = [(line, Requirement(line)) for line in lines if not line.startswith("#")]
+    return {canonicalize_name(one.name): line for line, one in packages if one.marker is None or one.marker.evaluate()}
+
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+CUDA = ("cuda-", "nvidia-", "triton")
+"""How the packages begin that PyTorch asks for where there is no CPU build of it."""
 
 
 def needed(wanted: list[str]) -> set[str]:
-    """Names of packages, and of what they need in turn, as their installed metadata say."""
+    """Names of packages, and of what they need in turn, as their installed metadata say; without what we leave out."""
+    left_out = set(PROJECT["tool"]["uv"]["exclude-dependencies"])
     names, todo = set[str](), [Requirement(text) for text in wanted]
     while todo:
         one = todo.pop()
         name = canonicalize_name(one.name)
-        if name in names or (one.marker is not None and not one.marker.evaluate({"extra": ""})):
+        if name in names | left_out or name.startswith(CUDA):
+            continue
+        if one.marker is not None and not one.marker.evaluate({"extra": ""}):
             continue
         names.add(name)
         todo += [Requirement(text) for text in metadata.requires(name) or []]
@@ -82,12 +89,44 @@ def needed(wanted: list[str]) -> set[str]:
 def test_what_the_program_runs_with_is_a_part_of_everything():
     run, everything = locked("requirements-run.lock"), locked("requirements.lock")
     assert run.items() <= everything.items()
-    assert not run.keys() & {"mujoco", "pin", "sbi", "botorch", "pytest", "mypy", "ruff"}
+    assert not run.keys() & {"mujoco", "pin", "sbi", "botorch", "pytest", "mypy", "ruff", "distributed", "dash"}
+
+
+@pytest.mark.parametrize("name", ["requirements.lock", "requirements-run.lock"])
+@pytest.mark.parametrize("python", ["3.11", "3.12", "3.13"])
+def test_a_list_has_one_version_of_each_package_for_each_python(name, python):
+    here = {"python_version": python, "python_full_version": f"{python}.1", "sys_platform": "linux"}
+    lines = [line for line in (ROOT / name).read_text().splitlines() if not line.startswith("#")]
+    there = [one for one in map(Requirement, lines) if one.marker is None or one.marker.evaluate(here)]
+    names = [canonicalize_name(one.name) for one in there]
+    assert len(names) == len(set(names))
+    assert all(str(one.specifier).startswith("==") for one in there)
+    drake = {str(one.specifier) for one in there if one.name == "drake"}
+    assert drake == ({"==1.51.1"} if python == "3.11" else {"==1.58.0"})
+    asked = {one.name: one for one in map(Requirement, PROJECT["project"]["dependencies"])}
+    for one in there:
+        if one.name in asked and asked[one.name].marker is None:
+            assert asked[one.name].specifier.contains(str(one.specifier).removeprefix("=="))
+
+
+def test_what_comes_before_a_release_sorts_before_it():
+    fallback = Version(PROJECT["tool"]["setuptools_scm"]["fallback_version"])
+    (coming,) = re.findall(r"^## (\S+) – not yet released", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert fallback.is_devrelease
+    assert fallback < Version(coming) == Version(fallback.base_version)
+
+
+def test_every_action_of_a_workflow_is_pinned_by_its_commit():
+    workflows = sorted((ROOT / ".github/workflows").glob("*.yml"))
+    used = [line for file in workflows for line in re.findall(r"uses: (.*)", file.read_text())]
+    assert len(workflows) == 3
+    assert len(used) > 10
+    assert [line for line in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}  # v[\d.]+", line)] == []
 
 
 def test_it_holds_all_that_the_program_needs():
-    wanted = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
-    assert needed(wanted) - NOT_FROZEN <= locked("requirements-run.lock").keys()
+    wanted = PROJECT["project"]["dependencies"]
+    assert needed(wanted) <= locked("requirements-run.lock").keys()
 
 
 @pytest.mark.slow

@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
+import csv
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from tensorboardX import SummaryWriter
-
 from sim.errors import DatasetError
-from sim.storage.files import read_toml, write_toml
+from sim.storage.files import read_toml, whole_file, write_toml
 
-Log = Callable[[str, float, int], None]
-"""(name, value, step)"""
+Log = Callable[[Sequence[float]], None]
+"""Takes the next row of a learning curve."""
 
 
-def silent(name: str, value: float, step: int) -> None:
+def silent(row: Sequence[float]) -> None:
     """A log that stores nothing."""
 
 
-@contextmanager
-def tensorboard(folder: Path) -> Iterator[Log]:
-    """Write event files for TensorBoard into `folder`: `tensorboard --logdir FOLDER`."""
-    with SummaryWriter(logdir=str(folder)) as writer:
-        yield writer.add_scalar
+def curve_file(path: Path, columns: Sequence[str]) -> Log:
+    """A log that keeps the curve so far in a CSV file, which can be watched during the training."""
+    rows: list[Sequence[float]] = []
+
+    def add(row: Sequence[float]) -> None:
+        rows.append(row)
+        with whole_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+            table = csv.writer(file, lineterminator="\n")
+            table.writerow(("round", *columns))
+            table.writerows((number, *values) for number, values in enumerate(rows, start=1))
+
+    return add
 
 
 TIMINGS = "timings.toml"

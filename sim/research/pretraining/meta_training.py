@@ -96,8 +96,7 @@ def train_adaptation(
             rows.append((float(rewards.mean()), float(epsilon), loss))
         parts.append(running.episodes())
         curve.append(np.mean(rows, axis=0))
-        for name, value in zip(CURVE, curve[-1], strict=True):
-            log(f"adaptation/{name}", float(value), len(curve) - 1)
+        log(curve[-1].tolist())
         if progress is not None:
             progress(min(len(curve) * settings.parallel, settings.episodes), settings.episodes)
     return learner.online, np.array(curve), join_episodes(parts)

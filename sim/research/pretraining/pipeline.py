@@ -4,10 +4,9 @@ A task with an exact solver needs neither dataset nor emulator, and its rollouts
 
 The folder holds `plan.toml` (the settings), `dataset/`, `emulator.safetensors` (or `naf.toml`), `rollouts/` (of the
 evaluation, and of NAF's episodes, never simulated twice), `policy-iteration.safetensors`, `policy-history.safetensors`
-and `policy-state.safetensors` (adaptation policies, by their memory), each with its learning curve and learning gate in
-a TOML file, `episodes.safetensors` (of the first), `prospects.safetensors` (rewards of E for many possible truths), the
-report of each stage, `timings.toml` (wall times), `logs/` for TensorBoard, and `checkpoint/`. Existing parts are not
-made again.
+and `policy-state.safetensors` (adaptation policies, by their memory), each with its learning curve (CSV, and TOML with
+the learning gate), `episodes.safetensors` (of the first), `prospects.safetensors` (rewards of E for many possible
+truths), the report of each stage, `timings.toml` (wall times), and `checkpoint/`. Existing parts are not made again.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, Solved, fill_library
 from sim.research.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
-from sim.research.pretraining.logs import Log, Stopwatch, tensorboard
+from sim.research.pretraining.logs import Stopwatch, curve_file
 from sim.research.pretraining.meta_training import (
     CURVE,
     Gate,
@@ -181,8 +180,7 @@ def pretrain(
     networks: dict[MemoryName, QNetwork] = {}
     facts: dict[str, Any] = {"seed": seed}
     if wanted.policies or ahead is None or policy_files(folder, MEMORIES[0])[1].exists():
-        with tensorboard(folder / "logs") as log:
-            networks = _policies(folder, means, budget.meta, draws[2], progress, log)
+        networks = _policies(folder, means, budget.meta, draws[2], progress)
         facts["policy"] = {memory: read_report(policy_files(folder, memory)[1]) for memory in networks}
     if wanted.evaluation or (folder / "evaluation.toml").exists():
         results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress, anew=wanted.evaluation)
@@ -309,7 +307,7 @@ def read_report(path: Path) -> dict[str, Any]:
 
 
 def _policies(
-    folder: Path, means: _Means, settings: MetaSettings, seed: int, progress: StageProgress, log: Log
+    folder: Path, means: _Means, settings: MetaSettings, seed: int, progress: StageProgress
 ) -> dict[MemoryName, QNetwork]:
     """An adaptation policy with each memory."""
     task, episodes = means.task, folder / "episodes.safetensors"
@@ -319,6 +317,7 @@ def _policies(
         for memory in missing:
             of_training, of_trials = np.random.SeedSequence(seed, spawn_key=(MEMORIES.index(memory),)).generate_state(2)
             simulator = _simulator(means, acting, int(of_trials))
+            log = curve_file(folder / f"policy-{memory}.csv", CURVE)
             network, curve, seen = train_adaptation(
                 simulator, settings, int(of_training), memory, _after(memory, means, settings, progress), log
             )

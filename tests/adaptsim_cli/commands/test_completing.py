@@ -44,3 +44,12 @@ def test_a_shell_gets_them(home, typed, expected):
     program = [sys.executable, "-c", PROGRAM]
     found = subprocess.run(program, env={**os.environ, **asked}, capture_output=True, text=True, check=False)
     assert found.stdout.split() == expected, found.stderr
+
+
+def test_only_folders_of_worlds_are_tasks(tmp_path, monkeypatch):
+    for file in ("pendulum/wd.toml", "__pycache__/wd.cpython-311.pyc"):
+        (tmp_path / file).parent.mkdir()
+        (tmp_path / file).write_text("")
+    monkeypatch.setattr(options, "_WORLDS", tmp_path)
+    monkeypatch.setattr(options, "entry_points", lambda group: ())
+    assert options.task_names("") == ["pendulum"]

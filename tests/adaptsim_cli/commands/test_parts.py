@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import open3d
 import pytest
 
 from adaptsim_cli.commands.setup import all_parts
 from adaptsim_cli.report import parts as sheet
 from hw.types import Array
+from perception.raycasting import load_open3d
 from sim.tasks.pushing import TASK as PUSHING
 from sim.tasks.pushing.mount import GRIP_M, PLATE_HEIGHT_M, PLATE_WIDTH_M
 from sim.tasks.shared.direct import tool_mesh
@@ -20,6 +20,7 @@ from sim.types import Part
 
 def outside_m(part: Part, points: Array) -> Array:
     """Distance of points (n, 3) from the surface, negative inside."""
+    open3d = load_open3d()
     tensor: Any = open3d.core.Tensor
     scene: Any = open3d.t.geometry.RaycastingScene()
     scene.add_triangles(tensor(part.solid.vertices.astype(np.float32)), tensor(part.solid.faces.astype(np.uint32)))

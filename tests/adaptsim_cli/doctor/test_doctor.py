@@ -94,6 +94,8 @@ def aged(days: int) -> SavedCalibration:
         ("packages", {"installed": always("999")}, MISSING, "numpy 999, needed <2.5,>=2.2"),
         ("libraries", {"loads": always(True)}, OK, "find theirs"),
         ("libraries", {"loads": lambda name: "usb" not in name}, MISSING, "libusb-1.0-0"),
+        ("libraries", {"installed": lambda name: "1" if name == "drake" else None}, OK, "Drake finds its"),
+        ("libraries", {"installed": always(None)}, MISSING, "neither Open3D nor Drake is installed"),
         ("driver", {"installed": HAVE.get}, OK, "speaks interface 10: arm system 5.9.0"),
         ("driver", {"installed": always("0.1")}, MISSING, "pylibfranka 0.1 is installed, tested is 0.21.3"),
         ("driver", {"installed": always(None)}, MISSING, "pylibfranka is not installed; it speaks interface 10"),

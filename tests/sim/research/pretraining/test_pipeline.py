@@ -18,7 +18,7 @@ from sim.research.methods.q_policy import QPolicy, networks_of, new_policy
 from sim.research.methods.search import RandomSearch
 from sim.research.pretraining.episodes import EmulatedRolls, Library, Simulator, Solved, fill_library, sparse, visit
 from sim.research.pretraining.evaluation import EvaluationSettings, evaluate
-from sim.research.pretraining.logs import TIMINGS, Stopwatch, wall_times_s
+from sim.research.pretraining.logs import TIMINGS, Stopwatch, curve_file, wall_times_s
 from sim.research.pretraining.meta_training import (
     MetaSettings,
     explore,
@@ -308,3 +308,13 @@ def test_a_damaged_file_of_times_is_named(tmp_path):
     (tmp_path / TIMINGS).write_text("seconds = 3")
     with pytest.raises(DatasetError, match=TIMINGS):
         wall_times_s(tmp_path)
+
+
+def test_a_learning_curve_is_a_whole_csv_file_after_every_round(tmp_path):
+    path = tmp_path / "policy-iteration.csv"
+    log = curve_file(path, ("reward", "epsilon"))
+    log([0.25, 1.0])
+    assert path.read_text() == "round,reward,epsilon\n1,0.25,1.0\n"
+    log([0.5, 0.1])
+    assert path.read_text() == "round,reward,epsilon\n1,0.25,1.0\n2,0.5,0.1\n"
+    assert list(tmp_path.iterdir()) == [path]

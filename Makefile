@@ -113,7 +113,7 @@ docs: $(STAMP)
 # The same Markdown as a site, in build/site; every link and anchor is checked.
 site:
 	$(PYTHON) -m venv .venv-site
-	.venv-site/bin/python -m pip install --quiet --disable-pip-version-check 'mkdocs>=1.6,<2'
+	.venv-site/bin/python -m pip install --quiet --disable-pip-version-check 'mkdocs>=1.6,<2' 'mkdocstrings[python]>=1,<2'
 	.venv-site/bin/mkdocs build --strict --quiet --site-dir build/site
 
 # Lays out every page of the site as wide as a phone; needs Chromium or Chrome.

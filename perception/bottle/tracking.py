@@ -17,6 +17,7 @@ from perception.cylinder import Cylinder, distance_m, tilt_rad
 from perception.errors import TrackingFailed
 from perception.geometry import Area, transform
 from perception.scan import Mask, Raw, Scan, scan_of
+from perception.sightings import require_seen, seen_leaving
 from perception.types import ObjectTrack, Outcome, in_frames
 
 BEFORE_S = 0.05
@@ -54,7 +55,7 @@ def track_bottle(
     bottle cannot be located are bridged, with confidence 0. A fallen bottle counts as staying where it fell: its
     rolling says nothing about the push, and simulations end there. Flags tell the operator about a bottle at the edge
     of the image, hidden or not at rest, and about a hand or another object in the picture. Raises TrackingFailed if no
-    frame falls into the trial or the bottle is in none of them.
+    frame falls into the trial or the bottle is in none of them; OutcomeUnseen if it is in too few of them.
     """
     chosen = [f for f in frames if f.t_s >= t_start_s - BEFORE_S]
     if not any(f.t_s <= t_start_s + duration_s for f in chosen):
@@ -78,12 +79,16 @@ def track_bottle(
     tilt_deg = np.array([p.tilt_deg for p in places])
     X_BT = arm_at(chosen[-1].t_s).X_BT
     end = np.full(3, np.nan) if X_BT is None else transform(inverse(X_BT), state[-1])
-    outcome = _outcome(t_s, state, sure, tilt_deg)
+    outcome = _outcome(t_s, state, sure, tilt_deg, area)
     if outcome is Outcome.TIPPED:
         fell, where_m = _fell(t_s, sure, tilt_deg, state)
         state[fell:] = where_m
     flags = (*_sight_flags(t_s, places, clutter, sure), *_end_flags(t_s, state, sure, tilt_deg, detection, outcome))
-    return ObjectTrack(t_s, state, outcome, end, confidence, flags)
+    track = ObjectTrack(t_s, state, outcome, end, confidence, flags)
+    if outcome is not Outcome.LOST:  # a fallen bottle may roll out of sight: what counts is that it was seen to fall
+        until = len(t_s) if outcome is Outcome.UPRIGHT else int(np.flatnonzero(sure)[-1]) + 1
+        require_seen("bottle", track, sure[:until], t_s[:until] >= t_s[until - 1] - _LAST_S)
+    return track
 
 
 class _Clutter(StrEnum):
@@ -141,11 +146,12 @@ def _clutter(scan: Scan, raw: Raw, arm: Arm, X_BO: Array, body: Cylinder) -> _Cl
     return seen
 
 
-def _outcome(t_s: Array, state: Array, sure: Mask, tilt_deg: Array) -> Outcome:
+def _outcome(t_s: Array, state: Array, sure: Mask, tilt_deg: Array, area: Area) -> Outcome:
+    """Lost is a bottle that was seen leaving the table, or the searched area."""
     last = t_s >= t_s[-1] - _LAST_S
     if np.median(tilt_deg[sure][-3:]) > TIPPED_DEG:
         return Outcome.TIPPED
-    if sure[last].mean() < 0.5 or np.median(state[last, 2]) < _LOWEST_M:
+    if np.median(state[last, 2]) < _LOWEST_M or seen_leaving(t_s, state[:, :2], sure, area):
         return Outcome.LOST
     return Outcome.UPRIGHT
 

@@ -19,6 +19,7 @@ from perception.piece.follow import TrackingSetup, follow
 from perception.piece.locate import PieceFix
 from perception.piece.proxy import Proxy
 from perception.piece.registration import tool_shift, turn_camera
+from perception.sightings import require_seen, seen_leaving
 from perception.types import (
     ABOVE_FACE_M,
     BEHIND_M,
@@ -37,6 +38,11 @@ _MOVING_M_S = 0.03
 _SEEN = 0.15
 
 
+def last_frames(t_s: Array, duration_s: float) -> NDArray[np.bool_]:
+    """(N,) the frames that decide about the outcome."""
+    return np.asarray(t_s >= max(t_s[-1] - _LAST_S, min(duration_s, t_s[-1])))
+
+
 def judge(
     t_s: Array, state_m: Array, confidence: Array, X_BT: Array, duration_s: float, proxy: Proxy
 ) -> tuple[Outcome, Array, tuple[str, ...]]:
@@ -44,16 +50,17 @@ def judge(
 
     `t_s` (N,) are times since the start of a motion of `duration_s`.
 
-    On the blade: more than 1 mm above its face and inside its outline, or held by the neck behind it. Lost: not seen in
-    the last frames, or below the table top. Else on the table. A piece near a boundary, or still moving, is flagged.
+    On the blade: more than 1 mm above its face and inside its outline, or held by the neck behind it. Lost: below the
+    table top. Else on the table. A piece near a boundary, or still moving, is flagged. The piece has to be seen in some
+    of the last frames.
     """
-    last = t_s >= max(t_s[-1] - _LAST_S, min(duration_s, t_s[-1]))
+    last = last_frames(t_s, duration_s)
     in_tool = np.array([transform(inverse(X), p) for X, p in zip(X_BT[last], state_m[last], strict=True)])
     seen = confidence[last] >= _SEEN
     end = np.median(in_tool[seen] if seen.any() else in_tool, axis=0)
     centre = np.median(state_m[last], axis=0)
-    if not seen.any() or centre[2] < -max(proxy.half_m):
-        return Outcome.LOST, end, ("out of sight at the end",)
+    if centre[2] < -max(proxy.half_m):
+        return Outcome.LOST, end, ("below the table top at the end",)
     inside_m = float(min(end[0] + BLADE_LENGTH_M + BEHIND_M, -end[0], BLADE_WIDTH_M / 2 - abs(end[1])))
     above_m = float(end[2] - ABOVE_FACE_M)
     on_blade = is_on_blade(end) and above_m <= 2 * max(proxy.half_m) + 0.02
@@ -139,8 +146,9 @@ def track_piece(
     `frames` in order of time; `X_BC` (4, 4) is the colour camera in the base frame; `detection` is from before the
     trial; `tool_mesh` is (vertices (V, 3) in T, triangles (F, 3)); `X_BT_at(t_s)` is the tool's measured pose (4, 4) on
     the clock of the frames; the motion starts at `t_start_s` on that clock and lasts `duration_s`.
-    Frames in which the piece cannot be located are bridged, with confidence 0. Raises TrackingFailed if no frame falls
-    into the trial or the piece is in none of them.
+    Frames in which the piece cannot be located are bridged, with confidence 0. A piece is lost if it was seen leaving.
+    Raises TrackingFailed if no frame falls into the trial or the piece is in none of them; OutcomeUnseen if it is in
+    too few of them, or of the last.
     """
     chosen = [f for f in frames if -BEFORE_S <= f.t_s - t_start_s <= duration_s + SETTLE_S]
     if not chosen:
@@ -164,7 +172,18 @@ def track_piece(
     confidence = np.array([0.0 if place is None else place.confidence for place in places])
     outcome, end_in_tool_m, doubts = judge(t_s, state, confidence, np.stack(poses), duration_s, detection.proxy)
     flags = (*camera_flags, *_flags(t_s, places, state, rig.detection), *doubts)
-    return ObjectTrack(t_s, state, outcome, end_in_tool_m, confidence, flags)
+    track, seen = ObjectTrack(t_s, state, outcome, end_in_tool_m, confidence, flags), confidence >= _SEEN
+    if seen_leaving(t_s, state[:, :2], seen, reach_of(detection)):
+        return replace(track, outcome=Outcome.LOST, flags=(*flags, "it left the camera's view"))
+    require_seen("piece", track, seen, last_frames(t_s, duration_s))
+    return track
+
+
+def reach_of(detection: PieceDetection) -> Area:
+    """The part of the table on which the piece is followed."""
+    x, y = detection.xy_m
+    back, forth, side = _REACH_M
+    return x - back, x + forth, y - side, y + side
 
 
 def at_home(
@@ -188,9 +207,7 @@ def _prepare(
     tool: ToolMask,
 ) -> tuple[TrackingSetup, tuple[str, ...]]:
     """Views, sensor correction, and the camera turned so that the tool appears where the arm reports it."""
-    x, y = detection.xy_m
-    back, forth, side = _REACH_M
-    area: Area = (x - back, x + forth, y - side, y + side)
+    area = reach_of(detection)
     view = view_of(model.colour, X_BC, area, _HIGHEST_M)
     resting = [i for i, X in enumerate(poses) if np.linalg.norm(X[:3, 3] - poses[0][:3, 3]) < _STILL_M][:5]
     hidden = detection.centre_m, 1.6 * float(np.linalg.norm(detection.proxy.half_m))

@@ -12,7 +12,7 @@ from table_scenes import at
 from hw.types import Array, Frame
 from perception.arm_mask import Arm
 from perception.bottle import BottleDetection, find_bottle, track_bottle
-from perception.errors import TrackingFailed
+from perception.errors import OutcomeUnseen, TrackingFailed
 from perception.types import ObjectTrack, Outcome
 
 T0 = 100.0
@@ -113,14 +113,23 @@ def test_a_hand_is_flagged_near_and_apart() -> None:
     assert np.median(errors_mm(near, lambda t: up(*MARK))) < 1.0
 
 
-def test_a_bottle_that_is_taken_away_is_lost_and_no_hand_is_taken_for_it() -> None:
+def test_a_bottle_that_is_taken_away_has_no_outcome_and_no_hand_is_taken_for_it() -> None:
     def taken(t: float) -> Array:
         return up(*MARK) if t < 0.2 else GONE
 
-    found = track(film(taken, hand=lambda t: at(0.56, 0.0, 0.14) if 0.1 < t < 0.3 else GONE))
-    assert found.outcome is Outcome.LOST
-    assert any("out of sight at the end" in flag for flag in found.flags)
-    assert any("is not located in" in flag for flag in found.flags)
+    with pytest.raises(OutcomeUnseen, match="in 0 of its last") as unseen:
+        track(film(taken, hand=lambda t: at(0.56, 0.0, 0.14) if 0.1 < t < 0.3 else GONE))
+    flags = unseen.value.track.flags
+    assert any("out of sight at the end" in flag for flag in flags)
+    assert any("is not located in" in flag for flag in flags)
+
+
+def test_a_bottle_that_slides_off_the_table_is_lost() -> None:
+    def slides(t: float) -> Array:
+        y = 1.0 * max(t - 0.1, 0.0)
+        return up(MARK[0], y) if y < 0.32 else GONE
+
+    assert track(film(slides)).outcome is Outcome.LOST
 
 
 def test_the_edge_of_the_image_is_flagged() -> None:

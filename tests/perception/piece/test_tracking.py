@@ -11,7 +11,7 @@ import pytest
 from table_scenes import AREA, AWAY, Motion, Studio, at, food, studio, tool_mesh
 
 from hw.types import Array, Frame
-from perception.errors import TrackingFailed
+from perception.errors import OutcomeUnseen, TrackingFailed
 from perception.piece import PieceDetection, at_home, find_piece, track_piece
 from perception.piece.tracking import LOST_ON_THE_WAY
 from perception.types import ObjectTrack, Outcome
@@ -150,12 +150,31 @@ def test_more_than_half_hidden_is_still_located() -> None:
     assert found.confidence[-1] == pytest.approx(1 - share, abs=0.15)
 
 
-def test_a_piece_hidden_at_the_end_is_lost_and_flagged() -> None:
+def test_a_piece_hidden_at_the_end_has_no_outcome() -> None:
     tool = hiding_tool(0.09)
-    found = track(film(lambda _: at(*START, HALF[2]), tool), tool)
+    with pytest.raises(OutcomeUnseen, match=r"seen in 0 of its last \d frames") as unseen:
+        track(film(lambda _: at(*START, HALF[2]), tool), tool)
+    assert unseen.value.track.confidence[-1] < 0.15
+    assert any("less than 25% of the piece visible" in flag for flag in unseen.value.track.flags)
+
+
+def test_a_piece_seen_in_one_frame_of_a_film_has_no_outcome() -> None:
+    """As dark as a raisin it was once found in 1 of 84 frames, and counted as lost with reward 0."""
+    gone = at(*START, -1.0)
+    with pytest.raises(OutcomeUnseen, match=r"seen in 1 of the trial's 23 frames"):
+        track(film(lambda t: at(*START, HALF[2]) if t < 0.02 else gone, lambda _: AWAY), lambda _: AWAY)
+
+
+def test_a_piece_that_rolls_out_of_the_searched_area_is_lost() -> None:
+    """The film ends where it left the picture; one that stops there, or is picked up at rest, has not left."""
+
+    def rolls(t: float) -> Array:
+        y = START[1] - 0.8 * max(t - 0.3, 0.0)
+        return at(START[0], y if y > -0.13 else -0.13, HALF[2] if y > -0.13 else -1.0)
+
+    found = track(film(rolls, lambda _: AWAY), lambda _: AWAY)
     assert found.outcome is Outcome.LOST
-    assert found.confidence[-1] < 0.15
-    assert any("less than 25% of the piece visible" in flag for flag in found.flags)
+    assert "it left the camera's view" in found.flags
 
 
 def test_a_piece_that_vanishes_is_bridged_with_no_confidence() -> None:

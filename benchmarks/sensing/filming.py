@@ -1,0 +1,109 @@
+"""Films random trials by the whole arm in drawn worlds, with what truly happened beside each recording."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from adaptsim_cli.devices.trackers import BOTTLE_AREA
+from adaptsim_cli.research.lab_place import rig_in_lab
+from adaptsim_cli.session import recording
+from adaptsim_cli.session.rig_target import RigTarget
+from adaptsim_cli.session.target import Detection, Placed, Planned
+from adaptsim_cli.storage import durable
+from hw.errors import MotionRefused
+from hw.kinematics import forward
+from hw.poses import inverse
+from hw.types import Array, Execution
+from perception.errors import ObjectNotFound
+from perception.types import Outcome, is_on_blade
+from sensing.drawing import LitCamera, LitWorld
+from sim.errors import NotExecutable
+from sim.lab.simulated import SimulatedLab
+from sim.tasks.task import Task
+
+TRUTH = "truth.json"
+TRIES = 40  # random actions for each trial
+TIPPED_DEG = 30.0
+CARRIED_M = 0.03  # a piece higher than this over the table as the arm is home was carried there
+
+
+def film(task: Task, lit: LitWorld, seed: int, trials: int, folder: Path) -> Iterator[Path]:
+    """The folders of `trials` trials, each with its recording; those that exist are not filmed again."""
+    folders = [folder / f"{task.name}-{lit.number:02d}-{trial}" for trial in range(1, 1 + trials)]
+    missing = [i for i, one in enumerate(folders) if not (one / TRUTH).exists()]
+    if missing:
+        with rig_in_lab(task, lit.world, seed) as (lab, rig):
+            camera = LitCamera(rig.rig.camera, lit.light, (seed, lit.number))
+            blind = replace(rig.tracker, find=_not_now)  # the object is found and tracked later, from the recording
+            rig_in_light = replace(rig, rig=replace(rig.rig, camera=camera), tracker=blind)
+            for i in missing:
+                _film(lab, rig_in_light, lit, i + 1, np.random.default_rng((seed, lit.number, i)), folders[i])
+    yield from folders
+
+
+def _film(lab: SimulatedLab, rig: RigTarget, lit: LitWorld, trial: int, rng: np.random.Generator, folder: Path) -> None:
+    """One trial. The context is the true one within a hand's error, so that a poor first look ruins no motion."""
+    planned = _planned(rig, rng)
+    lab.bench.place(rig.tracker.placement(planned.placed.drawn), trial, 0)
+    before = rig.in_time(rig.rig.camera.snapshot())
+    executed = rig.execute(replace(planned, placed=replace(planned.placed, frame=before)))
+    if executed.stopped is not None:
+        raise executed.stopped
+    files, stored = executed.stored()
+    folder.mkdir(parents=True, exist_ok=True)
+    durable.replace_file(folder / recording.FILE, files[recording.FILE])
+    told = {
+        "context": planned.placed.context.tolist(),
+        "action": planned.action.tolist(),
+        **_truth(rig, lab.truth()["trials"][-1], stored.recording.execution),
+        "luminance": lit.luminance,
+        "light": vars(lit.light),
+        "depth_noise_scale": lit.world.sensing.depth_noise_scale,
+        "frame_drop": lit.world.sensing.frame_drop,
+    }
+    durable.replace_file(folder / TRUTH, json.dumps(told).encode())
+
+
+def _planned(rig: RigTarget, rng: np.random.Generator) -> Planned:
+    for _ in range(TRIES):
+        context, action = rig.task.context.sample(rng, 1)[0], rig.task.action.sample(rng, 1)[0]
+        try:
+            return rig.plan(Placed(context, context, frame=None, detection=_At(rig, context)), action)
+        except (NotExecutable, MotionRefused):
+            continue
+    raise RuntimeError(f"none of {TRIES} random actions is executable")
+
+
+def _not_now(*_: Any) -> Detection:
+    raise ObjectNotFound("nobody looks for it while it is filmed")
+
+
+class _At:
+    """A detection at the place that is asked for."""
+
+    def __init__(self, rig: RigTarget, context: Array) -> None:
+        self.xy_m = rig.tracker.placement(context)
+
+
+def _truth(rig: RigTarget, trial: dict[str, Any], played: Execution) -> dict[str, Any]:
+    """Outcome, and the object's places on the arm's clock."""
+    motion = min(trial["motions"], key=lambda one: abs(one["t_start_s"] - played.t_start_s))
+    X_BO = np.array(motion["X_BO"])
+    t_s = np.array(motion["t_s"]) + motion["t_start_s"]
+    if rig.hardware.carries:
+        X_BT = forward(played.q_measured_rad[-1]) @ rig.hardware.X_FT
+        on_blade = is_on_blade((inverse(X_BT) @ X_BO[-1])[:3, 3])
+        home_m = float(np.array(trial["motions"][-1]["X_BO"])[-1, 2, 3])
+        outcome = Outcome.ON_BLADE if on_blade and home_m > CARRIED_M else Outcome.ON_TABLE
+    else:
+        lean_deg = float(np.rad2deg(np.arccos(np.clip(X_BO[:, 2, 2], -1, 1))).max())
+        x, y = X_BO[-1, :2, 3]
+        out = not (BOTTLE_AREA[0] < x < BOTTLE_AREA[1] and BOTTLE_AREA[2] < y < BOTTLE_AREA[3])
+        outcome = Outcome.TIPPED if lean_deg > TIPPED_DEG else Outcome.LOST if out else Outcome.UPRIGHT
+    return {"outcome": outcome.value, "t_s": t_s.tolist(), "xyz_m": X_BO[:, :3, 3].tolist()}

@@ -1,0 +1,55 @@
+"""Whether an object was seen often enough for an outcome, and whether it was seen leaving."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.types import Array
+from perception.errors import OutcomeUnseen
+from perception.geometry import Area
+from perception.types import ObjectTrack
+
+BEFORE_SHARE, END_SHARE = 1 / 3, 0.5
+"""Shares of the frames, of the whole trial and of its end, in which the object has to be seen for an outcome."""
+_AWAY_S = 0.10  # an object that leaves the searched area within this time after its last sighting has left
+_LATELY_S = 0.20  # its speed is that of its sightings of this time
+_LEAVES_M_S = 0.05  # an object that is slower did not leave by itself
+
+Mask = NDArray[np.bool_]
+
+
+def require_seen(what: str, track: ObjectTrack, seen: Mask, at_end: Mask) -> None:
+    """Raises OutcomeUnseen, with `track`, if too few frames show the object.
+
+    `seen` (N,) are the frames that show it, `at_end` (N,) those that decide about the outcome.
+    """
+    counts = ((seen, BEFORE_SHARE, "the trial's"), (seen[at_end], END_SHARE, "its last"))
+    few = [
+        f"{mask.sum()} of {whose} {len(mask)} frames, and an outcome needs {share:.0%}"
+        for mask, share, whose in counts
+        if mask.sum() < share * len(mask) or not mask.any()
+    ]
+    if few:
+        raise OutcomeUnseen(
+            f"the {what} is seen in {'; in '.join(few)}: nobody knows how the trial ended. A {what} that stands out "
+            "from table and tool, more light, or a camera that sees past the tool makes it visible",
+            track,
+        )
+
+
+def seen_leaving(t_s: Array, xy_m: Array, seen: Mask, area: Area) -> bool:
+    """Whether the object, last seen at a place of `xy_m` (N, 2) at a time of `t_s` (N,), was then on its way out of
+    `area`. An object that just is not seen any more has not left.
+    """
+    if not seen.any() or seen[: np.flatnonzero(seen)[-1] + 1].mean() < END_SHARE:
+        return False
+    times_s, places_m = t_s[seen], xy_m[seen]
+    lately = times_s >= times_s[-1] - _LATELY_S
+    if lately.sum() < 3:
+        return False
+    velocity_m_s = np.polyfit(times_s[lately], places_m[lately], 1)[0]
+    if float(np.linalg.norm(velocity_m_s)) < _LEAVES_M_S:
+        return False
+    x, y = places_m[-1] + _AWAY_S * velocity_m_s
+    return not (area[0] <= x <= area[1] and area[2] <= y <= area[3])

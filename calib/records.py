@@ -38,6 +38,11 @@ class IntrinsicsRecord(Record):
     def _possible(self) -> Self:
         if np.shape(self.K) != (3, 3) or self.K[2] != (0.0, 0.0, 1.0) or min(self.K[0][0], self.K[1][1]) <= 0:
             raise ValueError("K is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
+        if self.K[0][1] != 0.0 or self.K[1][0] != 0.0:
+            skew = self.K[0][1] or self.K[1][0]
+            raise ValueError(
+                f"K has the skew {skew:g}: calibrate the lens without it; K is [[fx, 0, cx], [0, fy, cy], …]"
+            )
         if len(self.distortion) not in (0, 4, 5, 8):
             raise ValueError(f"distortion has {len(self.distortion)} numbers; OpenCV has 0, 4, 5 or 8")
         if not (0 < self.K[0][2] < self.width and 0 < self.K[1][2] < self.height):

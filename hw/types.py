@@ -73,6 +73,8 @@ class Intrinsics:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "K", frozen_array(self.K, (3, 3), "K"))
+        if self.K[0, 1] or self.K[1, 0]:
+            raise ValueError(f"K has the skew {self.K[0, 1] or self.K[1, 0]:g}: lenses are calibrated without one")
         object.__setattr__(self, "distortion", frozen_array(self.distortion, (8,), "distortion"))
 
 

@@ -4,18 +4,11 @@ PerceptionError
 ├── ObjectNotFound       nothing in the search area looks like the object
 ├── TableNotFound        the table is not seen, or not where the calibration puts it
 ├── TrackingFailed       found at first, then too little evidence to continue
-│   └── OutcomeUnseen    too few frames show the object for an outcome
+│   └── OutcomeUnseen    too few frames show the object for an outcome (in sightings)
 ├── BoardNotFound        too little of the calibration board is seen
 ├── WrongBoard           markers are seen, but not those of the stated board
 └── BoardMirrored        the markers can be read only in the mirror
 """
-
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from perception.types import ObjectTrack
 
 
 class PerceptionError(Exception):
@@ -32,15 +25,6 @@ class TableNotFound(PerceptionError):
 
 class TrackingFailed(PerceptionError):
     """The frames do not support a track."""
-
-
-class OutcomeUnseen(TrackingFailed):
-    """Too few frames show the object, before the end of the trial or at it, for an outcome."""
-
-    def __init__(self, message: str, track: ObjectTrack) -> None:
-        super().__init__(message)
-        self.track = track
-        """What is known of its places. Its outcome says nothing."""
 
 
 class BoardNotFound(PerceptionError):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from perception.errors import OutcomeUnseen
+from perception.errors import TrackingFailed
 from perception.geometry import Area
 from perception.types import ObjectTrack
 
@@ -17,6 +17,15 @@ _LATELY_S = 0.20  # its speed is that of its sightings of this time
 _LEAVES_M_S = 0.05  # an object that is slower did not leave by itself
 
 Mask = NDArray[np.bool_]
+
+
+class OutcomeUnseen(TrackingFailed):
+    """Too few frames show the object, before the end of the trial or at it, for an outcome."""
+
+    def __init__(self, message: str, track: ObjectTrack) -> None:
+        super().__init__(message)
+        self.track = track
+        """What is known of its places. Its outcome says nothing."""
 
 
 def require_seen(what: str, track: ObjectTrack, seen: Mask, at_end: Mask) -> None:

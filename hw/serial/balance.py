@@ -24,6 +24,9 @@ HEAVIEST_KG = 50.0
 """More than any object of a trial weighs."""
 EMPTY_KG = 0.005
 """So far below 0 an empty pan may drift after it was tared."""
+AGREES_KG = 5e-6
+"""Two stable answers differ by less than this, a few digits of a good balance, or by `AGREES_SHARE`."""
+AGREES_SHARE = 2e-4
 _NUMBER = re.compile(r"[+-]?[0-9]{1,9}(\.[0-9]{1,9})?")
 _KG = {"kg": 1.0, "g": 1e-3, "mg": 1e-6}
 
@@ -38,9 +41,9 @@ def sbi_mass_kg(answer: bytes) -> float:
         raise BalanceError(
             f"the balance answered {text!r}, which is not SBI with 16 characters: set its interface to that"
         )
-    value, unit = text[1:10].replace(" ", ""), text[11:14].strip()
-    if "H" in value or "L" in value:
-        raise BalanceError(f"the balance is {'over' if 'H' in value else 'under'}loaded: take the load off and tare it")
+    value, unit = text[1:10].strip(), text[11:14].strip()
+    if value in ("H", "L"):
+        raise BalanceError(f"the balance is {'over' if value == 'H' else 'under'}loaded: take the load off and tare it")
     if not unit:
         raise BalanceError("the balance is not at rest: keep draughts and hands away and weigh again")
     return _kg(text[0].strip() + value, unit)
@@ -97,7 +100,10 @@ PROTOCOLS = {
 
 
 class SerialBalance:
-    """A balance that answers requests for the mass on the pan."""
+    """A balance that answers requests for the mass on the pan.
+
+    Its lines have no checksum, and a flipped bit makes another digit: every mass is asked for twice.
+    """
 
     def __init__(self, port: str, protocol: str) -> None:
         """`protocol` is a key of PROTOCOLS."""
@@ -121,10 +127,19 @@ class SerialBalance:
             line.close()
 
     def mass_kg(self) -> float:
-        """The stable mass on the pan. After an unplugging, the next call opens the port again.
+        """The stable mass on the pan, as two answers agree. After an unplugging, the next call opens the port again.
 
-        Raises BalanceError (no stable mass, or unplugged), DeviceUnavailable (no answer).
+        Raises BalanceError (no stable mass, two masses, or unplugged), DeviceUnavailable (no answer).
         """
+        first_kg, second_kg = self._once_kg(), self._once_kg()
+        if abs(first_kg - second_kg) > max(AGREES_KG, AGREES_SHARE * abs(second_kg)):
+            raise BalanceError(
+                f"the balance answered {1e3 * first_kg:g} g and then {1e3 * second_kg:g} g: keep draughts and hands "
+                "away, check its cable, and weigh again"
+            )
+        return second_kg
+
+    def _once_kg(self) -> float:
         if self._line is None:
             raise DeviceUnavailable("the balance is not connected: use it inside a `with` block")
         try:

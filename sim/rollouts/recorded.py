@@ -15,6 +15,18 @@ from sim.errors import OutOfRange, RecordingsRefused
 from sim.rollouts.draws import cover
 from sim.tasks.task import Task
 
+NEAR_S = 0.5
+"""The first sample of a trial lies at most this long before or after time 0, the start of its motion (s)."""
+LONGEST_GAP_S = 0.5
+"""Between two samples while the task observes (s)."""
+WIDENED = 1.0
+"""How far a state may lie outside of the task's usual observations, as a share of their range."""
+START_M = 0.10
+"""How far from its known start an object may begin (m)."""
+_REST_SHARE, _REST_S = 0.01, 0.1
+"""An object at rest moves by less than this share of the range of observations in the last so many seconds."""
+_ALIKE = 0.002
+"""Trajectories that differ by less than this share of the range of observations are the same."""
 LEAST = 8
 """Least number of trials: four for a session of two particles with one trial each, four for the scores."""
 
@@ -107,6 +119,11 @@ class RecordedTrials:
                 space.check(value, what)
         except (OutOfRange, ValueError) as error:
             raise RecordingsRefused(f"trial {name}: {error}; are its columns in the task's units?") from error
+        if len(track.t_s) and abs(track.t_s[0]) > NEAR_S:
+            raise RecordingsRefused(
+                f"trial {name}: its first sample is at {track.t_s[0]:.6g} s, and time 0 is the start of the motion, "
+                f"{NEAR_S:g} s before or after at most: subtract the start of the motion from the clock"
+            )
         if len(track.t_s) < 2 or (np.diff(track.t_s) <= 0.0).any():
             after = next((float(t) for t, step in zip(track.t_s, np.diff(track.t_s), strict=False) if step <= 0.0), 0.0)
             raise RecordingsRefused(
@@ -118,6 +135,72 @@ class RecordedTrials:
                 f"trial {name}: its trajectory needs {columns} columns, and has {track.state.shape[1]}"
             )
 
+        self._check_times(name, track.t_s, track)
+        self._check_states(i)
+
+    def _check_times(self, name: str, t_s: Array, track: ObjectTrack) -> None:
+        """Refuse the times of another clock or unit, and those that leave the observation open."""
+        observation = self.task.observation
+        end_s = float(observation.times_s[-1])
+        inside = t_s[: int(np.searchsorted(t_s, end_s)) + 1]
+        gaps = np.diff(inside)
+        if len(gaps) and gaps.max() > LONGEST_GAP_S:
+            at_s = float(inside[int(gaps.argmax())])
+            raise RecordingsRefused(
+                f"trial {name}: after {at_s:.4g} s there is no sample for {gaps.max():.4g} s, limit {LONGEST_GAP_S:g}: "
+                "are its times in seconds, of one clock, and is no part lost?"
+            )
+        if t_s[-1] < end_s and not self._rests(track):
+            raise RecordingsRefused(
+                f"trial {name}: it ends at {t_s[-1]:.4g} s while the object moves, and {self.task.name} observes it "
+                f"until {end_s:.4g} s: are its times in seconds?"
+            )
+
+    def _rests(self, track: ObjectTrack) -> bool:
+        observation = self.task.observation
+        columns = list(observation.columns)
+        lately = track.state[track.t_s >= track.t_s[-1] - _REST_S][:, columns]
+        if len(lately) < 2:
+            lately = track.state[-2:, columns]
+        moved = np.ptp(lately, axis=0) / (observation.high - observation.low)
+        return bool((moved < _REST_SHARE).all())
+
+    def _check_states(self, i: int) -> None:
+        """Refuse states of another unit or of other columns, by where the task's object can be."""
+        name, track, task = self.names[i], self.tracks[i], self.task
+        observation = task.observation
+        columns, wide = list(observation.columns), WIDENED * (observation.high - observation.low)
+        states = track.at(observation.times_s)[:, columns]
+        low, high = observation.low - wide, observation.high + wide
+        outside = np.argwhere((states < low) | (states > high))
+        if len(outside):
+            row, column = outside[0]
+            raise RecordingsRefused(
+                f"trial {name}: column {columns[column] + 1} of its state is {states[row, column]:.4g} at "
+                f"{observation.times_s[row]:.3g} s, and {task.name} expects {low[column]:.3g} to {high[column]:.3g}: "
+                "are the columns of the state in the task's order, its units (m, rad) and its frame, the arm's base?"
+            )
+        start_m = self._start_m(i)
+        if start_m is None:
+            return
+        off_m = float(np.linalg.norm(track.at(np.zeros(1))[0, :2] - start_m))
+        if off_m > START_M:
+            x, y = track.at(np.zeros(1))[0, :2]
+            raise RecordingsRefused(
+                f"trial {name}: at time 0 the object lies at ({x:.3f}, {y:+.3f}) m, {1e3 * off_m:.0f} mm from its "
+                f"start at ({start_m[0]:.3f}, {start_m[1]:+.3f}) m, limit {1e3 * START_M:.0f}: are x and y in this "
+                "order, in m, in the frame of the arm's base, and is time 0 the start of the motion?"
+            )
+
+    def _start_m(self, i: int) -> Array | None:
+        """(2,) where the object of a trial begins; None: the task does not say."""
+        hardware = self.task.hardware
+        if hardware is None:
+            return None
+        if hardware.standing is not None:
+            return np.asarray(hardware.standing.mark_m, dtype=np.float64)
+        return None if self.contexts is None or scores_only(self.task) else self.contexts[i, :2]
+
     def _check_duplicates(self) -> None:
         seen = dict[bytes, str]()
         for name, action in zip(self.names, self.actions, strict=True):
@@ -128,9 +211,19 @@ class RecordedTrials:
 
 
 def require_enough(trials: RecordedTrials) -> RecordedTrials:
-    """The same trials. Raises RecordingsRefused if they are fewer than `LEAST`."""
+    """The same trials. Raises RecordingsRefused if they are fewer than `LEAST`, or if all went alike: then nothing
+    moved, or the columns name something else.
+    """
     if len(trials) < LEAST:
         raise RecordingsRefused(f"there are {len(trials)} recorded trials, and at least {LEAST} are needed")
+    task, observation = trials.task, trials.task.observation
+    states = np.stack([track.at(observation.times_s)[:, list(observation.columns)] for track in trials.tracks])
+    spread = np.ptp(states, axis=0) / (observation.high - observation.low)
+    if (spread < _ALIKE).all():
+        raise RecordingsRefused(
+            f"all {len(trials)} trajectories are alike, within {_ALIKE:.1%} of the range of {task.name}: do the "
+            "columns of the state name the object, or something that never moves?"
+        )
     return trials
 
 

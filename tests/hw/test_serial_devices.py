@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 
 import pytest
-from serial_lines import Box, Line, boxed, plugged_in, until
+from serial_lines import Box, Line, answering, boxed, plugged_in, until
 
 from hw.errors import BalanceError, DeviceUnavailable
 from hw.serial import balance as balances
@@ -149,18 +149,31 @@ def test_only_a_plain_number_in_range_is_a_mass(value: str, protocol: str) -> No
 
 
 def test_a_balance_is_asked_and_answers(line: Line) -> None:
-    asked: list[bytes] = []
-
-    def answer() -> None:
-        asked.append(os.read(line.device, 16))
-        os.write(line.device, b"S S     300.12 g\r\n")
-
-    with SerialBalance(line.port, "mt-sics") as balance:
-        device = threading.Thread(target=answer)
-        device.start()
+    with answering(line, [b"S S     300.12 g\r\n"] * 2) as asked, SerialBalance(line.port, "mt-sics") as balance:
         assert balance.mass_kg() == pytest.approx(0.30012)
-        device.join()
-    assert asked == [b"S\r\n"]
+    assert asked == [b"S\r\n"] * 2
+
+
+def test_a_flipped_bit_on_the_line_of_a_balance_is_no_mass(line: Line) -> None:
+    """A line of 16 characters has 128 bits, and in 20 cases another mass came out."""
+    whole = b"S S     300.12 g\r\n"
+    masses_kg = []
+    for bit in range(8 * len(whole)):
+        spoilt = bytearray(whole)
+        spoilt[bit // 8] ^= 1 << (bit % 8)
+        if not bytes(spoilt).endswith(b"\n") or spoilt.count(b"\n") != 1:
+            continue
+        with plugged_in() as ours, answering(ours, [bytes(spoilt), whole]):
+            with SerialBalance(ours.port, "mt-sics") as balance, suppress(BalanceError):
+                masses_kg.append(balance.mass_kg())
+            with suppress(OSError):
+                os.write(ours.program, b"S\r\n")  # if the second question was not asked
+    assert masses_kg == pytest.approx([0.30012] * len(masses_kg))
+
+
+def test_a_number_with_a_gap_is_no_mass() -> None:
+    with pytest.raises(BalanceError, match="instead of a number"):
+        sbi_mass_kg(b"+   1 0.00 g  \r\n")
 
 
 def test_a_balance_that_does_not_answer(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -180,8 +193,9 @@ def test_a_balance_that_is_unplugged_is_said_and_found_again(line: Line, monkeyp
         os.write(again.device, b"S S     999.00 g\r\n")  # of before the question, and not its answer
 
         def answer() -> None:
-            os.read(again.device, 16)
-            os.write(again.device, b"S S     300.12 g\r\n")
+            for _ in range(2):
+                os.read(again.device, 16)
+                os.write(again.device, b"S S     300.12 g\r\n")
 
         device = threading.Thread(target=answer)
         device.start()

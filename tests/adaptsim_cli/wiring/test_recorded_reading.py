@@ -2,13 +2,35 @@
 
 from __future__ import annotations
 
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
-from recordings import MANIFEST, recordings, write_mcap, write_tables
+from documents import ROOT
+from mcap.writer import Writer as McapWriter
+from mcap_ros2.writer import Writer
+from recordings import JOINTS, MANIFEST, recordings, write_mcap, write_tables
 
 from adaptsim_cli.wiring.recorded.folder import digest, read_recorded
+from hw.types import Array
 from sim.errors import RecordingsRefused
+from sim.tasks import get_task
 from sim.tasks.pendulum import TASK
+
+ARRAY = (
+    "MultiArrayLayout layout\nfloat64[] data\n" + "=" * 80 + "\nMSG: std_msgs/MultiArrayLayout\n"
+    "MultiArrayDimension[] dim\nuint32 data_offset\n" + "=" * 80 + "\nMSG: std_msgs/MultiArrayDimension\n"
+    "string label\nuint32 size\nuint32 stride\n"
+)
+POSE = (
+    "std_msgs/Header header\ngeometry_msgs/Pose pose\n" + "=" * 80 + "\nMSG: geometry_msgs/Pose\n"
+    "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n" + "=" * 80 + "\nMSG: geometry_msgs/Point\n"
+    "float64 x\nfloat64 y\nfloat64 z\n" + "=" * 80 + "\nMSG: geometry_msgs/Quaternion\n"
+    "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n" + JOINTS[JOINTS.index("=") :]
+)
 
 
 def test_trials_that_a_foreign_ros_2_writer_recorded_are_read_with_their_clock_corrected(tmp_path):
@@ -111,3 +133,177 @@ def test_a_folder_without_a_manifest_names_the_page_that_explains_it(tmp_path):
         read_recorded(TASK, tmp_path)
     with pytest.raises(RecordingsRefused, match="there is no such folder"):
         read_recorded(TASK, tmp_path / "gone")
+
+
+PUSHING = get_task("pushing")
+PUSHES = """task = "pushing"
+outcome = "upright"
+[tables]
+state = ["x", "y", "z"]
+"""
+
+
+def pushes(folder: Path, change: Callable[[Array, Array, int], tuple[Array, Array]] = lambda t, s, i: (t, s)) -> Path:
+    """Ten slides of the bottle from its mark; `change` spoils times (N,) and states (N, 3) of trial i."""
+    rng, folder_ = np.random.default_rng(3), folder
+    folder_.mkdir()
+    (folder_ / "recorded.toml").write_text(PUSHES)
+    rows, samples = ["trial,yaw,speed"], ["trial,t_s,x,y,z"]
+    for i in range(10):
+        action = PUSHING.action.sample(rng, 1)[0]
+        rows.append(f"p{i},{action[0]!r},{action[1]!r}".replace("np.float64(", "").replace(")", ""))
+        t_s = np.arange(0.0, 1.5, 1 / 30)
+        far = 0.3 * (1 - np.exp(-3 * t_s)) * (1 + i / 10)
+        t_s, state = change(t_s, np.stack([0.56 + far, 0.02 * i * far, np.full(len(t_s), 0.05)], axis=1), i)
+        samples += [f"p{i},{t:.9g}," + ",".join(f"{v:.6g}" for v in row) for t, row in zip(t_s, state, strict=True)]
+    (folder_ / "trials.csv").write_text("\n".join(rows))
+    (folder_ / "trajectories.csv").write_text("\n".join(samples))
+    return folder_
+
+
+def jump(t: Array, s: Array, i: int) -> tuple[Array, Array]:
+    return (np.where((t > 0.5) & (i == 4), t + 3600.0, t), s)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t, s, i: (t, 1e3 * s), "trial p0: column 1 of its state is 7"),
+        (lambda t, s, i: (1e3 * t, s), "there is no sample for 33.33 s"),
+        (lambda t, s, i: (t + 1.7e9, s), "its first sample is at 1.7e+09 s"),
+        (lambda t, s, i: (t, s[:, [1, 0, 2]]), "trial p0: at time 0 the object lies at (0.000, +0.560) m"),
+        (lambda t, s, i: (t, np.c_[t, s[:, 1:]]), "at time 0 the object lies at (0.000, +0.000) m, 560 mm from"),
+        (lambda t, s, i: (t, np.tile([0.56, 0.0, 0.05], (len(t), 1))), "all 10 trajectories are alike"),
+        (jump, "trial p4: after 0.5 s there is no sample for 3600 s"),
+        (lambda t, s, i: (t[:12], s[:12]), "it ends at 0.3667 s while the object moves"),
+    ],
+    ids=["mm", "ms", "unix", "swapped", "time as x", "still", "jump", "short"],
+)
+def test_other_units_clocks_and_columns_are_refused_by_what_they_are(tmp_path, change, message):
+    with pytest.raises(RecordingsRefused) as refused:
+        read_recorded(PUSHING, pushes(tmp_path / "lab", change))
+    assert message in str(refused.value)
+
+
+def test_pushes_in_the_units_of_the_task_are_read_also_after_blank_lines_and_spaces(tmp_path):
+    folder = pushes(tmp_path / "lab")
+    plain = digest(read_recorded(PUSHING, folder))
+    for name in ("trials.csv", "trajectories.csv"):
+        spaced = (folder / name).read_text().replace(",", ", ")
+        (folder / name).write_text(spaced + "\n\n  \n")
+    assert digest(read_recorded(PUSHING, folder)) == plain
+
+
+def test_semicolons_and_decimal_commas_are_named(tmp_path):
+    folder = pushes(tmp_path / "lab")
+    whole = (folder / "trials.csv").read_text()
+    (folder / "trials.csv").write_text(whole.replace(",", ";").replace(".", ","))
+    with pytest.raises(RecordingsRefused, match=r"separates its columns by semicolons.*1\.5, not 1,5"):
+        read_recorded(PUSHING, folder)
+    (folder / "trials.csv").write_text(whole)
+    text = (folder / "trajectories.csv").read_text().replace("p3,0,0.56", 'p3,0,"0,56"')
+    (folder / "trajectories.csv").write_text(text)
+    with pytest.raises(RecordingsRefused, match="with a point, not a comma"):
+        read_recorded(PUSHING, folder)
+
+
+@pytest.mark.parametrize("files", ["/etc/*", "", "**a/*.mcap", "a\0b"])
+def test_a_pattern_that_names_no_files_of_the_folder_is_refused(tmp_path, files):
+    folder = write_mcap(tmp_path / "mcap", 8)
+    (folder / "recorded.toml").write_text(MANIFEST.replace("[mcap]\n", f"[mcap]\nfiles = {json.dumps(files)}\n"))
+    with pytest.raises(RecordingsRefused):
+        read_recorded(TASK, folder)
+
+
+def test_an_index_of_five_thousand_digits_is_refused(tmp_path):
+    folder = write_mcap(tmp_path / "mcap", 8)
+    (folder / "recorded.toml").write_text(MANIFEST.replace("position[0]", f"position[{'9' * 5000}]"))
+    with pytest.raises(RecordingsRefused, match="no field 'position"):
+        read_recorded(TASK, folder)
+
+
+def test_names_with_a_nul_are_refused(tmp_path):
+    for manifest in ('trials = "a\\u0000b"\nstate = ["x", "y", "z"]', ""):
+        folder = pushes(tmp_path / f"lab{bool(manifest)}")
+        text = f'task = "pushing"\noutcome = "upright"\n[tables]\n{manifest}\n'
+        (folder / "recorded.toml").write_text(text if manifest else 'task = "pushing"\nsessions = ["a\\u0000b"]\n')
+        with pytest.raises(RecordingsRefused):
+            read_recorded(PUSHING, folder)
+
+
+def test_files_that_macos_writes_beside_others_are_skipped(tmp_path):
+    folder = write_mcap(tmp_path / "mcap", 8)
+    (folder / "._swing-00.mcap").write_bytes(b"\0\5\x16\7")
+    assert len(read_recorded(TASK, folder)) == 8
+
+
+def test_a_truncated_mcap_file_is_refused_with_a_reason(tmp_path):
+    folder = write_mcap(tmp_path / "mcap", 8)
+    whole = (folder / "swing-03.mcap").read_bytes()
+    for length in (3, 9, 40, len(whole) // 2, len(whole) - 5):
+        (folder / "swing-03.mcap").write_bytes(whole[:length])
+        with pytest.raises(RecordingsRefused) as refused:
+            read_recorded(TASK, folder)
+        assert not str(refused.value).rstrip().endswith(":")
+
+
+def test_a_bad_message_definition_is_named(tmp_path):
+    folder = write_mcap(tmp_path / "mcap", 8)
+    for path in folder.glob("*.mcap"):
+        path.unlink()
+    for i in range(8):
+        with (folder / f"swing-{i}.mcap").open("wb") as file:
+            writer = McapWriter(file)
+            writer.start("ros2")
+            schema = writer.register_schema("lab_msgs/msg/Joints", "ros2msg", b"float64[ position\n@@@ nonsense 7")
+            channel = writer.register_channel("/joints", "cdr", schema)
+            writer.add_message(channel, 0, b"\0\1\0\0" + bytes(64), 0)
+            writer.finish()
+    with pytest.raises(RecordingsRefused, match=r"swing-0\.mcap"):
+        read_recorded(TASK, folder)
+
+
+def test_no_flipped_bit_of_a_recorded_file_changes_a_number_in_silence(tmp_path):
+    """Of 120 bits, without checksums 39 gave other numbers."""
+    folder, rng = write_mcap(tmp_path / "mcap", 8), np.random.default_rng(0)
+    whole, plain = (folder / "swing-03.mcap").read_bytes(), digest(read_recorded(TASK, folder))
+    refused = 0
+    for _ in range(40):
+        damaged = bytearray(whole)
+        damaged[int(rng.integers(len(whole)))] ^= 1 << int(rng.integers(8))
+        (folder / "swing-03.mcap").write_bytes(bytes(damaged))
+        try:
+            assert digest(read_recorded(TASK, folder)) == plain
+        except RecordingsRefused:
+            refused += 1
+    assert refused > 20
+
+
+def test_the_example_of_the_page_reads_the_standard_message(tmp_path):
+    """`std_msgs/Float64MultiArray` has no header: times are those of the log."""
+    page = (ROOT / "docs/guide/recorded-trials.md").read_text()
+    (manifest,) = (block for block in re.findall(r"```toml\n(.*?)```", page, re.S) if "[mcap]" in block)
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    (folder / "recorded.toml").write_text(manifest)
+    rng = np.random.default_rng(0)
+    for i in range(8):
+        with (folder / f"push-{i}.mcap").open("wb") as file:
+            writer = Writer(file)
+            command = writer.register_msgdef("std_msgs/msg/Float64MultiArray", ARRAY)
+            bottle = writer.register_msgdef("geometry_msgs/msg/PoseStamped", POSE)
+            writer.write_message(
+                "/command",
+                command,
+                {"layout": {"dim": [], "data_offset": 0}, "data": PUSHING.action.sample(rng, 1)[0].tolist()},
+                50 * 10**9,
+            )
+            for t_s in np.arange(0.0, 1.5, 0.05):
+                place = {"x": 0.56 + 0.2 * (1 - np.exp(-3 * t_s)) * (1 + i / 9), "y": 0.0, "z": 0.05}
+                head = {"stamp": {"sec": 7, "nanosec": 0}, "frame_id": "base"}
+                pose = {"position": place, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+                writer.write_message("/bottle", bottle, {"header": head, "pose": pose}, round(1e9 * (50.04 + t_s)))
+            writer.finish()  # type: ignore[no-untyped-call]
+    trials = read_recorded(PUSHING, folder)
+    assert len(trials) == 8
+    assert trials.tracks[0].t_s[0] == pytest.approx(0.0, abs=1e-6)

@@ -12,7 +12,8 @@ from table_scenes import at
 from hw.types import Array, Frame
 from perception.arm_mask import Arm
 from perception.bottle import BottleDetection, find_bottle, track_bottle
-from perception.errors import OutcomeUnseen, TrackingFailed
+from perception.errors import TrackingFailed
+from perception.sightings import OutcomeUnseen
 from perception.types import ObjectTrack, Outcome
 
 T0 = 100.0

@@ -11,9 +11,10 @@ import pytest
 from table_scenes import AREA, AWAY, Motion, Studio, at, food, studio, tool_mesh
 
 from hw.types import Array, Frame
-from perception.errors import OutcomeUnseen, TrackingFailed
+from perception.errors import TrackingFailed
 from perception.piece import PieceDetection, at_home, find_piece, track_piece
 from perception.piece.tracking import LOST_ON_THE_WAY
+from perception.sightings import OutcomeUnseen
 from perception.types import ObjectTrack, Outcome
 
 HALF = (0.0125, 0.0125, 0.009)

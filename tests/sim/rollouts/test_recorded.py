@@ -63,7 +63,7 @@ def test_hostile_trials_are_refused_with_the_reason() -> None:
     twin[7] = twin[3]
     refused("trials 3 and 7 have the same action", actions=twin)
     refused("trial 0 is there twice", names=("0", *trials().names[1:-1], "0"))
-    late = replace(TRACKS[0], t_s=TRACKS[0].t_s[::-1])
+    late = replace(TRACKS[0], t_s=TRACKS[0].t_s[::-1] - TRACKS[0].t_s[-1])
     refused("trial 0: its times must increase", tracks=(late, *TRACKS[1:]))
     narrow = replace(TRACKS[0], state=TRACKS[0].state[:, :1])
     refused("needs 2 columns, and has 1", tracks=(narrow, *TRACKS[1:]))

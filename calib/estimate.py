@@ -38,6 +38,10 @@ BIC_LIMIT = -2.0  # "positive evidence"; by chance about once in 5,000 calibrati
 HELD_OUT_MARGIN = 1.1  # four held-out views measure their error to about a tenth
 CLEARLY = 0.85  # times the held-out error of the fit over pixels: below it, the other is kept alone
 PIXELS_MARGIN = 0.98  # times the held-out error of the other fit: below it, the fit over pixels is kept alone
+LARGEST_OFFSET_RAD = 0.03
+"""No arm that works has a joint zero so far off: that is 2 cm at the flange, which anybody sees. A larger estimate takes
+up another error, of the lens or of the pictures' poses. (In halves of one real series one had 49 mrad, the other none.)
+"""
 _LEAST_PX = 0.02
 _ROUNDS = 6
 _SETTLED_M = 1e-6
@@ -161,7 +165,9 @@ def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOff
     held, held_free = (_every_fifth(data, [found]) for found in (plain, free))
     numbers = 6 * len(data.kept)
     delta_bic = -2 * (free.log_likelihood - plain.log_likelihood) + len(free.model.offsets) * np.log(numbers)
-    adopted = delta_bic < BIC_LIMIT and held_free.rms_px < HELD_OUT_MARGIN * held.rms_px
+    largest_rad = float(np.abs(free.state.offsets_rad).max())
+    possible = largest_rad <= LARGEST_OFFSET_RAD
+    adopted = possible and delta_bic < BIC_LIMIT and held_free.rms_px < HELD_OUT_MARGIN * held.rms_px
     sigma = np.full(n, np.nan)
     columns = free.model.poses + np.arange(len(free.model.offsets))
     sigma[list(free.model.offsets)] = np.sqrt(np.diagonal(jackknife(free))[columns])
@@ -169,6 +175,11 @@ def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOff
         f"{'supported' if adopted else 'not supported'}: information criterion {delta_bic:+.1f} (limit"
         f" {BIC_LIMIT:+.0f}), held-out error {held_free.rms_px:.2f} px with offsets, {held.rms_px:.2f} px without"
     )
+    if not possible:
+        reason += (
+            f"; the largest would be {1e3 * largest_rad:.0f} mrad, more than an arm that works can have "
+            f"({1e3 * LARGEST_OFFSET_RAD:.0f}): another error hides in them"
+        )
     found = free.state.offsets_rad
     joints = JointOffsets(found if adopted else none, sigma, adopted, found, float(delta_bic), reason)
     return (free, joints) if adopted else (plain, joints)

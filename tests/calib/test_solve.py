@@ -66,6 +66,14 @@ def test_a_third_of_views_spoilt() -> None:
     assert distance_mm(found.X_AC, true.X_AC) < 0.5
 
 
+def test_joint_offsets_beyond_what_an_arm_can_have_are_named_and_not_used() -> None:
+    """Half of a real series of a UR3a had 49 mrad in it, and the other half none: 7.3 mm between their cameras."""
+    found = solve(rig.views(rig.truth(offsets_rad=np.array([0.0, 0.0, 0.049, 0.0, 0.0, 0.0, 0.0]))), rig.SETUP, forward)
+    assert found.joints is not None and not found.joints.adopted
+    assert not found.joints.offsets_rad.any()
+    assert "more than an arm that works can have (30)" in found.joints.reason
+
+
 def test_joint_offsets_are_found_and_halve_the_error() -> None:
     true = rig.truth(1, rig.OFFSETS_RAD)
     views = rig.views(true, seed=1, quality=Quality(0.1, 1e-4))

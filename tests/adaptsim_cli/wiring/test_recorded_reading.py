@@ -303,7 +303,7 @@ def test_the_example_of_the_page_reads_the_standard_message(tmp_path):
                 head = {"stamp": {"sec": 7, "nanosec": 0}, "frame_id": "base"}
                 pose = {"position": place, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
                 writer.write_message("/bottle", bottle, {"header": head, "pose": pose}, round(1e9 * (50.04 + t_s)))
-            writer.finish()  # type: ignore[no-untyped-call]
+            writer.finish()
     trials = read_recorded(PUSHING, folder)
     assert len(trials) == 8
     assert trials.tracks[0].t_s[0] == pytest.approx(0.0, abs=1e-6)

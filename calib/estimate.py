@@ -39,8 +39,8 @@ HELD_OUT_MARGIN = 1.1  # four held-out views measure their error to about a tent
 CLEARLY = 0.85  # times the held-out error of the fit over pixels: below it, the other is kept alone
 PIXELS_MARGIN = 0.98  # times the held-out error of the other fit: below it, the fit over pixels is kept alone
 LARGEST_OFFSET_RAD = 0.03
-"""No arm that works has a joint zero so far off: that is 2 cm at the flange, which anybody sees. A larger estimate takes
-up another error, of the lens or of the pictures' poses. (In halves of one real series one had 49 mrad, the other none.)
+"""No arm that works has a joint zero so far off: that is 2 cm at the flange, which anybody sees. A larger estimate
+takes up another error, of the lens or of the pictures' poses. (Half of one real series gave 49 mrad, the other none.)
 """
 _LEAST_PX = 0.02
 _ROUNDS = 6

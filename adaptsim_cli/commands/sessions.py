@@ -35,6 +35,8 @@ def list_sessions(
     if task is not None:
         found = [one for one in found if isinstance(one, Damaged) or one.task == task]
     screen = console.Screen(as_json=as_json)
+    if note := store.stray_note(root):
+        screen.note(note)
     if screen.data("sessions list", {"sessions": found}):
         return
     if not found:
@@ -92,6 +94,8 @@ def verify(
 
     root = config.load().places.sessions
     screen = console.Screen(as_json=as_json)
+    if not names and (note := store.stray_note(root)):
+        screen.note(note)
     checked = []
     for name in names or store.names(root):
         with screen.busy(f"Reading {name}"):

@@ -42,12 +42,21 @@ from hw.collision import BARE_HAND
 from hw.errors import BalanceError
 from hw.franka.realtime import PRIORITY
 from hw.franka.versions import MATRIX, PACKAGES
+from hw.plugins import Offer, offers
 from hw.stopping import WORST_STOP_S, worst_stop
+from sim.errors import SimError
+from sim.tasks import OFFERED, clashing
 
 CHECKS: dict[str, Check] = {}
 """Every check by its name, in the order of the screen."""
 
 check = partial(add_check, CHECKS)
+
+
+def offered() -> tuple[Offer, ...]:
+    """The tasks of other packages."""
+    return offers(OFFERED)
+
 
 PROGRAM, MACHINE, DEVICES, TASK = "program", "machine", "devices", "task"
 LIBRARIES = {
@@ -91,6 +100,22 @@ def _libraries(lab: Examined) -> Finding:
     if gone:
         return missing(f"cannot be loaded: {', '.join(gone)}", f"sudo apt-get install -y {' '.join(gone)}")
     return ok(f"{' and '.join(used)} {'find theirs' if len(used) > 1 else 'finds its'}")
+
+
+@check(PROGRAM, "plug-ins", "pip uninstall the package, or mend it", lambda lab: "" if offered() else "none installed")
+def _plugins(lab: Examined) -> Finding:
+    """Everything that other packages offer, each loaded once."""
+    from sim.tasks import get_task
+
+    problems = list(clashing())
+    for offer in offered():
+        try:
+            get_task(offer.name)
+        except SimError as error:
+            problems.append(str(error))
+    if problems:
+        return advice("; ".join(dict.fromkeys(problems)))
+    return ok(", ".join(f"task {offer.name} of {offer.package} {offer.version}" for offer in offered()))
 
 
 @check(PROGRAM, "driver", when=real)

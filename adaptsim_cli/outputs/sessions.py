@@ -27,6 +27,7 @@ class SessionRow(Record):
     verdict: Verdict | None = said("of its last iteration; null before the first")
     size_bytes: int = said("its size on the disk")
     note: str = said("the operator's note")
+    begun_as: str = said("its name when it was begun, if it was renamed or copied since; else empty")
 
 
 class Damaged(Record):

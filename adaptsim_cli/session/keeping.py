@@ -292,8 +292,12 @@ def bundle(
     return names, left_out
 
 
+_OPERATOR = re.compile(r'("operator"\s*:\s*")(?:[^"\\]|\\.)*(")')
+
+
 def _anonymous(text: str) -> str:
-    """Replace the user's home folder by ~."""
+    """Replace the user's home folder by ~, and leave out who confirmed the motions."""
+    text = _OPERATOR.sub(r"\1left out\2", text)
     return text.replace(str(Path.home()), "~") if len(str(Path.home())) > 1 else text
 
 

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
+from hw.bounded import read_table
 from hw.records import AnyRecord, Record
 from hw.types import Array
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
@@ -70,6 +72,7 @@ class SessionStore:
     start: SessionStart
     _read: dict[Path, Record] = field(default_factory=dict, repr=False, compare=False)  # trials and results, by file
     _most: int | None = None  # iterations that are looked at; None: all
+    begun_as: str = ""  # its name in its own record, if its folder has another
 
     @classmethod
     def create(cls, root: Path, facts: Facts, start: SessionStart) -> SessionStore:
@@ -86,9 +89,12 @@ class SessionStore:
 
     @classmethod
     def open(cls, root: Path, name: str) -> SessionStore:
-        """Open a session. Raises SessionError if it is missing or corrupt."""
+        """Open a session; a renamed or copied one has its folder's name. Raises SessionError if missing or corrupt."""
         folder = existing_folder(root, name)
-        return cls(folder, records.read(Facts, folder / FACTS), records.read(SessionStart, folder / START))
+        facts = records.read(Facts, folder / FACTS)
+        begun_as = "" if facts.name == name else facts.name
+        facts = facts.model_copy(update={"name": name})
+        return cls(folder, facts, records.read(SessionStart, folder / START), begun_as=begun_as)
 
     def until(self, iterations: int) -> SessionStore:
         """The first `iterations` alone, which stay as they are while the session goes on."""
@@ -357,9 +363,26 @@ def existing_folder(root: Path, name: str) -> Path:
 
 
 def names(root: Path) -> tuple[str, ...]:
-    """The sessions below `root`, damaged ones too, newest last."""
-    folders = [entry for entry in entries(root) if entry.is_dir()]
-    return tuple(folder.name for folder in sorted(folders, key=_begun_ns))
+    """The sessions below `root`, damaged ones too, newest last. Strays are left out."""
+    folders = [entry for entry in entries(root) if entry.is_dir() and _NAME.fullmatch(entry.name)]
+    return tuple(folder.name for folder in sorted(folders, key=_begun))
+
+
+def strays(root: Path) -> tuple[str, ...]:
+    """The folders below `root` that cannot be sessions by their names, e.g. `p1 (copy)` and `lost+found`."""
+    return tuple(entry.name for entry in entries(root) if entry.is_dir() and not _NAME.fullmatch(entry.name))
+
+
+def stray_note(root: Path) -> str:
+    """One sentence about the strays below `root`; "" without any."""
+    found = strays(root)
+    if not found:
+        return ""
+    which = ", ".join(repr(name) for name in found[:5]) + (" and more" if len(found) > 5 else "")
+    return (
+        f"Skipped in {root}: {which}. The name of a session has letters, digits, '.', '_' and '-' only: rename what "
+        "should be one"
+    )
 
 
 def newest(root: Path) -> str:
@@ -370,9 +393,18 @@ def newest(root: Path) -> str:
     return found[-1]
 
 
-def _begun_ns(folder: Path) -> int:
+def _begun(folder: Path) -> tuple[float, int]:
+    """When a session was begun, s since 1970 by its own record; then the time of its folder, for the same second.
+
+    Copying changes the times of files, so they count only for a session whose record cannot be read.
+    """
     file = folder / FACTS
-    return (file if file.is_file() else folder).stat().st_mtime_ns
+    changed_ns = (file if file.is_file() else folder).stat().st_mtime_ns
+    try:
+        created_s = datetime.fromisoformat(str(read_table(file)["created"])).timestamp()
+    except (OSError, KeyError, ValueError):
+        created_s = 1e-9 * changed_ns
+    return created_s, changed_ns
 
 
 def _sha256(content: bytes) -> str:

@@ -74,6 +74,7 @@ def overview(store: SessionStore) -> SessionRow:
         verdict=results[-1].verdict if results else None,
         size_bytes=size_bytes(store.folder),
         note=said.note,
+        begun_as=store.begun_as,
     )
 
 

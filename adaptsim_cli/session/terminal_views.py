@@ -233,12 +233,19 @@ def _session(s: SessionRow) -> list[RenderableType]:
         size(s.size_bytes),
         s.created[:16].replace("T", " "),
     )
-    lines: list[RenderableType] = [Text(s.session, style="bold", no_wrap=True, overflow="ignore"), _joined(facts)]
+    lines: list[RenderableType] = [_name(s.session, s.begun_as), _joined(facts)]
     if s.verdict:
         lines.append(views.indent(Text(HEADLINES[s.verdict.kind])))
     if s.note:
         lines.append(views.indent(Text(s.note, style="italic")))
     return lines
+
+
+def _name(name: str, begun_as: str) -> Text:
+    text = Text(name, style="bold", no_wrap=True, overflow="ignore")
+    if begun_as:
+        text.append(f"  begun as {begun_as}", style="dim")
+    return text
 
 
 def _joined(facts: Sequence[str]) -> RenderableType:

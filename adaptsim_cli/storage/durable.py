@@ -21,7 +21,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from adaptsim_cli.errors import DiskFull, SessionError, UsageError
-from sim.storage.files import TEMPORARY, flush_file, flush_folder, publish_new, whole_file
+from sim.storage.files import TEMPORARY, flush_file, flush_folder, permitted, publish_new, whole_file
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """Error numbers of the system for a full disk or an exhausted quota."""
@@ -54,7 +54,7 @@ def write_folder(path: Path, files: Mapping[str, bytes]) -> None:
             for name, content in files.items():
                 (temporary / name).write_bytes(content)
                 flush_file(temporary / name)
-            temporary.chmod(0o755)
+            temporary.chmod(permitted(0o777))
             flush_folder(temporary)
             publish_new(temporary, path)
         finally:
@@ -143,7 +143,7 @@ def locked(
     SessionError if the folder is not writable, or was moved or deleted meanwhile.
     """
     try:
-        descriptor = os.open(folder / file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        descriptor = os.open(folder / file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     except FileNotFoundError as error:
         raise _gone(folder) from error
     except OSError as error:

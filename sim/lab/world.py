@@ -22,7 +22,7 @@ from hw.collision import Table
 from hw.records import HandWritten
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack
-from sim.errors import NoHardware, OutOfRange, UnknownName, WorldError, did_you_mean
+from sim.errors import NoHardware, OutOfRange, RolloutError, SimError, UnknownName, WorldError, did_you_mean
 from sim.lab.physics import Physics, require_possible, simulate_of
 from sim.panda.tool import ToolCorrection
 from sim.tasks import files_of, task_names
@@ -330,4 +330,12 @@ def _simulate(
     world: World, parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None
 ) -> ObjectTrack:
     there = simulate_of(world.task, world.physics)
-    return there(world.parameters, context, action, world.nuisance, world.unmodelled)
+    try:
+        return there(world.parameters, context, action, world.nuisance, world.unmodelled)
+    except SimError:
+        raise
+    except Exception as error:  # a task of another package may raise anything
+        raise RolloutError(
+            f"a rollout of {world.task} in world {world.name} failed ({type(error).__name__}: {error}) with the action "
+            f"{np.asarray(action).tolist()}: its `simulate` must return a track for every action"
+        ) from error

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
-from sim.errors import ClusterUnavailable, RolloutError, UnknownName
+from sim.errors import ClusterUnavailable, RolloutError, SimError, UnknownName
 from sim.tasks import get_task
 from sim.tasks.task import SimulateMany, Task
 
@@ -151,8 +151,14 @@ def _stacked(
     task: Task, simulate: SimulateMany, parts: Sequence[Requests], total: int, progress: Progress
 ) -> Iterator[Rollouts]:
     done = 0
-    for part in parts:
-        yield observed(task, simulate(part.parameters, part.context, part.action, part.nuisance))
+    for number, part in enumerate(parts):
+        try:
+            rollouts = observed(task, simulate(part.parameters, part.context, part.action, part.nuisance))
+        except SimError:
+            raise
+        except Exception as error:  # a task of another package may raise anything
+            raise _failure(parts, [_Chunk(number, 0, len(part))], error) from error
+        yield rollouts
         done += len(part)
         progress(done, total)
 

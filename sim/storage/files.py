@@ -24,6 +24,19 @@ TEMPORARY = ".*.writing*"
 """The pattern of temporary names of files and folders."""
 
 
+def permitted(mode: int) -> int:
+    """The permission bits of `mode` that the process's umask leaves, as for any file that a program makes.
+
+    The umask is read from the system, because asking for it by changing it would race with other threads.
+    """
+    try:
+        lines = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines()
+        umask = next(int(line.split()[1], 8) for line in lines if line.startswith("Umask:"))
+    except (OSError, StopIteration, ValueError):
+        umask = 0o022
+    return mode & ~umask
+
+
 @contextlib.contextmanager
 def whole_file(path: Path, *, replace: bool = True) -> Iterator[Path]:
     """A temporary path beside `path`: synced to the disk and renamed to `path` at the end, removed on an error.
@@ -38,7 +51,7 @@ def whole_file(path: Path, *, replace: bool = True) -> Iterator[Path]:
     try:
         yield temporary
         flush_file(temporary)
-        temporary.chmod(0o644)
+        temporary.chmod(permitted(0o666))
         (publish if replace else publish_new)(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)

@@ -6,13 +6,11 @@ A package offers a task by an entry point of the group `adaptsim.tasks`: the tas
 
 from __future__ import annotations
 
-from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
+from hw.plugins import Offer, PluginError, clashes, offers
 from sim.errors import UnknownName, did_you_mean
 from sim.tasks.task import Task
 
@@ -39,13 +37,9 @@ def get_task(name: str) -> Task:
 
 def files_of(name: str, kind: Literal["worlds", "checkpoints"]) -> Path:
     """The folder of the files that ship with task `name`; it need not exist. No task is imported."""
-    if name not in TASKS and (module := _installed().get(name)) is not None:
-        try:
-            spec = find_spec(module)
-        except ImportError:  # in a parent package; `get_task` reports it
-            spec = None
-        if spec is not None and spec.origin is not None:
-            return Path(spec.origin).parent / kind
+    offer = None if name in TASKS else _installed().get(name)
+    if offer is not None and (origin := offer.origin()) is not None:
+        return origin.parent / kind
     return Path(__file__).parents[1] / kind / name
 
 
@@ -54,22 +48,28 @@ def _ours(name: str) -> Task:
     return task
 
 
+def clashing() -> tuple[str, ...]:
+    """A sentence for each task of a package that cannot be used because of its name."""
+    return clashes(OFFERED, set(TASKS))
+
+
 def _theirs(name: str) -> Task:
-    if (module := _installed().get(name)) is None:
+    if (offer := _installed().get(name)) is None:
         raise UnknownName(
             f'task "{name}" is not known: it must be one of {", ".join(task_names())}{did_you_mean(name, task_names())}'
         )
+    if twice := [sentence for sentence in clashing() if sentence.startswith(f"{name} of ")]:
+        raise UnknownName(f"task {twice[0]}")
     try:
-        task = import_module(module).TASK
-    except (ImportError, AttributeError) as error:
-        raise UnknownName(f'task "{name}" is offered by {module}, which does not hold it: {error}') from error
+        task = offer.load("TASK")
+    except PluginError as error:
+        raise UnknownName(f"task {error}") from error
     if not isinstance(task, Task) or task.name != name:
         called = f'is called "{task.name}"' if isinstance(task, Task) else f"is a {type(task).__name__}"
-        raise UnknownName(f'task "{name}" is offered by {module}, whose TASK {called}: both names must agree')
+        raise UnknownName(f"task {offer}: its TASK {called}; both names must agree")
     return task
 
 
-@cache
-def _installed() -> dict[str, str]:
-    """Name -> module of installed packages, except names of our own tasks."""
-    return {entry.name: entry.value for entry in entry_points(group=OFFERED) if entry.name not in TASKS}
+def _installed() -> dict[str, Offer]:
+    """Name -> offer of installed packages, except names of our own tasks."""
+    return {offer.name: offer for offer in reversed(offers(OFFERED)) if offer.name not in TASKS}

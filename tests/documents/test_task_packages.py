@@ -13,6 +13,7 @@ import pytest
 from documents import ROOT, install, module, require_kept
 
 from adaptsim_cli.wiring.recorded.folder import read_recorded
+from hw import plugins
 from sim import tasks
 from sim.lab.world import load_world
 from sim.rollouts.draws import cover
@@ -27,9 +28,9 @@ def installed(tmp_path, monkeypatch) -> Iterator[None]:
         install(tmp_path, name, {name: name})
         monkeypatch.syspath_prepend(ROOT / "benchmarks" / name)
     monkeypatch.syspath_prepend(tmp_path)
-    tasks._installed.cache_clear()
+    plugins.offers.cache_clear()
     yield
-    tasks._installed.cache_clear()
+    plugins.offers.cache_clear()
     for loaded in [one for one in sys.modules if one.partition(".")[0] in PACKAGES]:
         del sys.modules[loaded]
 

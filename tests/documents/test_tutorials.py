@@ -14,6 +14,8 @@ import pytest
 from documents import ROOT, install, module, require_kept
 
 from adaptsim_cli import app
+from adaptsim_cli.doctor import checks
+from hw import plugins
 from hw.serial import balance
 from sim import tasks
 from sim.errors import UnknownName
@@ -28,6 +30,13 @@ def blocks(page: str) -> list[tuple[str, str, str]]:
     return BLOCK.findall((ROOT / "docs/guide" / page).read_text(encoding="utf-8"))
 
 
+@pytest.fixture(autouse=True)
+def forget_packages() -> Iterator[None]:
+    """What a test installs is not there for the next one."""
+    yield
+    plugins.offers.cache_clear()
+
+
 @pytest.fixture
 def curling(tmp_path, monkeypatch) -> Iterator[Task]:
     """The task of the tutorial, its package installed for as long as a test runs."""
@@ -37,9 +46,9 @@ def curling(tmp_path, monkeypatch) -> Iterator[Task]:
     project = tomllib.loads((tmp_path / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     install(tmp_path, project["name"], project["entry-points"][tasks.OFFERED])
     monkeypatch.syspath_prepend(tmp_path)
-    tasks._installed.cache_clear()
+    plugins.offers.cache_clear()
     yield tasks.get_task("curling")
-    tasks._installed.cache_clear()
+    plugins.offers.cache_clear()
     sys.modules.pop("curling", None)
 
 
@@ -81,17 +90,34 @@ def test_the_task_of_the_tutorial_is_pretrained_listed_and_run(curling, tmp_path
 @pytest.mark.parametrize(
     ("code", "said"),
     [
-        ("import nothing_here", "is offered by broken, which does not hold it: No module named 'nothing_here'"),
-        ("TASK = 3", "is offered by broken, whose TASK is a int: both names must agree"),
+        ("import nothing_here", "cannot be imported: ModuleNotFoundError: No module named 'nothing_here'"),
+        ("TASK = (", "cannot be imported: SyntaxError: "),
+        ("1 / 0", "cannot be imported: ZeroDivisionError: division by zero"),
+        ("import sys; sys.exit(3)", "cannot be imported: SystemExit: 3"),
+        ("from sim.tasks.task import Task\nTASK = Task(name='darts')", "cannot be imported: TypeError: .*missing"),
+        ("NOTHING = 1", "broken has no TASK"),
+        ("TASK = 3", "its TASK is a int; both names must agree"),
     ],
 )
-def test_a_package_that_cannot_be_used_is_named(code, said, tmp_path, monkeypatch):
+def test_a_package_that_cannot_be_used_is_named_with_version_and_entry_point(code, said, tmp_path, monkeypatch):
     (tmp_path / "broken.py").write_text(code, encoding="utf-8")
+    install(tmp_path, "broken", {"darts": "broken"})
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(tasks, "_installed", lambda: {"darts": "broken"})
-    with pytest.raises(UnknownName, match=f'task "darts" {said}'):
+    monkeypatch.delitem(sys.modules, "broken", raising=False)
+    plugins.offers.cache_clear()
+    where = r"darts of broken 1\.0 \(entry point adaptsim\.tasks: darts = broken\)"
+    with pytest.raises(UnknownName, match=rf"task {where}.*{said}"):
         tasks.get_task("darts")
     assert world.tasks_of_world("wd") == ("pendulum", "pushing", "scooping")
+    assert re.search(where, checks.CHECKS["plug-ins"].probe(None).detail)
+
+
+def test_a_name_that_is_taken_is_said(tmp_path, monkeypatch):
+    install(tmp_path, "mine", {"pushing": "mine"})
+    monkeypatch.syspath_prepend(tmp_path)
+    plugins.offers.cache_clear()
+    assert "mine 1.0" in checks.CHECKS["plug-ins"].probe(None).detail
+    assert "has the name of a built-in one" in checks.CHECKS["plug-ins"].probe(None).detail
 
 
 def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(monkeypatch):

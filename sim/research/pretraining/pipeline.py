@@ -44,6 +44,7 @@ from sim.research.pretraining.meta_training import (
     learning_gate,
     train_adaptation,
 )
+from sim.research.pretraining.soundness import require_sound
 from sim.rollouts.dataset import Denser, build_dataset, build_share
 from sim.rollouts.run import Roll, run_many
 from sim.rollouts.shards import CachedRollouts
@@ -163,8 +164,10 @@ def pretrain(
     """Make the checkpoint of `task` in `folder` and return its path, for `load_checkpoint`.
 
     Without the `wanted` stages it has only the parts for inference. Raises DatasetError if the folder holds another
-    plan. It may be stopped at any time; the same call continues.
+    plan, RolloutError if the first rollouts show that the task is not sound. It may be stopped at any time; the same
+    call continues.
     """
+    require_sound(task, np.random.default_rng(seed))
     _agree_on_plan(task, folder, budget, seed, solver)
     draws, progress = stage_seeds(seed), Stopwatch(folder, progress)
     if task.exact:

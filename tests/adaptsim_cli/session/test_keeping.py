@@ -242,3 +242,31 @@ def test_an_archive_is_not_replaced_silently(tmp_path):
     with pytest.raises(UsageError, match="--force"):
         keeping.bundle(folder, tmp_path / "out.zip", {})
     keeping.bundle(folder, tmp_path / "out.zip", {}, force=True)
+
+
+def test_a_stray_folder_is_skipped_with_one_note(root, capfd):
+    for name in ("p1 (copy)", "lost+found"):
+        (root / name).mkdir()
+    assert names(root) == (NAME,)
+    assert app.run(["sessions", "list"]) == 0
+    said = capfd.readouterr()
+    assert "Skipped in" in said.err + said.out
+    assert (said.err + said.out).count("p1 (copy)") == 1
+    assert app.run(["sessions", "verify"]) == 0
+
+
+def test_a_copied_session_shows_its_folder_and_how_it_was_begun(root, capfd):
+    shutil.copytree(root / NAME, root / "copy-of-it")
+    assert SessionStore.open(root, "copy-of-it").facts.name == "copy-of-it"
+    assert app.run(["sessions", "list", "--json"]) == 0
+    rows = {row["session"]: row["begun_as"] for row in json.loads(capfd.readouterr().out)["sessions"]}
+    assert rows == {NAME: "", "copy-of-it": NAME}
+
+
+def test_the_newest_session_is_so_by_its_own_record_however_it_was_copied(root):
+    older = root / "older"
+    shutil.copytree(root / NAME, older)  # its files are newer
+    text = (older / "session.toml").read_text()
+    created = SessionStore.open(root, NAME).facts.created
+    (older / "session.toml").write_text(text.replace(created, "2020-01-01T00:00:00+00:00"))
+    assert names(root) == ("older", NAME)

@@ -38,8 +38,9 @@ from adaptsim_cli.doctor.table import (
     with_rig,
 )
 from adaptsim_cli.wiring.calibration import current_calibration
+from hw.camera import kinds
 from hw.collision import BARE_HAND
-from hw.errors import BalanceError
+from hw.errors import BalanceError, DeviceUnavailable
 from hw.franka.realtime import PRIORITY
 from hw.franka.versions import MATRIX, PACKAGES
 from hw.plugins import Offer, offers
@@ -54,8 +55,8 @@ check = partial(add_check, CHECKS)
 
 
 def offered() -> tuple[Offer, ...]:
-    """The tasks of other packages."""
-    return offers(OFFERED)
+    """The tasks and cameras of other packages."""
+    return offers(OFFERED) + offers(kinds.OFFERED)
 
 
 PROGRAM, MACHINE, DEVICES, TASK = "program", "machine", "devices", "task"
@@ -107,15 +108,16 @@ def _plugins(lab: Examined) -> Finding:
     """Everything that other packages offer, each loaded once."""
     from sim.tasks import get_task
 
-    problems = list(clashing())
+    problems = [*clashing(), *kinds.clashing()]
     for offer in offered():
         try:
-            get_task(offer.name)
-        except SimError as error:
+            (get_task if offer.group == OFFERED else kinds.camera_kind)(offer.name)
+        except (SimError, DeviceUnavailable) as error:
             problems.append(str(error))
     if problems:
         return advice("; ".join(dict.fromkeys(problems)))
-    return ok(", ".join(f"task {offer.name} of {offer.package} {offer.version}" for offer in offered()))
+    what = {OFFERED: "task", kinds.OFFERED: "camera"}
+    return ok(", ".join(f"{what[one.group]} {one.name} of {one.package} {one.version}" for one in offered()))
 
 
 @check(PROGRAM, "driver", when=real)

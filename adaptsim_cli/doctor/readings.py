@@ -136,10 +136,10 @@ def arm(model: str, settings: FrankaSettings) -> Inspection:
 
 
 def cameras(kind: str) -> ProbeReport:
-    """The cameras of this kind that are plugged in."""
-    from hw.camera.probe import probe_k4a, probe_realsense
+    """The cameras of this kind that are plugged in. Raises DeviceUnavailable."""
+    from hw.camera.kinds import probe
 
-    return (probe_realsense if kind == "realsense" else probe_k4a)(patience_s=LOOK_S)
+    return probe(kind, LOOK_S)
 
 
 BOARDS = ("arduino", "teensy", "adafruit", "sparkfun", "ch340", "1a86")

@@ -17,6 +17,7 @@ from adaptsim_cli.doctor import readings
 from adaptsim_cli.doctor.readings import BALANCES, BOARDS, like, serial_ports
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.setup.answers import NOTHING, WAIVE, Answers, numbers, shown
+from hw.camera.kinds import camera_kinds
 from hw.collision import KeepOut, Side
 from hw.mass import Mass
 from hw.serial.balance import PROTOCOLS
@@ -84,7 +85,7 @@ def _port(text: str, ports: Sequence[str]) -> dict[str, str] | None:
 
 def camera(answers: Answers) -> None:
     """The kind of the camera, and its serial number."""
-    kind = answers.one_of("Which camera is it?", ("k4a", "realsense"), answers.rig.camera.kind)
+    kind = answers.one_of("Which camera is it?", camera_kinds(), answers.rig.camera.kind)
     answers.put(camera={**asdict(answers.rig.camera), "kind": kind})
     with answers.screen.busy("Looking for cameras"):
         found = readings.cameras(kind).serials

@@ -17,6 +17,7 @@ from hw.camera.k4a_library import INSTALL, SUCCEEDED, HardwareVersion, K4aLibrar
 from hw.errors import DeviceUnavailable
 
 REALSENSE = "pyrealsense2"
+_OFFERED = "camera of a package: "
 _MARK = "K4A-PROBE "  # libk4a may write to stdout too
 _PATIENCE_S = 20.0
 _CHILD = (sys.executable, "-P", "-m", "hw.camera.probe")
@@ -78,6 +79,13 @@ def probe_k4a(file: str | None = None, patience_s: float = _PATIENCE_S, child: S
 def probe_realsense(patience_s: float = _PATIENCE_S, child: Sequence[str] = _CHILD) -> ProbeReport:
     """The same for the cameras that `pyrealsense2` sees."""
     return _asked(child, REALSENSE, patience_s, realsense.INSTALL)
+
+
+def probe_offered(
+    name: str, install: str, patience_s: float = _PATIENCE_S, child: Sequence[str] = _CHILD
+) -> ProbeReport:
+    """The same for the cameras of a kind that a package offers."""
+    return _asked(child, f"{_OFFERED}{name}", patience_s, install or "see the page of its package")
 
 
 def _asked(child: Sequence[str], chosen: str, patience_s: float, install: str) -> ProbeReport:
@@ -185,7 +193,25 @@ def _sentence(text: str) -> str:
     return text[0].upper() + text[1:]
 
 
+def _look_offered(name: str) -> ProbeReport:
+    """The cameras of a kind that a package offers, by its own `find`."""
+    from hw.camera.kinds import camera_kind  # noqa: PLC0415 - kinds are declared with these probes
+
+    try:
+        kind = camera_kind(name)
+        devices = tuple(kind.find())
+    except Exception as error:  # noqa: BLE001 - whatever a foreign library raises is the finding
+        return _nothing(name, f"{type(error).__name__}: {error}", "mend the package of this camera")
+    usable = any(device.error is None for device in devices)
+    problem = None if usable else (devices[0].error if devices else f"no {kind.label} is plugged in")
+    return ProbeReport(
+        name, None, kind.label, True, devices, problem, None if usable else _sentence(kind.install or _PLUG)
+    )
+
+
 def _child(file: str) -> ProbeReport:
+    if file.startswith(_OFFERED):
+        return _look_offered(file.removeprefix(_OFFERED))
     if file == REALSENSE:
         try:
             return look_realsense(realsense.plugged_in())

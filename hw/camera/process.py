@@ -38,7 +38,7 @@ def served(make: str) -> Callable[[], Child]:
     return partial(Child, "hw.camera.served", make, end_s=_END_S)
 
 
-KINECT, REALSENSE = served("hw.camera.served:kinect"), served("hw.camera.realsense:RealSenseDevice")
+KINECT = served("hw.camera.served:kinect")
 
 
 class CameraProcess:

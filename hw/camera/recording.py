@@ -58,7 +58,7 @@ def camera_model(calibration: bytes, colour_mode: str, depth_mode: str) -> Camer
     Raises CameraError naming the missing or unknown field.
     """
     try:
-        content = parse_table(calibration.rstrip(b"\0"), is_toml=False)["CalibrationInformation"]
+        content = parse_table(calibration.partition(b"\0")[0], is_toml=False)["CalibrationInformation"]
         cameras = {camera["Purpose"].removeprefix("CALIBRATION_CameraPurpose"): camera for camera in content["Cameras"]}
         colour, depth = cameras["PhotoVideo"], cameras["Depth"]
         return CameraModel(
@@ -95,6 +95,8 @@ def _pose(camera: dict[str, Any]) -> Array:
     return X
 
 
+_LAYOUTS = re.compile(r"^(MJPG|NV12|YUY2|BGRA)_")
+"""How the pixels of a colour mode are laid out; its size follows."""
 _TOGETHER_S = 0.010  # colour and depth of one instant differ by less
 MOST_ALONE = 300
 """Most images (about 1 GB) that may wait for their partner in another track."""
@@ -141,7 +143,7 @@ class KinectRecording:
     def model(self) -> CameraModel:
         """Factory calibration, for the modes that were recorded. Raises CameraError."""
         colour, depth = self._tag("COLOR", "K4A_COLOR_MODE"), self._tag("DEPTH", "K4A_DEPTH_MODE")
-        return camera_model(self._attached("calibration.json"), colour.removeprefix("MJPG_"), depth)
+        return camera_model(self._attached("calibration.json"), _LAYOUTS.sub("", colour), depth)
 
     def frames(self) -> Iterator[Frame]:
         """Every instant with both a colour and a depth image, in time order.

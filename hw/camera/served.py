@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, replace
+from functools import partial
 from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
@@ -200,9 +201,20 @@ def end_with(pipe: int) -> None:
 def main(connection_fd: str, pipe_fd: str, maker: str) -> None:
     """Serve one program; the arguments are two file descriptors and a `Make` as module:function."""
     end_with(int(pipe_fd))
-    module, _, name = maker.partition(":")
     with Connection(int(connection_fd)) as program:
-        serve(program, LiveCamera(getattr(import_module(module), name)))
+        serve(program, LiveCamera(partial(loaded, maker)))
+
+
+def loaded(maker: str, now_s: Callable[[], float]) -> Device:
+    """`Make`: by the one called module:name. Raises DeviceUnavailable with the reason if it cannot be imported."""
+    module, _, name = maker.partition(":")
+    try:
+        make: Make = getattr(import_module(module), name)
+    except Exception as error:
+        raise DeviceUnavailable(
+            f"the camera's adapter {maker} cannot be loaded ({type(error).__name__}: {error}): mend or install it"
+        ) from error
+    return make(now_s)
 
 
 if __name__ == "__main__":

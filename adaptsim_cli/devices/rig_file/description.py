@@ -10,13 +10,14 @@ from datetime import UTC, date, datetime
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 from pydantic.dataclasses import dataclass
 
 from adaptsim_cli.devices.rig_file.keys import RULES, key
 from adaptsim_cli.devices.rig_file.waivers import Waivable, WaiverPart
 from hw.camera.k4a_device import ColourSettings
-from hw.camera.process import KINECT, REALSENSE, CameraProcess
+from hw.camera.kinds import KINDS, camera_kind, camera_kinds
+from hw.camera.process import CameraProcess, served
 from hw.collision import MOST_SLOPE, KeepOut, Side, Table, persons_side
 from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
 from hw.types import Array, frozen_array
@@ -211,12 +212,20 @@ class KeepOutPart:
         return KeepOut(self.name, np.array(self.low_m), np.array(self.high_m))
 
 
+def _known_kind(name: str) -> str:
+    if name not in camera_kinds():
+        raise ValueError(f"it must be one of {', '.join(camera_kinds())}")
+    return name
+
+
 @dataclass(frozen=True, config=RULES)
 class CameraPart:
     """The camera. Exposure and white balance are fixed, so that pictures are comparable."""
 
     kind: Annotated[
-        Literal["k4a", "realsense"], key("k4a (Azure Kinect, Femto Bolt) or realsense (Intel D400 family)")
+        str,
+        key(f"{' or '.join(f'{name} ({kind.label})' for name, kind in KINDS.items())}; a package may offer another"),
+        AfterValidator(_known_kind),
     ] = "k4a"
     serial: Annotated[str, key("serial number; empty: the only camera plugged in")] = ""
     exposure_us: Annotated[int, key("exposure of the colour camera", "µs", ge=500, le=33_330)] = 8_000
@@ -228,7 +237,7 @@ class CameraPart:
 
     def camera(self, *, infrared: bool = False) -> CameraProcess:
         """The camera, not connected; `infrared` asks for that image in every frame."""
-        start = REALSENSE if self.kind == "realsense" else KINECT
+        start = served(camera_kind(self.kind).make)
         return CameraProcess(self.serial or None, self.settings(), infrared=infrared, start=start)
 
     def settings(self) -> ColourSettings:

@@ -1,0 +1,77 @@
+"""Every kind of camera by name: ours, and those of installed packages.
+
+A kind is one declaration. The rig file takes its name in `[camera] kind`, `setup` offers it, the doctor looks for its
+devices, and its driver runs in a process of its own. A package offers one by an entry point of the group
+`adaptsim.cameras`: the kind's name, and a module with a `CAMERA` (docs/guide/add-a-device.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from hw.camera.probe import FoundDevice, ProbeReport, probe_k4a, probe_offered, probe_realsense
+from hw.errors import DeviceUnavailable
+from hw.plugins import PluginError, clashes, offers
+
+OFFERED = "adaptsim.cameras"
+"""The group of entry points by which packages offer cameras."""
+
+
+@dataclass(frozen=True)
+class CameraKind:
+    """One kind of camera."""
+
+    label: str  # the makers' names of the cameras
+    make: str  # its `hw.camera.served.Make`, as module:name
+    find: Callable[[], Sequence[FoundDevice]]
+    """The cameras of this kind that are plugged in. It runs in a child process: a library that crashes ends only that."""
+    install: str = ""  # how to install what it needs, for a message
+
+
+def _by_probe() -> Sequence[FoundDevice]:
+    """Our own kinds are found by their probes, which also report their libraries."""
+    return ()
+
+
+KINDS = {
+    "k4a": CameraKind("Azure Kinect, Femto Bolt", "hw.camera.served:kinect", _by_probe),
+    "realsense": CameraKind("Intel D400 family", "hw.camera.realsense:RealSenseDevice", _by_probe),
+}
+_PROBES: dict[str, Callable[[float], ProbeReport]] = {
+    "k4a": lambda patience_s: probe_k4a(patience_s=patience_s),
+    "realsense": lambda patience_s: probe_realsense(patience_s=patience_s),
+}
+
+
+def camera_kinds() -> tuple[str, ...]:
+    """Names of our kinds, then of those of installed packages."""
+    return (*KINDS, *dict.fromkeys(offer.name for offer in offers(OFFERED) if offer.name not in KINDS))
+
+
+def camera_kind(name: str) -> CameraKind:
+    """The kind called `name`. Raises DeviceUnavailable naming those there are, or what is wrong with the package."""
+    if name in KINDS:
+        return KINDS[name]
+    offer = next((one for one in offers(OFFERED) if one.name == name), None)
+    if offer is None:
+        raise DeviceUnavailable(f"camera kind {name!r} is not known: there are {', '.join(camera_kinds())}")
+    try:
+        kind = offer.load("CAMERA")
+    except PluginError as error:
+        raise DeviceUnavailable(f"camera {error}") from error
+    if not isinstance(kind, CameraKind):
+        raise DeviceUnavailable(f"camera {offer}: its CAMERA is a {type(kind).__name__}, not a CameraKind")
+    return kind
+
+
+def probe(name: str, patience_s: float) -> ProbeReport:
+    """The cameras of a kind that are plugged in, as a child process sees them. Raises DeviceUnavailable."""
+    if name in _PROBES:
+        return _PROBES[name](patience_s)
+    return probe_offered(name, camera_kind(name).install, patience_s)
+
+
+def clashing() -> tuple[str, ...]:
+    """A sentence for each camera of a package that cannot be used because of its name."""
+    return clashes(OFFERED, set(KINDS))

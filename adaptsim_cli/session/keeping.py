@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import platform
+import re
 import shutil
 import zipfile
 from collections.abc import Callable, Mapping

@@ -25,7 +25,7 @@ class CameraKind:
     label: str  # the makers' names of the cameras
     make: str  # its `hw.camera.served.Make`, as module:name
     find: Callable[[], Sequence[FoundDevice]]
-    """The cameras of this kind that are plugged in. It runs in a child process: a library that crashes ends only that."""
+    """The cameras of this kind that are plugged in. It runs in a child process, which a library may crash."""
     install: str = ""  # how to install what it needs, for a message
 
 

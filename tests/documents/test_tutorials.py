@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import subprocess
@@ -12,10 +13,15 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from documents import ROOT, install, module, require_kept
+from pydantic import ValidationError
 
 from adaptsim_cli import app
+from adaptsim_cli.devices.rig_file.description import CameraPart
 from adaptsim_cli.doctor import checks
 from hw import plugins
+from hw.camera import kinds
+from hw.camera.served import loaded
+from hw.errors import DeviceUnavailable
 from hw.serial import balance
 from sim import tasks
 from sim.errors import UnknownName
@@ -122,10 +128,49 @@ def test_a_name_that_is_taken_is_said(tmp_path, monkeypatch):
 
 def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(monkeypatch):
     found = blocks("add-a-device.md")
-    (adapter,) = [code for kind, _, code in found if kind == "file"]
+    (adapter,) = [code for kind, path, code in found if kind == "file" and "balance" in path]
     (said,) = [code for kind, _, code in found if kind == "contract"]
     monkeypatch.setattr(balance, "PROTOCOLS", dict(balance.PROTOCOLS))
     contract = module(ROOT / "tests/contracts/test_balance_contract.py")
     exec(adapter, {"__name__": "tutorial"})
     exec(said, vars(contract))
     require_kept(contract, laden=contract.KINDS["gs"])
+
+
+@pytest.mark.long
+def test_the_camera_of_the_tutorial_is_found_described_and_recorded_with(tmp_path, monkeypatch):
+    """In processes of its own, as every camera: the package is installed where their interpreter finds it."""
+    for _, path, code in [block for block in blocks("add-a-device.md") if block[1].startswith(("lumen", "pyproject"))]:
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(code, encoding="utf-8")
+    project = tomllib.loads((tmp_path / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    install(tmp_path, project["name"], project["entry-points"][kinds.OFFERED], kinds.OFFERED)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(ROOT)]))
+    plugins.offers.cache_clear()
+    assert kinds.camera_kinds() == ("k4a", "realsense", "lumen")
+    report = kinds.probe("lumen", patience_s=60.0)
+    assert (report.error, report.serials, report.maker) == (None, ("L-100",), "Lumen One")
+    part = CameraPart(kind="lumen")
+    with part.camera(infrared=True) as camera:
+        assert camera.model().colour.width == 640
+        assert camera.snapshot().infrared is not None
+        camera.start_recording()
+        for _ in range(4):
+            camera.snapshot()
+        frames = camera.stop_recording()
+    assert len(frames) >= 3 and frames[0].depth_mm[0, 0] == 900
+    assert "camera lumen of lumen 1.0" in checks.CHECKS["plug-ins"].probe(None).detail
+    with pytest.raises(ValidationError, match="it must be one of k4a, realsense, lumen"):
+        CameraPart(kind="webcam")
+
+
+def test_a_camera_adapter_that_does_not_import_is_said(tmp_path, monkeypatch):
+    (tmp_path / "torn.py").write_text("import no_such_sdk", encoding="utf-8")
+    install(tmp_path, "torn", {"torn": "torn"}, kinds.OFFERED)
+    monkeypatch.syspath_prepend(tmp_path)
+    plugins.offers.cache_clear()
+    with pytest.raises(DeviceUnavailable, match=r"torn of torn 1\.0 .*No module named 'no_such_sdk'"):
+        CameraPart(kind="torn").camera()
+    with pytest.raises(DeviceUnavailable, match=r"adapter torn:Device cannot be loaded .*no_such_sdk"):
+        loaded("torn:Device", lambda: 0.0)

@@ -109,10 +109,10 @@ def require_kept(contract: ModuleType, **given: Any) -> None:
         test(**given)
 
 
-def install(folder: Path, package: str, offered: Mapping[str, str]) -> None:
-    """Metadata in `folder` as of an installed package that offers these tasks."""
+def install(folder: Path, package: str, offered: Mapping[str, str], group: str = tasks.OFFERED) -> None:
+    """Metadata in `folder` as of an installed package that offers these tasks, or members of another group."""
     info = folder / f"{package}-1.0.dist-info"
     info.mkdir()
-    lines = [f"[{tasks.OFFERED}]", *(f"{name} = {value}" for name, value in offered.items())]
+    lines = [f"[{group}]", *(f"{name} = {value}" for name, value in offered.items())]
     (info / "entry_points.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n", encoding="utf-8")

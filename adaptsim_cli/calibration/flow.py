@@ -33,7 +33,7 @@ from calib.types import Drift, Grade, View
 from hw.kinematics import forward
 from hw.types import Array
 from perception.board.types import Corners
-from perception.errors import BoardNotFound
+from perception.errors import BoardMirrored, BoardNotFound, WrongBoard
 
 TRIES = 3
 
@@ -105,7 +105,7 @@ def check(rig: CalibrationRig, known: SavedCalibration, visits: Visits, screen: 
         try:
             seen = look(rig)
             corners = detect(seen.frame.colour, rig.board, camera)
-        except (ViewRefused, BoardNotFound) as error:
+        except (ViewRefused, BoardNotFound, WrongBoard, BoardMirrored) as error:
             screen.note(f"  place {number + 1} left out: {error}")
             continue
         views.append(View(f"{number + 1:03d}", corners, q_rad=seen.q_rad))
@@ -180,7 +180,9 @@ def _view(rig: CalibrationRig, series: Series, screen: Screen, sights: Sights, n
         seen = _look_again(rig, screen)
         corners = detect(seen.frame.colour, rig.board, camera)
         pose = locate(corners, rig.board, camera)
-    except (ViewRefused, BoardNotFound) as error:
+    except (ViewRefused, BoardNotFound, WrongBoard, BoardMirrored) as error:
+        if isinstance(error, WrongBoard | BoardMirrored) and not sights.names:
+            raise  # of the first picture: the board is another than stated
         screen.note(f"  view {name} left out: {error}")
         return sights
     if not sights.names:

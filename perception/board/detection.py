@@ -170,7 +170,7 @@ def _markers(grey: Grey, board: Board) -> tuple[Array, Array]:
             break
     ids, px = best
     strange = np.unique(ids[ids >= board.markers])
-    if len(strange) >= 2 or len(strange) > len(ids) / 2:
+    if len(strange) > len(np.unique(ids)) / 2:  # fewer may lie about in the room, or be misread
         raise WrongBoard(
             f"the board has markers 0 to {board.markers - 1}, the image shows {', '.join(map(str, strange[:6]))}:"
             " it is another board, or its stated size is wrong"

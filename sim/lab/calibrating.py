@@ -25,8 +25,8 @@ from sim.lab.arm import ArmInLab, laid_board, touching_q_rad
 from sim.lab.board import BODY, HeldBoard
 from sim.lab.cell import Cell
 from sim.lab.film import SLICES
-from sim.lab.kinect import EXPOSURE_S, default_X_BC, kinect_model
-from sim.lab.rng_streams import calibration_stream, camera_stream, joint_zeros, view_stream
+from sim.lab.kinect import EXPOSURE_S, default_X_BC, kinect_model, moved_X_BC
+from sim.lab.rng_streams import calibration_stream, camera_stream, joint_zeros, moved_stream, view_stream
 from sim.lab.world import Sensing, World
 from sim.panda.shapes import visuals
 from sim.render.renderer import WORLD, Renderer
@@ -80,12 +80,14 @@ class CalibrationLab:
         home_q_rad: Array,
     ) -> None:
         """`home_q_rad` (7,) is the arm's first posture, `cell` checks its motions. Builds nothing."""
-        self._world, self._X_BC = world, default_X_BC()
+        self._world, sensing = world, world.sensing
+        X_WC = moved_X_BC(sensing.camera_moved_mm, sensing.camera_moved_deg, moved_stream(seed))
+        self._X_BC = world.mount.true.X_BW @ X_WC
         printed = board.scaled(world.sensing.board_scale)
         self.arm = _BoardArm(world, seed, cell, frozen_array(home_q_rad, (7,), "home_q_rad"))
         self.hands = _LabHands(self.arm, printed)
         """The simulated person who lays the board on the table and guides the arm's tip."""
-        self.camera: Camera = _BoardCamera(self.arm, self.hands, self._X_BC, task)
+        self.camera: Camera = _BoardCamera(self.arm, self.hands, X_WC, task)
 
     def __enter__(self) -> Self:
         self.arm.__enter__()
@@ -150,20 +152,22 @@ class _LabHands:
 
     def __init__(self, arm: _BoardArm, board: HeldBoard) -> None:
         self._arm, self.board = arm, board  # as printed
-        self.X_BM_laid: Array | None = None  # (4, 4) the board on the table; None: in the gripper
+        self.X_WM_laid: Array | None = None  # (4, 4) the board on the table; None: in the gripper
 
     def lay_board(self) -> None:
         """Lay the board from the gripper onto the table, in view of the camera; always at the same place."""
         self._arm.need_connection()
-        self.X_BM_laid = laid_board(self.board, view_stream(self._arm.seed, 0, _LAID))
+        self.X_WM_laid = laid_board(self.board, view_stream(self._arm.seed, 0, _LAID))
 
     def touch(self, p_M_m: Array, number: int) -> None:
         """Guide the tip to a point (3,) of the stated board, tilted to another side for each `number` from 0."""
-        arm, laid = self._arm, self.X_BM_laid
+        arm, laid = self._arm, self.X_WM_laid
         arm.need_connection()
         if laid is None:
             raise SimError("the board is still in the gripper: lay it on the table first")
-        p_B_m = laid[:3, :3] @ (arm.world.sensing.board_scale * np.asarray(p_M_m)) + laid[:3, 3]
+        p_W_m = laid[:3, :3] @ (arm.world.sensing.board_scale * np.asarray(p_M_m)) + laid[:3, 3]
+        X_BW = arm.world.mount.true.X_BW
+        p_B_m = X_BW[:3, :3] @ p_W_m + X_BW[:3, 3]
         rng = view_stream(arm.seed, number, _TOUCHED)
         encoder_rad = 1e-3 * arm.world.sensing.encoder_noise_mrad * rng.standard_normal(7)
         arm.q_rad = touching_q_rad(p_B_m, number, rng) - arm.offset_rad - encoder_rad
@@ -173,8 +177,9 @@ class _LabHands:
 class _BoardCamera:
     """The lab's camera with its lens blur and compression, and its infrared image."""
 
-    def __init__(self, arm: _BoardArm, hands: _LabHands, X_BC: Array, task: Task) -> None:
-        self._arm, self._hands, self._X_BC, self._task = arm, hands, X_BC, task
+    def __init__(self, arm: _BoardArm, hands: _LabHands, X_WC: Array, task: Task) -> None:
+        """`X_WC` (4, 4) is its pose over the table, in whose frame W everything is rendered."""
+        self._arm, self._hands, self._X_WC, self._task = arm, hands, X_WC, task
         self._sensing = arm.world.sensing
         self._pictures, self._connected = 0, False
 
@@ -225,11 +230,11 @@ class _BoardCamera:
         return Frame(self._sensing.stamped(t_s), colour, depth_mm, dark)
 
     def _poses(self, q_rad: Array) -> dict[str, Array]:
-        """Joints (S, 7) -> poses (S, 4, 4) of all moving bodies, board included."""
-        links = link_poses(q_rad)
+        """Joints (S, 7) -> poses (S, 4, 4) of all moving bodies over the table, board included."""
+        links = self._arm.world.mount.true.X_WB @ link_poses(q_rad)
         turn = np.eye(4)
         turn[:2, :2] = [[np.cos(_HAND_TURN), -np.sin(_HAND_TURN)], [np.sin(_HAND_TURN), np.cos(_HAND_TURN)]]
-        flange, laid = links[:, 8], self._hands.X_BM_laid
+        flange, laid = links[:, 8], self._hands.X_WM_laid
         board = flange
         if laid is not None:
             board = np.broadcast_to(laid @ np.linalg.inv(self._hands.board.X_FM), flange.shape)
@@ -238,7 +243,7 @@ class _BoardCamera:
     @cached_property
     def _renderer(self) -> Renderer:
         still = [v for v in Cell(self._task, self._arm.world).bodies.visuals if v.body == WORLD]
-        return Renderer(self.model(), self._X_BC, [*still, *visuals(), *self._hands.board.visuals()])
+        return Renderer(self.model(), self._X_WC, [*still, *visuals(), *self._hands.board.visuals()])
 
     @cached_property
     def _noise(self) -> SensorNoise:

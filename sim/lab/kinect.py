@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hw.poses import pose
 from hw.types import Array, CameraModel, Intrinsics
@@ -52,3 +53,10 @@ def looking(eye_m: Array, ahead: Array) -> Array:
     x = np.cross(z, [0.0, 0.0, 1.0])
     x /= np.linalg.norm(x)
     return pose(np.stack([x, np.cross(z, x), z], axis=1), eye_m)
+
+
+def moved_X_BC(moved_mm: float, moved_deg: float, rng: np.random.Generator) -> Array:
+    """`default_X_BC` after somebody moved the camera by so much, in directions drawn from `rng`."""
+    along, about = (axis / np.linalg.norm(axis) for axis in rng.standard_normal((2, 3)))
+    R = Rotation.from_rotvec(np.deg2rad(moved_deg) * about).as_matrix()
+    return np.asarray(default_X_BC() @ pose(R, 1e-3 * moved_mm * along))

@@ -18,7 +18,7 @@ PLACING_STD_M = 0.002
 REPEATABILITY_RAD = 1e-4
 """Joint error that is constant during a trial: about 0.1 mm at the tool, the maker's repeatability."""
 
-_TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION, _JOINTS, _VIEW, _TOUCH = range(8)
+_TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION, _JOINTS, _VIEW, _TOUCH, _MOVED = range(9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +58,11 @@ class RngStreams:
 def camera_stream(seed: int) -> np.random.Generator:
     """The stream for the individual properties of a lab's camera."""
     return _stream(seed, _CAMERA)
+
+
+def moved_stream(seed: int) -> np.random.Generator:
+    """The stream for where somebody moved the camera to."""
+    return _stream(seed, _MOVED)
 
 
 def calibration_stream(seed: int) -> np.random.Generator:

@@ -16,8 +16,9 @@ from hw.types import Array, Frame, frozen_array
 from hw.workcell import Workcell
 from sim.lab.arm import LabArm
 from sim.lab.camera import LabCamera
-from sim.lab.kinect import default_X_BC
+from sim.lab.kinect import moved_X_BC
 from sim.lab.physics import effects_in
+from sim.lab.rng_streams import moved_stream
 from sim.lab.room import Room
 from sim.lab.world import World
 from sim.tasks.task import Task
@@ -56,7 +57,8 @@ class SimulatedLab:
         if cell.arm.name != "panda":
             raise ValueError(f"the lab has a panda, but its workcell is for the arm {cell.arm.name}")
         self._task, self._world, self._seed = task, world, seed
-        self._X_BC = default_X_BC()
+        sensing = world.sensing
+        self._X_BC = moved_X_BC(sensing.camera_moved_mm, sensing.camera_moved_deg, moved_stream(seed))
         self._room = Room(task, world, seed, frozen_array(home_q_rad, (7,), "home_q_rad"))
         self.arm: Arm = LabArm(self._room, cell)
         self.camera: Camera = LabCamera(self._room, self._X_BC)

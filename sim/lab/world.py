@@ -47,6 +47,9 @@ class Sensing:
     """Error of every joint's zero, root mean square; constant for one lab."""
     clock_offset_ms: Annotated[float, Field(ge=-500, le=500)] = 0.0
     """Delay of the camera's time stamps on the arm's clock."""
+    camera_moved_mm: Annotated[float, Field(ge=0, le=100)] = 0.0
+    """How far somebody has moved the camera since its nominal calibration; the direction is drawn."""
+    camera_moved_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
     board_scale: Annotated[float, Field(ge=0.5, le=2)] = 1.0
     """Printed size of the calibration board over its stated size."""
 

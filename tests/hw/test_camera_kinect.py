@@ -26,6 +26,20 @@ def test_calibration_of_a_real_device_in_720p() -> None:
     assert np.rad2deg(np.arcsin(model.X_CD[1, 2])) == pytest.approx(4.94, abs=0.01)
 
 
+def test_bytes_after_the_end_of_the_calibration_do_not_matter() -> None:
+    """Orbbec's recordings have some."""
+    plain = camera_model(CALIBRATION.read_bytes(), "720P", "NFOV_UNBINNED")
+    more = camera_model(CALIBRATION.read_bytes() + b"\0\x7f\3leftover", "720P", "NFOV_UNBINNED")
+    assert np.array_equal(plain.colour.K, more.colour.K)
+
+
+@pytest.mark.parametrize("mode", ["YUY2_720P", "NV12_720P", "BGRA_1080P", "MJPG_1080P"])
+def test_every_layout_of_pixels_is_read(tmp_path: Path, mode: str) -> None:
+    record(tmp_path / "r.mkv", [0.0, 1 / 30], [0.0, 1 / 30], colour_mode=mode)
+    with KinectRecording(tmp_path / "r.mkv") as recording:
+        assert recording.model().colour.height == int(mode[5:-1])
+
+
 def test_a_mode_is_a_part_of_one_reference_image() -> None:
     wide, narrow = (camera_model(CALIBRATION.read_bytes(), "2160P", m) for m in ("WFOV_UNBINNED", "NFOV_UNBINNED"))
     assert np.allclose(wide.depth.K[:2, 2] - narrow.depth.K[:2, 2], [192, 180])

@@ -19,6 +19,7 @@ def record(
     depth_s: list[float],
     titles: tuple[str, str] = ("COLOR", "DEPTH"),
     infrared_s: list[float] | None = None,
+    colour_mode: str = "MJPG_720P",
 ) -> None:
     """A file laid out like those of k4arecorder: frame i has the grey value 10 i, and 1000 + i in its first column."""
     times_s = [colour_s, depth_s] if infrared_s is None else [colour_s, depth_s, infrared_s]
@@ -27,7 +28,7 @@ def record(
         container.add_attachment("calibration.json", "application/octet-stream", CALIBRATION.read_bytes())
         tracks: list[Any] = []
         for title, codec, layout, key, mode in (
-            (titles[0], "mjpeg", "yuvj422p", "K4A_COLOR_MODE", "MJPG_720P"),
+            (titles[0], "mjpeg", "yuvj422p", "K4A_COLOR_MODE", colour_mode),
             (titles[1], "ffv1", "gray16le", "K4A_DEPTH_MODE", "NFOV_UNBINNED"),
             ("IR", "ffv1", "gray16le", "K4A_IR_MODE", "ACTIVE"),
         )[: len(times_s)]:

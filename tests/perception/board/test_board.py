@@ -10,6 +10,7 @@ from simulated_views import KINECT
 
 from hw.types import Intrinsics
 from perception.board import detect, draw, locate
+from perception.board.detection import dictionary_named
 from perception.board.types import Board, Corners
 from perception.errors import BoardMirrored, BoardNotFound, WrongBoard
 
@@ -96,6 +97,18 @@ def test_another_board_is_said(other: Board) -> None:
     image = render(other, KINECT, pose(other, (0.0, 0.0, 0.55), (5.0, 15.0, -10.0)), np.random.default_rng(5))
     with pytest.raises(WrongBoard):
         detect(image, BOARD, KINECT)
+
+
+def test_stray_markers_of_the_same_dictionary_cost_nothing() -> None:
+    """Three of them lie about in the room; one alone once ended a guided calibration."""
+    image = render(BOARD, KINECT, NEAR, np.random.default_rng(3))
+    for number, left in ((40, 20), (41, 140), (45, 260)):
+        print_px = cv2.aruco.generateImageMarker(dictionary_named(BOARD.dictionary), number, 80)
+        image[20:120, left : left + 100] = 255
+        image[30:110, left + 10 : left + 90] = print_px if image.ndim == 2 else print_px[..., None]
+    found = detect(image, BOARD, KINECT)
+    assert np.linalg.norm(found.px - project(KINECT, NEAR, BOARD.p_MK_m)[found.ids], axis=1).max() < 0.6
+    assert len(found) >= 20
 
 
 def test_an_image_of_another_size_is_refused() -> None:

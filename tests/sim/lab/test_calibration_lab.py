@@ -23,7 +23,7 @@ from sim.lab.board import HeldBoard
 from sim.lab.calibrating import CalibrationLab
 from sim.lab.kinect import default_X_BC
 from sim.lab.simulated import SimulatedLab
-from sim.lab.world import Faults, Sensing, World, load_world
+from sim.lab.world import Faults, Mount, Sensing, World, load_world
 from sim.panda.moves import move_path
 from sim.panda.tool import cell_as_shipped
 from sim.panda.visits import postures
@@ -179,3 +179,31 @@ def test_a_person_leans_the_arm_less_where_it_hardly_reaches() -> None:
     assert leans[1] < 0.8 * leans[0]
     with pytest.raises(SimError, match="outside the arm's reach"):
         touching_q_rad(np.array([1.0, 0.0, 0.006]), 0, np.random.default_rng(0))
+
+
+def true_X_BM(the_lab: CalibrationLab) -> Array:
+    """(4, 4) the board in the base by the lab's camera and its true pose."""
+    with the_lab:
+        corners = detect(the_lab.camera.snapshot().colour, BOARD, the_lab.camera.model().colour)
+        X_CM = locate(corners, BOARD, the_lab.camera.model().colour).X_VM
+    return np.array(the_lab.truth()["X_BC"]) @ X_CM
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"sensing": Sensing(camera_moved_mm=15.0, camera_moved_deg=1.5)},
+        {"mount": Mount(table_height_mm=20.0, table_tilt_mrad=(30.0, -25.0))},
+    ],
+    ids=["moved camera", "tilted table"],
+)
+def test_a_moved_camera_and_a_tilted_table_are_seen_by_a_guided_calibration(changed: dict[str, Any]) -> None:
+    """The board is where the arm holds it, by the true pose of the camera in the arm's base."""
+    there = lab(replace(world(), **changed))
+    held = forward(q_rad()) @ HELD.X_FM
+    assert np.linalg.norm(true_X_BM(there)[:3, 3] - held[:3, 3]) < 0.002
+    X_BC = np.array(there.truth()["X_BC"])
+    assert np.linalg.norm(X_BC[:3, 3] - default_X_BC()[:3, 3]) > 0.010
+    trials = SimulatedLab(get_task("scooping"), replace(world(), **changed), 0, CELL)
+    X_WC = np.array(trials.truth()["X_BC"])
+    assert np.allclose(there._world.mount.true.X_BW @ X_WC, X_BC), "the same camera as in trials"

@@ -283,7 +283,9 @@ class Lab:
             return _Nan(self.sdk.robot, world) if self.kind == "arm: nonsense" else self.sdk.robot
 
         def start() -> SimulatedPlayer:
-            playing = SimulatedPlayer(Connection(model, self.sdk, DRIVES[model], SETTINGS, realtime=True))
+            playing = SimulatedPlayer(
+                Connection(model, self.sdk, DRIVES[model], SETTINGS, realtime=True, clock=self.sdk.clock)
+            )
             playing.world = world
             return playing
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hw.kinematics import JOINTS
 from hw.types import PATH_RATE_HZ, Array, frozen_array
@@ -17,6 +18,11 @@ from hw.types import PATH_RATE_HZ, Array, frozen_array
 LOST_PACKETS = 3
 
 DT_S = 1.0 / PATH_RATE_HZ
+
+BEYOND_RAD = 0.05
+"""No joint of an arm stands farther outside of its range: its stops are there. All joints 0 lie 0.07 rad outside of a
+Panda's and 0.44 rad outside of an FR3's.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +41,22 @@ class JointLimits:
     def __post_init__(self) -> None:
         for name in ("q_min_rad", "q_max_rad", "dq_max_rad_s", "ddq_max_rad_s2", "dddq_max_rad_s3"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), (JOINTS,), name))
+
+    @property
+    def plausible_rad(self) -> tuple[Array, Array]:
+        """(7,) each: the least and the greatest joints that an arm of this model can report."""
+        return self.q_min_rad - BEYOND_RAD, self.q_max_rad + BEYOND_RAD
+
+    def require_plausible(self, q_rad: ArrayLike) -> None:
+        """Reported joints (7,). Raises ValueError, naming a joint, for a posture that no arm of this model can have."""
+        q = np.asarray(q_rad, dtype=np.float64)
+        low, high = self.plausible_rad
+        if ((q >= low) & (q <= high)).all():
+            return
+        i = int(np.argmax(np.maximum(low - q, q - high)))
+        raise ValueError(
+            f"joint {i + 1} at {q[i]:.4f} rad, its range is {self.q_min_rad[i]:.4f} to {self.q_max_rad[i]:.4f} rad"
+        )
 
     def velocity_bounds(self, q_rad: Array) -> tuple[Array, Array]:
         """(..., 7) -> lowest and highest joint velocity (..., 7) there, with the margin for lost packets."""

@@ -9,6 +9,7 @@ import gc
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Self
 
 import numpy as np
@@ -185,6 +186,7 @@ class FrankaArm:
         check(path, frozen_array(reading.q_rad))
         held_rad = frozen_array(reading.q_held_rad)
         motion = motion_of(from_held(path, held_rad, self._model, check, fade_s), self._cell.motion)
+        motion = replace(motion, checked_s=reading.at_s)
         if self._pedal is not None and not self._pedal.enabled():
             raise MotionRefused(
                 f"{self._model}: {self._pedal.why_not()}; nothing has moved, hold the pedal and try again"
@@ -211,8 +213,8 @@ class FrankaArm:
         """
         assert self._player is not None
         try:
-            held_rad = frozen_array(self._player.reading().q_held_rad)
-            motion = way_back(played, path, held_rad, self._cell.motion, check)
+            reading = self._player.reading()
+            motion = way_back(played, path, frozen_array(reading.q_held_rad), self._cell.motion, check)
         except Failure as failure:
             raise self._error(failure, moving=True) from failure
         except MotionRefused as error:
@@ -221,7 +223,7 @@ class FrankaArm:
             raise self._stopped(StoppedByPedal, f"{WHY['pedal']} before the way back")
         if self._stop_wanted:
             raise self._stopped(ArmFault, f"{WHY['request']} before the way back")
-        return motion
+        return replace(motion, checked_s=reading.at_s)
 
     def _play(self, motion: PlayableMotion, guard: Guard | None = None) -> Played:
         """Raises ArmFault and StoppedByPedal."""
@@ -239,6 +241,7 @@ class FrankaArm:
         execution = Execution(t_start_s, played.t_s, played.q_commanded_rad, played.q_measured_rad, played.success_rate)
         self.last_execution, self.last_stop = execution, stop_report(played)
         if outcome.failure is not None:
+            self._fault = outcome.failure.text  # also if the arm refused to begin: its stop button may be released now
             after_s = float(played.t_s[-1]) if len(played.t_s) else None
             raise self._error(outcome.failure, moving=after_s is not None, after_s=after_s)
         if self.last_stop is not None and self.last_stop.why != TOUCH:

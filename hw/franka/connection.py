@@ -15,7 +15,10 @@ from typing import Any
 from hw.franka import reflexes
 from hw.franka.driver import LOST, UNMOVED, Failure, Reading, SdkState, Step, error_names, failure, mode_name
 from hw.franka.playback import Rhythm
+from hw.franka.readback import hand_mismatch, load_mismatch
 from hw.franka.settings import FrankaSettings, Payload
+from hw.franka.states import UNWATCHED_S, States
+from hw.joint_limits import LIMITS
 
 NO_FILTER_HZ = 1000.0
 """libfranka's `kMaxCutoffFrequency`: the path is played as it was checked.
@@ -25,7 +28,9 @@ libfranka's rate limiter is off for the same reason. It would turn a jump of the
 """
 
 Drive = Callable[[Any, Any, Step], None]
-"""(SDK module, its Robot, step): call `step` every millisecond until it marks its joints as the last."""
+"""(SDK module, its Robot, step): call `step` every millisecond until it marks its joints as the last.
+
+A Failure of `step` ends the motion: nothing more is commanded, and the arm's controller brakes."""
 
 
 def drive_fr3(sdk: Any, robot: Any, step: Step) -> None:
@@ -34,7 +39,11 @@ def drive_fr3(sdk: Any, robot: Any, step: Step) -> None:
     finished = False
     while not finished:
         state, since = control.readOnce()
-        q_rad, finished = step(state, since.to_sec())
+        try:
+            q_rad, finished = step(state, since.to_sec())
+        except Failure:
+            robot.stop()  # libfranka does so itself where it calls back; here `control` lives as long as the error
+            raise
         command = sdk.JointPositions(q_rad)
         command.motion_finished = finished
         control.writeOnce(command)
@@ -63,6 +72,9 @@ RECOVERY_READINGS = 1000
 IDLE_READINGS = 500
 """The same after a motion or a recovery, until it reports Idle."""
 
+TAKEN_READINGS = 200
+"""The same until it reports the load that it was sent."""
+
 _PASSING = ("Move", "AutomaticErrorRecovery")
 """Modes that end by themselves."""
 
@@ -70,7 +82,17 @@ _PASSING = ("Move", "AutomaticErrorRecovery")
 class Connection:
     """One connected arm, over an SDK's module. Every method raises `Failure`. Its constructor sets nothing."""
 
-    def __init__(self, model: str, sdk: Any, drive: Drive, settings: FrankaSettings, *, realtime: bool) -> None:
+    def __init__(
+        self,
+        model: str,
+        sdk: Any,
+        drive: Drive,
+        settings: FrankaSettings,
+        *,
+        realtime: bool,
+        unwatched_s: float = UNWATCHED_S,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         """Raises Failure."""
         self._model, self._sdk, self._drive, self._host = model, sdk, drive, settings.host
         self._settings, self._payload = settings, settings.payload
@@ -83,43 +105,61 @@ class Connection:
             self._robot = sdk.Robot(settings.host, config)
         except self._errors as error:
             raise self._failure(error) from error
+        self._clock, self._states = clock, States(self._robot, clock, unwatched_s)
 
     def reading(self) -> Reading:
         """What the arm reports now."""
         try:
-            return self._read()
+            return self._read(self._states.present())
         except self._errors as error:
             raise self._failure(error) from error
 
+    def watch(self) -> bool:
+        """Read the next state, so that `interruption` knows of it; False if the arm does not answer."""
+        try:
+            self._states.next()
+        except self._errors:
+            return False
+        return True
+
+    def interruption(self, checked_s: float, state: SdkState | None = None) -> str:
+        """Why a motion that was checked then (arm's clock) may not begin, or ""; `state` is that of its first cycle."""
+        if state is not None:
+            self._states.note(state)
+        return self._states.since(checked_s)
+
     def listen(self, states: int) -> Rhythm:
         """Read so many states as they come."""
-        robot = self._robot
+        robot, clock = self._robot, self._clock
         try:
-            first_s = last_s = robot.read_once().time.to_sec()
-            before_s, gap_s = time.monotonic(), 0.0
+            first_s = last_s = self._states.present().time.to_sec()
+            before_s, gap_s = clock(), 0.0
             for _ in range(states - 1):
-                last_s = robot.read_once().time.to_sec()
-                now_s = time.monotonic()
+                last_s = self._states.next().time.to_sec()
+                now_s = clock()
                 gap_s, before_s = max(gap_s, now_s - before_s), now_s
             version = int(robot.server_version()) if hasattr(robot, "server_version") else None
         except self._errors as error:
             raise self._failure(error) from error
         return Rhythm(states, max(round(1e3 * (last_s - first_s)) - (states - 1), 0), gap_s, version)
 
-    def prepare(self) -> None:
-        """Give the arm its settings, before every motion. Raises `Failure` where its mode is another than Idle."""
-        reading = self._settled()
-        if reading.mode != "Idle":
-            why = reading.unwilling or reflexes.of_mode(reading.mode, busy=True)
-            raise Failure(UNMOVED, f"{why}; nothing has moved")
+    def prepare(self, checked_s: float) -> None:
+        """Give the arm its settings, before every motion, and see that it took them; nothing has moved.
+
+        `checked_s`: when the motion was checked (arm's clock). Raises `Failure` where the arm's mode is another than
+        Idle, or was since; and where load or hand are others than expected.
+        """
+        self._require_idle(checked_s)
         try:
             _configure(self._robot, self._settings, self._payload)
+            self._require_taken()
         except self._errors as error:
             found = self._failure(error)
             raise found if found.kind == LOST else Failure(UNMOVED, f"{found.text}; nothing has moved") from error
+        self._require_idle(checked_s)
 
     def drive(self, step: Step) -> None:
-        """Call `step` every millisecond until it says that its joints are the last."""
+        """Call `step` every millisecond until it says that its joints are the last. A Failure of it ends the motion."""
         try:
             self._drive(self._sdk, self._robot, step)
         except self._errors as error:
@@ -128,11 +168,12 @@ class Connection:
     def recover(self) -> None:
         """Clear reflexes. Never moves."""
         try:
-            if self._read().mode != "Reflex":
+            if self._mode(self._states.present()) != "Reflex":
                 return
             self._robot.automatic_error_recovery()
+            self._states.present()
             for _ in range(RECOVERY_READINGS):
-                if self._read().mode not in ("Reflex", "AutomaticErrorRecovery"):
+                if self._mode(self._states.next()) not in ("Reflex", "AutomaticErrorRecovery"):
                     return
         except self._errors as error:
             raise self._failure(error) from error
@@ -144,21 +185,45 @@ class Connection:
             return
         try:
             _load(self._robot, payload)
+            self._require_taken()
         except self._errors as error:
             raise self._failure(error) from error
 
-    def _read(self) -> Reading:
-        """Raises the SDK's errors, and Failure for a state that is not finite."""
-        state = self._robot.read_once()
-        mode = mode_name(state.robot_mode)
+    def _require_idle(self, checked_s: float) -> None:
+        reading = self._settled()
+        why = None
+        if reading.mode != "Idle":
+            why = reading.unwilling or reflexes.of_mode(reading.mode, busy=True)
+        if why := why or self.interruption(checked_s):
+            raise Failure(UNMOVED, f"{why}; nothing has moved")
+
+    def _require_taken(self) -> None:
+        """Wait until the arm reports the load that it was sent. Raises Failure, also for another hand."""
+        wrong = load_mismatch(state := self._states.present(), self._payload)
+        for _ in range(TAKEN_READINGS):
+            if not wrong:
+                break
+            wrong = load_mismatch(state := self._states.next(), self._payload)
+        if wrong := wrong or hand_mismatch(state, self._settings.end_effector):
+            raise Failure(UNMOVED, f"{wrong}; nothing has moved")
+
+    def _read(self, state: SdkState) -> Reading:
+        """Raises Failure for a state that is not finite, or of joints that no arm can have."""
+        mode = self._mode(state)
         reasons = error_names(state.current_errors)
         if not reasons and mode == "Reflex":
             reasons = error_names(state.last_motion_errors)
-        external_Nm = tuple(state.tau_ext_hat_filtered)
+        external_Nm, at_s = tuple(state.tau_ext_hat_filtered), state.time.to_sec()
         try:
-            return Reading(tuple(state.q), tuple(state.q_d), tuple(state.dq), mode, reasons, external_Nm)
+            reading = Reading(tuple(state.q), tuple(state.q_d), tuple(state.dq), mode, reasons, external_Nm, at_s)
+            LIMITS[self._model].require_plausible(reading.q_rad)
         except ValueError as error:
             raise Failure(LOST, f"{self._model} at {self._host} reports nonsense ({error}): restart the arm") from error
+        return reading
+
+    @staticmethod
+    def _mode(state: SdkState) -> str:
+        return mode_name(state.robot_mode)
 
     def _settled(self) -> Reading:
         """The first state in a mode that lasts."""
@@ -174,7 +239,7 @@ class Connection:
         if said.kind == LOST:
             return said
         try:
-            reasons = self._read().reasons
+            reasons = self._read(self._states.present()).reasons
         except self._errors:  # it no longer answers: use its last state
             return said
         return self._failure(error, reasons)

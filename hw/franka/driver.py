@@ -22,6 +22,7 @@ class Reading:
     mode: str  # libfranka's RobotMode without k: Idle, Move, Reflex, ...
     reasons: tuple[str, ...] = ()  # present reflexes; in mode Reflex, those that ended the last motion
     external_Nm: tuple[float, ...] = (0.0,) * JOINTS  # (7,) the arm's estimate of what external forces do to its joints
+    at_s: float = 0.0  # the state's stamp, on the arm's clock
 
     def __post_init__(self) -> None:
         """Raises ValueError for a state that is not finite."""
@@ -42,7 +43,8 @@ class Reading:
 
 SdkState = Any
 """Either SDK's RobotState. A cycle reads: q and q_d (held by the controller) in rad, dq in rad/s, tau_ext_hat_filtered
-in Nm, (7,) each, and control_command_success_rate, the share of the last 100 commands that arrived in time.
+in Nm, (7,) each, and control_command_success_rate, the share of the last 100 commands that arrived in time. At rest
+also time, robot_mode, errors, and mass (m_), centre of mass (F_x_C) and inertia (I_) of load and end effector (ee).
 """
 
 Step = Callable[[SdkState, float], tuple[list[float], bool]]

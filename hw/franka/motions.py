@@ -87,7 +87,7 @@ def require_declared(model: str, q_rad: Array, external_Nm: Sequence[Sequence[fl
         )
 
 
-WHY = {**IN_WORDS, NONSENSE: "the arm reported a number that is none"}
+WHY = {**IN_WORDS, NONSENSE: "the arm reported joints that no arm can have"}
 
 
 @dataclass(frozen=True)

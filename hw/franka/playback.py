@@ -1,9 +1,12 @@
 """One motion, cycle by cycle: the next joints to command, when to brake, when it is over. Knows no device.
 
 The path follows the arm's own clock: after a lost cycle the sample that is due comes next, and the missed one is
-skipped. A stop slows the path's time as `hw.braking` does. It begins at the next moment for which a stop within the
-limits was computed beforehand, and each cycle computes one sample of it. At the end the last sample is held until the
-arm stands still. A guarded motion stops itself in the same way, in the cycle in which its detector feels a touch.
+skipped. After a gap of more than `GAP_S`, or for a step that no joint may make in the time since the last cycle, the
+motion ends without another command.
+
+A stop slows the path's time as `hw.braking` does. It begins at the next moment for which a stop within the limits was
+computed beforehand, and each cycle computes one sample of it. At the end the last sample is held until the arm stands
+still. A guarded motion stops itself in the same way, in the cycle in which its detector feels a touch.
 """
 
 from __future__ import annotations
@@ -11,14 +14,16 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 
 from hw.braking import check_braking, joint_spline
 from hw.contact import Detector
 from hw.errors import MotionRefused
-from hw.franka.driver import Failure, SdkState
+from hw.franka.driver import FAULT, Failure, SdkState
+from hw.franka.states import UNWATCHED_S
+from hw.joint_limits import JointLimits
 from hw.limits import START_TOLERANCE_RAD
 from hw.motion_limits import MotionLimits
 from hw.types import PATH_RATE_HZ, Array, JointPath
@@ -30,6 +35,8 @@ STALE_RAD = 3e-6
 and 3000 rad/s³, which every joint of both arms may do. States in single precision differ by less."""
 START_S = 1.0
 """The longest time from the check of a motion to its first cycle. Later, the lab may have changed."""
+GAP_S = 0.02
+"""The longest time between two cycles, on the arm's clock: the arm stops by itself after 20 lost commands in a row."""
 STILL_RAD_S = 0.01
 """A joint slower than this stands still (as `hw.limits.REST_TOLERANCE_RAD_S`)."""
 
@@ -38,7 +45,7 @@ HOLD_S = 0.5
 """The longest wait for standstill after the last sample."""
 
 NONSENSE = "nonsense"
-"""The reason of a stop because the arm reported a number that is none."""
+"""The reason of a stop because the arm reported a number that is none, or joints that it cannot have."""
 
 TOUCH = "touch"
 """The reason of a guarded motion that stopped at a touch."""
@@ -55,6 +62,8 @@ class PlayableMotion:
     stop_at: Array  # (K,) rising sample indices at which a stop may begin
     stop_s: Array  # (K,) duration of the stop
     slowed_s: Array  # (K, M) path time in each millisecond of the stop
+    joints: JointLimits
+    checked_s: float = -inf  # the stamp of the reading that it was checked with; before every reading: it never begins
 
 
 def motion_of(path: JointPath, limits: MotionLimits) -> PlayableMotion:
@@ -67,7 +76,7 @@ def motion_of(path: JointPath, limits: MotionLimits) -> PlayableMotion:
             f"{limits.model}: at some moments no stop along the path keeps the limits within "
             f"{2e3 * STOPS_EVERY_S:.0f} ms; slow the path down"
         )
-    return PlayableMotion(path, at, stops.duration_s[known], stops.path_time_s[known])
+    return PlayableMotion(path, at, stops.duration_s[known], stops.path_time_s[known], limits.joints)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +104,10 @@ class Played:
 
 
 class Playback:
-    """`step` is the arm's cycle. `wanted` returns the reason to stop now, or ""; `detector` detects a touch."""
+    """`step` is the arm's cycle. `wanted` returns the reason to stop now, or ""; `detector` detects a touch.
+
+    `interrupted` returns, for the state of the first cycle, why the motion may no longer begin, or "".
+    """
 
     def __init__(
         self,
@@ -105,10 +117,16 @@ class Playback:
         detector: Detector | None = None,
         start_s: float = START_S,
         awake: Callable[[], float] = since_boot_s,
+        interrupted: Callable[[SdkState], str] = lambda state: "",
     ) -> None:
         self._motion, self._wanted, self._clock, self._detector = motion, wanted, clock, detector
         self._start_s, self._awake, self._made_s = start_s, awake, awake()
+        self._interrupted = interrupted
         self.refused = ""  # why not even the first sample was commanded
+        self._fastest = motion.joints.dq_max_rad_s.tolist()
+        low_rad, high_rad = motion.joints.plausible_rad
+        self._low, self._high = low_rad.tolist(), high_rad.tolist()
+        self._commanded = list[float]()
         self._samples = motion.path.q_rad.tolist()  # commanded unless it brakes
         self._last = len(self._samples) - 1  # tick of the last sample, of the path or of its stop
         self._between = _Between(motion.path)
@@ -122,12 +140,17 @@ class Playback:
         self._reason, self._wanted_at, self._braked_at, self._stop_tick = "", -1, -1, -1
 
     def step(self, state: SdkState, dt_s: float) -> tuple[list[float], bool]:
-        """`hw.franka.driver.Step`. If the arm is no longer at the first sample, the motion ends where the arm is."""
+        """`hw.franka.driver.Step`. If the arm is no longer at the first sample, the motion ends where the arm is.
+
+        Raises Failure after a gap, and instead of a step beyond the joints' velocities.
+        """
         if not self._rows and (stale := self._stale(state)):
             self.refused = stale
             return list(state.q_d), True
-        self._tick += round(dt_s * PATH_RATE_HZ)
-        tick, row = self._tick, self._rows
+        row = self._rows
+        if row:
+            self._tick += _elapsed(dt_s)
+        tick = self._tick
         felt = self._felt(tick, row, state)
         if not self._reason:
             self._reason = (self._wanted() if tick < self._last else "") or felt
@@ -141,6 +164,9 @@ class Playback:
                 self._braked_at = row
         else:
             q = self._samples[min(tick, last)]
+        if row:
+            self._refuse_jump(q, dt_s)
+        self._commanded = q
         self._t[row], self._clock_s[row], self._q_c[row] = tick / PATH_RATE_HZ, self._clock(), q
         self._q[row], self._dq[row] = state.q, state.dq
         self._rows = row + 1
@@ -155,7 +181,8 @@ class Playback:
         elapsed = self._tick + 1 if n else 1
         reported = self._rate_sum / self._rate_count if self._rate_count else 1.0
         commanded, measured, speeds = self._q_c[:n], self._q[:n], np.nan_to_num(self._dq[:n])
-        measured = np.where(np.isfinite(measured), measured, commanded)  # it braked where the arm reported nonsense
+        real = ((measured >= self._low) & (measured <= self._high)).all(axis=1, keepdims=True)
+        measured = np.where(real, measured, commanded)  # it braked where the arm reported nonsense
         logs = (self._t[:n], self._clock_s[:n], commanded, measured, speeds)
         stop = (self._reason, self._wanted_at, self._braked_at, self._stop_tick)
         if self._detector is None:
@@ -164,6 +191,8 @@ class Playback:
 
     def _stale(self, state: SdkState) -> str:
         """Why the motion may not begin in this first cycle, or ""."""
+        if why := self._interrupted(state):
+            return why
         first, late_s = self._samples[0], self._awake() - self._made_s
         if late_s > self._start_s:
             return f"the arm took {late_s:.1f} s to begin the motion (at most {self._start_s:g} s)"
@@ -182,8 +211,11 @@ class Playback:
 
     def _felt(self, tick: int, row: int, state: SdkState) -> str:
         """Why to stop by the arm's own readings, or ""."""
-        if not isfinite(sum(state.q) + sum(state.dq)):
+        if not isfinite(sum(state.dq)):
             return NONSENSE
+        for q, low, high in zip(state.q, self._low, self._high, strict=True):
+            if not low <= q <= high:
+                return NONSENSE
         if self._detector is None:
             return ""
         torque_Nm = state.tau_ext_hat_filtered
@@ -191,6 +223,17 @@ class Playback:
             return NONSENSE
         self._torque[row] = torque_Nm
         return TOUCH if self._detector.feel(tick / PATH_RATE_HZ, state.q, torque_Nm) else ""
+
+    def _refuse_jump(self, q_rad: list[float], dt_s: float) -> None:
+        """Raises Failure if a joint would be faster from the last command to this one than it may ever be."""
+        for joint, (now, last, most) in enumerate(zip(q_rad, self._commanded, self._fastest, strict=True)):
+            if not abs(now - last) <= most * dt_s:
+                raise Failure(
+                    FAULT,
+                    f"the next command would move joint {joint + 1} by {abs(now - last):.4g} rad in "
+                    f"{1e3 * dt_s:.0f} ms (at most {most * dt_s:.4g} rad); it was not sent, and the arm's controller "
+                    f"braked. {_REPORT}",
+                )
 
     def _brake(self, tick: int) -> None:
         i = bisect_left(self._stop_at, tick + 1)
@@ -205,6 +248,27 @@ class Playback:
         still = max(map(abs, self._dq[row].tolist())) < STILL_RAD_S
         self._still = self._still + 1 if still else 0
         return self._still >= STILL_CYCLES or held >= HOLD_S * PATH_RATE_HZ
+
+
+_REPORT = "Keep the session's record and report this"
+
+
+def _elapsed(dt_s: float) -> int:
+    """Milliseconds of the path in the time since the last cycle. Raises Failure for a gap, and a clock that stands."""
+    if 0.0 < dt_s < GAP_S + 0.0005:
+        return round(dt_s * PATH_RATE_HZ)
+    if dt_s > 0.0:
+        raise Failure(
+            FAULT,
+            f"{1e3 * dt_s:.0f} ms of the arm's clock passed between two cycles (at most {1e3 * GAP_S:.0f} ms); nothing "
+            "was commanded after that, and the arm's controller braked. Check real-time kernel, rtprio, CPU governor "
+            "and cable (docs/guide/arms.md), and end other programs",
+        )
+    raise Failure(
+        FAULT,
+        f"the arm's clock went on by {1e3 * dt_s:.0f} ms between two cycles (it has to advance); nothing was commanded "
+        f"after that, and the arm's controller braked. {_REPORT}",
+    )
 
 
 def _ticks(duration_s: Array) -> list[int]:
@@ -238,6 +302,7 @@ class Timing:
     realtime: bool = True  # demand a real-time kernel and priority
     silence_s: float = SILENCE_S  # longest silence of the program during a motion, as of the pedal
     start_s: float = START_S  # longest time from the check of a motion to its first cycle
+    unwatched_s: float = UNWATCHED_S  # longest pause in it without a state of the arm (arm's clock)
     overrun_s: float = 5.0  # how long after its end a motion may go unanswered
 
 

@@ -14,6 +14,8 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
+from ipaddress import ip_address
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -48,22 +50,30 @@ def play(
     Raises Failure if the arm rejects its settings, or is no longer where the motion begins: nothing has moved.
     """
     detector = None if guard is None else Detector(guard)
-    playback = Playback(motion, listener.wanted, time.monotonic, detector, start_s)
-    driver.prepare()
+    interrupted = partial(driver.interruption, motion.checked_s)
+    playback = Playback(motion, listener.wanted, time.monotonic, detector, start_s, interrupted=interrupted)
     gc.collect()
-    gc.disable()  # no pause of several milliseconds while the arm waits
-    listener.begin()
+    gc.disable()  # no pause of several milliseconds while the arm waits, or while nobody reads its states
+    try:
+        driver.prepare(motion.checked_s)
+        listener.begin()
+        failure = _driven(driver, playback)
+    finally:
+        gc.enable()
+    if playback.refused:
+        raise Failure(UNMOVED, f"{playback.refused}; nothing has moved")
+    return PlayOutcome(playback.played(), failure)
+
+
+def _driven(driver: connection.Connection, playback: Playback) -> Failure | None:
+    """Drive the motion to its end; the failure that ended it, with the arm at rest."""
     try:
         driver.drive(playback.step)
     except Failure as failure:
         if failure.kind == FAULT:
             wait_for_rest(driver)
-        return PlayOutcome(playback.played(), failure)
-    finally:
-        gc.enable()
-    if playback.refused:
-        raise Failure(UNMOVED, f"{playback.refused}; nothing has moved")
-    return PlayOutcome(playback.played())
+        return failure
+    return None
 
 
 def wait_for_rest(driver: connection.Connection) -> None:
@@ -83,7 +93,7 @@ def serve(program: Connection, listener: Watchdog, connect: Callable[..., connec
     timing = Timing()
     while not listener.orphaned:
         try:
-            call: Call = program.recv()
+            call = _next_call(program, driver)
         except (EOFError, OSError):
             return
         try:
@@ -107,6 +117,14 @@ def serve(program: Connection, listener: Watchdog, connect: Callable[..., connec
             return
 
 
+def _next_call(program: Connection, driver: connection.Connection | None) -> Call:
+    """The program's next call. Until it comes, every state of the arm is read, so that none is missed or grows old."""
+    while driver is not None and not program.poll() and driver.watch():
+        pass
+    call: Call = program.recv()
+    return call
+
+
 def connect(model: str, settings: FrankaSettings, timing: Timing) -> connection.Connection:
     """Connect to the real arm: real-time priority, SDK, arm. Raises Failure."""
     try:
@@ -116,31 +134,61 @@ def connect(model: str, settings: FrankaSettings, timing: Timing) -> connection.
         sdk = versions.load(versions.PACKAGES[model])
     except DeviceUnavailable as error:
         raise Failure(UNAVAILABLE, str(error)) from error
-    driver = connection.Connection(model, sdk, DRIVES[model], settings, realtime=timing.realtime)
+    driver = connection.Connection(
+        model, sdk, DRIVES[model], settings, realtime=timing.realtime, unwatched_s=timing.unwatched_s
+    )
     driver.alone = alone
     if timing.realtime:
         driver.notes = realtime.settle()  # once everything is loaded
     return driver
 
 
-def sole(host: str, within_s: float = HANDOVER_S) -> socket.socket:
-    """The arm at `host` for this process alone, among those of this computer, until the socket is closed.
+class Sole:
+    """What keeps the other programs of this computer away from an arm, until it is closed or its process ends."""
 
-    The name of a Unix socket goes with its process, however that ends. Raises DeviceUnavailable.
+    def __init__(self, sockets: list[socket.socket]) -> None:
+        self._sockets = sockets
+
+    def close(self) -> None:
+        """Leave the arm to another program."""
+        for one in self._sockets:
+            one.close()
+
+
+def sole(host: str, within_s: float = HANDOVER_S) -> Sole:
+    """The arm at `host` for this process alone, among those of this computer, whatever spelling names its address.
+
+    A Unix socket for every address; its name goes with its process, however that ends. Raises DeviceUnavailable.
     """
-    alone, until_s = socket.socket(socket.AF_UNIX), time.monotonic() + within_s
-    while True:
-        try:
-            alone.bind(f"\0adaptsim-arm-{host}")
-        except OSError as error:
-            if time.monotonic() > until_s:
-                alone.close()
-                raise DeviceUnavailable(
-                    f"another program on this computer is connected to the arm at {host}: end that one first"
-                ) from error
-            time.sleep(0.05)
-        else:
-            return alone
+    alone, until_s = Sole(sockets := []), time.monotonic() + within_s
+    for address in addresses(host):
+        sockets.append(socket.socket(socket.AF_UNIX))
+        while True:
+            try:
+                sockets[-1].bind(f"\0adaptsim-arm-{address}")
+                break
+            except OSError as error:
+                if time.monotonic() > until_s:
+                    alone.close()
+                    raise DeviceUnavailable(
+                        f"another program on this computer is connected to the arm at {host} ({address}): end that "
+                        "one first"
+                    ) from error
+                time.sleep(0.05)
+    return alone
+
+
+def addresses(host: str) -> list[str]:
+    """The network addresses that `host` means, each in its one spelling. Raises DeviceUnavailable if there are none."""
+    try:
+        entries = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        raise DeviceUnavailable(
+            f"the arm's address {host!r} cannot be resolved ({error}): correct it in the rig file, or give the IP "
+            "address"
+        ) from error
+    plain = (ip_address(str(entry[4][0]).partition("%")[0]) for entry in entries)
+    return sorted({str(getattr(one, "ipv4_mapped", None) or one) for one in plain})
 
 
 def main(connection_fd: str, pipe_fd: str, silence_s: str) -> None:

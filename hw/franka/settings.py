@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hw.mass import inertia
+from hw.collision import HAND_MASS
+from hw.mass import Mass, inertia
 from hw.motion_limits import RATED_NM, TORQUE_SHARE
 from hw.types import Array, frozen_array, number
 from hw.workcell import STOPS_AT_N, STOPS_AT_NM
@@ -95,6 +96,8 @@ class FrankaSettings:
         default_factory=lambda: np.array([3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0])
     )
     """(7,) the arm's own default."""
+    end_effector: Mass = HAND_MASS
+    """What Desk has to be set to: everything on the flange but the payload."""
 
     def __post_init__(self) -> None:
         """Raises ValueError naming the setting."""

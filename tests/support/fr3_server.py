@@ -14,6 +14,8 @@ then obeys lines on stdin, each answered by "done":
     press, release           the stop button
     guide, let-go            the buttons at the hand
     lock, unlock             the joints, in Desk
+    hand MASS                the end effector that is set in Desk weighs so many kg
+    deaf, all-ears           a load is accepted and not taken; it is taken again
     fci off, fci on          nobody answers any more; somebody does
     mark SECONDS AFTER       write a line to stderr so long into the next motion but AFTER
     plane HEIGHT STIFFNESS X Y Z         a level, springy plane under the flange's point X Y Z, in m and N/m
@@ -70,6 +72,7 @@ RECOVERY_CYCLES = 50
 DAWDLING_S = 0.01
 """A cycle's length after a mark."""
 TORQUE_ERROR_NM = 0.8
+HAND_KG = 0.73
 NOWHERE = (-1.0, 0.0, np.zeros(3))
 """A plane that presses on nothing."""
 
@@ -124,6 +127,8 @@ def setter(name: str, kind: type[base.BaseCommand]) -> type[base.BaseCommand]:
         def handle(self, server: Any) -> None:
             if (refusal := server.modes.refusal(name)) is not None:
                 self.reply(refusal.status(name))
+            elif name == "set_load" and server.deaf:
+                self.reply(0)
             else:
                 server.configured.append(name)
                 super().handle(server)
@@ -151,6 +156,7 @@ class Fr3Server(FrankaRobotServer):
         self.planned: tuple[float, tuple[str, ...]] | None = None
         self.losing = (0.0, 0)  # seconds into the next motion, cycles
         self.strict, self.fci = False, True
+        self.deaf, self.hand_kg = False, HAND_KG
         self.orders: deque[Callable[[], None]] = deque()  # for the thread that simulates
         self.moving = 0
         self.received: list[list[float] | None] = []
@@ -260,7 +266,12 @@ class Fr3Server(FrankaRobotServer):
         rate = float(np.mean(self.recent)) if self.current_motion_id and self.recent else 0.0
         felt = {"tau_ext_hat_filtered": tuple(self.plane.reported_Nm.tolist())}
         return state.replace(
-            robot_mode=mode, errors=flags, reflex_reason=flags, control_command_success_rate=rate, **felt
+            robot_mode=mode,
+            errors=flags,
+            reflex_reason=flags,
+            control_command_success_rate=rate,
+            m_ee=self.hand_kg,
+            **felt,
         )
 
     def push(self) -> None:
@@ -278,7 +289,7 @@ class Fr3Server(FrankaRobotServer):
         self._FrankaRobotServer__holding_q = tuple(q_rad)
         self.modes.be("Idle")
         self.planned, self.shown_flags, self.strict, self.monitor.most_lost = None, (), False, LOST_IN_A_ROW
-        self.losing = (0.0, 0)
+        self.losing, self.deaf, self.hand_kg = (0.0, 0), False, HAND_KG
         self.plane, self.threshold_N = Plane(*NOWHERE), float("inf")
 
     def be_strict(self, most_lost: int) -> None:
@@ -361,6 +372,9 @@ def order_of(server: Fr3Server, word: str, rest: list[str]) -> Callable[[], None
         "fci": lambda: lambda: server.turn_fci(rest[0]),
         "reflex": lambda: keep("planned", (float(rest[0]), tuple(rest[1:]))),
         "flags": lambda: keep("shown_flags", tuple(map(int, rest))),
+        "hand": lambda: keep("hand_kg", float(rest[0])),
+        "deaf": lambda: keep("deaf", True),
+        "all-ears": lambda: keep("deaf", False),
         "lose": lambda: keep("losing", (float(rest[0]), int(rest[1]))),
         "strict": lambda: lambda: server.be_strict(int(rest[0])),
         "patient": lambda: keep("strict", False),

@@ -56,6 +56,17 @@ class Sink:
 
 
 @dataclass
+class ReportedState:
+    """What the arm reports; it follows a command at the next cycle."""
+
+    q: list[float] = field(default_factory=READY.tolist)
+    dq: list[float] = field(default_factory=lambda: [0.0] * 7)
+    q_d: list[float] = field(default_factory=READY.tolist)
+    tau_ext_hat_filtered: list[float] = field(default_factory=lambda: [0.0] * 7)
+    control_command_success_rate: float = 1.0
+
+
+@dataclass
 class _Told:
     """What the program says, heard without a pipe."""
 
@@ -97,7 +108,7 @@ SETTINGS = FrankaSettings("172.16.0.2")
 
 
 def driver_of(sdk: FakeSdk, model: str = "panda", settings: FrankaSettings = SETTINGS) -> connection.Connection:
-    return connection.Connection(model, sdk, connection.DRIVES[model], settings, realtime=True)
+    return connection.Connection(model, sdk, connection.DRIVES[model], settings, realtime=True, clock=sdk.clock)
 
 
 def arm_of(

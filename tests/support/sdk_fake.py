@@ -3,6 +3,9 @@
 The arm takes and refuses what `tests/support/franka_modes.py` says, in the words of libfranka. `k` says whether modes
 and enumerations begin with k (panda_py.libfranka) or not (pylibfranka). With `limit_rate` the Panda's stand-in limits
 the commands as libfranka does before it sends them.
+
+Time is simulated: a state comes every millisecond, and `idle` lets time pass in which nobody reads. As of a real arm,
+the socket then keeps the oldest states, and `read_once` empties it and returns the newest of those.
 """
 
 from __future__ import annotations
@@ -15,6 +18,10 @@ from typing import Any
 import numpy as np
 from franka_modes import FLAGS, NOT_FINITE, PANDA_FLAGS, REFLEX, STOP_PRESSED, ArmModes, Limiter, Monitor, Refusal
 
+KEPT_STATES = 64
+"""How many states a socket keeps that nobody reads; libfranka's was seen to keep 48 to 92."""
+HAND = (0.73, [-0.01, 0.0, 0.03], [0.001, 0.0, 0.0, 0.0, 0.0025, 0.0, 0.0, 0.0, 0.0017])
+"""Mass, centre of mass and inertia of the Franka Hand, as Desk sets them."""
 Q_RAD = [0.0, -0.7, 0.0, -2.3, 0.0, 1.6, 0.7]
 
 
@@ -29,6 +36,13 @@ class Duration:
 class JointPositions:
     def __init__(self, q: list[float]) -> None:
         self.q, self.motion_finished = q, False
+
+
+class Errors(SimpleNamespace):
+    """libfranka's errors: true if there is one."""
+
+    def __bool__(self) -> bool:
+        return any(vars(self).values())
 
 
 class NetworkException(RuntimeError):
@@ -60,6 +74,10 @@ class FakeSdk:
     lost_cycles: tuple[int, ...] = ()
     feels: Callable[[list[float]], list[float]] = lambda q: [0.0] * 7  # joints -> torques of external forces
     q_rad: list[float] = field(default_factory=lambda: list(Q_RAD))
+    hand: tuple[float, list[float], list[float]] = HAND  # what is set in Desk
+    takes_loads: bool = True  # False: it says yes to a load, and keeps its own
+    now_s: float = 0.0  # of the arm's clock, and of the computer's
+    robot: Any = None  # the last one that was connected
 
     JointPositions = JointPositions
 
@@ -72,9 +90,20 @@ class FakeSdk:
             self.FrankaException = FrankaException
 
     def Robot(self, host: str, realtime: str) -> FakeRobot:
-        robot = FakeRobot(self)
+        self.robot = robot = FakeRobot(self)
         robot.did("Robot", (host, realtime))
         return robot
+
+    def clock(self) -> float:
+        """The computer's, for `hw.franka.connection.Connection`."""
+        return self.now_s
+
+    def idle(self, seconds: float) -> None:
+        """Time in which nobody reads the arm's states."""
+        assert self.robot is not None
+        for _ in range(round(1000 * seconds)):
+            self.now_s += 0.001
+            self.robot.send()
 
 
 class FakeRobot:
@@ -83,6 +112,8 @@ class FakeRobot:
         self._q = list(sdk.q_rad)
         self._cycle = self._recovering = 0
         self._monitor = Monitor("panda" if sdk.k else "fr3")
+        self._load: tuple[Any, ...] = (0.0, [0.0] * 3, [0.0] * 9)
+        self._kept: list[Any] = []
 
     def did(self, name: str, what: Any = None) -> None:
         self.sdk.calls.append((name, what))
@@ -104,6 +135,13 @@ class FakeRobot:
     def set_load(self, *load: Any) -> None:
         self._may("set_load")
         self.did("set_load", load)
+        if self.sdk.takes_loads:
+            self._load = load
+
+    def stop(self) -> None:
+        """Whatever moves stops; nothing more can be commanded to it."""
+        self.did("stop")
+        self.sdk.modes.moving = False
 
     def automatic_error_recovery(self) -> None:
         modes = self.sdk.modes
@@ -115,16 +153,36 @@ class FakeRobot:
         if modes.mode == "Reflex":
             modes.reasons, modes.recovering, self._recovering = (), True, self.sdk.recovery_readings
 
+    def send(self) -> None:
+        """A state that nobody waits for."""
+        if len(self._kept) < KEPT_STATES:
+            self._kept.append(self._state())
+
     def read_once(self) -> Any:
         self.did("read_once")
+        if self._kept:
+            newest, self._kept = self._kept[-1], []
+            return newest
+        self.sdk.now_s += 0.001
+        return self._state()
+
+    def _state(self) -> Any:
         modes = self.sdk.modes
         self._recovering -= 1
         modes.recovering = modes.recovering and self._recovering > 0
         known = FLAGS[:PANDA_FLAGS] if self.sdk.k else FLAGS
-        errors = SimpleNamespace(**{name: name in modes.reasons for name in known})
+        errors = Errors(**{name: name in modes.reasons for name in known})
+        load, hand = ([np.asarray(part, dtype=np.float32) for part in body] for body in (self._load, self.sdk.hand))
         return SimpleNamespace(
-            q=self._q,
-            q_d=self._q,
+            time=Duration(self.sdk.now_s),
+            m_load=load[0],
+            F_x_Cload=load[1],
+            I_load=load[2],
+            m_ee=hand[0],
+            F_x_Cee=hand[1],
+            I_ee=hand[2],
+            q=list(self._q),
+            q_d=list(self._q),
             dq=[0.0] * 7,
             tau_ext_hat_filtered=self.sdk.feels(self._q),
             control_command_success_rate=0.9,
@@ -177,7 +235,11 @@ class FakeRobot:
         finished = False
         limiter = Limiter(self._q) if options["limit_rate"] else None
         while not finished:
-            command = callback(self.read_once(), self._since())
+            try:
+                command = callback(self.read_once(), self._since())
+            except BaseException:  # as libfranka's control loop does
+                self.stop()
+                raise
             if limiter is not None:
                 command.q = limiter.limited(command.q)
             self.take(command)

@@ -24,14 +24,14 @@ MODELS = ["panda", "fr3"]
 
 def connected(model: str, sdk: FakeSdk | None = None, *, realtime: bool = True) -> tuple[Connection, FakeSdk]:
     sdk = sdk or FakeSdk(k=model == "panda")
-    return Connection(model, sdk, DRIVES[model], SETTINGS, realtime=realtime), sdk
+    return Connection(model, sdk, DRIVES[model], SETTINGS, realtime=realtime, clock=sdk.clock), sdk
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_settings_become_calls(model: str) -> None:
     driver, sdk = connected(model)
     assert sdk.calls == [("Robot", ("172.16.0.2", "kEnforce"))], "connecting sets nothing"
-    driver.prepare()
+    driver.prepare(driver.reading().at_s)
     calls = dict(sdk.calls)
     torque_contact, torque_collision, force_contact, force_collision = calls["set_collision_behavior"]
     assert torque_contact == [20.0, 20.0, 18.0, 18.0, 8.0, 8.0, 8.0]

@@ -161,9 +161,10 @@ def test_an_fr3_found_in_any_mode_connects_explains_recovers_and_moves(
 def test_the_stop_button_pressed_between_the_check_and_the_motion_moves_nothing() -> None:
     sdk = FakeSdk(k=True)
     driver = driver_of(sdk)
+    checked_s = driver.reading().at_s
     sdk.modes.pressed = True
     with pytest.raises(Failure, match=r"the stop button is pressed .*nothing has moved") as raised:
-        driver.prepare()
+        driver.prepare(checked_s)
     assert raised.value.kind == UNMOVED
     assert not any(name in (*SETTERS, "command") for name, _ in sdk.calls)
 
@@ -288,8 +289,9 @@ def test_a_motion_of_somebody_else_is_waited_for_and_then_said() -> None:
     sdk = FakeSdk(k=False)
     sdk.modes.moving = True
     driver = driver_of(sdk, "fr3")
+    checked_s = driver.reading().at_s
     with pytest.raises(Failure, match="not asked"):
-        driver.prepare()
+        driver.prepare(checked_s)
 
 
 def test_a_recovery_that_asks_for_a_person_first_says_what_to_do(server: Fr3Process) -> None:

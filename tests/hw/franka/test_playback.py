@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 import pytest
-from cells import READY, cell, move
+from cells import cell, move
+from players import ReportedState
 
 from hw.braking import brake
 from hw.errors import MotionRefused
@@ -22,17 +21,6 @@ def path(duration_s: float = 1.0) -> JointPath:
     return move(CHANGE, duration_s)
 
 
-@dataclass
-class State:
-    """What the arm reports; it follows a command at the next cycle."""
-
-    q: list[float] = field(default_factory=READY.tolist)
-    dq: list[float] = field(default_factory=lambda: [0.0] * 7)
-    q_d: list[float] = field(default_factory=READY.tolist)
-    tau_ext_hat_filtered: list[float] = field(default_factory=lambda: [0.0] * 7)
-    control_command_success_rate: float = 1.0
-
-
 def play(
     motion: PlayableMotion, stop_at_tick: int = -1, lost: dict[int, int] | None = None, restless: bool = False
 ) -> Played:
@@ -42,13 +30,13 @@ def play(
     def wanted() -> str:
         return "pedal" if 0 <= stop_at_tick <= tick else ""
 
-    playback, state, finished = Playback(motion, wanted, lambda: 100.0 + tick / 1000), State(), False
+    playback, state, finished = Playback(motion, wanted, lambda: 100.0 + tick / 1000), ReportedState(), False
     while not finished:
         ticks = 0 if cycle == 0 else 1 + (lost or {}).get(cycle, 0)
         tick, cycle = tick + ticks, cycle + 1
         q, finished = playback.step(state, ticks / 1000)
         dq = (np.array(q) - state.q) / (max(ticks, 1) / 1000)
-        state = State(q, np.full(7, 1.0).tolist() if restless else dq.tolist())
+        state = ReportedState(q, np.full(7, 1.0).tolist() if restless else dq.tolist())
     return playback.played()
 
 

@@ -90,7 +90,13 @@ class Follower:
     def reading(self) -> Reading:
         return Reading(tuple(self.q), tuple(self.q), (0.0,) * 7, self.mode)
 
-    def prepare(self) -> None: ...
+    def prepare(self, checked_s: float) -> None: ...
+
+    def watch(self) -> bool:
+        return True
+
+    def interruption(self, checked_s: float, state: object = None) -> str:
+        return ""
 
     def listen(self, states: int) -> Rhythm:
         return Rhythm(states, states // 100, 0.0012, 5)
@@ -124,6 +130,9 @@ def answers(driver: Follower, pipe: list[int], *requests: object) -> list[object
 
         class Serving:
             """The player's end, closed for asking once everything was asked."""
+
+            def poll(self) -> bool:
+                return True
 
             def recv(self) -> object:
                 if not player.poll(0):

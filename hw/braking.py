@@ -59,8 +59,11 @@ def _path_clock(path: JointPath, spline: CubicSpline, limits: MotionLimits) -> _
 
     first, second, third = (spline(path.t_s, order) for order in (1, 2, 3))
     true_rad, still = path.q_rad + limits.zeros_rad, np.zeros_like(first)
-    weight_Nm = asked(true_rad, still, still, limits.load).torque_Nm
-    at_speed, by_brake = asked(true_rad, first, second, limits.load), asked(true_rad, still, first, limits.load)
+    weight_Nm = asked(limits.model, true_rad, still, still, limits.load).torque_Nm
+    at_speed, by_brake = (
+        asked(limits.model, true_rad, first, second, limits.load),
+        asked(limits.model, true_rad, still, first, limits.load),
+    )
     slope = np.concatenate([first, by_brake.torque_Nm - weight_Nm], axis=1)  # of dv/dt
     curve = np.concatenate([second, at_speed.torque_Nm - weight_Nm], axis=1)  # of v²
     rest = np.concatenate([still, weight_Nm], axis=1)

@@ -4,9 +4,9 @@ Recursive Newton-Euler, all samples at once, in the axes of the base (Feathersto
 2008, chapter 5). Rigid links, no friction: the torque is that at the gears' output, which the arm's sensors measure and
 its limits refer to. The base stands level.
 
-Masses, centres of mass and inertia are those of the maker's robot description of the Panda, which cites Gaz et al.,
-"Dynamic identification of the Franka Emika Panda robot with retrieval of feasible parameters" (2019). The FR3 has the
-same links; its own parameters are not published as such, and the Panda's are taken for both.
+The Panda's masses, centres of mass and inertia are those of the maker's robot description, which cites Gaz et al.,
+"Dynamic identification of the Franka Emika Panda robot with retrieval of feasible parameters" (2019). The FR3's are
+those that the maker publishes since December 2023 (`franka_description`, robots/fr3/inertials.yaml).
 """
 
 from __future__ import annotations
@@ -29,17 +29,65 @@ def _mass(kg: float, com_m: tuple[float, ...], inertia: tuple[float, ...]) -> Ma
     return Mass(kg, np.array(com_m), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
 
 
-LINKS: tuple[Mass, ...] = (
-    _mass(0.629769, (-0.041018, -0.00014, 0.049974), (0.00315, 0.00388, 0.004285, 8.2904e-7, 0.00015, 8.2299e-6)),
-    _mass(4.970684, (0.003875, 0.002081, -0.04762), (0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169)),
-    _mass(0.646926, (-0.003141, -0.02872, 0.003495), (0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704)),
-    _mass(3.228604, (0.027518, 0.039252, -0.066502), (0.037242, 0.036155, 0.01083, -0.004761, -0.011396, -0.012805)),
-    _mass(3.587895, (-0.05317, 0.104419, 0.027454), (0.025853, 0.019552, 0.028323, 0.007796, -0.001332, 0.008641)),
-    _mass(1.225946, (-0.011953, 0.041065, -0.038437), (0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229)),
-    _mass(1.666555, (0.060149, -0.014117, -0.010517), (0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341)),
-    _mass(0.735522, (0.010517, -0.004252, 0.061597), (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)),
-)
-"""Base and links 1 to 7, each in its own frame (`hw.kinematics`)."""
+LINKS: dict[str, tuple[Mass, ...]] = {
+    "panda": (
+        _mass(0.629769, (-0.041018, -0.00014, 0.049974), (0.00315, 0.00388, 0.004285, 8.2904e-7, 0.00015, 8.2299e-6)),
+        _mass(4.970684, (0.003875, 0.002081, -0.04762), (0.70337, 0.70661, 0.009117, -0.000139, 0.006772, 0.019169)),
+        _mass(0.646926, (-0.003141, -0.02872, 0.003495), (0.007962, 0.02811, 0.025995, -0.003925, 0.010254, 0.000704)),
+        _mass(
+            3.228604, (0.027518, 0.039252, -0.066502), (0.037242, 0.036155, 0.01083, -0.004761, -0.011396, -0.012805)
+        ),
+        _mass(3.587895, (-0.05317, 0.104419, 0.027454), (0.025853, 0.019552, 0.028323, 0.007796, -0.001332, 0.008641)),
+        _mass(
+            1.225946, (-0.011953, 0.041065, -0.038437), (0.035549, 0.029474, 0.008627, -0.002117, -0.004037, 0.000229)
+        ),
+        _mass(
+            1.666555, (0.060149, -0.014117, -0.010517), (0.001964, 0.004354, 0.005433, 0.000109, -0.001158, 0.000341)
+        ),
+        _mass(
+            0.735522, (0.010517, -0.004252, 0.061597), (0.012516, 0.010027, 0.004815, -0.000428, -0.001196, -0.000741)
+        ),
+    ),
+    "fr3": (
+        _mass(2.3966, (-0.0172, 0.0004, 0.0745), (0.009, 0.0115, 0.0085, 0.0, 0.002, 0.0)),
+        _mass(
+            2.9274653454,
+            (4.128e-07, -0.01812513, -0.0386036),
+            (0.02392732, 0.02248216, 0.006350098, 1.33179e-05, -0.0001140477, -0.001995032),
+        ),
+        _mass(
+            2.9355370338,
+            (0.003182886, -0.07432216, 0.008814608),
+            (0.04193895, 0.02514515, 0.06170214, 0.0002025733, 0.004077784, -0.004225216),
+        ),
+        _mass(
+            2.2449013699,
+            (0.04070157, -0.004820057, -0.02897308),
+            (0.02410143, 0.01974053, 0.01904449, 0.002404695, -0.002856269, -0.002104213),
+        ),
+        _mass(
+            2.6155955791,
+            (-0.0459101, 0.0630493, -0.008518787),
+            (0.03452998, 0.02888162, 0.04125471, 0.01322552, 0.01015143, -0.0009762834),
+        ),
+        _mass(
+            2.3271207594,
+            (-0.00160396, 0.02925363, -0.0972966),
+            (0.05161028, 0.0478773, 0.01642363, -0.005715173, -0.003567317, 0.01067399),
+        ),
+        _mass(
+            1.8170376524,
+            (0.05971312, -0.04102947, -0.01016927),
+            (0.005412334, 0.01405833, 0.01608082, 0.006193456, 0.001421929, -0.001314075),
+        ),
+        _mass(
+            0.6271432862,
+            (0.004522582, 0.008626192, -0.01616333),
+            (0.0002109239, 0.0001771857, 5.993191e-05, -2.433299e-05, 4.56448e-05, 8.74407e-05),
+        ),
+    ),
+}
+"""Base and links 1 to 7 of each model, each in its own frame (`hw.kinematics`)."""
 
 _X_7F = np.eye(4)
 _X_7F[2, 3] = FLANGE_M
@@ -56,13 +104,14 @@ class Asked:
     flange_rad_s2: Array  # (..., 3)
 
 
-def asked(q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Asked:
-    """Joints, velocities and accelerations (..., 7) with `load` (flange frame) -> torques and flange motion."""
+def asked(model: str, q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Asked:
+    """Joints, velocities and accelerations (..., 7) of the arm `model` with `load` (flange frame) -> torques and motion
+    of the flange."""
     q, dq, ddq = (np.asarray(v, dtype=np.float64) for v in (q_rad, dq_rad_s, ddq_rad_s2))
-    lead = q.shape[:-1]
+    lead, links = q.shape[:-1], LINKS[model]
     poses = np.ascontiguousarray(np.moveaxis(link_poses(q.reshape(-1, JOINTS))[:, :, :3], 0, -1))  # (9, 3, 4, N)
     spins, turns, ups, speed = _forward(poses, dq.reshape(-1, JOINTS).T, ddq.reshape(-1, JOINTS).T)
-    torque = _backward(poses, (*LINKS[1:JOINTS], LINKS[JOINTS] + load.placed(_X_7F)), spins, turns, ups)
+    torque = _backward(poses, (*links[1:JOINTS], links[JOINTS] + load.placed(_X_7F)), spins, turns, ups)
     r = poses[FLANGE, :, 3] - poses[JOINTS, :, 3]
     acceleration = ups[-1] + _cross(turns[-1], r) + _cross(spins[-1], _cross(spins[-1], r))
     acceleration[2] -= GRAVITY_M_S2
@@ -73,9 +122,9 @@ def asked(q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Ma
     return Asked(*map(shaped, (torque, speed + _cross(spins[-1], r), acceleration, spins[-1], turns[-1])))
 
 
-def torque_Nm(q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Array:
-    """Joints, velocities and accelerations (..., 7) -> torques (..., 7) of an arm with `load` (flange frame)."""
-    return asked(q_rad, dq_rad_s, ddq_rad_s2, load).torque_Nm
+def torque_Nm(model: str, q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Array:
+    """Joints, velocities and accelerations (..., 7) -> torques (..., 7) of the arm `model` with `load` (flange)."""
+    return asked(model, q_rad, dq_rad_s, ddq_rad_s2, load).torque_Nm
 
 
 def _forward(poses: Array, dq: Array, ddq: Array) -> tuple[list[Array], list[Array], list[Array], Array]:

@@ -1,7 +1,7 @@
 """Limits of a motion as a whole: joint torques, and velocity and acceleration of the flange.
 
-Torques are those of `hw.dynamics` with the load on the flange. They leave out the arm's friction, and the maker
-publishes no inertia of the FR3. So paths may use only `TORQUE_SHARE` of a joint's rating.
+Torques are those of `hw.dynamics` with the load on the flange. They leave out the arm's friction. So paths may use only
+`TORQUE_SHARE` of a joint's rating.
 
 The maker states flange limits for motions commanded in Cartesian coordinates. Ours are commanded in joints, for which
 the arm does not enforce them; they are kept as a sane bound. The elbow is joint 3: the maker's limits of the elbow are
@@ -80,7 +80,7 @@ class MotionLimits:
 
     def ratio(self, q_rad: Array, dq_rad_s: Array, ddq_rad_s2: Array, step_s: float) -> Array:
         """Samples (N, ..., 7) along the first axis, `step_s` apart -> (...) the largest share of any limit."""
-        found = self._quantities(asked(q_rad + self.zeros_rad, dq_rad_s, ddq_rad_s2, self.load), step_s)
+        found = self._quantities(asked(self.model, q_rad + self.zeros_rad, dq_rad_s, ddq_rad_s2, self.load), step_s)
         lead = q_rad.shape[1:-1]
         largest = np.zeros(lead)
         for quantity in found:
@@ -95,7 +95,7 @@ class MotionLimits:
         t_s = np.asarray(np.arange(len(q)) * DT_S, dtype=np.float64)
         return [
             worst((one.name, one.unit), one.ratio, one.values, one.limit, t_s, one.where)
-            for one in self._quantities(asked(q + self.zeros_rad, dq, ddq, self.load), DT_S)
+            for one in self._quantities(asked(self.model, q + self.zeros_rad, dq, ddq, self.load), DT_S)
         ]
 
     def _quantities(self, found: Asked, step_s: float) -> list[_Quantity]:

@@ -122,7 +122,7 @@ def begin(
         *_pictures(frames, _COLOUR, _DEPTH),
         *topics.cameras(model, start_ns),
         topics.description(arm, start_ns),
-        *topics.joints(execution),
+        *topics.joints(arm, execution),
         *topics.transforms(times_s or [before.frame.t_s], execution, X_BT_at, model, X_BC),
     ]
     file = _Mcap(TOPICS, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})

@@ -117,7 +117,7 @@ def encode(trial: WholeTrial) -> bytes:
         *recording.depths(stored),
         *topics.cameras(stored.model, start_ns),
         topics.description(trial.arm, start_ns),
-        *topics.joints(played),
+        *topics.joints(trial.arm, played),
         *topics.transforms(times_s, played, tool_poses(trial.file), stored.model, stored.X_BC),
         *recording.track_messages(track, played.t_start_s),
         *(topics.event(t_s, text, is_warning=warns) for t_s, text, warns in trial.events()),

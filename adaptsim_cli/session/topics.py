@@ -267,17 +267,17 @@ def description(arm: str, t_ns: int) -> Message:
     return t_ns, DESCRIPTION, text(urdf(arm))
 
 
-def joints(played: Execution) -> Iterator[Message]:
+def joints(arm: str, played: Execution) -> Iterator[Message]:
     """Measured and commanded joints, each with velocity and the torque of the motion.
 
-    Velocities are derivatives of the positions. Torques are those of the arm's rigid-body model with its hand, for the
-    measured motion in the air; the tool's weight and its contacts are not included.
+    Velocities are derivatives of the positions. Torques are those of the rigid-body model of `arm` with its
+    hand ("panda" or "fr3"), for the measured motion in the air; the tool's weight and its contacts are not included.
     """
     if not len(played.t_s):
         return
     dq_rad_s, ddq_rad_s2 = (derivative(played.t_s, played.q_measured_rad, order) for order in (1, 2))
     commanded_rad_s = derivative(played.t_s, played.q_commanded_rad, 1)
-    torque = torque_Nm(played.q_measured_rad, dq_rad_s, ddq_rad_s2, HAND_MASS.placed(X_FH))
+    torque = torque_Nm(arm, played.q_measured_rad, dq_rad_s, ddq_rad_s2, HAND_MASS.placed(X_FH))
     for i, t_s in enumerate(played.t_s):
         t_ns = ns(played.t_start_s + t_s)
         yield t_ns, MEASURED, joint_state(t_ns, JOINT_NAMES, played.q_measured_rad[i], dq_rad_s[i], torque[i])

@@ -36,8 +36,6 @@ HAND_NAME = "panda_hand"
 _HALF_PI = "1.5707963267948966"
 
 
-_BODIES = (*((f"panda_link{i}", link) for i, link in enumerate(LINKS)), (HAND_NAME, HAND_MASS))
-
 # origin and roll of each joint in the link before it
 _JOINTS = (
     ((0.0, 0.0, D1_M), "0"),
@@ -67,11 +65,12 @@ def add_panda(
 
 
 def urdf(model: str = "panda") -> str:
-    """The arm as URDF text with the joint limits of `model` ("panda" or "fr3")."""
+    """The arm as URDF text with joint limits, masses and inertia of `model` ("panda" or "fr3")."""
     limits = LIMITS[model]
     robot = Element("robot", name=model)
-    for name, mass in _BODIES:
-        _add_link(robot, name, mass)
+    for i, link in enumerate(LINKS[model]):
+        _add_link(robot, f"panda_link{i}", link)
+    _add_link(robot, HAND_NAME, HAND_MASS)
     for i, (origin, roll) in enumerate(_JOINTS):
         links = (f"panda_link{i}", f"panda_link{i + 1}")
         joint = _add_joint(robot, JOINT_NAMES[i], "revolute", links, (origin, f"{roll} 0 0"))

@@ -101,7 +101,7 @@ def test_no_stop_changes_a_torque_faster_than_the_arm_may_or_takes_longer_than_p
             s = np.concatenate([np.clip(at_s + np.arange(-3, 0) / 1e3, 0.0, None), after_s])
             q = np.concatenate([spline(s), np.repeat(spline(s[-1:]), 3, axis=0)])
             dq, ddq = np.diff(q, axis=0) * 1e3, np.diff(q, 2, axis=0) * 1e6
-            torque = torque_Nm(q[2:], dq[1:], ddq, LOADED.mass)
+            torque = torque_Nm(model, q[2:], dq[1:], ddq, LOADED.mass)
             assert np.abs(np.diff(torque[2:], axis=0)).max() * 1e3 <= 1000.0 * (1.0 + 1e-6)
             assert round(1e3 * (2.0 * STOPS_EVERY_S + duration_s + 0.03)) <= round(1e3 * STOP_S), "in milliseconds"
             stops += 1

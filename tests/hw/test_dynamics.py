@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml  # type: ignore[import-untyped]
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, SpatialInertia, UnitInertia
 
 from hw.collision import HAND_MASS
-from hw.dynamics import asked, torque_Nm
+from hw.dynamics import LINKS, asked, torque_Nm
 from hw.joint_limits import LIMITS
 from hw.mass import Mass
 from sim.panda.model import FLANGE_NAME, add_panda
@@ -21,10 +23,10 @@ LOAD = Mass(
 )
 
 
-def drake(load: Mass | None) -> tuple[Any, Any]:
+def drake(model: str, load: Mass | None) -> tuple[Any, Any]:
     """The arm with its hand and, welded to its flange, a body of `load`."""
     plant = MultibodyPlant(0.0)
-    instance = add_panda(plant)
+    instance = add_panda(plant, model)
     if load is not None:
         com: Any = load.com_m
         moments = load.inertia_kg_m2 / load.kg
@@ -49,10 +51,10 @@ def states(model: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 @pytest.mark.parametrize("load", [None, LOAD], ids=["hand", "hand and load"])
 def test_torques_are_those_of_drake(model: str, load: Mass | None) -> None:
-    plant, context = drake(load)
+    plant, context = drake(model, load)
     q, dq, ddq = states(model)
     hand = HAND_MASS.placed(_hand_in_flange())
-    ours = torque_Nm(q, dq, ddq, hand if load is None else hand + load)
+    ours = torque_Nm(model, q, dq, ddq, hand if load is None else hand + load)
     for row in range(STATES):
         plant.SetPositions(context, q[row])
         plant.SetVelocities(context, dq[row])
@@ -63,9 +65,9 @@ def test_torques_are_those_of_drake(model: str, load: Mass | None) -> None:
 
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_the_flange_travels_as_in_drake(model: str) -> None:
-    plant, context = drake(None)
+    plant, context = drake(model, None)
     q, dq, ddq = states(model)
-    found = asked(q, dq, ddq, HAND_MASS)
+    found = asked(model, q, dq, ddq, HAND_MASS)
     flange, world = plant.GetFrameByName(FLANGE_NAME), plant.world_frame()
     for row in range(STATES):
         plant.SetPositions(context, q[row])
@@ -92,3 +94,28 @@ def _no_forces(plant: MultibodyPlant) -> object:
     from pydrake.multibody.tree import MultibodyForces  # noqa: PLC0415
 
     return MultibodyForces(plant)
+
+
+DESCRIPTION = Path(__file__).parents[1] / "data" / "franka-description"
+
+
+def test_the_fr3_has_the_masses_that_its_maker_publishes() -> None:
+    published = yaml.safe_load((DESCRIPTION / "fr3" / "inertials.yaml").read_text())
+    for number, link in enumerate(LINKS["fr3"]):
+        body = published[f"link{number}"]
+        found = body["inertia"].get("inertia", body["inertia"])
+        assert body["origin"]["rpy"] == "0 0 0"
+        assert link.kg == body["mass"]
+        np.testing.assert_allclose(link.com_m, [float(v) for v in body["origin"]["xyz"].split()], rtol=1e-6)
+        tensor = [[found["".join(sorted(row + column))] for column in "xyz"] for row in "xyz"]
+        np.testing.assert_allclose(link.inertia_kg_m2, tensor, rtol=1e-6)
+    assert sum(link.kg for link in LINKS["fr3"][1:]) == pytest.approx(15.4947, abs=1e-4)
+
+
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+def test_every_link_is_a_body_that_exists(model: str) -> None:
+    """No principal moment of a body exceeds the sum of the other two."""
+    for link in LINKS[model]:
+        moments = np.linalg.eigvalsh(link.inertia_kg_m2)
+        assert moments[0] > 0.0
+        assert moments[2] <= moments[0] + moments[1] + 1e-9

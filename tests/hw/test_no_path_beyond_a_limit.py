@@ -21,13 +21,14 @@ def test_the_judge_and_the_program_place_the_links_alike() -> None:
     assert len(AT_ZERO) == 9
 
 
-def test_the_judge_and_the_program_find_the_same_torques() -> None:
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+def test_the_judge_and_the_program_find_the_same_torques(model: str) -> None:
     t = np.arange(400) / 1e3
     amplitude, pace = np.array([0.3, 0.2, 0.3, 0.3, 0.4, 0.3, 0.5]), np.array([5.0, 6.0, 4.0, 7.0, 8.0, 6.0, 9.0])
     q = np.array([0.1, -0.6, 0.2, -2.1, 0.3, 1.7, 0.4]) + amplitude * np.sin(t[:, None] * pace)
     dq, ddq = (q[2:] - q[:-2]) / 2e-3, np.diff(q, 2, axis=0) * 1e6
-    ours = torque_Nm(q[1:-1], dq, ddq, LOADED.mass)
-    assert np.abs(torques(q, LOADED.mass) - ours).max() < 2e-3 * np.abs(ours).max()
+    ours = torque_Nm(model, q[1:-1], dq, ddq, LOADED.mass)
+    assert np.abs(torques(model, q, LOADED.mass) - ours).max() < 2e-3 * np.abs(ours).max()
 
 
 def check(model: str, count: int, seed: int) -> None:

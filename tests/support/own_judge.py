@@ -128,8 +128,8 @@ def _about(axis: Array, point: Array, angle: Array) -> Array:
     return X
 
 
-def torques(q: Array, load: Mass) -> Array:
-    """Samples (N, 7) of a motion at 1 kHz -> (N - 2, 7) torques at all but the first and the last.
+def torques(model: str, q: Array, load: Mass) -> Array:
+    """Samples (N, 7) of a motion of an arm at 1 kHz -> (N - 2, 7) torques at all but the first and the last.
 
     Every body's weight, and what its acceleration and its change of spin need, turns each joint below it.
     """
@@ -137,7 +137,7 @@ def torques(q: Array, load: Mass) -> Array:
     axes = [X[:, i, :3, 2] for i in range(1, 8)]
     origins = [X[:, i, :3, 3] for i in range(1, 8)]
     found = np.zeros((len(q) - 2, 7))
-    bodies = [(i, body) for i, body in enumerate(LINKS) if i] + [(8, load)]
+    bodies = [(i, body) for i, body in enumerate(LINKS[model]) if i] + [(8, load)]
     for link, body in bodies:
         R, p = X[:, link, :3, :3], X[:, link, :3, 3]
         com = p + R @ body.com_m
@@ -203,7 +203,7 @@ def _together(q: Array, model: str, load: Mass) -> str:
     turn = R[1:] @ np.swapaxes(R[:-1], 1, 2)
     angle = np.arccos(np.clip((np.trace(turn, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
     m_s, m_s2, m_s3, rad_s, _, _ = MAKERS_FLANGE[model]
-    torque = torques(q, load)
+    torque = torques(model, q, load)
     sizes = {
         "travel": (np.linalg.norm(np.diff(at_m, axis=0), axis=1) * 1e3, m_s),
         "travel acceleration": (np.linalg.norm(np.diff(at_m, 2, axis=0), axis=1) * 1e6, m_s2),

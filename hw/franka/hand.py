@@ -33,8 +33,15 @@ Sdk = Callable[[], Any]
 """Imports the module of an SDK; raises DeviceUnavailable where it is not installed."""
 
 
-OPEN, STATE = "open", "state"
-"""The two calls that move nothing; the others are `home`, `move` and `grasp` of `hw.ports.Hand`, and `stop`."""
+OPEN, STATE, NARROWEST, GRASP = "open", "state", "narrowest", "grasp"
+"""The first three calls move nothing; the others are `home` and `move` of `hw.ports.Hand`, and `stop`."""
+
+
+class NothingGrasped(HandError):
+    """The hand closed, and nothing of the expected width was between its fingers.
+
+    The width that it reports afterwards says nothing: it may have opened again.
+    """
 
 
 @dataclass(frozen=True)
@@ -111,14 +118,19 @@ class FrankaHand:
         if not 0.0 < force_N <= STRONGEST_N:
             raise HandError(f"a grasp force of {force_N:g} N: it must be above 0 and at most {STRONGEST_N:g} N")
         gripper = self._connected()
-        why = (
-            f"did not find anything {1e3 * width_m:.1f} mm wide (it closed to {{width}} mm): hold the tool's handle "
-            "between the fingers, or correct the width"
-        )
+        why = f"did not find anything {1e3 * width_m:.1f} mm wide: hold the tool's handle between the fingers"
         inner_m = narrower_m(width_m)
-        self._did(lambda: gripper.grasp(width_m, SPEED_M_S, force_N, inner_m, TOLERANCE_M), why)
+        self._did(lambda: gripper.grasp(width_m, SPEED_M_S, force_N, inner_m, TOLERANCE_M), why, NothingGrasped)
         if not self._read().is_grasped:
             raise HandError("the hand closed, but reports that it holds nothing; hand the tool over again")
+
+    def narrowest(self, over: Callable[[], bool]) -> HandState:
+        """Read states until it is over: the one with the fingers closest together, whoever moves them."""
+        least, ends = self.state(), False
+        while not ends:
+            ends = over()  # before the last state, which shows fingers that stayed where they had closed
+            least = min(least, self.state(), key=lambda state: state.width_m)
+        return least
 
     def stop(self) -> None:
         """End what another connection has the fingers do. Raises DeviceUnavailable."""
@@ -128,13 +140,13 @@ class FrankaHand:
         except self._errors as error:
             raise DeviceUnavailable(f"the hand at {self._host} does not take a stop ({error})") from error
 
-    def _did(self, command: Callable[[], bool], why: str) -> None:
+    def _did(self, command: Callable[[], bool], why: str, kind: type[HandError] = HandError) -> None:
         try:
             done = command()
         except self._errors as error:
             raise HandError(f"the hand stopped ({error}); look at it, home it, and run again") from error
         if not done:
-            raise HandError("the hand " + why.format(width=f"{1e3 * float(self._read().width):.1f}"))
+            raise kind(f"the hand {why}")
 
     def _read(self) -> Any:
         gripper = self._connected()
@@ -167,9 +179,12 @@ def serve(keeper: Connection) -> None:
                     hand = FrankaHand(host, partial(load, PACKAGES[model]))
                     hand.__enter__()
                 assert hand is not None, "it is opened first"
-                if call.method not in (OPEN, STATE):
-                    getattr(hand, call.method)(*call.arguments)
-                answer = hand.state()
+                if call.method == NARROWEST:
+                    answer = hand.narrowest(keeper.poll)
+                else:
+                    if call.method not in (OPEN, STATE):
+                        getattr(hand, call.method)(*call.arguments)
+                    answer = hand.state()
             except (HandError, DeviceUnavailable) as error:
                 answer = error
             keeper.send(answer)

@@ -3,6 +3,9 @@
 A worker moves the fingers, because an SDK may block its process until they stand still. Meanwhile the keeper listens to
 the program. It stops the hand through a second worker with a connection of its own (`Gripper.stop`) if the program asks
 for it, is silent for 60 ms, or has ended. A worker that goes on nevertheless is killed with its connection.
+
+A third worker, if the hand takes a third connection, reads the width while the fingers close: after a grasp that failed
+they may have opened again.
 """
 
 from __future__ import annotations
@@ -16,8 +19,8 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from hw.child import Call, Child, ChildGone
-from hw.errors import DeviceUnavailable
-from hw.franka.hand import OPEN, STATE, Answer, Stopped
+from hw.errors import DeviceUnavailable, HandError
+from hw.franka.hand import GRASP, NARROWEST, OPEN, STATE, Answer, NothingGrasped, Stopped
 from hw.types import HandState
 from hw.watchdog import WORD_EVERY_S, Watchdog
 
@@ -27,6 +30,10 @@ OPEN_S = 30.0
 """The longest wait for a connection: libfranka is slow to give up on an address that does not answer."""
 SECOND_S = 10.0
 """The longest wait for the second connection, once the hand has accepted the first."""
+THIRD_S = 3.0
+"""The same for the third."""
+EMPTY_M = 0.001
+"""Fingers this close have met nothing."""
 READ_S = 3.0
 """The longest wait for a state."""
 STOP_S = 1.0
@@ -36,8 +43,12 @@ STOP_S = 1.0
 class Keeper:
     """One hand: its worker, and the connection that stops it."""
 
-    def __init__(self, host: str, listener: Watchdog, worker: Child, stop: Callable[[], object]) -> None:
+    def __init__(
+        self, host: str, listener: Watchdog, worker: Child, stop: Callable[[], object], watcher: Child | None = None
+    ) -> None:
+        """`watcher` reads the width meanwhile."""
         self._host, self._listener, self._worker, self._stop = host, listener, worker, stop
+        self._watcher = watcher
         self._ended = False
 
     def ask(self, call: Call) -> Answer:
@@ -45,6 +56,8 @@ class Keeper:
         if self._ended:
             return DeviceUnavailable("the hand was stopped in the middle of a command: connect again, and home it")
         try:
+            if call.method == GRASP:
+                return self._grasp(call)
             self._worker.send(call)
             return self._wait(READ_S) if call.method == STATE else self._watch()
         except ChildGone as how:
@@ -52,6 +65,19 @@ class Keeper:
             with suppress(Exception):  # the fingers must stop, whatever the SDK raises
                 self._stop()
             return DeviceUnavailable(f"the process that moves the hand was {how}; a stop was sent to the hand")
+
+    def _grasp(self, call: Call) -> Answer:
+        """If it finds nothing, the error names the width to which the fingers had closed."""
+        watcher, narrowest = self._watcher, None
+        with suppress(ChildGone):
+            if watcher is not None:
+                watcher.send(Call(NARROWEST))
+        self._worker.send(call)
+        answer = self._watch()
+        if watcher is not None:
+            narrowest = _narrowest(watcher)
+            self._watcher = None if narrowest is None else watcher
+        return HandError(f"{answer}; {_closed(narrowest)}") if isinstance(answer, NothingGrasped) else answer
 
     def _wait(self, within_s: float) -> Answer:
         if self._worker.answers(within_s):
@@ -116,7 +142,8 @@ def opened(call: Call, listener: Watchdog) -> tuple[Keeper | None, Answer]:
             f"the hand at {call.arguments[1]} does not accept a second connection ({second}), and without one nothing "
             "could stop it: end other programs that use it, or screw the tool on (docs/guide/rig.md#waivers)"
         )
-    return Keeper(call.arguments[1], listener, worker, lambda: _stopped(stopper)), answer
+    watcher, _ = _connected(call, THIRD_S)
+    return Keeper(call.arguments[1], listener, worker, lambda: _stopped(stopper), watcher), answer
 
 
 def _connected(call: Call, within_s: float) -> tuple[Child | None, Answer]:
@@ -132,6 +159,29 @@ def _connected(call: Call, within_s: float) -> tuple[Child | None, Answer]:
     except ChildGone as how:
         answer = DeviceUnavailable(f"the process that moves the hand was {how}")
     return (worker if isinstance(answer, HandState) else None), answer
+
+
+def _narrowest(watcher: Child) -> HandState | None:
+    """End a watcher's reading: the state with the fingers closest together; None if it does not answer."""
+    try:
+        watcher.send(Call(STATE))  # whatever call comes next ends it
+        answers = [_known(watcher.receive()) for _ in range(2) if watcher.answers(READ_S)]
+    except ChildGone:
+        return None
+    if len(answers) == 2 and isinstance(answers[0], HandState):
+        return answers[0]
+    watcher.kill()
+    return None
+
+
+def _closed(narrowest: HandState | None) -> str:
+    """What a failed grasp met, for a person."""
+    if narrowest is None:
+        return "if it was there, measure its width and correct it"
+    if narrowest.width_m <= EMPTY_M:
+        return f"they closed to {1e3 * narrowest.width_m:.1f} mm, on nothing"
+    width = f"{1e3 * narrowest.width_m:.1f} mm"
+    return f"they closed to {width}: if that was the handle, correct its width to {width}"
 
 
 def _stopped(stopper: Child) -> None:

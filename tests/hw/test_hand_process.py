@@ -43,6 +43,56 @@ def test_both_sdks_move_hold_and_say_what_is_lost(model: str) -> None:
             hand.grasp(0.012, 40.0)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("reopens", [False, True])
+def test_a_grasp_that_fails_names_the_width_at_which_the_fingers_were_closed(model: str, reopens: bool) -> None:
+    with (
+        gripper(slower=0.2, reopens=reopens) as server,
+        HandProcess(model, server.host, silence_s=PATIENT_S) as hand,
+    ):
+        assert server.connected == 3
+        hand.home()
+        server.between_m = 0.0183
+        with pytest.raises(HandError, match=r"12\.0 mm wide: .* closed to 18\.3 mm: .* correct its width to 18\.3 mm"):
+            hand.grasp(0.012, 40.0)
+        assert hand.state().width_m == pytest.approx(0.08 if reopens else 0.0183)
+        server.between_m = None
+        with pytest.raises(HandError, match=r"they closed to 0\.0 mm, on nothing"):
+            hand.grasp(0.012, 40.0)
+        server.between_m = 0.0123
+        hand.grasp(0.012, 40.0)
+        assert hand.state().holds
+
+
+@pytest.mark.long
+def test_a_hand_that_takes_two_connections_grasps_without_knowing_the_width() -> None:
+    with (
+        gripper(slower=0.2, reopens=True, most_clients=2) as server,
+        HandProcess("fr3", server.host, silence_s=PATIENT_S) as hand,
+    ):
+        hand.home()
+        server.between_m = 0.0183
+        with pytest.raises(HandError, match="if it was there, measure its width and correct it") as raised:
+            hand.grasp(0.012, 40.0)
+        assert "80" not in str(raised.value)
+        server.between_m = 0.0123
+        hand.grasp(0.012, 40.0)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+def test_after_a_pause_the_state_of_the_hand_is_of_now(model: str) -> None:
+    """libfranka empties the hand's socket before it reads."""
+    with gripper() as server, HandProcess(model, server.host, silence_s=PATIENT_S) as hand:
+        assert not hand.state().holds
+        threading.Event().wait(2.0)
+        server.width_m, server.is_grasped = 0.012, True
+        threading.Event().wait(0.05)
+        assert hand.state().holds
+        assert hand.state().width_m == pytest.approx(0.012)
+
+
 def move_until_released(server: GripperServer, hand: HandProcess, pedal: HandPedal) -> None:
     """A slow motion, and the pedal released once the gripper has begun it."""
     server.slower, before = 20.0, len(server.begun_s)
@@ -170,7 +220,7 @@ def test_no_process_is_left_behind() -> None:
         assert hand._child is not None
         keeper = hand._child.pid
         workers = children(keeper)
-        assert len(workers) == 2
+        assert len(workers) == 3
         os.kill(keeper, signal.SIGKILL)
         until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))
         with pytest.raises(DeviceUnavailable, match="SIGKILL"):
@@ -188,7 +238,7 @@ def test_a_hand_that_takes_one_connection_is_refused(silent: bool) -> None:
 
 @pytest.mark.long
 def test_a_hand_serves_one_program_after_the_other_without_end() -> None:
-    """Each takes two connections; a drill that ran a command again and again ended at the eighth."""
+    """Each takes three connections; a drill that ran a command again and again ended at the eighth."""
     with gripper() as server:
         for _ in range(server.most_clients // 2 + 2):
             with HandProcess("fr3", server.host, silence_s=PATIENT_S) as hand:

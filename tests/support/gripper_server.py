@@ -22,6 +22,8 @@ SUCCESS, FAIL, UNSUCCESSFUL, ABORTED = range(4)
 _HEAD = struct.Struct("<HII")
 HOMING_M_S = 0.1
 STEP_S = 0.002
+CLOSED_S = 0.1
+"""How long a hand stays closed before it knows that it holds nothing."""
 
 
 @dataclass
@@ -31,6 +33,7 @@ class GripperServer:
     host: str = field(default_factory=own_host)
     between_m: float | None = None
     deaf: bool = False
+    reopens: bool = False  # after a grasp that found nothing
     slower: float = 1.0  # than commanded
     most_clients: int = 8
     lets_wait: bool = False  # clients beyond that many, instead of hanging up
@@ -133,6 +136,9 @@ class GripperServer:
         if not self._go(0.0, speed_m_s):
             return ABORTED
         self.is_grasped = self.between_m is not None and width_m - inner_m <= self.between_m <= width_m + outer_m
+        if not self.is_grasped and self.reopens:
+            self._halt.wait(CLOSED_S)
+            self._go(WIDEST_M, speed_m_s)
         return SUCCESS if self.is_grasped else UNSUCCESSFUL
 
     def _go(self, width_m: float, speed_m_s: float) -> bool:

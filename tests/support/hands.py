@@ -51,6 +51,8 @@ class Gripper:
         self._work()
         self.width = self.between_m or 0.0
         self.is_grasped = width - epsilon_inner <= self.width <= width + epsilon_outer
+        if not self.is_grasped:  # a hand that found nothing may open again
+            self.width = self.max_width
         return self.is_grasped
 
     def read_once(self) -> Any:

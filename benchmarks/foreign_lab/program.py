@@ -26,7 +26,7 @@ from hw.franka.playback import Timing
 from hw.types import CameraModel, Frame, Intrinsics
 from hw.workcell import Workcell
 
-PATIENT = Timing(realtime=False, silence_s=5.0, start_s=60.0, overrun_s=600.0)
+PATIENT = Timing(realtime=False, silence_s=5.0, start_s=60.0, unwatched_s=60.0, overrun_s=600.0)
 
 
 class SocketCamera:

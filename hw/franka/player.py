@@ -52,6 +52,7 @@ def play(
     detector = None if guard is None else Detector(guard)
     interrupted = partial(driver.interruption, motion.checked_s)
     playback = Playback(motion, listener.wanted, time.monotonic, detector, start_s, interrupted=interrupted)
+    driver.watch()  # both take a tenth of a second for a long motion
     gc.collect()
     gc.disable()  # no pause of several milliseconds while the arm waits, or while nobody reads its states
     try:
@@ -134,6 +135,8 @@ def connect(model: str, settings: FrankaSettings, timing: Timing) -> connection.
         sdk = versions.load(versions.PACKAGES[model])
     except DeviceUnavailable as error:
         raise Failure(UNAVAILABLE, str(error)) from error
+    import scipy.interpolate  # noqa: PLC0415, F401 the first motion must not wait for it
+
     driver = connection.Connection(
         model, sdk, DRIVES[model], settings, realtime=timing.realtime, unwatched_s=timing.unwatched_s
     )

@@ -27,7 +27,7 @@ from hw.types import Array
 
 SERVER = Path(__file__).with_name("fr3_server.py")
 _HOSTS = count()
-RELAXED = Timing(realtime=False, silence_s=2.0, start_s=20.0, overrun_s=60.0)
+RELAXED = Timing(realtime=False, silence_s=2.0, start_s=20.0, unwatched_s=20.0, overrun_s=60.0)
 READY_RAD = READY
 
 

@@ -39,7 +39,7 @@ from sim.tasks import get_task
 
 SILENCE_S = 5.0
 """Of the pedal, instead of 0.06 s: a busy computer is no fault of its cable."""
-PATIENT = Timing(realtime=False, silence_s=20.0, start_s=60.0, overrun_s=600.0)
+PATIENT = Timing(realtime=False, silence_s=20.0, start_s=60.0, unwatched_s=60.0, overrun_s=600.0)
 
 
 class Shown:

@@ -21,7 +21,7 @@ from hw.franka.playback import Timing, motion_of
 from hw.franka.settings import FrankaSettings
 from hw.serial.enable_pedal import EnablePedal
 
-REAL = replace(Timing(), realtime=False, start_s=RELAXED.start_s)
+REAL = replace(Timing(), realtime=False, start_s=RELAXED.start_s, unwatched_s=RELAXED.unwatched_s)
 
 
 def say(**what: object) -> None:

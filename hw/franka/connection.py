@@ -213,9 +213,9 @@ class Connection:
         reasons = error_names(state.current_errors)
         if not reasons and mode == "Reflex":
             reasons = error_names(state.last_motion_errors)
-        external_Nm, at_s = tuple(state.tau_ext_hat_filtered), state.time.to_sec()
+        more = tuple(state.tau_ext_hat_filtered), state.time.to_sec(), hand_mismatch(state, self._settings.end_effector)
         try:
-            reading = Reading(tuple(state.q), tuple(state.q_d), tuple(state.dq), mode, reasons, external_Nm, at_s)
+            reading = Reading(tuple(state.q), tuple(state.q_d), tuple(state.dq), mode, reasons, *more)
             LIMITS[self._model].require_plausible(reading.q_rad)
         except ValueError as error:
             raise Failure(LOST, f"{self._model} at {self._host} reports nonsense ({error}): restart the arm") from error

@@ -23,6 +23,7 @@ class Reading:
     reasons: tuple[str, ...] = ()  # present reflexes; in mode Reflex, those that ended the last motion
     external_Nm: tuple[float, ...] = (0.0,) * JOINTS  # (7,) the arm's estimate of what external forces do to its joints
     at_s: float = 0.0  # the state's stamp, on the arm's clock
+    mismatch: str = ""  # how the end effector that is set in Desk differs from the hand; empty: it does not
 
     def __post_init__(self) -> None:
         """Raises ValueError for a state that is not finite."""
@@ -33,7 +34,7 @@ class Reading:
     def unwilling(self) -> str | None:
         """Why the arm would not move, or None."""
         words = reflexes.of_mode(self.mode)
-        return "; ".join(filter(None, (words, reflexes.in_words(self.reasons)))) or None
+        return "; ".join(filter(None, (words, reflexes.in_words(self.reasons), self.mismatch))) or None
 
     @property
     def by_hand(self) -> bool:

@@ -106,7 +106,8 @@ class Played:
 class Playback:
     """`step` is the arm's cycle. `wanted` returns the reason to stop now, or ""; `detector` detects a touch.
 
-    `interrupted` returns, for the state of the first cycle, why the motion may no longer begin, or "".
+    `interrupted` returns, for the state of the first cycle, why the motion may no longer begin, or "". `sent_s` is when
+    the program sent the motion, on the clock `awake`; None: now.
     """
 
     def __init__(
@@ -118,9 +119,10 @@ class Playback:
         start_s: float = START_S,
         awake: Callable[[], float] = since_boot_s,
         interrupted: Callable[[SdkState], str] = lambda state: "",
+        sent_s: float | None = None,
     ) -> None:
         self._motion, self._wanted, self._clock, self._detector = motion, wanted, clock, detector
-        self._start_s, self._awake, self._made_s = start_s, awake, awake()
+        self._start_s, self._awake, self._sent_s = start_s, awake, awake() if sent_s is None else sent_s
         self._interrupted = interrupted
         self.refused = ""  # why not even the first sample was commanded
         self._fastest = motion.joints.dq_max_rad_s.tolist()
@@ -193,7 +195,7 @@ class Playback:
         """Why the motion may not begin in this first cycle, or ""."""
         if why := self._interrupted(state):
             return why
-        first, late_s = self._samples[0], self._awake() - self._made_s
+        first, late_s = self._samples[0], self._awake() - self._sent_s
         if late_s > self._start_s:
             return f"the arm took {late_s:.1f} s to begin the motion (at most {self._start_s:g} s)"
         for joints, most_rad, what in (

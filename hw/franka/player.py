@@ -44,14 +44,19 @@ def play(
     listener: Watchdog,
     guard: Guard | None = None,
     start_s: float = START_S,
+    sent_s: float | None = None,
 ) -> PlayOutcome:
     """Play `motion`; with a guard, until it touches. A failure during the motion is part of the outcome.
+
+    `sent_s` is when the program sent it (`since_boot_s`), None: now; it begins at most `start_s` later or not at all.
 
     Raises Failure if the arm rejects its settings, or is no longer where the motion begins: nothing has moved.
     """
     detector = None if guard is None else Detector(guard)
     interrupted = partial(driver.interruption, motion.checked_s)
-    playback = Playback(motion, listener.wanted, time.monotonic, detector, start_s, interrupted=interrupted)
+    playback = Playback(
+        motion, listener.wanted, time.monotonic, detector, start_s, interrupted=interrupted, sent_s=sent_s
+    )
     driver.watch()  # both take a tenth of a second for a long motion
     gc.collect()
     gc.disable()  # no pause of several milliseconds while the arm waits, or while nobody reads its states
@@ -106,8 +111,8 @@ def serve(program: Connection, listener: Watchdog, connect: Callable[..., connec
             elif driver is None:
                 answer = Failure(UNAVAILABLE, "the arm is not connected")
             elif call.method == PLAY:
-                motion, guard = call.arguments
-                answer = play(driver, motion, listener, guard, timing.start_s)
+                motion, guard, sent_s = call.arguments
+                answer = play(driver, motion, listener, guard, timing.start_s, sent_s)
             else:
                 answer = getattr(driver, call.method)(*call.arguments) or driver.reading()
         except Failure as failure:

@@ -13,7 +13,7 @@ from hw.franka.playback import HOLD_S, PlayableMotion, PlayOutcome, Rhythm, Timi
 from hw.franka.player import CONNECT, PLAY
 from hw.franka.settings import FrankaSettings, Payload
 from hw.types import Guard
-from hw.watchdog import WORD_EVERY_S
+from hw.watchdog import WORD_EVERY_S, since_boot_s
 
 ANSWER_S = 60.0
 """The longest wait for anything but a motion: the start of the process, and libfranka, which is slow to give up."""
@@ -104,7 +104,7 @@ class PlayerProcess:
         """
         longest_s = motion.path.duration_s + float(motion.stop_s.max()) + HOLD_S + self._timing.overrun_s
         with self._asking:
-            self._send(Call(PLAY, (motion, guard)))
+            self._send(Call(PLAY, (motion, guard, since_boot_s())))
             for _ in range(round(longest_s / WORD_EVERY_S)):
                 if self._child.answers(WORD_EVERY_S):
                     return _known(self._receive(), PlayOutcome)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -103,14 +104,28 @@ def test_a_load_may_be_taken_some_states_later(model: str) -> None:
 def test_another_end_effector_in_desk_than_the_rigs_moves_nothing(model: str, hand: Any, words: str) -> None:
     sdk = sdk_of(model, hand=hand)
     with arm_of(sdk, model, SETTINGS) as arm:
-        assert arm.state().fault is None, "it can be read"
-        path = little(arm.state().q_rad)
+        state = arm.state()
+        assert re.search(words, state.fault or ""), "doctor and every command say it before a motion"
+        assert not state.by_hand
+        path = little(state.q_rad)
         with pytest.raises(ArmFault, match=rf"set in Desk is not the hand: {words}"):
             arm.execute(path)
         assert not moved(sdk)
+        with pytest.raises(ArmFault, match=words):
+            arm.recover()
         sdk.hand = HAND
         arm.recover()
         arm.execute(path)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_an_end_effector_that_is_changed_after_the_check_moves_nothing(model: str) -> None:
+    sdk = sdk_of(model)
+    driver = driver_of(sdk, model, SETTINGS)
+    checked_s = driver.reading().at_s
+    sdk.hand = (1.2, *HAND[1:])
+    with pytest.raises(Failure, match=r"not the hand: mass 1\.2 kg.*nothing has moved"):
+        driver.prepare(checked_s)
 
 
 def test_the_hand_that_is_expected_is_the_one_that_every_check_counts_on() -> None:

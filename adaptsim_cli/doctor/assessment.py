@@ -86,7 +86,7 @@ def page(there: MountedTask, rig: RigDescription, moves: Motions, known: ArmFact
     payload, cell = rig.tool(there.task.name).payload, there.cell
     accepted, reach_m = worst_stop(cell), REACH_M + tool_reach_m(cell.tool)
     apart_m = separation_m(accepted.time_s)
-    regions = judged(moves.speed_m_s, rig.arm.stops_at_N, cell.tool.mass, there.hardware.edge_m)
+    regions = judged(rig.arm.model, moves.speed_m_s, rig.arm.stops_at_N, cell.tool.mass, there.hardware.edge_m)
     side = None
     if rig.person is not None and moves.nearest_m is not None:
         side = SideDistance(rig.person.from_m, moves.nearest_m, apart_m)

@@ -81,15 +81,17 @@ class RegionVerdict:
         return tuple(name for name, is_broken in checks.items() if is_broken)
 
 
-def judged(speed_m_s: float, stops_at_N: float, load: Mass, edge_m: float) -> tuple[RegionVerdict, ...]:
+def judged(model: str, speed_m_s: float, stops_at_N: float, load: Mass, edge_m: float) -> tuple[RegionVerdict, ...]:
     """Every region, met at `speed_m_s` by an edge `edge_m` wide of an arm that stops by itself at `stops_at_N`."""
     area_cm2 = edge_m * max(edge_m, FINGER_M) * _CM2_M2
-    return tuple(RegionVerdict(region, stops_at_N, struck_N(region, speed_m_s, load), area_cm2) for region in REGIONS)
+    return tuple(
+        RegionVerdict(region, stops_at_N, struck_N(model, region, speed_m_s, load), area_cm2) for region in REGIONS
+    )
 
 
-def struck_N(region: BodyRegion, speed_m_s: float, load: Mass) -> float:
-    """The peak force (N) of a transient contact at `speed_m_s`, with `load` (hand and tool) on the flange."""
-    moving_kg = sum(link.kg for link in LINKS[1:])
+def struck_N(model: str, region: BodyRegion, speed_m_s: float, load: Mass) -> float:
+    """The peak force (N) of a transient contact of an arm at `speed_m_s`, with `load` (hand and tool) on the flange."""
+    moving_kg = sum(link.kg for link in LINKS[model][1:])
     arm_kg = moving_kg / 2.0 + load.kg
     together_kg = 1.0 / (1.0 / region.mass_kg + 1.0 / arm_kg)
     return float(speed_m_s * np.sqrt(region.stiffness_N_m * together_kg))

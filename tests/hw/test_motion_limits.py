@@ -39,7 +39,7 @@ def test_what_an_empty_hand_does_a_loaded_one_may_not(model: str) -> None:
     dq, ddq, _ = derivatives(lift.q_rad)
     q = np.concatenate([lift.q_rad, np.repeat(lift.q_rad[-1:], 3, axis=0)])
     worst = find(lift, "torque", cell(model, loaded(3.0)))
-    assert abs(torque_Nm("panda", q, dq, ddq, loaded(3.0).mass)[:, 1]).max() == pytest.approx(abs(worst.value))
+    assert abs(torque_Nm(model, q, dq, ddq, loaded(3.0).mass)[:, 1]).max() == pytest.approx(abs(worst.value))
 
 
 def test_a_load_far_out_is_too_much_for_the_wrist() -> None:

@@ -13,16 +13,19 @@ BY_NAME = {region.name: region for region in REGIONS}
 
 
 def broken(speed_m_s: float, stops_at_N: float, edge_m: float) -> dict[str, tuple[str, ...]]:
-    return {one.region.name: one.broken for one in judged(speed_m_s, stops_at_N, HAND_MASS, edge_m)}
+    return {one.region.name: one.broken for one in judged("panda", speed_m_s, stops_at_N, HAND_MASS, edge_m)}
 
 
-def test_a_hand_is_a_spring_between_two_masses():
-    arm_kg = sum(link.kg for link in LINKS[1:]) / 2.0 + HAND_MASS.kg
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+def test_a_hand_is_a_spring_between_two_masses(model: str):
+    arm_kg = sum(link.kg for link in LINKS[model][1:]) / 2.0 + HAND_MASS.kg
     together_kg = 0.6 * arm_kg / (0.6 + arm_kg)
     energy_J = 0.5 * together_kg * 0.8**2
-    assert struck_N(BY_NAME["hands and fingers"], 0.8, HAND_MASS) == pytest.approx((2.0 * energy_J * 75e3) ** 0.5)
+    assert struck_N(model, BY_NAME["hands and fingers"], 0.8, HAND_MASS) == pytest.approx(
+        (2.0 * energy_J * 75e3) ** 0.5
+    )
     heavier = HAND_MASS + Mass(2.0, HAND_MASS.com_m, HAND_MASS.inertia_kg_m2)
-    assert struck_N(BY_NAME["chest"], 0.8, heavier) > struck_N(BY_NAME["chest"], 0.8, HAND_MASS)
+    assert struck_N(model, BY_NAME["chest"], 0.8, heavier) > struck_N(model, BY_NAME["chest"], 0.8, HAND_MASS)
 
 
 def test_a_blade_at_full_speed_fails_on_pressure_everywhere_and_a_slow_blunt_tool_nowhere_but_on_the_head():

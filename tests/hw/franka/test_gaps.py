@@ -92,7 +92,7 @@ def test_a_step_that_no_joint_may_make_is_not_sent(model: str, joint: int) -> No
 
 def steps(model: str, since_s: Callable[[int], float], motion: Any = None) -> Playback:
     """Plays on an arm that follows at once."""
-    playback = Playback(motion or motion_of(PATH, cell(model).motion), lambda: "", lambda: 0.0)
+    playback = Playback(motion or motion_of(PATH, cell(model).motion), lambda: "", lambda: 0.0, start_s=600.0)
     q, finished, cycle = READY.tolist(), False, 0
     while not finished:
         q, finished = playback.step(ReportedState(q, q_d=q), since_s(cycle) if cycle else 0.0)

@@ -182,7 +182,7 @@ def test_a_motion_brakes_where_the_arm_reports_such_joints_and_its_log_keeps_non
     model: str, q_rad: list[float]
 ) -> None:
     path = little(READY)
-    playback = Playback(motion_of(path, cell(model).motion), lambda: "", lambda: 0.0)
+    playback = Playback(motion_of(path, cell(model).motion), lambda: "", lambda: 0.0, start_s=600.0)
     q, finished, cycle = READY.tolist(), False, 0
     while not finished:
         q, finished = playback.step(ReportedState(q_rad if cycle > 200 else q, q_d=q), 0.001 if cycle else 0.0)

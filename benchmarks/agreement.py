@@ -24,13 +24,13 @@ import numpy as np
 
 from adaptsim_cli.research.lab_place import Nobody, rig_in_lab
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.records import TrialKey
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError
 from perception.piece.tracking import LOST_ON_THE_WAY
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.stages import TrialKey
 from sim.errors import NotExecutable
 from sim.lab.drawn import drawn_world, effects_of
 from sim.lab.world import World

@@ -25,7 +25,6 @@ from mug import UP, Survey, survey
 from numpy.typing import NDArray
 
 from adaptsim_cli.devices.mounted import mounted_as_shipped
-from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Rig, Tracker
 from adaptsim_cli.storage import durable
@@ -39,6 +38,7 @@ from perception.arm_mask import NO_ARM
 from perception.cylinder import Cylinder
 from perception.geometry import ImageRegion, transform
 from perception.types import Outcome
+from sim.adaptation.stages import TrialKey
 from sim.tasks import get_task
 
 RATE_HZ, AROUND_M, QUALITY = 30.0, 0.22, 92

@@ -15,8 +15,8 @@ from rich.table import Table
 from adaptsim_cli.report.svg import Canvas, Scale
 from adaptsim_cli.research.benchmarking import PAGE, Comparison
 from adaptsim_cli.storage import durable
+from sim.adaptation.methods.udr import DRAWS
 from sim.research.benchmark.jobs import UDR
-from sim.research.benchmark.sessions import UDR_POLICIES
 from sim.research.benchmark.summary import LEAST_GAP, WORSE_BY, Interval, MethodSummary, SetSummary
 
 TABLE, DATA = "rows.csv", "benchmark.json"
@@ -58,7 +58,7 @@ def render(found: Comparison) -> str:
         sets=[_view(summary) for summary in found.summaries],
         least_gap=LEAST_GAP,
         worse_by=WORSE_BY,
-        udr_policies=UDR_POLICIES,
+        udr_policies=DRAWS,
     )
 
 

@@ -14,7 +14,6 @@ from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.devices.simulated import nominal_hand_eye
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Rig
 from adaptsim_cli.wiring.session import executable_on
@@ -22,11 +21,13 @@ from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError
 from perception.types import ObjectTrack
+from sim.adaptation.method import Trial, trials_of_rows
+from sim.adaptation.stages import TrialKey
 from sim.errors import NotExecutable, RolloutError
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import World
 from sim.research.benchmark.jobs import LIMITS, UDR, Job, Row, run_job
-from sim.research.benchmark.trial_sources import Played, Tabled, TrialSource
+from sim.research.benchmark.trial_sources import Tabled, TrialSource
 from sim.solvers.solver import Executable
 from sim.tasks import get_task
 from sim.tasks.task import Task
@@ -54,19 +55,20 @@ class InLab:
     executable: Executable
     _numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
 
-    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Trial, ...]:
         """See `TrialSource`.
 
         Raises RolloutError if a trial keeps failing. The lab draws from its own random numbers, not `rng`.
         """
         task = self.rig.task
         done = [self._trial(context, action) for context, action in zip(contexts, actions, strict=True)]
-        seen = np.stack([context for context, _ in done])
-        return Played(
-            observations=np.stack([task.observation(track) for _, track in done]),
-            rewards=np.array([task.score(track, context) for context, track in done]),
-            ends=tuple(task.end_of(track) for _, track in done),
-            contexts=seen,
+        tracks = [track for _, track in done]
+        return trials_of_rows(
+            np.stack([context for context, _ in done]),
+            actions,
+            np.stack([task.observation(track) for track in tracks]),
+            np.array([task.score(track, context) for context, track in done]),
+            map(task.end_of, tracks),
         )
 
     def take(self, action: Array) -> None:

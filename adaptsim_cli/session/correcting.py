@@ -13,10 +13,11 @@ from adaptsim_cli.outputs.trials import as_row
 from adaptsim_cli.screen.views import words
 from adaptsim_cli.session import records
 from adaptsim_cli.session.operator import Choices
-from adaptsim_cli.session.records import Amendment, TrialKey, TrialRecord, current_key, trial_numbers
+from adaptsim_cli.session.records import Amendment, TrialRecord
 from adaptsim_cli.session.store import SessionStore, completed
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
+from sim.adaptation.stages import TrialKey, current_key, trial_numbers
 from sim.tasks.task import Task
 
 _STEP = timedelta(seconds=1)

@@ -1,6 +1,6 @@
 """One iteration of a session, from the first question to the next proposal. Read from the top.
 
-`run_iteration` asks `stages.next_stage` for the next missing step and does it: a trial, or the adaptation. Each step is
+`run_iteration` plays the loop of every session (`sim.adaptation.sessions`): a trial, or the adaptation. Each step is
 stored before the next one begins, so a session can stop or be killed between any two lines. The steps of a trial are in
 `rig_target` and `simulated_target`.
 """
@@ -15,6 +15,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from adaptsim_cli.outputs.trials import BestRecord, Iteration, OutlookRecord, TrackRecord, as_row, named
 from adaptsim_cli.screen.console import ANSWERING, Screen
 from adaptsim_cli.screen.stopwatch import added
@@ -25,18 +27,13 @@ from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.operator import Operator, Proposal
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
-    Adapt,
     Draw,
     MotionRecord,
     ProposedTrial,
     ResultRecord,
-    RunTrial,
     Samples,
-    Show,
     TrialRecord,
-    changes_until,
     generator,
-    next_stage,
     now,
 )
 from adaptsim_cli.session.store import SessionStore, history_of, particles_of, result_of
@@ -47,9 +44,12 @@ from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
+from sim.adaptation.learner import Learner
 from sim.adaptation.method import Iteration as LearntIteration
 from sim.adaptation.method import Particle
 from sim.adaptation.posterior import Posterior
+from sim.adaptation.sessions import Policies, PolicySource, Progress, play_iteration, train
+from sim.adaptation.stages import Adapt, RunTrial, Show, Stage, changes_until, next_stage
 from sim.errors import NotExecutable
 from sim.tasks.task import SolvedPolicy, Task
 
@@ -69,13 +69,45 @@ class RunningSession:
     screen: Screen
     watcher: Watcher = field(default_factory=AllOf)
     thread: Executor | None = None  # for work beside the operator
-    policies: dict[tuple[int, int], SolvedPolicy] = field(default_factory=dict)  # of the newest iteration, trained here
+    policies: Policies = field(default_factory=dict)
     overhead_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
     @property
-    def seed(self) -> int:
-        """The seed of all random numbers of this session."""
-        return self.store.facts.seed
+    def learner(self) -> Learner:
+        """See `PlayableSession`."""
+        return self.parts.learner
+
+    @property
+    def progress(self) -> Progress:
+        """See `PlayableSession`; the operator hears of each step."""
+        return self.screen.busy
+
+    def next_stage(self) -> Stage:
+        """See `PlayableSession`; by what is on the disk. The time until here belongs to no trial."""
+        facts = self.store.facts
+        stage = next_stage(self.store.existing(), facts.particles, facts.trials)
+        self.beside()
+        return stage
+
+    def particles(self, iteration: int) -> tuple[Particle, ...]:
+        """See `PlayableSession`."""
+        return particles_of(self.store, iteration)
+
+    def history(self, iterations: int) -> tuple[LearntIteration, ...]:
+        """See `PlayableSession`."""
+        return history_of(self.parts.task, self.store, iterations - 1)
+
+    def generator(self, iteration: int) -> np.random.Generator:
+        """See `PlayableSession`."""
+        return generator(self.store.facts.seed, Draw.NEXT, iteration)
+
+    def play_trial(self, stage: RunTrial, policy: PolicySource) -> None:
+        """See `PlayableSession`."""
+        run_trial(self, stage, policy)
+
+    def keep_particles(self, stage: Adapt, history: Sequence[LearntIteration], particles: tuple[Particle, ...]) -> None:
+        """See `PlayableSession`."""
+        keep_particles(self, stage, history, particles)
 
     def beside(self, stage: str | None = None) -> None:
         """Book the time since the last lap on the iteration instead of a trial; all of it on `stage`, if given."""
@@ -91,23 +123,14 @@ def run_iteration(session: RunningSession) -> Iteration:
     Raises StoppedByOperator, HardwareError, PerceptionError, NotExecutable or SessionError; completed steps stay
     stored.
     """
-    facts = session.store.facts
-    while True:
-        stage = next_stage(session.store.existing(), facts.particles, facts.trials)
-        if isinstance(stage, RunTrial):
-            run_trial(session, stage)
-        elif isinstance(stage, Adapt):
-            adapt(session, stage)
-        else:
-            return show(session, stage)
+    return show(session, play_iteration(session))
 
 
-def run_trial(session: RunningSession, stage: RunTrial) -> None:
+def run_trial(session: RunningSession, stage: RunTrial, policy: PolicySource) -> None:
     """Execute and record one motion, then track, review and store the trial; or note why it does not count.
 
     The recording is on the disk before it is tracked. A trial interrupted later continues from the recording.
     """
-    session.beside()
     recorded = None
     if stage.recorded:
         session.screen.note(
@@ -116,16 +139,15 @@ def run_trial(session: RunningSession, stage: RunTrial) -> None:
     elif stage.interrupted and session.parts.target.spent(stage, session.operator):
         _reject(session, stage, "interrupted while the arm may have moved")
         return
-    elif (recorded := _move(session, stage)) is None:
+    elif (recorded := _move(session, stage, policy())) is None:
         return
     _look(session, stage, recorded)
 
 
-def _move(session: RunningSession, stage: RunTrial) -> Any | None:
+def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Any | None:
     """Set up, propose, confirm, execute, store the recording and return it. None: nothing has moved, try again."""
     store, operator, target, progress = session.store, session.operator, session.parts.target, session.screen.busy
     try:
-        policy = _policy(session, stage.iteration, stage.particle)
         placed = _place(session, stage, policy)
         with progress("Choosing the action: the best that the arm can do", "choosing"):
             action = policy(placed.context)
@@ -198,16 +220,15 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Any | None) -> Non
         session.screen.show(f"  Counts as {record.outcome_words}, reward {record.reward:.2f}.")
 
 
-def adapt(session: RunningSession, stage: Adapt) -> None:
-    """Move the particles, train their task policies and store the result."""
+def keep_particles(
+    session: RunningSession, stage: Adapt, history: Sequence[LearntIteration], particles: tuple[Particle, ...]
+) -> None:
+    """Judge the trials, train the next task policies and store the result of an iteration."""
     store, learner = session.store, session.parts.learner
-    session.beside()
-    history = history_of(session.parts.task, store, stage.iteration)
-    with session.screen.busy("Adapting the simulation parameters", "adapting"):
-        particles = learner.next(history, generator(session.seed, Draw.NEXT, stage.iteration))
+    with session.screen.busy("Judging the trials", "adapting"):
         found = learner.judge(history)
     for index, particle in enumerate(particles):
-        _train(session, stage.iteration + 1, index, particle, history)
+        train(session, stage.iteration + 1, index, particle, history)
 
     records, lap_s = store.trials(stage.iteration), session.screen.lap_s()
     timing_s = added(*(record.timing_s for record in records), session.overhead_s, lap_s)
@@ -259,7 +280,9 @@ def show(session: RunningSession, stage: Show) -> Iteration:
 def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Placed:
     """Announce the trial, then have the object placed and found; meanwhile the policy prepares for its drawn place."""
     task, parts = session.parts.task, session.parts
-    rng = generator(session.seed, Draw.CONTEXT, stage.iteration, stage.particle, stage.trial, stage.key.attempt)
+    rng = generator(
+        session.store.facts.seed, Draw.CONTEXT, stage.iteration, stage.particle, stage.trial, stage.key.attempt
+    )
     unit = task.context.normalise(task.context.sample(rng, 1)[0])
     drawn = task.context.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
@@ -338,23 +361,6 @@ def trial_record(task: Task, motion: MotionRecord, seen: TrackedTrial) -> TrialR
         film=seen.film,
         control_success_rate=seen.control_success_rate,
     )
-
-
-def _policy(session: RunningSession, iteration: int, particle: int) -> SolvedPolicy:
-    """The task policy of a particle. If an earlier process trained it, training again gives the same policy."""
-    if (iteration, particle) not in session.policies:
-        before = history_of(session.parts.task, session.store, iteration - 1)
-        _train(session, iteration, particle, particles_of(session.store, iteration)[particle], before)
-    return session.policies[iteration, particle]
-
-
-def _train(
-    session: RunningSession, iteration: int, index: int, particle: Particle, before: Sequence[LearntIteration]
-) -> None:
-    with session.screen.busy(f"Training the task policy of particle {index + 1}", "training"):
-        for earlier in [key for key in session.policies if key[0] < iteration]:
-            del session.policies[earlier]
-        session.policies[iteration, index] = session.parts.learner.train(particle, before)
 
 
 def _reject(session: RunningSession, stage: RunTrial, reason: str) -> None:

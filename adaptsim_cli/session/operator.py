@@ -13,10 +13,11 @@ from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.session.records import ProposedTrial, RunTrial, TrialRecord
+from adaptsim_cli.session.records import ProposedTrial, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from perception.types import Outcome
+from sim.adaptation.stages import RunTrial
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from adaptsim_cli.session import recording
 from adaptsim_cli.session.film import Filmed, key_moments
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import brightness, rig_checks
-from adaptsim_cli.session.records import RIG, RigFacts, RunTrial, TrialKey, to_json
+from adaptsim_cli.session.records import RIG, RigFacts, to_json
 from adaptsim_cli.session.target import (
     Detection,
     Executed,
@@ -28,12 +28,10 @@ from adaptsim_cli.session.target import (
     Placed,
     Planned,
     Planner,
-    Progress,
     Rig,
     TrackedTrial,
     Tracker,
     TrackRequest,
-    silently,
 )
 from adaptsim_cli.session.topics import joints_at
 from hw.braking import FULL
@@ -44,6 +42,8 @@ from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
 from perception.geometry import project
 from perception.types import SETTLE_S, ObjectTrack, Outcome
+from sim.adaptation.sessions import Progress, silently
+from sim.adaptation.stages import RunTrial, TrialKey
 from sim.tasks.task import Hardware, Task
 
 Followed = tuple[Detection, ObjectTrack]

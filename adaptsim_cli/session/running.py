@@ -24,11 +24,12 @@ from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.flow import RunningSession, rows_of, run_iteration, tell
 from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.preflight import preflight
-from adaptsim_cli.session.records import Draw, Facts, SessionStart, as_records, generator, next_stage, now
+from adaptsim_cli.session.records import Draw, Facts, SessionStart, as_records, generator, now
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
 from hw.memory import return_pictures
+from sim.adaptation.stages import next_stage
 from sim.errors import did_you_mean
 
 OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]

@@ -11,10 +11,12 @@ from adaptsim_cli.outputs.trials import TrackRecord
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.records import RunTrial, TrialKey, read, to_json
-from adaptsim_cli.session.target import Executed, Placed, Planned, Progress, TrackedTrial, silently
+from adaptsim_cli.session.records import read, to_json
+from adaptsim_cli.session.target import Executed, Placed, Planned, TrackedTrial
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
+from sim.adaptation.sessions import Progress, silently
+from sim.adaptation.stages import RunTrial, TrialKey
 from sim.errors import NotExecutable
 from sim.rollouts.recorded import RecordedTrials
 

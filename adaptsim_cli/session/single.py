@@ -18,7 +18,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session.flow import motion_record, propose, show_proposal, trial_record
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
-from adaptsim_cli.session.records import RunTrial, TrialKey, TrialRecord, now
+from adaptsim_cli.session.records import TrialRecord, now
 from adaptsim_cli.session.target import Parts, Placed, Planned, Target
 from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.storage import durable
@@ -26,6 +26,7 @@ from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError
 from sim.adaptation.method import Iteration, Particle
+from sim.adaptation.stages import RunTrial, TrialKey
 from sim.errors import NotExecutable
 from sim.tasks.task import Task
 

@@ -18,17 +18,13 @@ from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import records
 from adaptsim_cli.session.records import (
     Amendment,
-    Existing,
     Facts,
     MotionRecord,
     Note,
     Pruned,
     ResultRecord,
     SessionStart,
-    TrialKey,
     TrialRecord,
-    current_key,
-    trial_numbers,
 )
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
@@ -36,6 +32,7 @@ from hw.bounded import read_table
 from hw.records import AnyRecord, Record
 from hw.types import Array
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
+from sim.adaptation.stages import Existing, TrialKey, current_key, trial_numbers
 from sim.errors import did_you_mean
 from sim.tasks.task import Task
 

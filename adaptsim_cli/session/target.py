@@ -6,11 +6,10 @@ on the disk before `track` begins, so a trial interrupted there can continue. Be
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,28 +18,18 @@ from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.records import Film, KeyMoment, RigFacts, RunTrial, TrialKey
+from adaptsim_cli.session.records import Film, KeyMoment, RigFacts
 from calib.types import HandEye
 from hw.braking import slowed
 from hw.errors import HardwareError
 from hw.ports import Arm, Camera, ObjectPlacer
 from hw.types import Array, CameraModel, Frame, JointPath
 from perception.types import ObjectTrack, Outcome
-from sim.adaptation.method import Best, ExpectedGain, Iteration, Particle
-from sim.adaptation.posterior import Posterior
-from sim.adaptation.verdict import Verdict
-from sim.tasks.task import SolvedPolicy, Task
+from sim.adaptation.learner import Learner
+from sim.adaptation.sessions import Progress, silently
+from sim.adaptation.stages import RunTrial, TrialKey
+from sim.tasks.task import Task
 from sim.types import ToolMotion
-
-Progress = Callable[[str, str], AbstractContextManager[None]]
-"""Tells the operator a sentence about a running step, and adds up its time under a word; `Screen.busy` is one."""
-
-
-@contextmanager
-def silently(what: str, stage: str) -> Iterator[None]:
-    """A `Progress` that says nothing."""
-    yield
-
 
 Image = NDArray[np.uint8]
 
@@ -274,42 +263,6 @@ class Rig:
         return not is_simulated(self.name)
 
 
-class Assessment(NamedTuple):
-    """The judgement of a session by its trials."""
-
-    best: Best
-    verdict: Verdict
-    outlook: ExpectedGain | None  # None: the method makes no forecast
-
-
-class SessionLearner(Protocol):
-    """An adaptation method together with the training of its task policies."""
-
-    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The first `n` particles."""
-        ...
-
-    def train(self, particle: Particle, history: Sequence[Iteration]) -> SolvedPolicy:
-        """The particle's task policy after the iterations of `history`. Deterministic."""
-        ...
-
-    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The next particles, from all iterations so far."""
-        ...
-
-    def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
-        """The final task policy of a session that ended now."""
-        ...
-
-    def judge(self, history: Sequence[Iteration]) -> Assessment:
-        """Best particle, verdict and outlook by the trials so far."""
-        ...
-
-    def posterior(self, history: Sequence[Iteration]) -> Posterior | None:
-        """The belief about the true parameters after `history`; None if there is none."""
-        ...
-
-
 @dataclass(frozen=True)
 class Provenance:
     """Where the parts come from, for the session's `Facts`; never the hidden parameters of a world."""
@@ -330,5 +283,5 @@ class Parts:
 
     task: Task
     target: Target
-    learner: SessionLearner
+    learner: Learner
     provenance: Provenance

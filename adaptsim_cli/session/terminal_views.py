@@ -21,9 +21,10 @@ from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.advice import HEADLINES, in_words
 from adaptsim_cli.session.operator import Proposal
-from adaptsim_cli.session.records import Facts, ProposedTrial, ResultRecord, RunTrial, TrialRecord
+from adaptsim_cli.session.records import Facts, ProposedTrial, ResultRecord, TrialRecord
 from hw.types import Array
 from sim.adaptation.method import Particle
+from sim.adaptation.stages import RunTrial
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
 

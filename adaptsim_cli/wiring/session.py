@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,7 +21,7 @@ from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.simulated_target import RecordedTarget, SimulatedTarget
 from adaptsim_cli.session.store import FACTS, SessionStore
-from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, Target
+from adaptsim_cli.session.target import Parts, Planner, Provenance, Target
 from adaptsim_cli.session.watching import Watcher
 from adaptsim_cli.storage.durable import versions
 from adaptsim_cli.view.live import live_view
@@ -35,19 +34,16 @@ from hw.braking import FULL
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.adaptation.method import Iteration, Method, Particle
-from sim.adaptation.posterior import Posterior
+from sim.adaptation.learner import Learner
 from sim.errors import NotExecutable
 from sim.rollouts.recorded import RecordedTrials
-from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy
+from sim.solvers.solver import Executable, Expectations, Policies
 from sim.tasks.task import Hardware, Task
 
 if TYPE_CHECKING:
     from adaptsim_cli.devices.lab import Drivers
     from adaptsim_cli.screen.console import Screen
     from sim.adaptation.checkpoint import Checkpoint
-    from sim.adaptation.judging import Misfits
-    from sim.adaptation.methods.belief import Belief
 
 
 @contextmanager
@@ -106,13 +102,13 @@ def _learner(
     policies: Policies,
     expectations: Expectations,
     executable: Executable | None,
-) -> _SolverLearner:
+) -> Learner:
     from sim.adaptation.methods import make_method
     from sim.adaptation.methods.belief import Belief
 
     belief = None if checkpoint.prospects is None else Belief(checkpoint.solver, checkpoint.prospects)
     method = make_method(config.method, checkpoint.solver.task, checkpoint)
-    return _SolverLearner(method, policies, expectations, executable, belief)
+    return Learner(method, policies, expectations, executable, belief)
 
 
 def _provenance(checkpoint: Checkpoint, prior: str, world_sha256: str) -> Provenance:
@@ -223,52 +219,6 @@ def _world_sha256(name_or_path: str) -> str:
     path = Path(name_or_path).expanduser()
     content = path.read_bytes() if path.is_file() else repr(name_or_path).encode()
     return hashlib.sha256(content).hexdigest()
-
-
-@dataclass(frozen=True, eq=False)
-class _SolverLearner:
-    """An adaptation method, its task policies, and the simulator's predictions of trials."""
-
-    method: Method
-    policies: Policies
-    expectations: Expectations
-    executable: Executable | None
-    belief: Belief | None  # for display; a method may have its own
-
-    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
-        return self.method.start(n, rng)
-
-    def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        return self.method.next(history, rng)
-
-    def train(self, particle: Particle, history: Sequence[Iteration]) -> SolvedPolicy:
-        from sim.adaptation.method import policy_of
-
-        return policy_of(self.method, self.policies, particle, history, self.executable)
-
-    def final(self, history: Sequence[Iteration]) -> SolvedPolicy:
-        from sim.adaptation.judging import final_policy
-
-        return final_policy(self.method, self.policies, self.expectations.task, history, self.executable)
-
-    def posterior(self, history: Sequence[Iteration]) -> Posterior | None:
-        """See `Believing`."""
-        from sim.adaptation.posterior import posterior
-
-        return None if self.belief is None else posterior(self.belief, history)
-
-    def judge(self, history: Sequence[Iteration]) -> Assessment:
-        from sim.adaptation.judging import assess, judge
-
-        task = self.expectations.task
-        best, ahead = assess(self.method, task, history)
-        return Assessment(best, judge(task, history, self._misfits, best, ahead), ahead)
-
-    @cached_property
-    def _misfits(self) -> Misfits:
-        from sim.adaptation.judging import Misfits
-
-        return Misfits(self.expectations)
 
 
 def executable_on(hardware: Hardware, planner: Planner) -> Executable:

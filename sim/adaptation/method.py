@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -55,6 +55,14 @@ class Trial:
     def key(self) -> bytes:
         """The same for the same trial."""
         return b"".join(part.tobytes() for part in (self.context, self.action, self.observation))
+
+
+def trials_of_rows(
+    contexts: Array, actions: Array, observations: Array, rewards: Array, ends: Iterable[Array | None]
+) -> tuple[Trial, ...]:
+    """N trials from a row each: contexts (N, c), actions (N, a), observations (N, size), rewards (N,), N end states."""
+    rows = zip(contexts, actions, observations, rewards, ends, strict=True)
+    return tuple(Trial(c, a, o, float(r), end) for c, a, o, r, end in rows)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from adaptsim_cli import app
 from adaptsim_cli.config import Config
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Assessment, Parts, Planner, Provenance, Rig
+from adaptsim_cli.session.target import Parts, Planner, Provenance, Rig
 from adaptsim_cli.wiring import session as wiring
 from calib.types import HandEye
 from hw.collision import KeepOut
@@ -28,6 +28,7 @@ from hw.fake import FakeArm, FakeClock
 from hw.kinematics import forward
 from hw.types import Array, CameraModel, Frame, JointPath
 from hw.workcell import Workcell
+from sim.adaptation.learner import Assessment
 from sim.adaptation.method import Best, Iteration, Particle
 from sim.adaptation.verdict import Kind, Verdict
 from sim.lab.kinect import default_X_BC, kinect_model
@@ -100,7 +101,7 @@ class BottleBench:
             rig = Rig("fake", "bench in memory", arm, camera, self.bench, eye, 10**6)
             origin = Provenance("none", "c" * 64, "w" * 64, "known", "h" * 64, {"adaptsim": "0"})
             target = RigTarget(TASK, rig, tracker_of(TASK), self._planner())
-            yield Parts(TASK, target, MiddleLearner(), origin)
+            yield Parts(TASK, target, MiddleLearner(), origin)  # type: ignore[arg-type]  # a learner without a method
 
     def _planner(self) -> Planner:
         def paths(motion: ToolMotion) -> tuple[JointPath, JointPath, JointPath]:

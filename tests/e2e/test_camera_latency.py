@@ -9,12 +9,12 @@ import pytest
 
 from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.devices.trackers import tracker_of
-from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
 from hw.types import Array
 from perception.types import Outcome
+from sim.adaptation.stages import TrialKey
 from sim.lab.kinect import default_X_BC
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Sensing, load_world

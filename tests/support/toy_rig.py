@@ -16,12 +16,13 @@ import numpy as np
 
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Assessment, Parts, Paths, Planner, Provenance, Rig, Tracker, TrackRequest
+from adaptsim_cli.session.target import Parts, Paths, Planner, Provenance, Rig, Tracker, TrackRequest
 from calib.types import HandEye
 from hw.mass import NOTHING
 from hw.types import ArmState, CameraModel, ContactWindow, Execution, Frame, Intrinsics, JointPath
 from perception.errors import ObjectNotFound
 from perception.types import ObjectTrack, Outcome
+from sim.adaptation.learner import Assessment
 from sim.adaptation.method import Best, Iteration, Particle
 from sim.adaptation.verdict import Kind, Verdict
 from sim.tasks.task import AdaptationSettings, Hardware, Observation, Task
@@ -269,7 +270,7 @@ def toy_parts(
         find, lambda frame, *_: frame.colour, track, lambda drawn: drawn, lambda drawn, found: found.xy_m, OUTCOMES
     )
     target = RigTarget(TASK, rig, tracker, Planner(paths, check, flange))
-    return Parts(TASK, target, ToyLearner(), provenance)
+    return Parts(TASK, target, ToyLearner(), provenance)  # type: ignore[arg-type]  # a learner without a method
 
 
 def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config, Path], Any]:

@@ -23,9 +23,10 @@ from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session import running
 from adaptsim_cli.session.flow import RunningSession
 from adaptsim_cli.session.operator import Choices, Operator, Proposal, Review, Unattended
-from adaptsim_cli.session.records import RunTrial, TrialRecord
+from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.wiring import session as wiring
+from sim.adaptation.stages import RunTrial
 
 NAME = "toy-wd"
 

@@ -16,8 +16,8 @@ from sim.tasks.task import Task
 SAMPLES = 64
 """Number of parameter vectors that represent all of Omega."""
 
-DRAWS = 4
-"""Number of policies behind the stated reward of UDR."""
+DRAWS = 8
+"""Number of policies behind the reward of UDR, wherever it is stated: on a card, in a report, in a benchmark."""
 
 
 def create(task: Task, checkpoint: Checkpoint | None) -> Udr:
@@ -25,13 +25,13 @@ def create(task: Task, checkpoint: Checkpoint | None) -> Udr:
     return Udr(task)
 
 
-def udr_policies(solver: Solver, rng: np.random.Generator, n: int = DRAWS) -> tuple[SolvedPolicy, ...]:
-    """`n` policies for all of Omega, from different draws; the reward of UDR is their mean.
+def udr_policies(solver: Solver, rng: np.random.Generator) -> tuple[SolvedPolicy, ...]:
+    """`DRAWS` policies for all of Omega, from different draws; the reward of UDR is their mean.
 
     Over Omega many actions earn the same, and the solver's choice among them is arbitrary. In one target they may
     differ as much as success and failure.
     """
-    starts = Udr(solver.task).start(n, rng)
+    starts = Udr(solver.task).start(DRAWS, rng)
     return tuple(policy_for(solver, particle.samples, seed=k) for k, particle in enumerate(starts))
 
 

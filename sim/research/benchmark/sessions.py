@@ -14,19 +14,16 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.judging import final_policy
-from sim.adaptation.method import Iteration, Method, ParticleTrials, Trial, policy_of
+from sim.adaptation.learner import Learner
+from sim.adaptation.method import Iteration, Method, Trial
 from sim.adaptation.methods import udr
+from sim.adaptation.sessions import begin_in_memory
 from sim.errors import OutOfRange
 from sim.research.benchmark.trial_sources import TrialSource
 from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy, Solver
 from sim.tasks.task import Task
 from sim.types import Estimate
-
-UDR_POLICIES = 8
-"""Number of policies behind UDR's reward: over Omega many actions earn the same, but in one world they differ as much
-as success and failure.
-"""
 
 SCREENING, FINAL = 16, 6
 """Trials per policy in the oracle's first round, which leaves `FINAL` policies; these get as many trials as a score."""
@@ -81,18 +78,19 @@ def run_iterations(
     solver: Solver, method: Method, place: TrialSource, conditions: Conditions, seed: int
 ) -> Iterator[tuple[Iteration, ...]]:
     """The session, iteration by iteration: all that it knows after each."""
-    task, history = solver.task, list[Iteration]()
-    particles = method.start(conditions.particles, _stream(seed, _Chance.START))
-    for i in range(conditions.iterations(task)):
-        acting = [policy_of(method, solver, particle, history, place.executable) for particle in particles]
-        history.append(
-            tuple(
-                ParticleTrials(particle, _trials(task, act, place, (seed, i, j)))
-                for j, (particle, act) in enumerate(zip(particles, acting, strict=True))
-            )
-        )
-        yield tuple(history)
-        particles = method.next(history, _stream(seed, _Chance.NEXT, i))
+    task = solver.task
+
+    def play(policy: SolvedPolicy, iteration: int, particle: int) -> tuple[Trial, ...]:
+        return _trials(task, policy, place, (seed, iteration, particle))
+
+    session = begin_in_memory(
+        Learner(method, solver, solver, place.executable),
+        play,
+        (conditions.particles, task.adaptation.trials_per_iteration),
+        _stream(seed, _Chance.START),
+        lambda iteration: _stream(seed, _Chance.NEXT, iteration),
+    )
+    return session.iterations(conditions.iterations(task))
 
 
 def judge(task: Task, act: Commands, place: TrialSource, conditions: Conditions, seed: int) -> Estimate:
@@ -117,7 +115,7 @@ def mean_of(judged: Sequence[Estimate]) -> Estimate:
 
 def udr_policies(solver: Solver, seed: int) -> tuple[SolvedPolicy, ...]:
     """Several policies for all of Omega; UDR's reward is their mean."""
-    return udr.udr_policies(solver, _stream(seed, _Chance.UDR), UDR_POLICIES)
+    return udr.udr_policies(solver, _stream(seed, _Chance.UDR))
 
 
 def choose_oracle(solver: Solver, place: TrialSource, conditions: Conditions, seed: int) -> tuple[SolvedPolicy, float]:
@@ -136,7 +134,7 @@ def shown(task: Task, act: Commands, place: TrialSource, n: int, seed: int) -> f
     """Mean reward over `n` trials of the kind that sessions have: for choices, never for scores."""
     rng = _stream(seed, _Chance.CHOOSE)
     contexts = task.context.sample(rng, _worthwhile(task, n))
-    return float(place.play(contexts, act(contexts), rng).rewards.mean())
+    return float(np.mean([trial.reward for trial in place.play(contexts, act(contexts), rng)]))
 
 
 def _worthwhile(task: Task, n: int) -> int:
@@ -153,9 +151,7 @@ def _trials(task: Task, policy: SolvedPolicy, place: TrialSource, which: tuple[i
         chosen.append(policy(context))
         place.take(chosen[-1])
     actions = np.stack(chosen)
-    seen = place.play(contexts, actions, _stream(seed, _Chance.TRIAL, *where))
-    rows = zip(seen.contexts, actions, seen.observations, seen.rewards, seen.ends, strict=True)
-    return tuple(Trial(c, a, o, float(r), end) for c, a, o, r, end in rows)
+    return place.play(contexts, actions, _stream(seed, _Chance.TRIAL, *where))
 
 
 def _stream(seed: int, chance: _Chance, *where: int) -> np.random.Generator:

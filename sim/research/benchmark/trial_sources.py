@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from perception.types import ObjectTrack
+from sim.adaptation.method import Trial, trials_of_rows
 from sim.lab.world import World, rollouts_in
 from sim.research.benchmark.tables import WorldTable
 from sim.rollouts.draws import trial_requests
@@ -27,16 +28,6 @@ SMOOTHED = 4
 """Number of a table's rollouts averaged for the reward of an action, in the search for the best one."""
 
 
-@dataclass(frozen=True, eq=False)
-class Played:
-    """The observable results of trials."""
-
-    observations: Array  # (N, size) normalised, with the camera's noise
-    rewards: Array  # (N,)
-    ends: tuple[Array | None, ...]  # N end states of successes, (k,) each
-    contexts: Array  # (N, c) as measured
-
-
 class TrialSource(Protocol):
     """One world. Contexts (N, c) and commanded actions (N, a) are in units; all randomness comes from the generator."""
 
@@ -45,8 +36,8 @@ class TrialSource(Protocol):
         """The test for executable actions; None: all are."""
         ...
 
-    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
-        """Run trials."""
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Trial, ...]:
+        """Run trials; their observations have the camera's noise."""
         ...
 
     def take(self, action: Array) -> None:
@@ -70,12 +61,12 @@ class SimulatedTrials:
     world: World
     executable: Executable | None = None
 
-    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Trial, ...]:
         """See `TrialSource`: true rollouts."""
         task, tracks = self.solver.task, self._rolled(contexts, actions, rng)
         shown = np.stack([task.observation(track) for track in tracks])
-        ends = tuple(map(task.end_of, tracks))
-        return Played(task.observation.with_noise(shown, rng), self._scores(tracks, contexts), ends, contexts)
+        seen = task.observation.with_noise(shown, rng)
+        return trials_of_rows(contexts, actions, seen, self._scores(tracks, contexts), map(task.end_of, tracks))
 
     def take(self, action: Array) -> None:
         """See `TrialSource`: any number of times."""
@@ -107,13 +98,13 @@ class Tabled:
     table: WorldTable
     executable: Executable | None = None
 
-    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Trial, ...]:
         """See `TrialSource`: from the half of the table for trials."""
         task, (_, results) = self.task, self._for_trials
         rows = self._nearest(self._for_trials[0], self._executed(actions, rng))
         found = results[rows]
         seen = task.observation.with_noise(task.relocate(found.observation, contexts), rng)
-        return Played(seen, found.rewards(task, contexts), found.ends(), contexts)
+        return trials_of_rows(contexts, actions, seen, found.rewards(task, contexts), found.ends())
 
     def take(self, action: Array) -> None:
         """See `TrialSource`: any number of times."""
@@ -168,7 +159,7 @@ class FromRecordings:
         """See `TrialSource`: from now on the recording is spent."""
         self._spent.add(int(self.shown.at(action[None])[0]))
 
-    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Played:
+    def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Trial, ...]:
         """See `TrialSource`: the recordings. Raises ValueError for an action that was not recorded."""
         task, rows = self.shown.task, self.shown.at(actions)
         if (rows < 0).any():
@@ -176,7 +167,7 @@ class FromRecordings:
         tracks = [self.shown.tracks[row] for row in rows]
         there = np.stack([self.shown.context_of(row, context) for row, context in zip(rows, contexts, strict=True)])
         seen = np.stack([task.observation(track) for track in tracks])
-        return Played(seen, self.shown.rewards(rows, contexts), tuple(map(task.end_of, tracks)), there)
+        return trials_of_rows(there, actions, seen, self.shown.rewards(rows, contexts), map(task.end_of, tracks))
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `TrialSource`: of the recordings held out."""

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from hw.types import Array
 from perception.types import Outcome
-from sim.adaptation.method import Trial
+from sim.adaptation.method import Trial, trials_of_rows
 from sim.research.methods.q_policy import MemoryName, PastIterations, encode, look_back
 from sim.rollouts.draws import cover, trial_requests
 from sim.rollouts.run import OUTCOMES, Requests, Roll, Rollouts
@@ -246,7 +246,4 @@ def simulated_trials(
     actions = np.stack([policy(c) for c in contexts])
     results = roll(trial_requests(task, np.tile(target, (n, 1)), contexts, actions, rng))
     seen = task.observation.with_noise(results.observation, rng)
-    rewards = results.rewards(task, contexts)
-    ends = results.ends()
-    rows = zip(contexts, actions, seen, rewards, ends, strict=True)
-    return tuple(Trial(c, a, o, float(r), end) for c, a, o, r, end in rows)
+    return trials_of_rows(contexts, actions, seen, results.rewards(task, contexts), results.ends())

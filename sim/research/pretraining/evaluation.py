@@ -10,14 +10,15 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import EvaluationReport, MethodScore, Targets
-from sim.adaptation.judging import choose_best
-from sim.adaptation.method import Iteration, Method, ParticleTrials
+from sim.adaptation.learner import Learner
+from sim.adaptation.method import Method, Trial
 from sim.adaptation.methods.udr import udr_policies
+from sim.adaptation.sessions import begin_in_memory
 from sim.research.pretraining.episodes import simulated_trials
 from sim.research.pretraining.meta_training import sample_targets
 from sim.rollouts.draws import cover, trial_requests
 from sim.rollouts.run import Requests, Roll
-from sim.solvers.solver import SolvedPolicy, Solver, policy_for
+from sim.solvers.solver import Executable, SolvedPolicy, Solver, SolverSettings
 from sim.tasks.task import Task
 
 LEAST_GAP = 0.1
@@ -40,42 +41,49 @@ class EvaluationSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatedSession:
-    """A simulated session: its history and its trained policies."""
+class KnownPolicies:
+    """`Policies` of a solver, each distribution's trained once: sessions come back to the same particles."""
 
-    task: Task
-    history: list[Iteration] = field(default_factory=list)
-    policies: dict[bytes, SolvedPolicy] = field(default_factory=dict)  # by the samples of their particle
+    solver: Solver
+    _known: dict[bytes, tuple[SolvedPolicy, ...]] = field(default_factory=dict)
 
-    def choice(self, iterations: int) -> SolvedPolicy:
-        """The final policy if the session ended after `iterations` iterations."""
-        return self.policies[choose_best(self.task, self.history[:iterations]).particle.samples.tobytes()]
+    @property
+    def task(self) -> Task:
+        """See `Policies`."""
+        return self.solver.task
+
+    def policies(
+        self,
+        samples: Array,
+        rng: np.random.Generator,
+        executable: Executable | None = None,
+        settings: SolverSettings | None = None,
+    ) -> tuple[SolvedPolicy, ...]:
+        """See `Policies`; a session always draws alike (`policy_for`)."""
+        key = samples.tobytes()
+        if key not in self._known:
+            self._known[key] = self.solver.policies(samples, rng, executable, settings)
+        return self._known[key]
 
 
-def run_session(
+def final_policies(
     solver: Solver,
     method: Method,
     target: Array,
     roll: Roll,
     settings: EvaluationSettings,
     rng: np.random.Generator,
-) -> SimulatedSession:
-    """A whole session of `method` in a simulated target (p,), as on a real one."""
+) -> list[SolvedPolicy]:
+    """The final policies of a session of `method` in a simulated target (p,), if it ended after each iteration."""
     task = solver.task
-    session = SimulatedSession(task)
-    particles = method.start(settings.particles, rng)
-    for _ in range(settings.iterations):
-        seen = []
-        for particle in particles:
-            key = particle.samples.tobytes()
-            if key not in session.policies:
-                session.policies[key] = policy_for(solver, particle.samples)
-            policy = session.policies[key]
-            trials = simulated_trials(task, policy, target, roll, task.adaptation.trials_per_iteration, rng)
-            seen.append(ParticleTrials(particle, trials))
-        session.history.append(tuple(seen))
-        particles = method.next(session.history, rng)
-    return session
+    learner = Learner(method, KnownPolicies(solver), solver)
+
+    def play(policy: SolvedPolicy, iteration: int, particle: int) -> tuple[Trial, ...]:
+        return simulated_trials(task, policy, target, roll, task.adaptation.trials_per_iteration, rng)
+
+    shape = (settings.particles, task.adaptation.trials_per_iteration)
+    session = begin_in_memory(learner, play, shape, rng, lambda _: rng)
+    return [learner.final(history) for history in session.iterations(settings.iterations)]
 
 
 def evaluate(
@@ -96,8 +104,11 @@ def evaluate(
     true, solved = list[Array](), list[Array]()
     for i, (target, rng) in enumerate(zip(targets, streams[1:], strict=True)):
         fixed = [*udr, _oracle(solver, candidates, target, roll, rng)]
-        sessions = [run_session(solver, method, target, roll, settings, rng) for method in methods.values()]
-        chosen = [session.choice(k + 1) for session in sessions for k in range(settings.iterations)]
+        chosen = [
+            policy
+            for method in methods.values()
+            for policy in final_policies(solver, method, target, roll, settings, rng)
+        ]
         judged = _judge(solver, fixed + chosen, target, roll, settings.rollouts, rng)
         for rewards, means in zip((true, solved), judged, strict=True):
             rewards.append(np.concatenate([[means[: len(udr)].mean()], means[len(udr) :]]))

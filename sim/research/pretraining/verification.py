@@ -17,7 +17,7 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Card, Checkpoint, EvaluationReport
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import udr_policies
-from sim.research.pretraining.evaluation import EvaluationSettings, run_session
+from sim.research.pretraining.evaluation import EvaluationSettings, final_policies
 from sim.research.pretraining.meta_training import sample_targets
 from sim.rollouts.dataset import draw_requests
 from sim.rollouts.draws import trial_requests
@@ -151,8 +151,8 @@ def _sessions(
     method, udr = make_method(name, task, checkpoint), udr_policies(solver, rng)
     earned: dict[str, list[float]] = {name: [], "udr": []}
     for i, target in enumerate(sample_targets(task, settings.kind, count, rng)):
-        session = run_session(solver, method, target, roll, settings, rng)
-        earned[name].append(_earned(task, session.choice(settings.iterations), target, roll, rng))
+        final = final_policies(solver, method, target, roll, settings, rng)[-1]
+        earned[name].append(_earned(task, final, target, roll, rng))
         earned["udr"].append(_earned(task, udr[i % len(udr)], target, roll, rng))
         progress(i + 1, count)
     if stated is None:

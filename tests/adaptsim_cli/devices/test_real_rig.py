@@ -37,7 +37,7 @@ from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.operator import Attended
-from adaptsim_cli.session.records import RigFacts, TrialKey
+from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Executed
 from adaptsim_cli.wiring import calibration as wiring_calibration
@@ -50,6 +50,7 @@ from hw.ports import Arm, AroundArm
 from hw.types import Execution, JointPath
 from perception.board.types import Board
 from perception.errors import PerceptionError
+from sim.adaptation.stages import TrialKey
 from sim.errors import NotExecutable
 from sim.tasks import get_task
 

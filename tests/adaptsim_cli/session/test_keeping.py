@@ -19,10 +19,10 @@ from adaptsim_cli.session.correcting import amend, amendable, redo
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.keeping import mark, prune, verify
 from adaptsim_cli.session.operator import Review
-from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.store import SessionStore, entries, names, own_files
 from adaptsim_cli.storage.durable import seal_json
 from perception.types import Outcome
+from sim.adaptation.stages import TrialKey
 
 
 @pytest.fixture(scope="module")

@@ -18,13 +18,14 @@ from adaptsim_cli.session.correcting import redo
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.operator import Choices, Review
-from adaptsim_cli.session.records import TrialKey, TrialRecord
+from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.errors import ArmFault, CameraError
 from hw.types import Execution, JointPath
 from perception.errors import TrackingFailed
 from perception.types import ObjectTrack
+from sim.adaptation.stages import TrialKey
 
 SECOND = TrialKey(2, 0)
 Change = Callable[[Tracker], Tracker]

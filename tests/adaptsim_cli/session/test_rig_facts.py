@@ -21,11 +21,12 @@ from adaptsim_cli import app
 from adaptsim_cli.session import recording, running
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.preflight import calibration_check, drift
-from adaptsim_cli.session.records import RigFacts, TrialKey
+from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.store import SessionStore
 from calib.types import Check, Grade
 from hw.errors import Rehearsed
+from sim.adaptation.stages import TrialKey
 
 
 def facts(grey: float | None = 84.0, exposure_us: int = 8330, told: bool = True) -> RigFacts:

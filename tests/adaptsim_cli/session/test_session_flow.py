@@ -16,10 +16,11 @@ from adaptsim_cli.errors import Interrupted, StoppedByOperator, UsageError
 from adaptsim_cli.session.correcting import redo
 from adaptsim_cli.session.flow import REJECTED, TOTAL, run_iteration
 from adaptsim_cli.session.operator import Proposal, Review, Unattended
-from adaptsim_cli.session.records import Draw, TrialKey, generator
+from adaptsim_cli.session.records import Draw, generator
 from hw.errors import MotionRefused
 from perception.errors import ObjectNotFound
 from perception.types import SETTLE_S, Outcome
+from sim.adaptation.stages import TrialKey
 
 
 def test_an_iteration_runs_every_trial_and_moves_the_particles(tmp_path):

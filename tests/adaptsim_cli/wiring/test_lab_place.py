@@ -40,9 +40,9 @@ def test_a_trial_in_the_lab_ends_near_that_of_a_rollout():
         assert place.executable(context, action)
         seen = place.play(context[None], action[None], np.random.default_rng(0))
     alone = rollouts_in(world)(world.parameters, context, action, world.nuisance)
-    assert seen.ends[0] == pytest.approx(PUSHING.end_of(alone), abs=0.02)
-    assert seen.rewards[0] == pytest.approx(PUSHING.score(alone, context), abs=0.1)
-    assert seen.contexts[0] == pytest.approx(context)
+    assert seen[0].end_state == pytest.approx(PUSHING.end_of(alone), abs=0.02)
+    assert seen[0].reward == pytest.approx(PUSHING.score(alone, context), abs=0.1)
+    assert seen[0].context == pytest.approx(context)
 
 
 def test_an_object_that_is_never_found_is_moved_inward_and_then_ends_the_session_with_the_reason(monkeypatch):

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from adaptsim_cli.session.records import Adapt, Existing, RunTrial, Show, TrialKey, next_stage
+from sim.adaptation.stages import Adapt, Existing, RunTrial, Show, TrialKey, next_stage
 
 NOTHING = Existing(frozenset(), frozenset(), frozenset(), frozenset(), {}, frozenset())
 

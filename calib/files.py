@@ -18,14 +18,17 @@ import tomli_w
 from numpy.typing import NDArray
 
 from calib.errors import ViewFolderError
+from calib.projection import project
 from calib.records import IntrinsicsRecord, SetupRecord, TouchRecord, ViewRecord, read
 from calib.target_records import BoardRecord, PointsRecord
 from calib.types import WORK_BOX_M, Forward, Mounting, Setup, corners_of_box
 from hw.bounded import IMAGE_BYTES, Unreadable, decode_image, read_bytes
 from hw.kinematics import JOINTS, forward
-from hw.types import Array, CameraModel, Frame
-from perception.board.types import Board, Corners
+from hw.types import Array, CameraModel, Frame, Intrinsics
+from perception.board.types import Board, CalibrationTarget, Corners
 
+_GRID_MM = (0.0, 50.0, 100.0)
+"""Points that stand for a target of which only poses are known."""
 SETUP, TOUCH, TOUCH_IMAGE = "setup.toml", "touch.json", "touch.png"
 PREFIX = "view-"
 
@@ -176,6 +179,8 @@ def _with_points(setup: SetupRecord, views: Sequence[StoredView]) -> SetupRecord
     if not isinstance(setup.board, PointsRecord):
         return setup
     places = {tuple(row) for view in views for row in as_millimetres(view.record.points())}
+    if not places:  # pairs of poses alone
+        places = {(x, y, 0.0) for x in _GRID_MM for y in _GRID_MM}
     return setup.model_copy(update={"board": setup.board.model_copy(update={"points_mm": tuple(sorted(places))})})
 
 
@@ -183,6 +188,12 @@ def as_millimetres(points_m: Array | None) -> list[tuple[float, float, float]]:
     """Places (K, 3) in mm, rounded to 1 µm, so that the same point in two views is equal."""
     rows = [] if points_m is None else np.round(1e3 * points_m, 3).tolist()
     return [(float(x), float(y), float(z)) for x, y, z in rows]
+
+
+def posed_corners(X_CM: Array, target: CalibrationTarget, camera: Intrinsics) -> Corners:
+    """All corners of a target where its stated pose puts them in the picture."""
+    px = project(camera, X_CM[None], target.p_MK_m[None])[0]
+    return Corners(np.arange(len(px)), px)
 
 
 def given_corners(view: StoredView, setup: SetupRecord) -> Corners:
@@ -204,7 +215,7 @@ def _read_view(path: Path, setup: SetupRecord, joints: int) -> StoredView:
         )
     if q is not None and len(q) != joints:
         raise ViewFolderError(f"{path} gives {len(q)} joints; this arm has {joints}")
-    if isinstance(setup.board, PointsRecord) != (record.corners_px is not None):
+    if record.target() is None and isinstance(setup.board, PointsRecord) != (record.corners_px is not None):
         raise ViewFolderError(
             f'{path}: corners_px needs kind = "points" under [board] of {SETUP}, and that needs corners_px'
         )

@@ -123,6 +123,10 @@ class ViewRecord(PoseKeys):
     corners_px: Matrix | None = None  # (K, 2) found by another program, for kind = "points"
     points_m: Matrix | None = None  # (K, 3) places on the target; or
     points_mm: Matrix | None = None  # the same in mm
+    X_CM: Matrix | None = None  # or the target in the camera by another program, four rows of four, metres; or
+    target_position_m: Numbers | None = None  # its position, with a rotation
+    target_quaternion_wxyz: Numbers | None = None  # w first
+    target_quaternion_xyzw: Numbers | None = None  # w last
     t_camera_s: float | None = None
     t_arm_s: float | None = None
     pose: int | None = None  # number of the planned pose, to continue after an interruption
@@ -135,8 +139,11 @@ class ViewRecord(PoseKeys):
             "/" in name or name.startswith(".") for name in (self.image or "", self.infrared or "", self.depth or "")
         ):
             raise ValueError("name images without a folder: they must lie beside the view")
-        if self.image is None and self.corners_px is None:
-            raise ValueError("give an image, or corners_px with points_m")
+        if self.target() is None and self.image is None and self.corners_px is None:
+            raise ValueError(
+                "give an image, or corners_px with points_m, or the target's pose (X_CM, or target_position_m with "
+                "target_quaternion_xyzw)"
+            )
         for rows in (self.corners_px or (), self.points_m or (), self.points_mm or ()):
             if (most := max((abs(value) for row in rows for value in row), default=0.0)) > LARGEST:
                 raise ValueError(f"corners_px or points hold {most:g}: no picture or target is so large")
@@ -153,11 +160,36 @@ class ViewRecord(PoseKeys):
                 )
         return self
 
+    def target(self) -> Array | None:
+        """X_CM (4, 4), the target in the camera, if the view states it. Raises ValueError for what is no such pose."""
+        names = ("target_position_m", "target_quaternion_wxyz", "target_quaternion_xyzw")
+        stated = {name.removeprefix("target_"): value for name in names if (value := getattr(self, name)) is not None}
+        if self.X_CM is None and not stated:
+            return None
+        try:
+            X = PoseKeys.model_validate(stated if self.X_CM is None else {"X_BF": self.X_CM, **stated}).flange()
+        except ValueError as error:
+            raise ValueError(f"the target's pose cannot be used: {explained(error)}") from error
+        assert X is not None
+        if X[2, 3] <= 0.0:
+            raise ValueError(
+                f"the target is {X[2, 3]:g} m before the camera: give its pose in the camera, whose Z looks ahead"
+            )
+        return X
+
     def points(self) -> Array | None:
         """(K, 3) in m, in the order of `corners_px`; None if the view does not give them."""
         if self.points_mm is not None:
             return 1e-3 * np.array(self.points_mm)
         return None if self.points_m is None else np.array(self.points_m)
+
+
+def explained(error: ValueError) -> str:
+    """The first defect of a record in words."""
+    if not isinstance(error, ValidationError):
+        return str(error)
+    first = error.errors(include_url=False)[0]
+    return f"{'.'.join(str(part) for part in first['loc'])} {first['msg']}".strip()
 
 
 class TouchRecord(Record):

@@ -67,6 +67,8 @@ def look(stored: files.Folder) -> Looked:
 
 def corners_of(view: files.StoredView, stored: files.Folder, target: CalibrationTarget) -> Corners:
     """The corners found in the picture, or stated by the view. Raises PerceptionError."""
+    if view.colour is None and (X_CM := view.record.target()) is not None:
+        return files.posed_corners(X_CM, target, stored.setup.colour.intrinsics())
     if view.colour is None:
         return files.given_corners(view, stored.setup)
     return find(view.colour, target, stored.setup.colour.intrinsics())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from adaptsim_cli.session.rig_target import come_home, track_request
 from adaptsim_cli.session.topics import joints_at
 from hw.types import Array
 from perception.errors import PerceptionError
+from perception.piece.tracking import reach_of
+from perception.types import Outcome
 from sensing.filming import TRUTH
 from sim.tasks.task import Task
 
@@ -57,10 +60,12 @@ def judged(task: Task, folder: Path) -> Judged:
         return np.asarray(planner.flange(q_at(t_s)) @ hardware.X_FT)
 
     end_mm = found_mm = float("nan")
-    tracked, refused, flags = "", "", tuple[str, ...]()
+    tracked, refused, flags, true = "", "", tuple[str, ...](), truth["outcome"]
     try:
         detection = tracker.find(film.before, film.model, film.X_BC)
         found_mm = 1e3 * float(np.linalg.norm(detection.xy_m - places_m[0, :2]))
+        if true == Outcome.ON_TABLE and _left(detection, places_m[-1, :2]):
+            true = Outcome.LOST.value  # it rolled farther than it is followed; both earn nothing
         duration_s = float(hardware.plan(np.array(truth["context"]), np.array(truth["action"])).t_s[-1])
         track = tracker.track(track_request(film, detection, X_BT_at, duration_s))
         track = come_home(tracker, film, detection, track)
@@ -70,4 +75,10 @@ def judged(task: Task, folder: Path) -> Judged:
         tracked, flags = track.outcome.value, track.flags
     except PerceptionError as error:
         refused = str(error)
-    return Judged(folder.name, truth["outcome"], tracked, refused, flags, end_mm, found_mm, truth["luminance"])
+    return Judged(folder.name, true, tracked, refused, flags, end_mm, found_mm, truth["luminance"])
+
+
+def _left(detection: Any, end_m: Array) -> bool:
+    """Whether a piece ended outside of the part of the table on which it is followed."""
+    x_low, x_high, y_low, y_high = reach_of(detection)
+    return not (x_low <= end_m[0] <= x_high and y_low <= end_m[1] <= y_high)

@@ -41,7 +41,7 @@ _TWIST = np.array([0.02, -0.01, 0.015, 1e-3, 1e-3, -1e-3])
 class Fault:
     """One fault in words, and the option of `calibrate solve` that repairs it ("" if there is none)."""
 
-    kind: str  # exchanged, shifted, stale, repeated picture, slipped, moved, mounting
+    kind: str  # exchanged, shifted, lost, stale, repeated picture, slipped, moved, mounting
     sentence: str
     option: str
     views: tuple[str, ...]
@@ -57,6 +57,9 @@ def faults(
         whole = _shift_of_all(ordered, setup, forward, solution) or _other_mounting(ordered, setup, forward, solution)
         if whole is not None:
             return (whole,)
+        lost = _lost_pictures(ordered, setup, forward)
+        if lost is not None:
+            return (lost,)
     return _tried(_among(ordered, setup, forward, solution), ordered, setup, forward, solution)
 
 
@@ -301,6 +304,64 @@ def _shift_of_all(
             )
             return Fault("shifted", said, f"--shift {by}", tuple(view.name for view in views))
     return None
+
+
+FARTHEST = 5
+"""A picture's pose is searched among those of its neighbours up to so many places away."""
+_MOST_LOST = 6  # places at which pictures are missing or doubled
+_SHARE = 0.8
+
+
+def _lost_pictures(views: Sequence[View], setup: Setup, forward: Forward | None) -> Fault | None:
+    """The fault that a few pictures, or poses, are missing: from some views on, each picture has the pose of a view a
+    few places away.
+
+    A part of the series that agrees gives the calibration; under it every picture finds its own pose.
+    """
+    for part, sized in _parts(views, setup, forward):
+        seen = _crossed(views, part, sized, forward)
+        shifts = [_shift(seen, i) for i in range(len(views))]
+        own = [shift for shift in shifts if shift is not None]
+        if len(own) < _SHARE * len(views) or not any(own):
+            continue
+        steps, now = list[tuple[str, int]](), 0
+        for i, shift in enumerate(shifts):
+            if shift is None or shift == now or i + 1 >= len(views) or shifts[i + 1] not in (shift, None):
+                continue  # one picture alone may fit a neighbour by chance
+            steps.append((views[i].name, shift))
+            now = shift
+        if not 0 < len(steps) <= _MOST_LOST:
+            continue
+        places = ", ".join(f"{name} (by {shift:+d})" for name, shift in steps)
+        agree = [view.name for view, shift in zip(views, shifts, strict=True) if shift == 0]
+        said = (
+            f"pictures and poses are shifted from view {places} on: pictures are missing or doubled there. "
+            f"{len(agree)} views agree as they are{f', {agree[0]} to {agree[-1]}' if agree else ''}; give each picture "
+            "from there on the pose of the view so many places later"
+        )
+        return Fault("lost", said, "", tuple(view.name for view, shift in zip(views, shifts, strict=True) if shift))
+    return None
+
+
+def _shift(seen: _Crossed, i: int) -> int | None:
+    """How many places away the pose of picture i is; None if it fits none."""
+    inside = [s for s in range(-FARTHEST, FARTHEST + 1) if 0 <= i + s < len(seen.views)]
+    best = min(inside, key=lambda s: (float(seen.px[i, i + s]), abs(s)))
+    return best if seen.px[i, i + best] < seen.limit_px else None
+
+
+def _parts(views: Sequence[View], setup: Setup, forward: Forward | None) -> Iterator[tuple[Solution, Setup]]:
+    """Solutions of runs of views that agree: the first half, then shorter runs from front to back."""
+    n = len(views)
+    for length in dict.fromkeys(max(size, 8) for size in (n // 2, n // 3, n // 5)):
+        for start in range(0, n - length + 1, max(length // 2, 1)):
+            part = views[start : start + length]
+            try:
+                solution, sized = solve_any_size(part, setup, forward)
+            except UnusableViews:
+                continue
+            if len(solution.used) >= _SHARE * len(part):
+                yield solution, sized
 
 
 def _other_mounting(

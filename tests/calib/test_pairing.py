@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import real_views
+import simulated_views as rig
 
 from calib.errors import UnusableViews
 from calib.foreign.pairing import Fault, exchanged, faults, shifted
 from calib.foreign.sizing import solve_any_size
 from calib.geometry import distance_mm, move
 from calib.types import Setup, Solution, View
+from hw.kinematics import forward
 from hw.poses import inverse
 from hw.types import Array
 from perception.board.types import Corners
@@ -118,3 +120,18 @@ def test_a_slipped_board_and_a_moved_camera_are_told_apart(
     good = views[:first] if "until" in fault.option else views[first:]
     alone, _ = solve_any_size(good, real_views.setup(2), None)
     assert distance_mm(alone.X_AC, X_AC if "from" in fault.option else solution.X_AC) < 25.0
+
+
+@pytest.mark.long
+def test_three_lost_pictures_are_placed_and_the_views_that_agree_are_named() -> None:
+    """Numbered 1 to 56 without 24, 44 and 53, with the first 53 poses."""
+    true = rig.truth(5)
+    every = rig.views(true, count=56, seed=5)
+    pictures = [view for number, view in enumerate(every, start=1) if number not in (24, 44, 53)]
+    views = [replace(picture, name=f"{i:02d}", q_rad=every[i].q_rad) for i, picture in enumerate(pictures)]
+    with pytest.raises(UnusableViews):
+        solve_any_size(views, rig.SETUP, forward)
+    (fault,) = faults(views, rig.SETUP, forward, None)
+    assert fault.kind == "lost"
+    assert "shifted from view 23 (by +1), 42 (by +2)" in fault.sentence
+    assert "23 views agree as they are, 00 to 22" in fault.sentence

@@ -48,7 +48,7 @@ from own_judge import wrong
 from players import InProcess
 from real_lab import waiver
 from rich.console import Console
-from sdk_fake import FakeSdk, NetworkException
+from sdk_fake import FakeSdk, NetworkException, alive
 from toy_rig import ToyLab
 
 from adaptsim_cli.devices.attended import ToolWatch
@@ -173,7 +173,7 @@ def moved(world: World) -> None:
 
 
 def heavier(world: World) -> None:
-    world.sdk.feels = lambda q: [0.0, 9.0, 0.0, -6.0, 0.0, 1.0, 0.0]
+    world.sdk.feels = alive(lambda q: np.array([0.0, 9.0, 0.0, -6.0, 0.0, 1.0, 0.0]))
 
 
 def lost_cycles(world: World) -> None:

@@ -168,11 +168,12 @@ def _estimate(value: float) -> dict[str, Any]:
 
 
 _TOUCHED = ["table_height_m", "tilt_x", "tilt_y", "tool_height_m", "tool_forward_m", "tool_pitch_rad", "tool_roll_rad"]
-_LENGTHS = ["table_origin_m", "edge_over_table_m", "repeat_m", "misfit_m", "slip_m", "pressed_N", "grasp_force_N"]
+_LENGTHS = ["table_origin_m", "edge_over_table_m", "edge_too_high_m", "repeat_m", "misfit_m"]
 TOUCH_OFF = {
     **dict.fromkeys(["created", "hw", "arm", "rig", "tool", "source"], "one"),
     **{name: _estimate(0.001) for name in _TOUCHED},
     **dict.fromkeys(_LENGTHS, 0.001),
+    "slip": dict.fromkeys(["moved_m", "pressed_N", "grasp_force_N"], 0.001),
     "joint_zeros_rad": [0.0] * 7,
     "touches": [],
     "versions": {},

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hw.collision import Table, Tool, point_heights
-from hw.contact import Detector
+from hw.contact import TORQUE_NOISE_NM, Detector
 from hw.errors import ArmFault, DeviceUnavailable, NoContact
 from hw.franka.settings import Payload
 from hw.kinematics import jacobian, link_poses
@@ -20,6 +20,19 @@ STIFFNESS_N_M = 4000.0
 """Of what the fake arm touches."""
 
 
+RIPPLE_NM, RIPPLE_PER_RAD = 0.15, 30.0
+"""Error of the torque estimate that is periodic in each joint's angle (gears)."""
+
+
+def estimate_errors_Nm(q_rad: Array, rng: np.random.Generator) -> Array:
+    """(..., 7) what a live estimate of external torques shows at joints (..., 7) without any contact: the noise of a
+    real Panda, and ripple that depends on the posture.
+    """
+    phase_rad = np.arange(7.0)
+    ripple_Nm = RIPPLE_NM * np.sin(RIPPLE_PER_RAD * np.asarray(q_rad) + phase_rad)
+    return np.asarray(ripple_Nm + TORQUE_NOISE_NM * rng.standard_normal(np.shape(q_rad)))
+
+
 class FakeArm:
     """`hw.ports.GuardedArm`: refuses what its `cell` refuses; else it jumps to the end of the path.
 
@@ -28,7 +41,7 @@ class FakeArm:
     `executed` holds the paths that were begun, `carried` all loads, oldest first. `faults` maps the number of an
     execution (from 1) to the fault that stops it half way. Its tool meets a table at `plane` (None: there is nothing to
     touch), and measured joints equal the commanded ones. `torque_Nm`, (7,) or (N, 7) for paths of N samples, is added
-    to the torque of the contact: noise, spikes, a push by somebody's hand.
+    to the torque of the contact: noise, spikes, a push by somebody's hand; None: the errors of a live estimate.
     """
 
     notes: tuple[str, ...] = ()
@@ -47,7 +60,7 @@ class FakeArm:
         self.cell, self._faults = cell, dict(faults or {})
         self._connected = False
         self._fault: str | None = None
-        self._plane, self._torque_Nm = plane, np.zeros(7) if torque_Nm is None else torque_Nm
+        self._plane, self._torque_Nm, self._rng = plane, torque_Nm, np.random.default_rng(0)
         self.executed: list[JointPath] = []
         self.carried: list[Payload] = []
 
@@ -115,10 +128,11 @@ class FakeArm:
         self._fault = None
 
     def _torque(self, path: JointPath, guard: Guard) -> Array:
-        torque = np.zeros((len(path.t_s), 7)) + self._torque_Nm
+        q_rad = self.cell.arm.true_rad(path.q_rad)
+        own_Nm = estimate_errors_Nm(q_rad, self._rng) if self._torque_Nm is None else self._torque_Nm
+        torque = np.zeros((len(path.t_s), 7)) + own_Nm
         if self._plane is None:
             return torque
-        q_rad = self.cell.arm.true_rad(path.q_rad)
         deep_m = np.maximum(-point_heights(link_poses(q_rad), self.cell.tool, self._plane).min(axis=1), 0.0)
         J = jacobian(q_rad, guard.p_F_m)
         return np.asarray(torque + STIFFNESS_N_M * deep_m[:, None] * J[:, 2])

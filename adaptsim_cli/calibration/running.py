@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
+from adaptsim_cli.screen.guided import GuidedArm
 from adaptsim_cli.screen.views import badge
 from adaptsim_cli.storage import durable
 from calib import checks
@@ -60,8 +61,9 @@ def calibrate(
     with (
         store.locked(),
         _continued("adaptsim calibrate"),
-        open_rig(config, board, store.current()) as rig,
+        open_rig(config, board, store.current()) as connected,
     ):
+        rig = _guided(connected, screen) if guide else connected
         visits = _visits(rig, screen, None if guide else views, yes=yes)
         screen.show(terminal_views.explanation(rig, None if guide else views))
         solved, folder = flow.calibrate(rig, store, visits, screen, fresh=fresh, unattended=unattended)
@@ -95,8 +97,9 @@ def check(
     with (
         store.locked(),
         _continued("adaptsim calibrate check"),
-        open_rig(config, board, known) as rig,
+        open_rig(config, board, known) as connected,
     ):
+        rig = _guided(connected, screen) if guide else connected
         screen.show(badge(rig.name, rig.title))
         found = flow.check(rig, known, _visits(rig, screen, None if guide else CHECK_PLACES, yes=yes), screen)
     screen.show(Text(found.message, style="bold red" if found.moved else "green"))
@@ -239,6 +242,11 @@ def board_in_use(resolved: Resolved, screen: Screen, *, yes: bool) -> Board:
         planned_mm,
     )
     return printing.remember(resolved.places.data, known.board.board(), width_mm).board.board()
+
+
+def _guided(rig: CalibrationRig, screen: Screen) -> CalibrationRig:
+    """The rig while a person guides its arm, which may end the connection."""
+    return replace(rig, arm=GuidedArm(rig.arm, screen, "Every view and touch so far is kept."))
 
 
 def _visits(rig: CalibrationRig, screen: Screen, places: int | None, *, yes: bool) -> Visits:

@@ -10,19 +10,15 @@ import numpy as np
 
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.store import Series
+from adaptsim_cli.screen import guided
 from adaptsim_cli.screen.console import Screen
-from hw.errors import ArmFault
+from adaptsim_cli.screen.guided import DRIFT_RAD, REST_RAD_S, state_of
 from hw.types import ArmState, Array, Execution, Frame, JointPath
 from perception.errors import PerceptionError
 from sim.errors import NotExecutable
 
-REST_RAD_S = 0.003
-"""Slower than this, every joint counts as at rest: under 0.1 mm at the board within 30 ms."""
-DRIFT_RAD = 2e-4
-"""Largest change of a joint (rad) between the readings before and after the picture."""
 APART_S = 0.25
 """Largest time between picture and joints on the arm's clock."""
-WAIT_S, POLL_S = 5.0, 0.05
 
 
 class ViewRefused(Exception):
@@ -45,7 +41,7 @@ def look(rig: CalibrationRig) -> Look:
     """
     before = at_rest(rig)
     frame = rig.camera.snapshot()
-    after = _state(rig)
+    after = state_of(rig.arm)
     if after.fault is not None:
         raise ViewRefused(f"while the picture was taken: {after.fault}")
     crept = float(np.abs(after.q_rad - before.q_rad).max())
@@ -65,32 +61,11 @@ def look(rig: CalibrationRig) -> Look:
 
 
 def at_rest(rig: CalibrationRig) -> ArmState:
-    """Wait for two readings in a row at rest, with nobody guiding the arm.
-
-    Raises ViewRefused after `WAIT_S`, ArmFault.
-    """
-    last, still = _state(rig), False
-    for _ in range(round(WAIT_S / POLL_S)):
-        rig.pause(POLL_S)
-        now = _state(rig)
-        rests = now.fault is None and bool(np.abs(now.dq_rad_s).max() <= REST_RAD_S)
-        if still and rests and np.abs(now.q_rad - last.q_rad).max() <= DRIFT_RAD:
-            return now
-        still, last = rests, now
-    if last.fault is not None:
-        raise ViewRefused(f"after {WAIT_S:g} s still: {last.fault}")
-    raise ViewRefused(
-        f"the arm does not come to rest: {1e3 * float(np.abs(last.dq_rad_s).max()):.1f} mrad/s after {WAIT_S:g} s "
-        f"(limit {1e3 * REST_RAD_S:g}); take hands and objects away from it and try again"
-    )
-
-
-def _state(rig: CalibrationRig) -> ArmState:
-    """The arm's state, which may have a fault that a person ends by letting go. Raises ArmFault for any other fault."""
-    state = rig.arm.state()
-    if state.fault is not None and not state.by_hand:
-        raise ArmFault(f"the arm reports {state.fault}; clear the fault on the arm, then run again: it continues")
-    return state
+    """The arm's state at rest, with nobody guiding it. Raises ViewRefused, ArmFault."""
+    try:
+        return guided.at_rest(rig.arm, rig.pause)
+    except guided.NotAtRest as error:
+        raise ViewRefused(str(error)) from error
 
 
 SWING_RAD = 0.14

@@ -23,6 +23,15 @@ def touch_off(
     world: options.World = None,
     seed: options.Seed = None,
     hw: options.Hw = None,
+    guide: Annotated[
+        bool, typer.Option("--guide", help="Set the tool down by hand at seven places; nothing moves by itself.")
+    ] = False,
+    automatic: Annotated[
+        bool,
+        typer.Option(
+            "--automatic", help="Let a real arm feel for the table by itself, which nobody has seen on one yet."
+        ),
+    ] = False,
     grasp_force_N: Annotated[
         float, typer.Option("--grasp-force", min=5.0, max=70.0, help="Grasp force of the hand, N.")
     ] = 40.0,
@@ -35,9 +44,10 @@ def touch_off(
     operator: options.Operator = None,
     as_json: options.Json = False,
 ) -> None:
-    """Find the table's height and the tool's pose in the hand by touching slowly. Do this before the first scoop.
+    """Find the table's height and the tool's pose in the hand by touching. Do this before the first scoop.
 
-    Planning uses the result from then on. Nothing is stored unless all touches agree.
+    With --guide you set the tool down by hand. Without it the arm feels for the table by itself, slowly; on a real arm
+    only with --automatic. Planning uses the result from then on. Nothing is stored unless all touches agree.
 
     Example: adaptsim touch-off --task scooping --world steep-mount --seed 0 --yes
     """
@@ -45,23 +55,27 @@ def touch_off(
         return
     from functools import partial
 
+    from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen.console import Screen
-    from adaptsim_cli.touch_off import flow
+    from adaptsim_cli.touch_off import flow, guiding
     from adaptsim_cli.touch_off.parts import Grasp
     from adaptsim_cli.wiring import rig_frames, settings
     from adaptsim_cli.wiring import touch_off as wiring
 
     flags = {"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None}
     resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
-    flow.run(
-        resolved,
-        Grasp(1e-3 * handle_mm, grasp_force_N),
-        _store(resolved),
-        rig_frames.open_sessions(resolved.config, resolved.places),
-        partial(wiring.open_touch_rig, screen=None if resolved.config.unattended(yes) else screen),
-        screen,
-        yes=yes,
-    )
+    store, sessions = _store(resolved), rig_frames.open_sessions(resolved.config, resolved.places)
+    if guide:
+        if automatic:
+            raise UsageError("--guide and --automatic exclude each other: leave one out")
+        open_guided = partial(wiring.open_guided_rig, screen=screen)
+        guiding.run(resolved, store, sessions, open_guided, screen, yes=yes)
+        return
+    if not (automatic or resolved.config.is_simulated or yes):
+        raise UsageError(flow.UNSEEN)
+    grasp = Grasp(1e-3 * handle_mm, grasp_force_N)
+    asked = None if resolved.config.unattended(yes) else screen
+    flow.run(resolved, grasp, store, sessions, partial(wiring.open_touch_rig, screen=asked), screen, yes=yes)
 
 
 def _store(resolved: Resolved) -> TouchOffStore:

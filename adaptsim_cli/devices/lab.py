@@ -14,6 +14,7 @@ from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.target import Rig
+from adaptsim_cli.touch_off.parts import PersonAtTool
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool
 from hw.ports import Arm, Balance, Camera, GuardedArm, Hand, Pedal
@@ -34,6 +35,11 @@ the questions that let the arm move."""
 TouchDevices = tuple[GuardedArm, Hand, Callable[[bool], None], Release]
 """Arm and hand, connected, the hand empty. `tool_there(True)`: the person holds the tool between the open fingers;
 False: takes it away. Then the questions that let them move."""
+
+
+GuidedDevices = tuple[Arm, Callable[[float], None], PersonAtTool | None]
+"""The arm, connected, the tool in its hand or screwed on. Then a pause of so many seconds, for which the simulated lab
+does not wait, and the person who guides it; None: a person at the terminal."""
 
 
 class Lab(Protocol):
@@ -68,6 +74,9 @@ class Lab(Protocol):
 
     def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
         """`cell` is with the empty hand, `loaded` the hand with the tool."""
+
+    def for_guided_touch_off(self, cell: Workcell) -> GuidedDevices:
+        """`cell` is with the tool. Nothing moves by itself."""
 
 
 class RealArm(GuardedArm, Protocol):

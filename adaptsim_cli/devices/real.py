@@ -12,7 +12,7 @@ from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, ToolWatc
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.devices.known_arm import KnownArm, folder_of, setup_of
-from adaptsim_cli.devices.lab import BoardDevices, Drivers, TouchDevices
+from adaptsim_cli.devices.lab import BoardDevices, Drivers, GuidedDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.pacing import PacedArm
 from adaptsim_cli.devices.recovery import offer_recovery
@@ -100,7 +100,7 @@ class RealLab:
         if self.rig.without_hand:
             raise UsageError(
                 "the rig file waives the hand, but in a touch-off the closed hand touches the table and grasps the "
-                "tool: remove that waiver, or write height, pitch and roll of the tool into [tools]"
+                "tool. For a tool that is screwed on: adaptsim touch-off --guide"
             )
         arm = self._arm(cell, self._task.name, "nothing on the table")
         hand = ReleasedHand(self._hand(), arm.release, arm.await_pedal)
@@ -110,6 +110,13 @@ class RealLab:
 
         self._connect(arm)
         return PacedArm(arm, cell.holding(loaded), self._pace), hand, tool_there, arm.release
+
+    def for_guided_touch_off(self, cell: Workcell) -> GuidedDevices:
+        """See `Lab`."""
+        self._require_payload(self._task.name)
+        arm = self._arm(cell, self._task.name, "nothing on the table")
+        self._connect(arm)
+        return arm, time.sleep, None
 
     def check_stop_button(self, cell: Workcell) -> None:
         """Connect the arm; have its stop button pressed and released if that is due. Raises StoppedByOperator."""

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from adaptsim_cli.config import SIMULATED
-from adaptsim_cli.devices.lab import BoardDevices, TouchDevices
+from adaptsim_cli.devices.lab import BoardDevices, GuidedDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.pacing import PacedArm
 from adaptsim_cli.devices.released import ReleasedArm, ReleasedHand
@@ -110,3 +110,12 @@ class SimulatedLab:
                 require_word(screen, "Have you checked all of this?", agreed)
 
         return Release(screen, model, False, self.rig.consent or "motion", first)
+
+    def for_guided_touch_off(self, cell: Workcell) -> GuidedDevices:
+        """See `Lab`. A simulated person sets the tool down."""
+        from sim.lab.simulated import READY_RAD
+        from sim.lab.touch import TouchLab
+
+        ready_rad = cell.arm.reported_rad(READY_RAD)
+        lab = self._stack.enter_context(TouchLab(self._task, self._world, self._seed, cell, home_q_rad=ready_rad))
+        return lab.arm, lambda _: None, lab

@@ -18,6 +18,7 @@ from adaptsim_cli.session import single
 from adaptsim_cli.setup.answers import Answers
 from adaptsim_cli.setup.describing import board_payload
 from adaptsim_cli.touch_off import flow as touching
+from adaptsim_cli.touch_off import guiding
 from adaptsim_cli.touch_off.parts import Grasp
 from adaptsim_cli.wiring import calibration, rig_frames, touch_off
 from adaptsim_cli.wiring.session import open_parts
@@ -60,16 +61,18 @@ def calibrate(answers: Answers) -> None:
 
 
 def touch(answers: Answers) -> None:
-    """Find table and tool by touch."""
-    touching.run(
-        _slowly(answers, practice=False),
-        Grasp(),
-        touch_off.touch_offs(answers.config, answers.places),
-        rig_frames.open_sessions(answers.config, answers.places),
-        partial(touch_off.open_touch_rig, screen=answers.asked),
-        answers.screen,
-        yes=answers.defaults,
+    """Find table and tool by touch; on a real rig by hand."""
+    config, screen = answers.config, answers.screen
+    store, sessions = (
+        touch_off.touch_offs(config, answers.places),
+        rig_frames.open_sessions(config, answers.places),
     )
+    if not config.is_simulated:
+        open_guided = partial(touch_off.open_guided_rig, screen=screen)
+        guiding.run(answers.resolved, store, sessions, open_guided, screen, yes=answers.defaults)
+        return
+    open_rig = partial(touch_off.open_touch_rig, screen=answers.asked)
+    touching.run(_slowly(answers, practice=False), Grasp(), store, sessions, open_rig, screen, yes=answers.defaults)
 
 
 def slow_motion(answers: Answers) -> None:

@@ -17,14 +17,15 @@ from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.storage.durable import versions
 from adaptsim_cli.touch_off import terminal_views
-from adaptsim_cli.touch_off.parts import Grasp, TouchOffFailed, TouchRig
-from adaptsim_cli.touch_off.solving import DIFFER_M, Touched, solve, table_of
-from adaptsim_cli.touch_off.store import SavedTouchOff, SlowTouchRecord, TouchOffStore
+from adaptsim_cli.touch_off.parts import Grasp, GuidedTouchRig, TouchOffFailed, TouchRig
+from adaptsim_cli.touch_off.solving import DIFFER_M, Result, Touched, solve, table_of
+from adaptsim_cli.touch_off.store import SavedTouchOff, SlipCheckRecord, SlowTouchRecord, TouchOffStore
 from hw.collision import Table
 from hw.contact import began
 from hw.errors import HandError, NoContact
 from hw.kinematics import forward
 from hw.types import Array, Contact, Guard
+from hw.workcell import ArmModel
 from sim.panda.moves import free_path
 from sim.panda.touching import HeldTool, Probe, Stage, descent, stance
 
@@ -52,6 +53,10 @@ NEVER_CONFIRMS = "--yes never confirms the motion of a real arm; run the command
 OpenRig = Callable[[Config, Places, Grasp], AbstractContextManager[TouchRig]]
 """Connects the devices."""
 _HINT = "Nothing was stored; the previous touch-off stays in use. Start again with: adaptsim touch-off"
+UNSEEN = (
+    "on a real arm nobody has seen the automatic touch-off yet, so it does not start by itself. Set the tool down by "
+    "hand: add --guide. Or watch the automatic one, a hand on the stop button: add --automatic"
+)
 
 
 def run(
@@ -64,7 +69,7 @@ def run(
     *,
     yes: bool,
 ) -> None:
-    """The whole touch-off. Raises the error that stops it, with the command to continue.
+    """The whole automatic touch-off. Raises the error that stops it, with the command to continue.
 
     `sessions` are the open ones that use the present touch-off.
     """
@@ -76,8 +81,17 @@ def run(
     screen.resting("table and tool as now known", sessions)
     with how_to_continue(_HINT, "interrupted"), open_rig(config, resolved.places, grasp) as rig:
         screen.show(terminal_views.explanation(rig))
-        now = datetime.now(UTC).isoformat(timespec="seconds")
-        saved = touch_off(rig, screen, unattended=yes, created=now)
+        saved = touch_off(rig, screen, unattended=yes, created=now())
+    conclude(saved, store, config, screen)
+
+
+def now() -> str:
+    """The time of a touch-off, ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def conclude(saved: SavedTouchOff, store: TouchOffStore, config: Config, screen: Screen) -> None:
+    """Store a touch-off and show what comes next."""
     folder = store.save(saved)
     screen.plain(f"In use from now on: {folder}")
     screen.next((f"adaptsim rollout {config.same_lab}", "one trial with it"))
@@ -120,7 +134,8 @@ def touch_off(rig: TouchRig, screen: Screen, *, unattended: bool, created: str) 
     rig.release.end_run()
     work_m = np.asarray(np.mean([probe.xy_m for probe in rig.plan.tool], axis=0))
     result, problems = solve(fingers, tool, rig.loaded.X_FT, work_m)
-    screen.show(terminal_views.result(result, slip_m, PRESS_N))
+    slip = SlipCheckRecord(moved_m=slip_m, pressed_N=PRESS_N, grasp_force_N=rig.grasp.force_N)
+    screen.show(terminal_views.result(result, slip))
     if abs(slip_m) > SLIPPED_M:
         raise TouchOffFailed(
             f"the tool slipped: pressed with {PRESS_N:.0f} N its corner moved by {1e3 * slip_m:+.1f} mm "
@@ -129,20 +144,24 @@ def touch_off(rig: TouchRig, screen: Screen, *, unattended: bool, created: str) 
         )
     if problems:
         raise TouchOffFailed("not accepted: " + "; ".join(problems))
+    return stored(rig, result, (*fingers, *tool), rig.empty.cell.arm, created).model_copy(update={"slip": slip})
+
+
+def stored(
+    rig: TouchRig | GuidedTouchRig, result: Result, touches: Sequence[Touched], arm: ArmModel, created: str
+) -> SavedTouchOff:
+    """The record of a finished touch-off."""
     return SavedTouchOff(
         **dict(result),
         created=created,
         hw=rig.name,
-        arm=rig.arm.model,
+        arm=arm.name,
         rig=rig.key,
         tool=rig.tool_name,
         source=f"touch-off on {rig.title}",
-        slip_m=slip_m,
-        pressed_N=PRESS_N,
-        grasp_force_N=rig.grasp.force_N,
-        joint_zeros_rad=tuple(float(q) for q in rig.empty.cell.arm.zeros_rad),
+        joint_zeros_rad=tuple(float(q) for q in arm.zeros_rad),
         touches=tuple(
-            SlowTouchRecord(place=touch.probe.name, q_rad=tuple(map(float, touch.q_rad))) for touch in (*fingers, *tool)
+            SlowTouchRecord(place=touch.probe.name, q_rad=tuple(map(float, touch.q_rad))) for touch in touches
         ),
         versions=versions(),
     )

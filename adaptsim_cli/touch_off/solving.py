@@ -59,6 +59,7 @@ class Result(Record):
     tool_pitch_rad: MeasuredValue
     tool_roll_rad: MeasuredValue
     edge_over_table_m: float  # half width of the 95 % interval of the edge's height over the table
+    edge_too_high_m: float  # the edge is higher over the table than assumed by at most this, in 95 % of touch-offs
     repeat_m: float  # spread of repeats, one standard deviation
     misfit_m: float  # largest residual of a place
 
@@ -108,7 +109,6 @@ def solve(
     wide = [_quantile(len(off) - n) for off, n in ((table_off, 3), (tool_off, 4))]
     sigma = np.sqrt(np.diag(tool_cov))
     tilt = np.sqrt(np.diag(table_cov))
-    height_sigma = float(np.sqrt(sigma[0] ** 2 + table_var))
 
     def known(value: float, half_width: float) -> MeasuredValue:
         return MeasuredValue(value=value, within=half_width)
@@ -118,11 +118,12 @@ def solve(
         tilt_x=known(table.slope_x, wide[0] * float(tilt[1])),
         tilt_y=known(table.slope_y, wide[0] * float(tilt[2])),
         table_origin_m=table.height_m,
-        tool_height_m=known(correction.height_m, max(wide) * height_sigma),
+        tool_height_m=known(correction.height_m, float(np.hypot(wide[1] * sigma[0], wide[0] * np.sqrt(table_var)))),
         tool_forward_m=known(correction.forward_m, wide[1] * float(sigma[1])),
         tool_pitch_rad=known(correction.pitch_rad, wide[1] * float(sigma[2])),
         tool_roll_rad=known(correction.roll_rad, wide[1] * float(sigma[3])),
         edge_over_table_m=wide[1] * float(sigma[0]),
+        edge_too_high_m=_one_sided(len(tool_off) - 4) * float(sigma[0]),
         repeat_m=repeat_m,
         misfit_m=float(max(np.abs(table_off).max(), np.abs(tool_off).max())),
     )
@@ -157,6 +158,12 @@ def _quantile(free: int) -> float:
     from scipy.stats import t
 
     return float(t.ppf(0.5 + COVERAGE / 2.0, max(free, 1)))
+
+
+def _one_sided(free: int) -> float:
+    from scipy.stats import t
+
+    return float(t.ppf(COVERAGE, max(free, 1)))
 
 
 def _misfits(touches: Sequence[Touched], off_m: Array) -> tuple[str, ...]:

@@ -25,6 +25,14 @@ class SlowTouchRecord(Record):
     q_rad: tuple[float, ...]  # true joints by the calibration
 
 
+class SlipCheckRecord(Record):
+    """How the tool held when it was pressed onto the table."""
+
+    moved_m: float  # how far a corner moved
+    pressed_N: float
+    grasp_force_N: float
+
+
 class SavedTouchOff(StoredRecord):
     """touch-off.json: a finished touch-off."""
 
@@ -44,11 +52,10 @@ class SavedTouchOff(StoredRecord):
     tool_pitch_rad: MeasuredValue
     tool_roll_rad: MeasuredValue
     edge_over_table_m: float
+    edge_too_high_m: float  # at most, in 95 % of touch-offs
     repeat_m: float
     misfit_m: float
-    slip_m: float
-    pressed_N: float
-    grasp_force_N: float
+    slip: SlipCheckRecord | None = None  # None: set down by hand, so nothing was pressed
     joint_zeros_rad: tuple[float, ...]  # of the calibration in use then
     touches: tuple[SlowTouchRecord, ...]
     versions: dict[str, str]

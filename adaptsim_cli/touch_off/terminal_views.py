@@ -13,9 +13,9 @@ from rich.text import Text
 
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.touch_off.parts import TouchRig
+from adaptsim_cli.touch_off.parts import GuidedTouchRig, TouchRig
 from adaptsim_cli.touch_off.solving import Result
-from adaptsim_cli.touch_off.store import SavedTouchOff
+from adaptsim_cli.touch_off.store import SavedTouchOff, SlipCheckRecord
 
 _DEG = float(np.rad2deg(1.0))
 LISTED = (
@@ -59,16 +59,45 @@ def touched(number: int, of: int, name: str, heights_m: Sequence[float]) -> Rend
     return Text.assemble((f"  {number:2d} of {of}", "bold"), f"  {name}: {seen} mm from the expected height")
 
 
-def result(found: Result | SavedTouchOff, slipped_m: float, pressed_N: float) -> RenderableType:
+def guided_explanation(rig: GuidedTouchRig) -> RenderableType:
+    """The announcement of a touch-off by hand."""
+    lines = (
+        "Finds how high the table is and how the tool sits, by setting it down. About three minutes; nothing moves "
+        "by itself.",
+        f"Guide the arm so that the {rig.tool_name} stands on the table at {len(rig.set_downs)} places, both corners "
+        "touching, and let go each time.",
+        "It may stand lightly: a corner in the air is an error, a pressed one bends the blade. Keep the table empty.",
+    )
+    return Group(
+        views.badge(rig.name, rig.title),
+        Text("Touch-off by hand", style="bold"),
+        *(Padding(Text(line), (0, 0, 0, 2)) for line in lines),
+    )
+
+
+def set_down(number: int, of: int, name: str, height_m: float, pitch_rad: float) -> RenderableType:
+    """One line for one set-down."""
+    return Text.assemble(
+        (f"  {number} of {of}", "bold"),
+        f"  {name}: {1e3 * height_m:+.1f} mm from the expected height, held at {_DEG * pitch_rad:+.0f}°",
+    )
+
+
+def result(found: Result | SavedTouchOff, slip: SlipCheckRecord | None) -> RenderableType:
     """The results with their intervals."""
     values = [(words, getattr(found, field), factor, unit) for field, _, words, factor, unit in QUANTITIES]
     rows = [
         *((words, f"{k * v.value:+.2f} {unit}", f"± {k * v.within:.2f} {unit}") for words, v, k, unit in values),
         ("edge against table", "", f"± {1e3 * found.edge_over_table_m:.2f} mm"),
-        ("repeats differ by (one sigma)", "", f"{1e3 * found.repeat_m:.2f} mm"),
-        (f"moved when pressed with {pressed_N:.0f} N", f"{1e3 * slipped_m:+.2f} mm", ""),
+        ("largest misfit of a place", "", f"{1e3 * found.misfit_m:.2f} mm"),
     ]
-    return Group(Text(""), views.rows(("quantity", "value", "95 % within"), rows))
+    if slip is not None:
+        rows += [
+            ("repeats differ by (one sigma)", "", f"{1e3 * found.repeat_m:.2f} mm"),
+            (f"moved when pressed with {slip.pressed_N:.0f} N", f"{1e3 * slip.moved_m:+.2f} mm", ""),
+        ]
+    too_high = f"The edge may be up to {1e3 * found.edge_too_high_m:.2f} mm higher than assumed (one-sided 95 %)."
+    return Group(Text(""), views.rows(("quantity", "value", "95 % within"), rows), Text(too_high))
 
 
 def summary(saved: SavedTouchOff) -> dict[str, Any]:
@@ -77,9 +106,10 @@ def summary(saved: SavedTouchOff) -> dict[str, Any]:
     return {
         **{name: {"value": k * e.value, "within_95": k * e.within} for name, (e, k) in values.items()},
         "edge_over_table_within_95_mm": 1e3 * saved.edge_over_table_m,
+        "edge_too_high_95_mm": 1e3 * saved.edge_too_high_m,
         "repeat_mm": 1e3 * saved.repeat_m,
         "misfit_mm": 1e3 * saved.misfit_m,
-        "slip_mm": 1e3 * saved.slip_m,
+        "slip_mm": None if saved.slip is None else 1e3 * saved.slip.moved_m,
         "touches": len(saved.touches),
         "sha256": saved.sha256(),
     }
@@ -88,7 +118,7 @@ def summary(saved: SavedTouchOff) -> dict[str, Any]:
 def show(screen: Screen, known: SavedTouchOff, path: Path) -> None:
     """Show one."""
     screen.plain(f"{path.name}, made {known.created}, with {known.tool}")
-    screen.show(result(known, known.slip_m, known.pressed_N))
+    screen.show(result(known, known.slip))
 
 
 def told(known: SavedTouchOff, path: Path) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -15,13 +15,15 @@ from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.rig_file.description import RigDescription, TablePart
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.touch_off.parts import Grasp, Plan, TouchRig, plan_of
+from adaptsim_cli.touch_off.parts import Grasp, GuidedTouchRig, TouchRig, plan_of
 from adaptsim_cli.touch_off.store import SavedTouchOff, TouchOffStore
 from adaptsim_cli.wiring.calibration import calibration_key, calibration_of
 from hw.collision import camera_box
 from hw.types import Array
 from sim.errors import NotExecutable
+from sim.panda.setting_down import SetDown
 from sim.panda.tool import ToolCorrection
+from sim.panda.touching import Probe
 from sim.tasks.task import Task
 
 ZEROS_RAD = 2e-4
@@ -103,7 +105,8 @@ def open_touch_rig(
     task = get_task(config.task)
     with open_lab(config, task, drivers, screen) as lab:
         rig, shipped = lab.rig, task.require_hardware()
-        _require_inside(plan_of(shipped), rig.table)
+        plan = plan_of(shipped)
+        _require_inside((*plan.table, *plan.tool), rig.table)
         eye, zeros_rad = calibration_of(config, places, lab.nominal)
         part = rig.tool(task.name)
         hardware = replace(shipped, X_FT=part.designed(shipped.X_FT))
@@ -128,8 +131,44 @@ def open_touch_rig(
         )
 
 
-def _require_inside(plan: Plan, area: TablePart) -> None:
-    for probe in (*plan.table, *plan.tool):
+@contextmanager
+def open_guided_rig(
+    config: Config, places: Places, drivers: Drivers | None = None, screen: Screen | None = None
+) -> Iterator[GuidedTouchRig]:
+    """The arm, connected, with its tool; a person guides it. Nothing moves. Raises as `open_touch_rig`."""
+    from sim.panda.setting_down import set_downs
+    from sim.panda.tool import feeling, touchable
+    from sim.tasks import get_task
+
+    task = get_task(config.task)
+    with open_lab(config, task, drivers, screen) as lab:
+        rig, shipped = lab.rig, task.require_hardware()
+        touched = touchable(shipped)
+        places_down = set_downs(touched.feelers, touched.centre_m)
+        _require_inside(places_down, rig.table)
+        eye, zeros_rad = calibration_of(config, places, lab.nominal)
+        part = rig.tool(task.name)
+        hardware = replace(shipped, X_FT=part.designed(shipped.X_FT))
+        cell = workcell(rig, zeros_rad, weighed(feeling(hardware), part), (camera_box(eye.X_BC),))
+        arm, pause, person = lab.for_guided_touch_off(cell)
+        yield GuidedTouchRig(
+            name=config.hw,
+            title=lab.title,
+            key=calibration_key(config),
+            tool_name=tool_name(task),
+            arm=arm,
+            model=cell.arm,
+            designed=hardware.X_FT,
+            table=cell.table,
+            set_downs=places_down,
+            work_m=np.array(touched.centre_m),
+            pause=pause,
+            person=person,
+        )
+
+
+def _require_inside(probes: Sequence[Probe | SetDown], area: TablePart) -> None:
+    for probe in probes:
         if not area.covers(probe.xy_m):
             x_m, y_m = probe.xy_m
             raise NotExecutable(

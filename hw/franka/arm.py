@@ -34,6 +34,7 @@ from hw.franka.motions import (
 )
 from hw.franka.playback import TOUCH, PlayableMotion, Played, Timing, motion_of
 from hw.franka.process import Player, PlayerProcess
+from hw.franka.sense import ForceSense
 from hw.franka.settings import FrankaSettings, Payload
 from hw.ports import Pedal
 from hw.types import ArmState, Contact, Execution, Guard, JointPath, frozen_array
@@ -76,6 +77,7 @@ class FrankaArm:
         self._fault: str | None = None
         self._stops = self._answered = 0  # calls of `stop`, and those that a recovery has answered
         self._payload, self._weighed = settings.payload, False  # whether the arm was found to feel just that
+        self._sense = ForceSense(self._model)
         self._carries = False  # the payload was set since the player got its settings
         self.last_execution: Execution | None = None
         self.last_stop: StopReport | None = None
@@ -133,6 +135,7 @@ class FrankaArm:
         Raises NoContact (back at the start), MotionRefused (nothing moved), ArmFault or StoppedByPedal (stopped on the
         way there or back, and still there).
         """
+        self._weighed = False  # the tare would hide what leans on the arm
         with _heard():
             motion = self._admitted(path, until(guard, self._cell), SLOW_FADE_S)
             played = self._play(motion, guard)
@@ -182,8 +185,8 @@ class FrankaArm:
         reading = self._reading()
         self._fault = self._fault or reading.unwilling  # a stop button that is released now still needs a recovery
         refuse_while_stopped(self._stopped_by())
-        self._weigh()
         check(path, frozen_array(reading.q_rad))
+        self._feel(path)
         held_rad = frozen_array(reading.q_held_rad)
         motion = motion_of(from_held(path, held_rad, self._model, check, fade_s), self._cell.motion)
         motion = replace(motion, checked_s=reading.at_s)
@@ -195,15 +198,23 @@ class FrankaArm:
         self.last_execution = self.last_stop = None
         return motion
 
-    def _weigh(self) -> None:
-        """Before the first motion with a payload. Raises MotionRefused if the arm feels another."""
-        if self._weighed:
+    def _feel(self, path: JointPath) -> None:
+        """Before the first motion with a payload, and before every motion that relies on contact.
+
+        Raises MotionRefused if the arm feels another load, or if its sense of force is dead.
+        """
+        if self._weighed and path.contact is None:
             return
-        with self._asking():
-            self._connected().carry(self._payload)
+        if not self._weighed:
+            with self._asking():
+                self._connected().carry(self._payload)
         felt = [self._reading() for _ in range(2 * READINGS)][READINGS:]
-        q_rad = self._cell.arm.true_rad(felt[-1].q_rad)
-        require_declared(self._model, q_rad, [one.external_Nm for one in felt], self._payload.com_F_m)
+        q_rad, external_Nm = self._cell.arm.true_rad(felt[-1].q_rad), [one.external_Nm for one in felt]
+        self._sense.require_alive(q_rad, external_Nm)
+        if not self._weighed:
+            require_declared(self._model, q_rad, external_Nm, self._payload.com_F_m)
+        if path.contact is not None:
+            self._sense.require_change()
         self._weighed = True
 
     def _way_back(self, played: Played, path: JointPath, check: PathCheck) -> PlayableMotion:

@@ -18,7 +18,7 @@ PLACING_STD_M = 0.002
 REPEATABILITY_RAD = 1e-4
 """Joint error that is constant during a trial: about 0.1 mm at the tool, the maker's repeatability."""
 
-_TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION, _JOINTS, _VIEW, _TOUCH, _MOVED = range(9)
+_TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION, _JOINTS, _VIEW, _TOUCH, _MOVED, _GUIDED = range(10)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +83,11 @@ def view_stream(seed: int, rest: int, picture: int) -> np.random.Generator:
 def touch_stream(seed: int, number: int) -> np.random.Generator:
     """The stream of one guarded motion (from 1); 0: the individual properties of the torque sensors."""
     return _stream(seed, _TOUCH, number)
+
+
+def guided_stream(seed: int, number: int) -> np.random.Generator:
+    """The stream of one set-down by hand (from 1)."""
+    return _stream(seed, _GUIDED, number)
 
 
 def _stream(seed: int, *key: int) -> np.random.Generator:

@@ -13,27 +13,30 @@ from hw.braking import brake
 from hw.collision import KeepOut
 from hw.contact import TORQUE_NOISE_NM, Detector
 from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
+from hw.fake import RIPPLE_NM, RIPPLE_PER_RAD
 from hw.grasping import FakeHand
 from hw.kinematics import forward
 from hw.types import PATH_RATE_HZ, Array, Contact, Execution, Guard, JointPath, frozen_array
 from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped, require_guarded
 from sim.lab.arm import ArmInLab
-from sim.lab.rng_streams import REPEATABILITY_RAD, joint_zeros, touch_stream
+from sim.lab.rng_streams import REPEATABILITY_RAD, guided_stream, joint_zeros, touch_stream
+from sim.lab.setting_down import set_down_q_rad
 from sim.lab.touch_cell import Felt, TouchCell
 from sim.lab.world import World
+from sim.panda.setting_down import SetDown
 from sim.panda.tool import FINGERTIPS, empty_hand, feeling, touchable
 from sim.tasks.task import Task
 
 HANDLE_M = 0.012
+GUIDING_S = 15.0
+"""The time that a person takes for one set-down."""
 PIECE_S = 0.04
 """The plant advances in pieces of this length; after each piece the guard checks for a touch."""
 
-RIPPLE_NM, BIAS_NM = 0.15, 0.5
-"""Errors of the torque estimate: periodic in each joint's angle (gears), constant during a motion.
-
-Its white noise is that of a real Panda.
+BIAS_NM = 0.5
+"""Error of the torque estimate that is constant during a motion. Ripple of the gears and white noise are those of
+`hw.fake`.
 """
-RIPPLE_PER_RAD = 30.0
 SPIKE_NM, SPIKES_PER_S = 6.0, 0.5
 
 
@@ -76,6 +79,14 @@ class TouchLab:
         self.hand.between_m = HANDLE_M if there else None
         self.hand.holds = self.hand.holds and there
 
+    def set_down(self, where: SetDown, number: int) -> None:
+        """The simulated person guides the tool to a set-down of the given number, as exactly as a hand can.
+
+        Raises SimError out of reach.
+        """
+        self.offer_tool(True)
+        self.arm.be_guided(where)
+
     def truth(self) -> dict[str, Any]:
         """The true values that a touch-off should find, only for checks.
 
@@ -116,7 +127,7 @@ class _FeelingArm(ArmInLab):
         self._things, self._q_rad = things, home_q_rad
         self.zeros_rad = joint_zeros(seed, world.sensing.joint_offset_mrad)
         self._phase_rad = touch_stream(seed, 0).uniform(0.0, 2.0 * np.pi, 7)
-        self._t_s, self._touches = 0.0, 0
+        self._t_s, self._touches, self._guided = 0.0, 0, 0
         self._plants: dict[bool, TouchCell] = {}
 
     @property
@@ -125,6 +136,15 @@ class _FeelingArm(ArmInLab):
 
     def _now(self) -> tuple[float, Array]:
         return self._t_s, self._q_rad
+
+    def be_guided(self, where: SetDown) -> None:
+        """Be where a person sets the tool down."""
+        self._guided += 1
+        rng = guided_stream(self._seed, self._guided)
+        true = self._cell.arm.in_true_joints()
+        q_rad = set_down_q_rad(where, self._world, self._hardware.X_FT, true, self._q_rad, rng)
+        self._q_rad = frozen_array(q_rad - self.zeros_rad)
+        self._t_s += GUIDING_S
 
     def execute(self, path: JointPath) -> Execution:
         self.need_connection()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cells import cell
 from fr3_process import Fr3Process, arm_at
-from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down, tip_m
+from guarded_paths import GUARD, Q_AWAY_RAD, Q_TOP_RAD, TIP, TOOL, TOP_M, approach, down, tip_m
 
 from hw.collision import Table
 from hw.contact import began, predicted_force_N
@@ -35,6 +35,7 @@ class Kind:
     make_faulty: Callable[[], GuardedArm]
     error_m: float  # how far off a touch may be: the lab's joints are off by a little that is new at every touch
     rest_rad: float = 1e-6
+    come: Callable[[GuardedArm], object] = lambda arm: None  # to the path's start, for an arm that is made elsewhere
 
 
 def fake(height_m: float) -> GuardedArm:
@@ -63,7 +64,7 @@ KINDS = {
 
 def over_the_network(server: Fr3Process) -> Kind:
     def make(height_m: float) -> GuardedArm:
-        server.place(Q_TOP_RAD)
+        server.place(Q_AWAY_RAD)
         server.plane(height_m, TIP)
         return arm_at(server, tool=TOOL)
 
@@ -72,7 +73,7 @@ def over_the_network(server: Fr3Process) -> Kind:
         server.tell("threshold 2.0")
         return arm
 
-    return Kind(make, make_faulty, 3e-4, rest_rad=1e-3)
+    return Kind(make, make_faulty, 3e-4, rest_rad=1e-3, come=lambda arm: arm.execute(approach()))
 
 
 @pytest.fixture(params=[*KINDS, pytest.param("fr3", marks=pytest.mark.long)])
@@ -87,6 +88,7 @@ def test_it_must_be_entered(kind: Kind) -> None:
 
 def test_a_touch_says_where_and_how_hard_and_the_arm_is_back(kind: Kind) -> None:
     with kind.make(PLANE_M) as arm:
+        kind.come(arm)
         contact = arm.execute_until_contact(PATH, GUARD)
         np.testing.assert_allclose(arm.state().q_rad, Q_TOP_RAD, atol=2.0 * kind.rest_rad)
         assert arm.state().fault is None
@@ -101,6 +103,7 @@ def test_a_touch_says_where_and_how_hard_and_the_arm_is_back(kind: Kind) -> None
 
 def test_air_is_no_contact_and_the_arm_is_back(kind: Kind) -> None:
     with kind.make(AIR_M) as arm:
+        kind.come(arm)
         before = arm.state()
         with pytest.raises(NoContact, match="touched nothing"):
             arm.execute_until_contact(PATH, GUARD)
@@ -110,6 +113,7 @@ def test_air_is_no_contact_and_the_arm_is_back(kind: Kind) -> None:
 
 def test_what_is_refused_moves_nothing(kind: Kind) -> None:
     with kind.make(PLANE_M) as arm:
+        kind.come(arm)
         before = arm.state()
         for path, guard, match in (
             (PATH, Guard(49.0, TIP), "guard's force"),
@@ -124,6 +128,7 @@ def test_what_is_refused_moves_nothing(kind: Kind) -> None:
 
 def test_a_fault_stays_until_it_is_recovered(kind: Kind) -> None:
     with kind.make_faulty() as arm:
+        kind.come(arm)
         for _ in range(2):
             with pytest.raises(ArmFault, match="recover"):
                 arm.execute_until_contact(PATH, GUARD)

@@ -22,7 +22,8 @@ then obeys lines on stdin, each answered by "done":
     threshold FORCE          the plane's force in N at which the arm stops by itself
     report                   the commands of the last motion, and whether it goes on, as JSON
 
-The plane pushes on the simulated arm, and the arm reports what it does to its joints, with noise and a constant error.
+The plane pushes on the simulated arm, and the arm reports what it does to its joints, with noise,
+ripple and a constant error.
 
 Added to franky-sim: what the arm takes in which mode, what it finds wrong with commanded joints and with lost ones, the
 torque that they need, reflexes with their reasons, recovery that takes its time, the success rate of the last 100
@@ -64,7 +65,7 @@ from franky_sim.franka_robot_protocol import (
 from franky_sim.franka_robot_server import FrankaRobotServer
 from franky_sim.mujoco_simulator import MujocoSimulator
 
-from hw.contact import TORQUE_NOISE_NM
+from hw.fake import estimate_errors_Nm
 from hw.kinematics import forward, jacobian
 
 PATIENCE_S = 0.2
@@ -95,7 +96,7 @@ class Plane:
         deep_m = self._height_m - float((X_BF[:3, :3] @ self._p_F_m + X_BF[:3, 3])[2])
         self.force_N = max(deep_m, 0.0) * self._stiffness_N_m
         torque_Nm = self.force_N * jacobian(q_rad, self._p_F_m)[2]
-        self.reported_Nm = torque_Nm + TORQUE_ERROR_NM + TORQUE_NOISE_NM * self._rng.standard_normal(7)
+        self.reported_Nm = torque_Nm + TORQUE_ERROR_NM + estimate_errors_Nm(np.asarray(q_rad), self._rng)
         return torque_Nm
 
 

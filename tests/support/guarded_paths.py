@@ -41,6 +41,14 @@ def tip_m(q_rad: ArrayLike) -> float:
 
 
 Q_TOP_RAD = frozen_array(over(TOP_M))
+Q_AWAY_RAD = frozen_array(Q_TOP_RAD + np.array([0.1, -0.1, 0.1, 0.0, 0.1, 0.1, 0.1]))
+"""Where an arm felt its load before: a touch needs two postures."""
+
+
+def approach() -> JointPath:
+    """A free motion from `Q_AWAY_RAD` to `Q_TOP_RAD`."""
+    t_s = np.arange(601) / 1000
+    return JointPath(t_s, Q_AWAY_RAD + smooth(t_s / t_s[-1])[:, None] * (Q_TOP_RAD - Q_AWAY_RAD))
 
 
 @cache

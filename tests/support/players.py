@@ -11,6 +11,7 @@ from cells import READY, cell
 from sdk_fake import FakeSdk
 
 from hw.collision import BARE_HAND, Tool
+from hw.fake import estimate_errors_Nm
 from hw.franka import connection, player
 from hw.franka.arm import FrankaArm
 from hw.franka.driver import Reading
@@ -33,9 +34,13 @@ class Sink:
     given: list[PlayableMotion] = field(default_factory=list)
     carried: list[Payload] = field(default_factory=list)
     collects_garbage: bool = False  # while it played
+    rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     def reading(self) -> Reading:
-        return Reading(tuple(self.q_rad), tuple(self.q_rad + self.held_off_rad), (0.0,) * 7, self.mode)
+        estimate_Nm = tuple(estimate_errors_Nm(self.q_rad, self.rng).tolist())
+        return Reading(
+            tuple(self.q_rad), tuple(self.q_rad + self.held_off_rad), (0.0,) * 7, self.mode, external_Nm=estimate_Nm
+        )
 
     def recover(self) -> Reading:
         return self.reading()

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 from franka_modes import FLAGS, NOT_FINITE, PANDA_FLAGS, REFLEX, STOP_PRESSED, ArmModes, Limiter, Monitor, Refusal
 
+from hw.fake import estimate_errors_Nm
+
 KEPT_STATES = 64
 """How many states a socket keeps that nobody reads; libfranka's was seen to keep 48 to 92."""
 HAND = (0.73, [-0.01, 0.0, 0.03], [0.001, 0.0, 0.0, 0.0, 0.0025, 0.0, 0.0, 0.0, 0.0017])
@@ -61,6 +63,22 @@ class ControlException(RuntimeError):
     pass
 
 
+def alive(feels: Callable[[list[float]], Any] = lambda q: 0.0, seed: int = 0) -> Callable[[list[float]], list[float]]:
+    """A live estimate of external torques: what is felt, with noise and with errors that depend on the posture."""
+    rng = np.random.default_rng(seed)
+
+    def estimate(q: list[float]) -> list[float]:
+        torques: list[float] = (feels(q) + estimate_errors_Nm(np.array(q), rng)).tolist()
+        return torques
+
+    return estimate
+
+
+def live() -> Callable[[list[float]], list[float]]:
+    """The same where nothing is felt."""
+    return alive()
+
+
 @dataclass
 class FakeSdk:
     """`calls` keeps what was asked of the robot; `fails` maps a method to what it raises; `when` acts in a cycle."""
@@ -72,7 +90,7 @@ class FakeSdk:
     when: Callable[[int], None] = lambda cycle: None
     calls: list[tuple[str, Any]] = field(default_factory=list)
     lost_cycles: tuple[int, ...] = ()
-    feels: Callable[[list[float]], list[float]] = lambda q: [0.0] * 7  # joints -> torques of external forces
+    feels: Callable[[list[float]], list[float]] = field(default_factory=live)  # joints -> estimated torques
     q_rad: list[float] = field(default_factory=lambda: list(Q_RAD))
     hand: tuple[float, list[float], list[float]] = HAND  # what is set in Desk
     takes_loads: bool = True  # False: it says yes to a load, and keeps its own

@@ -134,7 +134,7 @@ def test_on_the_lab_it_finds_what_is_hidden_and_keeps_it(resolved):
     assert c.height_m == pytest.approx(1e-3 * MOUNT.tool_height_mm, abs=7e-4)
     assert c.pitch_rad == pytest.approx(PITCH_RAD, abs=np.deg2rad(0.4))
     assert c.roll_rad == pytest.approx(1e-3 * MOUNT.tool_roll_mrad, abs=np.deg2rad(0.4))
-    assert abs(saved.slip_m) <= flow.SLIPPED_M
+    assert abs(saved.slip.moved_m) <= flow.SLIPPED_M
 
     store = touch_offs(resolved.config, resolved.places)
     zeros_rad = np.array(saved.joint_zeros_rad)

@@ -149,8 +149,8 @@ def touched(zeros_rad: Array) -> SavedTouchOff:
     value: dict[str, Any] = {name: MeasuredValue(value=v, within=1e-4) for name, v in VALUES.items()}
     return SavedTouchOff(
         created="2026-01-01T00:00:00+00:00", hw="panda", arm="panda", rig="r", tool="scooping tool", source="a test",
-        table_origin_m=-0.0032, edge_over_table_m=1e-4, repeat_m=1e-5, misfit_m=1e-5, slip_m=0.0, pressed_N=15.0,
-        grasp_force_N=40.0, joint_zeros_rad=tuple(map(float, zeros_rad)), touches=(), versions={}, **value,
+        table_origin_m=-0.0032, edge_over_table_m=1e-4, edge_too_high_m=1e-4, repeat_m=1e-5, misfit_m=1e-5,
+        joint_zeros_rad=tuple(map(float, zeros_rad)), touches=(), versions={}, **value,
     )  # fmt: skip
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 from fr3_process import Fr3Process, HandPedal, arm_at, fr3
-from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
+from guarded_paths import GUARD, Q_AWAY_RAD, TIP, TOOL, TOP_M, approach, down
 
 from hw.contact import began, predicted_force_N
 from hw.errors import ArmFault, DeviceUnavailable, StoppedByPedal
@@ -33,15 +34,23 @@ def tip_m(q_rad: Array) -> float:
 
 @pytest.fixture(scope="module")
 def shared() -> Iterator[Fr3Process]:
-    with fr3(Q_TOP_RAD, pace="hurried") as running:
+    with fr3(Q_AWAY_RAD, pace="hurried") as running:
         yield running
 
 
 @pytest.fixture
 def server(shared: Fr3Process) -> Fr3Process:
-    shared.place(Q_TOP_RAD)
+    shared.place(Q_AWAY_RAD)
     shared.plane(PLANE_M, TIP)
     return shared
+
+
+@contextmanager
+def over_it(server: Fr3Process, pedal: HandPedal | None = None) -> Iterator[FrankaArm]:
+    """The arm over the plane, come from elsewhere."""
+    with arm_at(server, tool=TOOL, pedal=pedal) as arm:
+        arm.execute(approach())
+        yield arm
 
 
 def stopped_on_the_way(arm: FrankaArm, reason: str) -> None:
@@ -60,7 +69,7 @@ def stopped_on_the_way(arm: FrankaArm, reason: str) -> None:
 @pytest.mark.parametrize("height_m", [PLANE_M, PLANE_M + 0.0006])
 def test_a_touch_is_found_and_the_arm_is_back_where_it_began(server: Fr3Process, height_m: float) -> None:
     server.plane(height_m, TIP)
-    with arm_at(server, tool=TOOL) as arm:
+    with over_it(server) as arm:
         before = arm.state()
         contact = arm.execute_until_contact(PATH, GUARD)
         after = arm.state()
@@ -83,7 +92,7 @@ def test_a_touch_is_found_and_the_arm_is_back_where_it_began(server: Fr3Process,
 @pytest.mark.long
 def test_all_that_is_commanded_keeps_the_limits_there_and_back(server: Fr3Process) -> None:
     limits, logs = LIMITS["fr3"], []
-    with arm_at(server, tool=TOOL) as arm:
+    with over_it(server) as arm:
         arm.execute_until_contact(PATH, GUARD)
         logs.append(server.commanded())
         assert arm.last_execution is not None
@@ -101,7 +110,7 @@ def test_the_pedal_let_go_during_the_search_and_on_the_way_back(server: Fr3Proce
     pedal = HandPedal()
     if searching:
         server.plane(AIR_M, TIP)
-    with arm_at(server, tool=TOOL, pedal=pedal) as arm:
+    with over_it(server, pedal=pedal) as arm:
         server.at(PATH.duration_s / 2.0 if searching else 0.2, pedal.release, after=0 if searching else 1)
         with pytest.raises(StoppedByPedal, match=r"pedal was released \d\.\d+ s into the path; braking began"):
             arm.execute_until_contact(PATH, GUARD)
@@ -115,7 +124,7 @@ def test_the_pedal_let_go_during_the_search_and_on_the_way_back(server: Fr3Proce
 def test_the_pedal_let_go_at_the_touch_leaves_the_arm_there(server: Fr3Process) -> None:
     """It brakes for the touch already; the way back does not begin."""
     pedal = HandPedal()
-    with arm_at(server, tool=TOOL, pedal=pedal) as arm:
+    with over_it(server, pedal=pedal) as arm:
 
         def release() -> None:
             pedal.held = False
@@ -132,7 +141,7 @@ def test_the_pedal_let_go_at_the_touch_leaves_the_arm_there(server: Fr3Process) 
 @pytest.mark.long
 def test_a_stop_that_is_asked_for_during_the_search(server: Fr3Process) -> None:
     server.plane(AIR_M, TIP)
-    with arm_at(server, tool=TOOL) as arm:
+    with over_it(server) as arm:
         server.at(PATH.duration_s / 2.0, arm.stop)
         with pytest.raises(ArmFault, match="requested"):
             arm.execute_until_contact(PATH, GUARD)
@@ -142,7 +151,7 @@ def test_a_stop_that_is_asked_for_during_the_search(server: Fr3Process) -> None:
 @pytest.mark.long
 def test_a_reflex_while_touching_is_a_fault(server: Fr3Process) -> None:
     server.tell("threshold 2.0")
-    with arm_at(server, tool=TOOL) as arm:
+    with over_it(server) as arm:
         with pytest.raises(ArmFault, match="cartesian_reflex"):
             arm.execute_until_contact(PATH, GUARD)
         server.tell("threshold inf")
@@ -151,7 +160,7 @@ def test_a_reflex_while_touching_is_a_fault(server: Fr3Process) -> None:
 
 @pytest.mark.long
 def test_a_connection_lost_half_way_is_a_fault_then_unavailable() -> None:
-    with fr3(Q_TOP_RAD, pace="hurried") as server, arm_at(server, tool=TOOL) as arm:
+    with fr3(Q_AWAY_RAD, pace="hurried") as server, over_it(server) as arm:
         server.at(1.0, lambda: server.signal(signal.SIGKILL))
         with pytest.raises(ArmFault, match="answer"):
             arm.execute_until_contact(PATH, GUARD)

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from fr3_process import HandPedal
-from guarded_paths import GUARD, Q_TOP_RAD, TIP, TOOL, TOP_M, down
+from guarded_paths import GUARD, Q_AWAY_RAD, Q_TOP_RAD, TIP, TOOL, TOP_M, approach, down
 from players import InProcess, arm_of
 from sdk_fake import FakeSdk
 
-from hw.contact import TORQUE_NOISE_NM, began
+from hw.contact import began
 from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
+from hw.fake import estimate_errors_Nm
 from hw.franka.settings import Payload
 from hw.kinematics import forward, jacobian
 from hw.types import Array, Guard
@@ -37,20 +38,21 @@ def plane(
     def feels(q: list[float]) -> list[float]:
         force_N = max(height_m - tip_m(q), 0.0) * STIFFNESS_N_M
         also(force_N)
-        noise_Nm: Array = ERROR_NM + TORQUE_NOISE_NM * rng.standard_normal(7)
+        noise_Nm: Array = ERROR_NM + estimate_errors_Nm(np.array(q), rng)
         return (force_N * jacobian(q, TIP)[2] + noise_Nm).tolist() if force_N else noise_Nm.tolist()
 
     return feels
 
 
 def fake(model: str, **more: Any) -> FakeSdk:
-    return FakeSdk(k=model == "panda", q_rad=Q_TOP_RAD.tolist(), **more)
+    return FakeSdk(k=model == "panda", q_rad=Q_AWAY_RAD.tolist(), **more)
 
 
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 @pytest.mark.parametrize("lost", [(), (700, 900, 901, 1000)])
 def test_a_touch_is_found_with_and_without_lost_cycles(model: str, lost: tuple[int, ...]) -> None:
     with arm_of(fake(model, feels=plane(PLANE_M), lost_cycles=lost), model, tool=TOOL) as arm:
+        arm.execute(approach())
         contact = arm.execute_until_contact(PATH, GUARD)
         np.testing.assert_allclose(arm.state().q_rad, PATH.q_rad[0], atol=1e-9)
         assert arm.last_stop is not None
@@ -68,6 +70,7 @@ def test_a_touch_is_found_with_and_without_lost_cycles(model: str, lost: tuple[i
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_the_air_is_no_contact(model: str) -> None:
     with arm_of(fake(model, feels=plane(-1.0)), model, tool=TOOL) as arm:
+        arm.execute(approach())
         with pytest.raises(NoContact, match=f"{model}: the arm came to the end of its path"):
             arm.execute_until_contact(PATH, GUARD)
         np.testing.assert_allclose(arm.state().q_rad, PATH.q_rad[0], atol=1e-9)
@@ -86,6 +89,7 @@ def test_a_pedal_let_go_there_and_on_the_way_back() -> None:
             pedal.held = force_N < low_N if low_N else not (max(felt) > 4.0 and 0.0 < force_N < 1.0)
 
         with arm_of(fake("panda", feels=plane(PLANE_M, at)), tool=TOOL, pedal=pedal) as arm:
+            arm.execute(approach())
             with pytest.raises(StoppedByPedal, match="pedal"):
                 arm.execute_until_contact(PATH, GUARD)
             assert max(felt_N) < 4.0 if where == "search" else max(felt_N) > 4.0
@@ -102,6 +106,7 @@ def test_a_reflex_at_the_touch_is_a_fault_that_is_recovered_in_place() -> None:
 
     sdk.feels = plane(PLANE_M, hard)
     with arm_of(sdk, "panda", tool=TOOL) as arm:
+        arm.execute(approach())
         with pytest.raises(ArmFault, match="cartesian_reflex"):
             arm.execute_until_contact(PATH, GUARD)
         low_rad = arm.state().q_rad
@@ -114,6 +119,7 @@ def test_a_reflex_at_the_touch_is_a_fault_that_is_recovered_in_place() -> None:
 def test_a_way_back_that_the_arm_does_not_hold_leaves_it_there_and_says_so() -> None:
     sdk = fake("panda", feels=plane(PLANE_M))
     with arm_of(sdk, "panda", tool=TOOL) as arm:
+        arm.execute(approach())
         assert isinstance(arm._player, InProcess)
         robot, control = arm._player.driver._robot, arm._player.driver._robot.control_joint_position
 
@@ -129,6 +135,7 @@ def test_a_way_back_that_the_arm_does_not_hold_leaves_it_there_and_says_so() -> 
 
 def test_what_is_refused_has_not_moved() -> None:
     sdk = fake("panda", feels=plane(PLANE_M))
+    sdk.q_rad = Q_TOP_RAD.tolist()
     with arm_of(sdk, "panda", tool=TOOL) as arm:
         with pytest.raises(MotionRefused, match="guard's force"):
             arm.execute_until_contact(PATH, Guard(41.0, TIP))

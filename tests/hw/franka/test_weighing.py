@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cells import cell
 from players import arm_of
-from sdk_fake import FakeSdk
+from sdk_fake import FakeSdk, alive
 
 from hw.errors import MotionRefused
 from hw.franka.motions import UNDECLARED_KG, undeclared_kg
@@ -19,11 +19,10 @@ SETTINGS = FrankaSettings("172.16.0.2", Payload(0.2, COM_M))
 
 
 def feeling(extra_kg: float, error_Nm: float = 0.0) -> FakeSdk:
-    def feels(q: list[float]) -> list[float]:
-        pull: Array = -9.81 * extra_kg * jacobian(np.array(q), COM_M)[2] + error_Nm
-        return [float(torque) for torque in pull]
+    def feels(q: list[float]) -> Array:
+        return np.asarray(-9.81 * extra_kg * jacobian(np.array(q), COM_M)[2] + error_Nm)
 
-    return FakeSdk(k=True, feels=feels)
+    return FakeSdk(k=True, feels=alive(feels))
 
 
 def still(q_rad: Array) -> JointPath:
@@ -35,9 +34,11 @@ def test_another_load_than_declared_moves_nothing(extra_kg: float) -> None:
     sdk = feeling(extra_kg)
     with (
         arm_of(sdk, settings=SETTINGS) as arm,
-        pytest.raises(MotionRefused, match=rf"{abs(extra_kg):.2f} kg more or less than the decl"),
+        pytest.raises(MotionRefused, match="kg more or less than the decl") as refusal,
     ):
         arm.execute(still(arm.state().q_rad))
+    felt_kg = float(str(refusal.value).split(" kg more")[0].split()[-1])
+    assert felt_kg == pytest.approx(abs(extra_kg), abs=0.05), "but for the errors of the estimate"
     assert not any(name == "command" for name, _ in sdk.calls)
     loads = [what for name, what in sdk.calls if name == "set_load"]
     assert loads[0][0] == 0.2, "it was told before it was asked"
@@ -57,7 +58,7 @@ def test_the_load_is_felt_once_and_again_for_another_tool() -> None:
         sdk.feels = feeling(1.0).feels  # an arm in contact after its first motion is not weighed
         arm.execute(path)
         arm.carry(cell("panda").tool, Payload(0.3, COM_M))
-        with pytest.raises(MotionRefused, match=r"1\.00 kg more or less"):
+        with pytest.raises(MotionRefused, match=r"(0\.9|1\.0)\d kg more or less"):
             arm.execute(path)
 
 

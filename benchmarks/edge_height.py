@@ -31,11 +31,11 @@ from sim.types import ToolMotion
 
 TASK = get_task("scooping")
 WORLDS = ("wd", "raisin", "oreo", "cucumber")
-HEIGHTS_MM = (-2.0, -1.5, -1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
+HEIGHTS_MM = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)
 AIMS_MM = (0.0, -0.25, -0.5, -0.75, -1.0)
 SPREADS_MM = (0.05, 0.25, 0.35)
 """Standard deviations of the edge's height: the automatic touch-off in the lab, and guided ones."""
-CANDIDATES, SCREENED = 8, 6
+CANDIDATES, SCREENED = 6, 4
 """Task policies to choose from, and rollouts for each."""
 ERRORS = 400
 """Errors of a touch-off that every draw is judged with."""
@@ -118,7 +118,7 @@ def main() -> None:
                 table(AIMS_MM, by_aim(rewards, spread_mm, asked.seed), AIMS_MM.index(0.0))
             print(flush=True)
             if asked.out is not None:
-                np.savez(asked.out, heights_mm=HEIGHTS_MM, **everything)
+                np.savez(asked.out, heights_mm=HEIGHTS_MM, **everything)  # type: ignore[arg-type]
     print("mean of all worlds")
     for spread_mm in SPREADS_MM:
         means = np.mean([by_aim(one, spread_mm, asked.seed).mean(axis=0) for one in everything.values()], axis=0)

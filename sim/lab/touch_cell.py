@@ -37,6 +37,7 @@ from sim.tasks.task import Task
 
 STEP_S = 0.0025
 FEELER_STIFFNESS_N_M = 2e5
+"""Of fingertips, and of a tool whose world states no stiffness of its edge."""
 GRIP_NM_RAD, GRIP_NMS_RAD = 4000.0, 4.0
 _GRIP_M = 0.1034  # from the flange to the middle of the grip
 _GRIP = "grip"
@@ -179,7 +180,19 @@ class TouchCell:
         keep_apart(self._scene_graph, bodies.apart)
         self._object = plant.GetBodyByName(bodies.object)
         plant.set_gravity_enabled(self._object.model_instance(), False)
-        _add_balls(plant, plant.GetBodyByName(bodies.tool), feelers)
+        blade = plant.GetBodyByName(bodies.tool)
+        stiffness_N_m = float(getattr(world.unmodelled, "edge_stiffness_N_m", FEELER_STIFFNESS_N_M))
+        _add_balls(plant, blade, self._without_own_balls(blade, feelers), stiffness_N_m)
+
+    def _without_own_balls(self, body: RigidBody, feelers: tuple[Feeler, ...]) -> tuple[Feeler, ...]:
+        """The feelers at whose place the task's scene has no ball yet: a second one would make it twice as stiff."""
+        inspector = self._scene_graph.model_inspector()
+        own = [
+            inspector.GetPoseInFrame(one).translation()
+            for one in self._plant.GetCollisionGeometriesForBody(body)
+            if isinstance(inspector.GetShape(one), Sphere)
+        ]
+        return tuple(f for f in feelers if not any(np.abs(p_T_m - f.p_T_m).max() < 1e-9 for p_T_m in own))
 
     def _slip(self) -> None:
         """Rotate a grip that is loaded beyond its limit until its load equals the limit."""
@@ -197,9 +210,11 @@ class TouchCell:
             self._diagram.GetInputPort(_GRIP).FixValue(self._root, np.array([self._turned_rad, 0.0]))
 
 
-def _add_balls(plant: MultibodyPlant, body: RigidBody, feelers: tuple[Feeler, ...]) -> None:
+def _add_balls(
+    plant: MultibodyPlant, body: RigidBody, feelers: tuple[Feeler, ...], stiffness_N_m: float = FEELER_STIFFNESS_N_M
+) -> None:
     for feeler in feelers:
-        properties = relaxing(material(0.0, FEELER_STIFFNESS_N_M), RELAXATION_TIME_S)
+        properties = relaxing(material(0.0, stiffness_N_m), RELAXATION_TIME_S)
         plant.RegisterCollisionGeometry(
             body, RigidTransform(feeler.p_T_m), Sphere(feeler.radius_m), f"feeler: {feeler.name}", properties
         )

@@ -67,7 +67,8 @@ def test_a_contact_that_the_arm_would_take_for_a_collision_is_refused() -> None:
     sink = Sink()
     soft = ContactWindow(0.2, 0.8, 0.001, 50.0)
     with arm(sink) as one:
-        one.execute(path(soft))
+        one.execute(path())
+        one.execute(move(np.full(7, -0.1), 1.0, soft, sink.q_rad))  # from another posture than where it felt its load
     hard = FrankaSettings("172.16.0.2", collision=CollisionThresholds(force_collision_N=np.full(6, 40.0)))
     assert limit_N == 80.0
     again = Sink()

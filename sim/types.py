@@ -24,6 +24,15 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Suspicion:
+    """What the trials of a session make likely about the rig, for a person: whole sentences."""
+
+    question: str
+    why: str
+    look: str  # how to find out without a command
+
+
+@dataclass(frozen=True)
 class Dimension:
     """One named quantity with its range; `scale` says how it is normalised.
 

@@ -13,7 +13,7 @@ from hw.records import Record
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.verdict import Verdict
-from sim.types import Dimension
+from sim.types import Dimension, Suspicion
 
 if TYPE_CHECKING:
     from sim.adaptation.method import ExpectedGain
@@ -84,6 +84,19 @@ class OutlookRecord(Record):
         )
 
 
+class SuspicionRecord(Record):
+    """What the trials of a session hint at about the rig."""
+
+    question: str = said("the question to the person")
+    why: str = said("what the trials showed")
+    look: str = said("how to find out without a command")
+
+    @classmethod
+    def of(cls, suspicion: Suspicion) -> SuspicionRecord:
+        """The record of a task's suspicion."""
+        return cls(question=suspicion.question, why=suspicion.why, look=suspicion.look)
+
+
 class Iteration(Output):
     """The result of one iteration: one object per line and iteration."""
 
@@ -98,6 +111,7 @@ class Iteration(Output):
     best: BestRecord = said("the best parameters so far")
     verdict: Verdict = said("whether to stop or to go on, and why")
     outlook: OutlookRecord | None = said("null if the method does not look ahead")
+    suspicion: SuspicionRecord | None = said("what the trials so far hint at about the rig; null: nothing")
     timing_s: dict[str, float] = said("wall time by stage; `other` has no name, `total` is their sum")
 
 

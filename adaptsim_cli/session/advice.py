@@ -71,6 +71,9 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     if facts.recorded:  # there is nothing to try a policy on
         use = confirm = (f"adaptsim compare {facts.name} OTHER", "beside another session, e.g. with --method udr")
     checks = _checks(facts)
+    if result.suspicion is not None and not facts.recorded:
+        where = same_lab(facts.task, facts.hw, facts.world, facts.seed)
+        return ((f"adaptsim touch-off --guide {where}", result.suspicion.question), again, *checks[:1])
     match verdict.kind:
         case Kind.HOPELESS:
             return (*checks, use)

@@ -17,7 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from adaptsim_cli.outputs.trials import BestRecord, Iteration, OutlookRecord, TrackRecord, as_row, named
+from adaptsim_cli.outputs.trials import (
+    BestRecord,
+    Iteration,
+    OutlookRecord,
+    SuspicionRecord,
+    TrackRecord,
+    as_row,
+    named,
+)
 from adaptsim_cli.screen.console import ANSWERING, Screen
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
@@ -36,7 +44,7 @@ from adaptsim_cli.session.records import (
     generator,
     now,
 )
-from adaptsim_cli.session.store import SessionStore, history_of, particles_of, result_of
+from adaptsim_cli.session.store import SessionStore, history_of, particles_of, result_of, trials_of
 from adaptsim_cli.session.summary import summary
 from adaptsim_cli.session.target import Executed, Parts, Placed, Planned, TrackedTrial
 from adaptsim_cli.session.watching import AllOf, Watcher
@@ -247,6 +255,7 @@ def keep_particles(
         ),
         verdict=found.verdict,
         outlook=None if found.outlook is None else OutlookRecord.of(found.outlook),
+        suspicion=_suspicion(session),
         timing_s={**timing_s, TOTAL: sum(timing_s.values())},
         proposal_s=sum(lap_s.values()) + sum(records[-1].timing_s.get(name, 0.0) for name in ("tracking", "storing")),
         changes=changes,
@@ -256,6 +265,15 @@ def keep_particles(
     store.save_result(result, json.dumps(shown, allow_nan=False).encode())
     session.overhead_s.clear()
     tell(session)
+
+
+def _suspicion(session: RunningSession) -> SuspicionRecord | None:
+    """What the trials so far hint at about the rig, by the task."""
+    hardware = session.parts.task.hardware
+    if hardware is None:
+        return None
+    suspicion = hardware.suspect([record.track.track() for record in trials_of(session.store)])
+    return None if suspicion is None else SuspicionRecord.of(suspicion)
 
 
 def tell(session: RunningSession) -> None:

@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs import Quantities
-from adaptsim_cli.outputs.trials import BestRecord, OutlookRecord, TrackRecord
+from adaptsim_cli.outputs.trials import BestRecord, OutlookRecord, SuspicionRecord, TrackRecord
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.validation import explained
 from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
@@ -276,6 +276,7 @@ class ResultRecord(Record):
     best: BestRecord
     verdict: Verdict
     outlook: OutlookRecord | None = None  # None: the method makes no forecast
+    suspicion: SuspicionRecord | None = None  # what the trials so far hint at about the rig
     timing_s: dict[str, float]
     proposal_s: float  # wall time from the end of the last motion until the next task policies are trained
     summary_sha256: str = ""

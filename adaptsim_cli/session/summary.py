@@ -43,6 +43,7 @@ def summary(store: SessionStore, result: ResultRecord) -> Iteration:
         best=result.best,
         verdict=result.verdict,
         outlook=result.outlook,
+        suspicion=result.suspicion,
         timing_s={key: round(value, 3) for key, value in result.timing_s.items()},
     )
 

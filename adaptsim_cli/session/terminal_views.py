@@ -115,8 +115,15 @@ def adapted(
     spent = f"The iteration took {took}; the next proposal was ready {result.proposal_s:.1f} s after the last trial"
     return Group(
         Text(""), Text("What changed", style="bold"), *amended, *(views.indent(table) for table in tables),
-        estimate, *_correction(task, result), verdict, Text(spent, style="dim"),
+        estimate, *_correction(task, result), verdict, *_suspicion(result), Text(spent, style="dim"),
     )  # fmt: skip
+
+
+def _suspicion(result: ResultRecord) -> list[Text]:
+    """What the trials hint at about the rig."""
+    if (suspicion := result.suspicion) is None:
+        return []
+    return [Text(f"{suspicion.question} {suspicion.why} {suspicion.look}.", style="bold yellow")]
 
 
 def _correction(task: Task, result: ResultRecord) -> list[Text]:

@@ -33,6 +33,10 @@ TRIES = 20
 """How often one place is asked for before the command gives up; also the simulated lab must not ask for ever."""
 _KEPT = "Nothing was stored; the previous touch-off stays in use."
 _HINT = f"{_KEPT} Start again with: adaptsim touch-off --guide"
+_SHARED = (
+    "Set down by its edge, the tool cannot tell its own height from the table's: only the sum is measured, and that is "
+    "the edge over the table."
+)
 _SHOWN = "The places shown so far are kept."
 
 OpenGuidedRig = Callable[[Config, Places], AbstractContextManager[GuidedTouchRig]]
@@ -73,8 +77,9 @@ def touch_off(rig: GuidedTouchRig, screen: Screen, *, unattended: bool, created:
     asking = _Asking(rig, screen, unattended)
     shown_rad = asking.all()
     fingers, tool = touches_of(rig.set_downs, shown_rad, rig.designed)
-    result, problems = solve(fingers, tool, rig.designed, rig.work_m)
+    result, problems = solve(fingers, tool, rig.designed, rig.work_m, together=2)
     screen.show(terminal_views.result(result, None))
+    screen.plain(_SHARED)
     if problems:
         raise TouchOffFailed("not accepted: " + "; ".join(problems))
     return stored(rig, result, (*fingers, *tool), rig.model, created)

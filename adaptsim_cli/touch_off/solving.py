@@ -26,8 +26,8 @@ DIFFER_M = 0.0006
 """Repeats at one place that differ by more are not the same contact."""
 MISFIT_M = 0.0010
 """A place that deviates by more from all others: an object lies there, or something gives way."""
-UNCERTAIN_M, UNCERTAIN_RAD = 0.0015, 0.02
-"""Largest acceptable half widths of the intervals."""
+UNCERTAIN_M, UNCERTAIN_RAD = 0.0015, 0.035
+"""Largest acceptable half widths of the intervals. A pitch that is off by 2° hardly changes what a scoop earns."""
 MOST_PITCH_RAD, MOST_ROLL_RAD, MOST_HEIGHT_M = 0.075, 0.05, 0.015
 """With larger deviations another corner would have touched, or the tool is a different one."""
 
@@ -91,9 +91,11 @@ def tool_of(touches: Sequence[Touched], designed: Array, table: Table) -> tuple[
 
 
 def solve(
-    fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, work_m: Array
+    fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, work_m: Array, together: int = 1
 ) -> tuple[Result, tuple[str, ...]]:
     """The result from all slow touches, and the reasons against its use. `work_m` (2,): place of the stated height.
+
+    So many of the tool's touches are made `together` and share an error: they count as one in every interval.
 
     Needs touches at three places for the table and with both ends of the tool at two pitches; raises ValueError.
     """
@@ -103,10 +105,11 @@ def solve(
     correction, tool_off, tool_N = tool_of(tool, designed, table)
     repeat_m = _repeatability(fingers, tool, designed)
     table_cov = _covariance(table_off, table_N, repeat_m)
-    tool_cov = _covariance(tool_off, tool_N, repeat_m)
+    tool_cov = _covariance(tool_off, tool_N / together, repeat_m)
+    tool_free = (len(tool_off) - 4) // together
     at = np.array([1.0, *work_m])
     table_var = float(at @ table_cov @ at)
-    wide = [_quantile(len(off) - n) for off, n in ((table_off, 3), (tool_off, 4))]
+    wide = [_quantile(len(table_off) - 3), _quantile(tool_free)]
     sigma = np.sqrt(np.diag(tool_cov))
     tilt = np.sqrt(np.diag(table_cov))
 
@@ -123,7 +126,7 @@ def solve(
         tool_pitch_rad=known(correction.pitch_rad, wide[1] * float(sigma[2])),
         tool_roll_rad=known(correction.roll_rad, wide[1] * float(sigma[3])),
         edge_over_table_m=wide[1] * float(sigma[0]),
-        edge_too_high_m=_one_sided(len(tool_off) - 4) * float(sigma[0]),
+        edge_too_high_m=_one_sided(tool_free) * float(sigma[0]),
         repeat_m=repeat_m,
         misfit_m=float(max(np.abs(table_off).max(), np.abs(tool_off).max())),
     )

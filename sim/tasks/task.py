@@ -21,7 +21,7 @@ from hw.types import Array
 from perception.types import ObjectTrack
 from sim.errors import NoHardware
 from sim.panda.tool import Touchable
-from sim.types import Part, Space, ToolMotion, Visual
+from sim.types import Part, Space, Suspicion, ToolMotion, Visual
 
 if TYPE_CHECKING:
     import pydrake.geometry as drake_geometry
@@ -218,6 +218,8 @@ class Hardware:
     parts: Callable[[], tuple[Part, ...]] = tuple  # what a lab prints for it; raises ExtraMissing
     weighing: tuple[str, Callable[[Array, Array, Any], float]] | None = None
     """The effect that scales the object's mass; (parameters, nuisance, unmodelled) -> mass without that effect, kg."""
+    suspect: Callable[[Sequence[ObjectTrack]], Suspicion | None] = lambda tracks: None
+    """The tracks of all trials of a session, in order -> what they hint at; None: nothing."""
     course: Callable[[ToolMotion, Array, Array, Any], Any] | None = None
     """(motion, X_BO, nuisance, unmodelled) -> a rollout without its physics (`sim.tasks.shared.readings.Course`), from
     which a scene is exported; None: not possible."""

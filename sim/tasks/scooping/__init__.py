@@ -1,6 +1,6 @@
 """Scooping food with a spatula."""
 
-from sim.tasks.scooping import params, plan, rollout, scene, spatula
+from sim.tasks.scooping import params, plan, rollout, scene, spatula, suspicion
 from sim.tasks.task import Hardware, Task
 
 HARDWARE = Hardware(
@@ -13,6 +13,7 @@ HARDWARE = Hardware(
     time_step_s=scene.time_step_s,
     rest_pose=rollout.rest_pose,
     weighing=("density_scale", rollout.piece_mass_kg),
+    suspect=suspicion.edge_too_high,
     course=rollout.course_of,
     tracker="piece",
     home_pitch_rad=params.HOME_PITCH_RAD,

@@ -68,7 +68,7 @@ def guided(root: Path, bench: DroppingBench, monkeypatch: pytest.MonkeyPatch) ->
     """Two views by hand, then the touch check, then the end; the stored series and all that was shown."""
     screen = quiet()
     person = Person(bench, places(12), screen)
-    monkeypatch.setattr("adaptsim_cli.screen.console.read_line", lambda by_pedal: person.readline())
+    monkeypatch.setattr("adaptsim_cli.screen.console.read_line", person.readline)
     plain = rig(bench, hands=ToyHands(bench))
     asking = replace(plain, arm=GuidedArm(plain.arm, screen, KEPT))
     series = series_of(root)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from adaptsim_cli.config import same_lab
-from adaptsim_cli.outputs.trials import BestRecord
+from adaptsim_cli.outputs.trials import BestRecord, SuspicionRecord
 from adaptsim_cli.session.advice import HEADLINES, after_iteration, in_words
 from adaptsim_cli.session.records import Facts, ResultRecord
 from sim.adaptation.verdict import Kind, Reason, Verdict
@@ -22,6 +22,20 @@ CHECK, TOUCH, RANGES = "adaptsim calibrate check", "adaptsim touch-off", "adapts
 def found(kind: Kind, *reasons: Reason, reward: float = 0.5) -> Verdict:
     forecast = {"gain": 0.08, "likely": 0.4} if kind in (Kind.GO_ON, Kind.ENOUGH, Kind.HOPELESS) else {}
     return Verdict(kind=kind, reasons=reasons, reward=reward, ci95=(0.2, 0.95), trials=8, strange=6, **forecast)
+
+
+HINT = SuspicionRecord(question="Is the edge too high?", why="All were pushed.", look="Pull a strip of paper under it")
+
+
+def test_a_suspicion_of_the_task_comes_first_with_the_command_that_tells():
+    best = BestRecord(params={"mu": 0.3}, mean_reward=0.0, trials=4, ci95=(0.0, 0.2))
+    result = ResultRecord(
+        iteration=1, trials=(), next_particles=(), best=best, verdict=found(Kind.GO_ON), suspicion=HINT, timing_s={},
+        proposal_s=0.0,
+    )  # fmt: skip
+    first, *rest = after_iteration(FACTS, result)
+    assert first == (f"adaptsim touch-off --guide {same_lab('scooping', 'fake', 'ood-1', 3)}", HINT.question)
+    assert rest[0][0] == "adaptsim run-iteration --session s"
 
 
 def steps(verdict: Verdict, iteration: int = 1, facts: Facts = FACTS) -> list[str]:

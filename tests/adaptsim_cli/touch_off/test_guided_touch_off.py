@@ -101,7 +101,7 @@ class Guided:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, arm: FakeArm, steps: list[tuple[str, Array | None]]) -> None:
         self._arm, self._steps = arm, iter(steps)
         monkeypatch.setattr("sys.stdin", self)
-        monkeypatch.setattr("adaptsim_cli.screen.console.read_line", lambda by_pedal: self.answer())
+        monkeypatch.setattr("adaptsim_cli.screen.console.read_line", self.answer)
 
     def answer(self) -> str:
         typed, q_rad = next(self._steps)
@@ -209,7 +209,7 @@ def test_on_a_real_arm_the_automatic_one_waits_for_its_flag_and_proposes_the_han
 class Dropping:
     """An arm whose controller drops the connection before the state of that number."""
 
-    def __init__(self, arm: object, drop: Callable[[], None], at: int) -> None:
+    def __init__(self, arm: object, drop: Callable[[], object], at: int) -> None:
         self._arm, self._drop, self._at, self.states = arm, drop, at, 0
 
     @property
@@ -223,14 +223,14 @@ class Dropping:
             with pytest.raises(DeviceUnavailable):
                 for _ in range(10_000):  # states that were under way still arrive
                     self._arm.state()  # type: ignore[attr-defined]
-        return self._arm.state()  # type: ignore[no-any-return, attr-defined]
+        return self._arm.state()  # type: ignore[attr-defined]
 
 
 def over_the_network(server: Fr3Process, monkeypatch: pytest.MonkeyPatch, drop_at: int) -> tuple[SavedTouchOff, int]:
     """A touch-off by hand of the simulated controller, which drops the connection before one state."""
     screen, postures = quiet(), iter(shown(world(), model="fr3"))
 
-    def answer(by_pedal: object) -> str:
+    def answer() -> str:
         if "activate FCI. Done" in said(screen)[-160:]:
             server.tell("fci on")
         else:

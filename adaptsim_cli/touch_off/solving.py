@@ -130,7 +130,7 @@ def solve(
         repeat_m=repeat_m,
         misfit_m=float(max(np.abs(table_off).max(), np.abs(tool_off).max())),
     )
-    uncertain = _uncertain(result.tool_height_m.within, result.tool_pitch_rad.within)
+    uncertain = _uncertain(result.edge_over_table_m, result.tool_pitch_rad.within)
     return result, (*_misfits(fingers, table_off), *_misfits(tool, tool_off), *uncertain, *_implausible(correction))
 
 
@@ -179,13 +179,13 @@ def _misfits(touches: Sequence[Touched], off_m: Array) -> tuple[str, ...]:
     )
 
 
-def _uncertain(height_m: float, pitch_rad: float) -> tuple[str, ...]:
-    if height_m <= UNCERTAIN_M and pitch_rad <= UNCERTAIN_RAD:
+def _uncertain(edge_m: float, pitch_rad: float) -> tuple[str, ...]:
+    if edge_m <= UNCERTAIN_M and pitch_rad <= UNCERTAIN_RAD:
         return ()
     return (
-        f"the tool's height is known to {1e3 * height_m:.1f} mm and its pitch to {np.rad2deg(pitch_rad):.1f}° only "
-        f"(at most {1e3 * UNCERTAIN_M:.1f} mm and {np.rad2deg(UNCERTAIN_RAD):.1f}°): check that the tool is held "
-        "firmly and that the base is steady",
+        f"the edge's height over the table is known to {1e3 * edge_m:.1f} mm and the tool's pitch to "
+        f"{np.rad2deg(pitch_rad):.1f}° only (at most {1e3 * UNCERTAIN_M:.1f} mm and {np.rad2deg(UNCERTAIN_RAD):.1f}°): "
+        "check that the tool is held firmly and that the base is steady",
     )
 
 

@@ -33,6 +33,19 @@ WINDOW_M = 0.006
 """The last stretch of the path, in m, in which the start of the touch is searched; faster parts of it are left out."""
 TORQUE_NOISE_NM = frozen_array((0.22, 0.32, 0.19, 0.31, 0.09, 0.11, 0.03), (JOINTS,), "torque noise")
 """(7,) root mean square of the high-pass filtered joint torques of a real Panda in motion; simulated arms add it."""
+RIPPLE_NM, RIPPLE_PER_RAD = 0.15, 30.0
+"""Error of the torque estimate that is periodic in each joint's angle (gears)."""
+
+
+def estimate_errors_Nm(q_rad: Array, rng: np.random.Generator) -> Array:
+    """(..., 7) what a live estimate of external torques shows at joints (..., 7) without any contact: the noise of a
+    real Panda, and ripple that depends on the posture.
+    """
+    phase_rad = np.arange(7.0)
+    ripple_Nm = RIPPLE_NM * np.sin(RIPPLE_PER_RAD * np.asarray(q_rad) + phase_rad)
+    return np.asarray(ripple_Nm + TORQUE_NOISE_NM * rng.standard_normal(np.shape(q_rad)))
+
+
 LEAST_RISE = 0.25
 """Share of the guard's force that has to rise with travel.
 

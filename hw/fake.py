@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hw.collision import Table, Tool, point_heights
-from hw.contact import TORQUE_NOISE_NM, Detector
+from hw.contact import Detector, estimate_errors_Nm
 from hw.errors import ArmFault, DeviceUnavailable, NoContact
 from hw.franka.settings import Payload
 from hw.kinematics import jacobian, link_poses
@@ -18,19 +18,6 @@ from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped, requ
 
 STIFFNESS_N_M = 4000.0
 """Of what the fake arm touches."""
-
-
-RIPPLE_NM, RIPPLE_PER_RAD = 0.15, 30.0
-"""Error of the torque estimate that is periodic in each joint's angle (gears)."""
-
-
-def estimate_errors_Nm(q_rad: Array, rng: np.random.Generator) -> Array:
-    """(..., 7) what a live estimate of external torques shows at joints (..., 7) without any contact: the noise of a
-    real Panda, and ripple that depends on the posture.
-    """
-    phase_rad = np.arange(7.0)
-    ripple_Nm = RIPPLE_NM * np.sin(RIPPLE_PER_RAD * np.asarray(q_rad) + phase_rad)
-    return np.asarray(ripple_Nm + TORQUE_NOISE_NM * rng.standard_normal(np.shape(q_rad)))
 
 
 class FakeArm:

@@ -11,9 +11,8 @@ import numpy as np
 
 from hw.braking import brake
 from hw.collision import KeepOut
-from hw.contact import TORQUE_NOISE_NM, Detector
+from hw.contact import RIPPLE_NM, RIPPLE_PER_RAD, TORQUE_NOISE_NM, Detector
 from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
-from hw.fake import RIPPLE_NM, RIPPLE_PER_RAD
 from hw.grasping import FakeHand
 from hw.kinematics import forward
 from hw.types import PATH_RATE_HZ, Array, Contact, Execution, Guard, JointPath, frozen_array

@@ -65,7 +65,7 @@ from franky_sim.franka_robot_protocol import (
 from franky_sim.franka_robot_server import FrankaRobotServer
 from franky_sim.mujoco_simulator import MujocoSimulator
 
-from hw.fake import estimate_errors_Nm
+from hw.contact import estimate_errors_Nm
 from hw.kinematics import forward, jacobian
 
 PATIENCE_S = 0.2

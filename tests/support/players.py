@@ -11,7 +11,7 @@ from cells import READY, cell
 from sdk_fake import FakeSdk
 
 from hw.collision import BARE_HAND, Tool
-from hw.fake import estimate_errors_Nm
+from hw.contact import estimate_errors_Nm
 from hw.franka import connection, player
 from hw.franka.arm import FrankaArm
 from hw.franka.driver import Reading

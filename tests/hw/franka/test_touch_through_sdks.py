@@ -12,9 +12,8 @@ from guarded_paths import GUARD, Q_AWAY_RAD, Q_TOP_RAD, TIP, TOOL, TOP_M, approa
 from players import InProcess, arm_of
 from sdk_fake import FakeSdk
 
-from hw.contact import began
+from hw.contact import began, estimate_errors_Nm
 from hw.errors import ArmFault, MotionRefused, NoContact, StoppedByPedal
-from hw.fake import estimate_errors_Nm
 from hw.franka.settings import Payload
 from hw.kinematics import forward, jacobian
 from hw.types import Array, Guard

@@ -2,30 +2,36 @@
 
     python benchmarks/executability.py --contexts 2 --actions 2
     python benchmarks/executability.py --task pushing --contexts 1 --actions 9 5 --png executability.png
+    python benchmarks/executability.py --draws 40 --side left
 
 The ratio of a motion is the largest of any joint's position, velocity, acceleration and jerk to its limit. A motion is
 executable when approach, task and retreat pass every check of `hw.limits`, a stop along the path is possible at any
-moment, and no ratio of the task path is above `sim.panda.redundancy.ALLOWED`. The picture maps the first two dimensions
-of the actions.
+moment, and no ratio of the task path is above `sim.panda.redundancy.ALLOWED`. `--side` adds the boxes that a rig has by
+itself: the simulated lab's camera, and a person on that side. `--draws` draws trials instead of the grid. The picture
+maps the first two dimensions of the actions.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import get_args
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import ListedColormap
 
+from adaptsim_cli.devices.rig_file.description import PersonPart
 from hw.braking import check_braking
+from hw.collision import KeepOut, Side, camera_box
 from hw.kinematics import forward
 from hw.limits import JOINT_QUANTITIES
 from hw.types import Array
 from sim.errors import NotExecutable
+from sim.lab.kinect import default_X_BC
 from sim.panda.planning import home, trial_paths
 from sim.panda.redundancy import ALLOWED
 from sim.panda.tool import cell_as_shipped
@@ -57,13 +63,23 @@ def grid(low: Array, high: Array, points: list[int]) -> list[Array]:
     return [np.array(v) for v in product(*lines)]
 
 
-def examine(task: Task, model: str, contexts: list[Array], actions: list[Array]) -> list[Motion]:
-    """Plan every trial of the grid, approach and retreat included."""
+def drawn(task: Task, count: int, seed: int) -> list[tuple[Array, Array]]:
+    """So many uniform contexts and actions."""
+    rng = np.random.default_rng(seed)
+    spaces = (task.context, task.action)
+    trials = [[space.denormalise(rng.random(len(space.low))) for space in spaces] for _ in range(count)]
+    return [(context, action) for context, action in trials]
+
+
+def examine(
+    task: Task, model: str, trials: list[tuple[Array, Array]], keep_out: tuple[KeepOut, ...] = ()
+) -> list[Motion]:
+    """Plan every trial (context, action), approach and retreat included."""
     hardware = task.require_hardware()
-    cell = cell_as_shipped(hardware, model)
+    cell = replace(cell_as_shipped(hardware, model), keep_out=keep_out)
     q_home = home(hardware.X_FT, cell)
     found = []
-    for context, action in product(contexts, actions):
+    for context, action in trials:
         motion = hardware.plan(context, action)
         start = time.process_time()
         try:
@@ -162,14 +178,21 @@ def main() -> None:
     parser.add_argument("--task", default="scooping")
     parser.add_argument("--contexts", type=int, nargs="+", default=[3], help="grid points, of all or each dimension")
     parser.add_argument("--actions", type=int, nargs="+", default=[2], help="grid points, of all or each dimension")
+    parser.add_argument("--draws", type=int, help="trials drawn at random instead of the grid")
+    parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--side", choices=get_args(Side), help="with the boxes of a rig whose person stands there")
     parser.add_argument("--png", type=Path)
     options = parser.parse_args()
     chosen = get_task(options.task)
     contexts = grid(chosen.context.low, chosen.context.high, options.contexts)
     actions = grid(chosen.action.low, chosen.action.high, options.actions)
+    trials = list(product(contexts, actions))
+    if options.draws:
+        trials = drawn(chosen, options.draws, options.seed)
+    boxes = (camera_box(default_X_BC()), PersonPart(options.side).box()) if options.side else ()
     results = {}
     for model in ("panda", "fr3"):
-        results[model] = examine(chosen, model, contexts, actions)
+        results[model] = examine(chosen, model, trials, boxes)
         show(chosen, model, results[model])
     if options.png:
         draw(chosen, results, options.png)

@@ -122,7 +122,7 @@ def readers(made: Path) -> list[Reader]:
     numbers = json.dumps({"q_rad": [0.1], **places}).encode()
     touch = json.dumps({"image": "touch.png", "corner": 0, "X_BF": [np.eye(4).tolist()]}).encode()
     tables = recordings.write_tables(made / "tables", 8)
-    known = {"stop_button": "2026-01-01T00:00:00+00:00", "stop_button_by": "Ada", "setups": {"one": "2026-01-01"}}
+    known = {"stop_button": "2026-01-01T00:00:00+00:00", "stop_button_by": "Ada", "slow_motions": [], "steps": []}
     motion = {"frames": [], "arm_t_s": [0.0, 0.01], "q_rad": [[0.0] * 7, [0.01] * 7]}
     touched = json.dumps(TOUCH_OFF).encode()
     return [

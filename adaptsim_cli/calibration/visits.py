@@ -96,6 +96,7 @@ class Automatic:
         except NotExecutable as error:
             self.screen.note(f"  the arm stays where it is: {error}")
         self.rig.release.end_run()
+        self.rig.release.completed()
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,7 +42,7 @@ class ConfirmedArm(AroundArm[RealArm]):
         super().__init__(arm)
         self.consent, self._before = consent, before
         self._screen, self._pedal = consent.screen, pedal
-        self.release = Release(consent.screen, arm.model, True, consent.each, first=self.confirm)
+        self.release = Release(consent.screen, arm.model, True, consent.each, self.confirm, consent.completed)
         self._now_s, self._pause = now_s, pause
 
     @property
@@ -112,7 +112,6 @@ class ConfirmedArm(AroundArm[RealArm]):
         known = self.consent.known
         with nullcontext() if known is None else known.moving():
             yield
-        self.consent.ended()
 
     def _say_rate(self, rate: float) -> None:
         """Warn of a low success rate after a motion."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
-from adaptsim_cli.devices.known_arm import STOP_BUTTON_DAYS, KnownArm
+from adaptsim_cli.devices.known_arm import STOP_BUTTON_DAYS, KnownArm, SetUp
 from adaptsim_cli.devices.recovery import offer_recovery
 from adaptsim_cli.devices.rig_file.waivers import Waivable, WaiverPart
 from adaptsim_cli.errors import StoppedByOperator
@@ -36,7 +36,7 @@ class Consent:
     waivers: tuple[WaiverPart, ...] = ()  # those of the rig file that count
     each: Each = "command"
     known: KnownArm | None = None  # None: an arm that nothing is remembered of
-    setup: str = ""  # `known_arm.setup_of`
+    setup: SetUp = field(default_factory=SetUp)  # `known_arm.setup_of`
     given: str | None = field(default=None, init=False)  # ISO 8601: when the arm's model was typed
     _slow_ended: bool = field(default=False, init=False)
 
@@ -56,8 +56,8 @@ class Consent:
         require_word(self.screen, "Have you checked all of this?", agreed)
         self.given = datetime.now(UTC).isoformat(timespec="seconds")
 
-    def ended(self) -> None:
-        """A motion came to its end: a slow one makes its set-up known."""
+    def completed(self) -> None:
+        """The task's own motion, or a whole series, came to its end: a slow one makes its set-up known."""
         if self.known is not None and self.pace <= SLOW_PACE and not self._slow_ended:
             self.known.moved_slowly(self.setup)
             self._slow_ended = True
@@ -106,11 +106,12 @@ class Consent:
         """A set-up that has never moved this arm begins slowly, or a person takes it on by name."""
         if self.known is None or self._waives("slow_start") or self.pace <= SLOW_PACE:
             return
-        if self.setup in self.known.read().setups:
+        facts = self.known.read()
+        if facts.slow_motion(self.setup):
             return
         self.screen.note(
-            "This rig file, tool or calibration has not moved the arm yet, so the first motion should be slow: end "
-            f"this command and add --pace {SLOW_PACE:g}."
+            f"{facts.new_in(self.setup)} not moved the arm yet, so its own first motion should be slow: end this "
+            f"command and add --pace {SLOW_PACE:g}."
         )
         name = self.operator.lower()
         full = Key(name, "to move at full speed on your own account", "Your name is stored with this decision.")

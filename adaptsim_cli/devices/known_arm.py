@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -37,13 +37,48 @@ def folder_of(places: Places, rig: RigDescription) -> Path:
 
 
 @dataclass(frozen=True)
+class SetUp:
+    """Everything that decides where the arm moves, as short hashes beside the name of what it does."""
+
+    kind: str = ""  # the task, "board" for a calibration, "touch-off"
+    tool: str = ""  # its shape, mass and mount, and the table: what a touch-off finds
+    calibration: str = ""  # the camera's pose, and the joint zeros
+    rig: str = ""  # the rig file without its waivers, and all boxes
+
+
+@dataclass(frozen=True)
+class SlowMotion:
+    """A set-up whose own motion came to its end slowly."""
+
+    setup: SetUp
+    at: str  # ISO 8601
+
+
+@dataclass(frozen=True)
 class ArmFacts:
     """The content of the file."""
 
     stop_button: str = ""  # ISO 8601: when it was last found to stop the arm; "": never
     stop_button_by: str = ""  # the operator
-    setups: Mapping[str, str] = field(default_factory=dict)  # `setup_of` -> ISO 8601 of the slow motion with it
+    slow_motions: tuple[SlowMotion, ...] = ()
     steps: tuple[str, ...] = ()  # those of `adaptsim setup` that are done
+
+    def slow_motion(self, setup: SetUp) -> str:
+        """ISO 8601: when the own motion of this set-up was slow; "": never."""
+        return next((motion.at for motion in self.slow_motions if motion.setup == setup), "")
+
+    def new_in(self, setup: SetUp) -> str:
+        """What of a set-up has never moved slowly, as the begin of a sentence."""
+        like = [motion.setup for motion in self.slow_motions if motion.setup.kind == setup.kind]
+        parts = (
+            ("tool or table", setup.tool, {one.tool for one in like}),
+            ("calibration", setup.calibration, {one.calibration for one in like}),
+            ("rig file", setup.rig, {one.rig for one in like}),
+        )
+        changed = [name for name, value, known in parts if value not in known] if like else []
+        if changed:
+            return f"Since {setup.kind} last moved slowly the {' and the '.join(changed)} changed, and this has"
+        return f"With this rig file, tool and calibration {setup.kind or 'this task'} has"
 
     def stop_button_is_due(self, now: datetime) -> bool:
         """Whether the stop button has to be checked (again)."""
@@ -72,10 +107,11 @@ class KnownArm:
         """Remember that it stopped the arm just now. Raises SessionError."""
         self._write(replace(self.read(), stop_button=_now(), stop_button_by=operator))
 
-    def moved_slowly(self, setup: str) -> None:
-        """Remember that the arm has moved slowly with this set-up. Raises SessionError."""
+    def moved_slowly(self, setup: SetUp) -> None:
+        """Remember that the own motion of this set-up came to its end slowly. Raises SessionError."""
         known = self.read()
-        self._write(replace(known, setups={**known.setups, setup: _now()}))
+        others = tuple(motion for motion in known.slow_motions if motion.setup != setup)
+        self._write(replace(known, slow_motions=(*others, SlowMotion(setup, _now()))))
 
     def set_up(self, steps: Sequence[str]) -> None:
         """Remember that these steps of a setup are done, and no others. Raises SessionError."""
@@ -127,20 +163,23 @@ class KnownArm:
         return self.folder / "last-motion.json"
 
 
-def setup_of(rig: RigDescription, cell: Workcell) -> str:
-    """A short hash of everything that decides where the arm moves: rig file, tool, table, boxes, calibration."""
-    content = repr((rig, cell.tool.name, cell.arm.name, _plain(cell)))
-    return hashlib.sha256(content.encode()).hexdigest()[:16]
-
-
-def _plain(cell: Workcell) -> list[Any]:
-    arrays: list[Array] = [cell.arm.zeros_rad, cell.tool.points_F_m, cell.tool.mass.com_m, cell.tool.mass.inertia_kg_m2]
-    for capsule in (*cell.tool.capsules, *cell.tool.touching):
+def setup_of(rig: RigDescription, cell: Workcell, kind: str, X_BC: Array | None = None) -> SetUp:
+    """The set-up of a rig whose arm does `kind` in this workcell, with the camera at X_BC (4, 4) if that matters."""
+    tool, table = cell.tool, cell.table
+    arrays: list[Array] = [tool.points_F_m, tool.mass.com_m, tool.mass.inertia_kg_m2]
+    for capsule in tool.capsules:
         arrays += [capsule.start_m, capsule.end_m, np.array([capsule.radius_m])]
-    for box in cell.keep_out:
-        arrays += [box.low_m, box.high_m]
-    table = cell.table
-    return [cell.tool.mass.kg, table.height_m, table.slope_x, table.slope_y, *(array.tolist() for array in arrays)]
+    boxes = [(box.name, box.low_m.tolist(), box.high_m.tolist()) for box in cell.keep_out]
+    return SetUp(
+        kind,
+        _hash(tool.name, tool.mass.kg, table.height_m, table.slope_x, table.slope_y, *map(np.ndarray.tolist, arrays)),
+        _hash(cell.arm.zeros_rad.tolist(), None if X_BC is None else X_BC.tolist()),
+        _hash(replace(rig, waivers=()), cell.arm.name, boxes),
+    )
+
+
+def _hash(*content: Any) -> str:
+    return hashlib.sha256(repr(content).encode()).hexdigest()[:16]
 
 
 def _now() -> str:

@@ -21,6 +21,7 @@ from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import BOARD, gaps, in_words
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.release import Each
 from adaptsim_cli.session.target import Rig
 from adaptsim_cli.session.watching import SessionLog
 from adaptsim_cli.storage import durable
@@ -68,7 +69,8 @@ class RealLab:
         """See `Lab`."""
         self._require_payload(self._task.name)
         watch = self._watch()
-        arm = self._arm(there.cell, self._task.name, "nothing on the table but the object", watch)
+        table, X_BC = "nothing on the table but the object", hand_eye.X_BC
+        arm = self._arm(there.cell, self._task.name, table, self._task.name, watch, X_BC)
         camera, scales = self._camera(infrared=False), self._scales()
         self._stack.enter_context(arm)
         beside = PersonBeside(arm, camera, there, self._screen, scales, watch)
@@ -91,7 +93,7 @@ class RealLab:
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
         """See `Lab`. The arm stays where it was left."""
         self._require_payload(BOARD)
-        arm, camera = self._arm(cell, BOARD, "nothing on the table but the object"), self._camera(infrared=True)
+        arm, camera = self._arm(cell, BOARD, "nothing on the table but the object", BOARD), self._camera(infrared=True)
         self._connect(arm)
         return PacedArm[Arm](arm, cell, self._pace), camera, time.sleep, None, arm.release
 
@@ -102,7 +104,7 @@ class RealLab:
                 "the rig file waives the hand, but in a touch-off the closed hand touches the table and grasps the "
                 "tool. For a tool that is screwed on: adaptsim touch-off --guide"
             )
-        arm = self._arm(cell, self._task.name, "nothing on the table")
+        arm = self._arm(cell, self._task.name, "nothing on the table", "touch-off")
         hand = ReleasedHand(self._hand(), arm.release, arm.await_pedal)
 
         def tool_there(there: bool) -> None:
@@ -120,12 +122,20 @@ class RealLab:
 
     def check_stop_button(self, cell: Workcell) -> None:
         """Connect the arm; have its stop button pressed and released if that is due. Raises StoppedByOperator."""
-        arm = self._arm(cell, self._task.name, "nothing on the table")
+        arm = self._arm(cell, self._task.name, "nothing on the table", "")
         self._stack.enter_context(arm)
         arm.consent.stop_button(arm)
 
-    def _arm(self, cell: Workcell, tool: str, on_table: str, watch: ToolWatch | None = None) -> ConfirmedArm:
-        """The arm, to be connected last.
+    def _arm(
+        self,
+        cell: Workcell,
+        tool: str,
+        on_table: str,
+        kind: str,
+        watch: ToolWatch | None = None,
+        X_BC: Array | None = None,
+    ) -> ConfirmedArm:
+        """The arm, to be connected last; it does `kind`, with the camera at X_BC (4, 4).
 
         Its confirmation mentions the object `on_table`; `watch` checks the tool before every motion.
         """
@@ -134,7 +144,9 @@ class RealLab:
         where = f"{self.rig.arm.model} at {self.rig.arm.address}"
         before = (lambda: None) if watch is None else watch.require
         known = KnownArm(self._folder)
-        each = self.rig.consent or "motion"
+        setup = setup_of(self.rig, cell, kind, X_BC)
+        watched = self.rig.waives("slow_start") or bool(known.read().slow_motion(setup))
+        each: Each = self.rig.consent if self.rig.consent and watched else "motion"
         consent = Consent(
             self._screen,
             where,
@@ -145,7 +157,7 @@ class RealLab:
             self.rig.in_force(),
             each,
             known,
-            setup_of(self.rig, cell),
+            setup,
         )
         return ConfirmedArm(bare, consent, pedal, before=before)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.consent import SLOW_PACE
-from adaptsim_cli.devices.known_arm import ArmFacts, KnownArm, folder_of, setup_of
+from adaptsim_cli.devices.known_arm import ArmFacts, KnownArm, SetUp, folder_of, setup_of
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
@@ -81,7 +81,9 @@ def motions_of(there: MountedTask, actions: Sequence[Sequence[JointPath]], rig: 
     )
 
 
-def page(there: MountedTask, rig: RigDescription, moves: Motions, known: ArmFacts, identity: dict[str, str]) -> str:
+def page(
+    there: MountedTask, rig: RigDescription, moves: Motions, known: ArmFacts, identity: dict[str, str], setup: SetUp
+) -> str:
     """The assessment as HTML, three sides of A4; `identity` names rig file, arm and program version."""
     payload, cell = rig.tool(there.task.name).payload, there.cell
     accepted, reach_m = worst_stop(cell), REACH_M + tool_reach_m(cell.tool)
@@ -111,7 +113,7 @@ def page(there: MountedTask, rig: RigDescription, moves: Motions, known: ArmFact
         edge_mm=1e3 * there.hardware.edge_m,
         flange_m_s=FLANGE[rig.arm.model].m_s,
         allowed_N=contact_limit_N(rig.arm.stops_at_N),
-        moved=known.setups.get(identity["set-up"], "never"),
+        moved=known.slow_motion(setup) or "never",
         stop_button=f"{known.stop_button} by {known.stop_button_by}" if known.stop_button else "never",
         accepted=accepted,
         silence_s=SILENCE_S,
@@ -150,14 +152,16 @@ def write(resolved: Resolved, path: Path, screen: Screen) -> None:
     config, places = resolved.config, resolved.places
     rig, there = rig_of(config, tasks_with_tools()), mounted_for(resolved, None)
     calibrated = current_calibration(config, places)
+    X_BC = None if calibrated is None else calibrated.hand_eye().X_BC
+    setup = setup_of(rig, there.cell, there.task.name, X_BC)
     identity = {
         "date": f"{datetime.now(UTC):%Y-%m-%d}",
         "program": f"adaptsim {metadata.version('adaptsim')}",
-        "set-up": setup_of(rig, there.cell),
+        "set-up": " ".join((setup.kind, setup.tool[:8], setup.calibration[:8], setup.rig[:8])),
         "calibration": "none yet: no box around the camera" if calibrated is None else calibrated.created[:10],
     }
     with screen.busy(f"Planning {there.task.name} with {rig.name}"):
         moves = motions_of(there, planned_actions(there), rig)
-    text = page(there, rig, moves, KnownArm(folder_of(places, rig)).read(), identity)
+    text = page(there, rig, moves, KnownArm(folder_of(places, rig)).read(), identity, setup)
     durable.write_file(path.absolute(), text.encode())
     screen.plain(f"Written: {path}. Print it, complete it, decide, and sign it")

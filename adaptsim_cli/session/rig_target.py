@@ -167,6 +167,8 @@ class RigTarget:
         self.rig.await_enabled("makes its motion", motion_s)
         with progress("The robot makes its motion and the camera records", "moving"):
             played, frames, stopped = self._film(motion)
+        if stopped is None:
+            self.release.completed()
         begun, followed = self._behind(planned, planned.placed.frame, frames, played)
         del frames  # each is freed once it is compressed
         if stopped is None:

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cells import cell, stick
 from real_lab import READY_RAD, RIG, WAIVED, ToyDevices, calibrated, quiet, said, typing, waiver, waivers, write_rig
+from toy_rig import ToyLab, rig_target, toy_parts
+from toy_session import unattended
 
 from adaptsim_cli import config
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.devices.known_arm import KnownArm, folder_of, setup_of
+from adaptsim_cli.devices.known_arm import KnownArm, SetUp, folder_of, setup_of
 from adaptsim_cli.devices.rig_file.description import as_shipped
 from adaptsim_cli.devices.rig_file.reading import gaps, read
 from adaptsim_cli.doctor import checks
@@ -24,11 +28,14 @@ from adaptsim_cli.doctor.checks import CHECKS
 from adaptsim_cli.doctor.table import Examined, Severity, ok
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.release import Release
+from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.watching import SessionLog
 from adaptsim_cli.session.watching import read as read_log
 from adaptsim_cli.wiring.session import open_trials
 from hw.fake import FakeArm, FakeClock
-from hw.types import ArmState, JointPath
+from hw.ports import Arm, AroundArm
+from hw.types import ArmState, Execution, JointPath
 from sim.tasks import get_task
 
 STILL = JointPath(np.arange(11, dtype=np.float64) * 1e-3, np.tile(np.asarray(READY_RAD, dtype=np.float64), (11, 1)))
@@ -92,18 +99,52 @@ def test_each_motion_is_agreed_to_if_the_rig_asks_for_it(monkeypatch):
     assert said(screen).count("Type y to start") == 6, "Enter alone asks again"
 
 
-def test_a_rig_asks_for_each_motion_until_it_has_moved_slowly(monkeypatch, place, kim):
-    devices = ToyDevices()
-    write_rig(place, RIG.replace('consent = "command"\n', "").replace(waivers("slow_start"), ""))
-    for pace, each in ((0.3, "motion"), (1.0, "motion")):
-        there = config.load({"hw": "panda", "task": "scooping", "pace": pace})
-        calibrated(there)
-        typing(monkeypatch, "panda", "y", "y")
+def slowly(place: Path, text: str, **settings: object) -> tuple[config.Resolved, ToyDevices]:
+    write_rig(place, text)
+    there = config.load({"hw": "panda", "task": "scooping", **settings})
+    calibrated(there)
+    return there, ToyDevices()
+
+
+def test_the_rig_files_consent_to_whole_commands_counts_once_the_tasks_own_motion_was_slow(monkeypatch, place, kim):
+    """A motion that is not the task's own (the way home, a small one) changes nothing; a new tool asks again."""
+    text = RIG.replace(waivers("slow_start"), "")
+    heavier = text.replace("mass_kg = 0.12", "mass_kg = 0.13")
+    cases = (
+        (text, 0.3, False, "motion"),
+        (text, 0.3, True, "motion"),
+        (text, 1.0, True, "command"),
+        (text + waivers("hand"), 1.0, True, "command"),
+        (text.replace('consent = "command"\n', ""), 1.0, False, "motion"),
+        (heavier, 0.3, False, "motion"),
+    )
+    for content, pace, own, each in cases:
+        there, devices = slowly(place, content, pace=pace)
+        typing(monkeypatch, *(["Kim"] if each == "" else []), "panda", "y")
         with open_trials(there.config, there.places, get_task("scooping"), devices.drivers(), screen=quiet()) as real:
-            assert real.rig.attendant.arm.consent.each == each  # type: ignore[attr-defined]
-            real.rig.arm.execute(STILL)
-        slow = len(STILL.t_s) if pace == 1.0 else 35
-        assert len(devices.arm.executed[0].t_s) == slow
+            assert real.release.each == each, (pace, own)
+            if pace < 1.0:
+                real.rig.arm.execute(STILL)
+                assert len(devices.arm.executed) == 1
+            if own:
+                real.release.completed()  # as the task's own motion does at its end
+
+
+def test_the_tasks_own_motion_makes_its_set_up_known_and_the_way_there_does_not(tmp_path):
+    lab, completed = ToyLab(0), list[int]()
+    target = rig_target(toy_parts(lab))
+    moved = list[int]()
+
+    class Counted(AroundArm[Arm]):
+        def execute(self, path: JointPath) -> Execution:
+            moved.append(1)
+            return self._arm.execute(path)
+
+    release = Release(completed=lambda: completed.append(len(moved)))
+    target = replace(target, rig=replace(target.rig, arm=Counted(target.rig.arm), release=release))
+    placed = target.place(np.array([0.68, 0.0]), TrialKey(1, 0), unattended())
+    target.execute(target.plan(placed, np.array([0.5])))
+    assert completed == [2], "once, after the second of three motions"
 
 
 @dataclass
@@ -158,60 +199,70 @@ def test_the_doctor_says_when_the_check_is_older_than_a_day(age, verdict, tmp_pa
     monkeypatch.setattr(checks, "folder_of", lambda *_: tmp_path)
     if age is not None:
         at = (datetime.now(UTC) - timedelta(hours=age)).isoformat(timespec="seconds")
-        content = {"stop_button": at, "stop_button_by": "Kim", "setups": {}, "steps": []}
+        content = {"stop_button": at, "stop_button_by": "Kim", "slow_motions": [], "steps": []}
         (tmp_path / "known.json").write_text(json.dumps(content))
     assert CHECKS["stop button"](lab).verdict is verdict
 
 
 def test_a_damaged_memory_asks_everything_again(tmp_path):
-    no_time = '{"stop_button": "x", "stop_button_by": "", "setups": {}, "steps": []}'
+    no_time = '{"stop_button": "x", "stop_button_by": "", "slow_motions": [], "steps": []}'
     for content in ("{", "[]", '{"stop_button": 3}', no_time):
         (tmp_path / "known.json").write_text(content)
         assert KnownArm(tmp_path).read().stop_button_is_due(NOW)
 
 
+NEW = SetUp("scooping", "tool", "calibration", "rig")
+
+
 @pytest.mark.parametrize(("answer", "moves"), [("kim", True), ("", False), ("q", False)])
 def test_a_new_set_up_moves_slowly_first_or_by_name(answer, moves, tmp_path, monkeypatch):
     known, screen = KnownArm(tmp_path), quiet()
-    typing(monkeypatch, answer, "panda")
 
-    def asked(pace: float, setup: str, into: Screen) -> Consent:
-        return Consent(
-            into, "panda", operator="Kim", known=known, setup=setup, pace=pace, waivers=(waiver("stop_button"),)
-        )
+    def asked(pace: float, into: Screen, setup: SetUp = NEW) -> Consent:
+        waived = (waiver("stop_button"),)
+        return Consent(into, "panda", operator="Kim", known=known, setup=setup, pace=pace, waivers=waived)
 
-    arm, bare = arm_with(asked(1.0, "new", screen))
-    with arm:
-        if moves:
+    def moved(consent: Consent, *typed: str, own: bool) -> bool:
+        typing(monkeypatch, *typed)
+        arm, bare = arm_with(consent)
+        with arm, suppress(StoppedByOperator):
             arm.execute(STILL)
-        else:
-            with pytest.raises(StoppedByOperator):
-                arm.execute(STILL)
-    assert len(bare.executed) == moves
+            if own:
+                arm.release.completed()
+        return bool(bare.executed)
+
+    assert moved(asked(1.0, screen), answer, "panda", own=True) == moves
     assert "add --pace 0.3" in said(screen)
-    assert known.read().setups == {}, "full speed makes nothing known"
-    typing(monkeypatch, "panda")
-    slow, _ = arm_with(asked(0.3, "new", quiet()))
-    with slow:
-        slow.execute(STILL)
-    typing(monkeypatch, "panda")
-    after, later = quiet(), arm_with(asked(1.0, "new", quiet()))[0]
-    with later:
-        later.execute(STILL)
+    assert known.read().slow_motions == (), "full speed makes nothing known"
+    assert moved(asked(0.3, quiet()), "panda", own=False)
+    assert known.read().slow_motions == (), "nor does another motion, as slow as it may be"
+    assert moved(asked(0.3, quiet()), "panda", own=True)
+    after = quiet()
+    assert moved(asked(1.0, after), "panda", own=True)
     assert "Full speed" not in said(after)
+    for part, name in (("tool", "tool or table"), ("calibration", "calibration"), ("rig", "rig file")):
+        again = quiet()
+        assert not moved(asked(1.0, again, replace(NEW, **{part: "another"})), "", own=True)
+        assert f"Since scooping last moved slowly the {name} changed" in said(again)
+    other = quiet()
+    assert not moved(asked(1.0, other, replace(NEW, kind="pushing")), "", own=True)
+    assert "With this rig file, tool and calibration pushing has not moved" in said(other)
 
 
-def test_a_set_up_is_rig_file_tool_and_calibration():
-    rig, zeros = as_shipped("panda"), np.zeros(7)
-    first = setup_of(rig, cell(zeros_rad=zeros))
-    assert first == setup_of(as_shipped("panda"), cell(zeros_rad=zeros))
+def test_a_set_up_is_task_rig_file_tool_and_calibration():
+    rig, zeros, X_BC = as_shipped("panda"), np.zeros(7), np.eye(4)
+    first = setup_of(rig, cell(zeros_rad=zeros), "scooping", X_BC)
+    assert first == setup_of(as_shipped("panda"), cell(zeros_rad=zeros), "scooping", X_BC)
+    assert first == setup_of(replace(rig, waivers=(waiver("pedal"),)), cell(zeros_rad=zeros), "scooping", X_BC)
     others = {
-        setup_of(as_shipped("fr3"), cell(zeros_rad=zeros)),
-        setup_of(rig, cell(zeros_rad=zeros + 1e-4)),
-        setup_of(rig, cell(tool=stick((0.0, 0.0, 0.2)))),
-        setup_of(rig, cell(tool=stick((0.0, 0.0, 0.201)))),
+        setup_of(as_shipped("fr3"), cell(zeros_rad=zeros), "scooping", X_BC),
+        setup_of(rig, cell(zeros_rad=zeros + 1e-4), "scooping", X_BC),
+        setup_of(rig, cell(tool=stick((0.0, 0.0, 0.2))), "scooping", X_BC),
+        setup_of(rig, cell(tool=stick((0.0, 0.0, 0.201))), "scooping", X_BC),
+        setup_of(rig, cell(zeros_rad=zeros), "pushing", X_BC),
+        setup_of(rig, cell(zeros_rad=zeros), "scooping", 1.001 * X_BC),
     }
-    assert len(others | {first}) == 5
+    assert len(others | {first}) == 7
 
 
 def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(place, kim):

@@ -13,7 +13,7 @@ import pytest
 from real_lab import RIG, calibrated, waivers, write_rig
 
 from adaptsim_cli import app, config
-from adaptsim_cli.devices.known_arm import ArmFacts
+from adaptsim_cli.devices.known_arm import ArmFacts, SetUp
 from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.devices.rig_file.waivers import WITHOUT, Waivable
@@ -32,7 +32,9 @@ def sheet(folder: Path, rig_text: str = RIG, moves: Motions = MOVES) -> str:
     """The text of the sheet of a rig, without marks, on one line."""
     rig = read(write_rig(folder, rig_text))
     facts = ArmFacts("2026-03-01T08:00:00+00:00", "Kim")
-    text = page(mounted(get_task("scooping"), rig, np.zeros(7)), rig, moves, facts, {"set-up": "abc"})
+    text = page(
+        mounted(get_task("scooping"), rig, np.zeros(7)), rig, moves, facts, {"set-up": "abc"}, SetUp("scooping")
+    )
     return " ".join(html.unescape(re.sub(r"<style>.*</style>|<[^>]*>", " ", text, flags=re.DOTALL)).split())
 
 

@@ -67,13 +67,13 @@ def commands(clone: Path) -> tuple[str, ...]:
 SETUP_PAGE, SETUP_CAST = ROOT / "docs/start/setup.md", ROOT / "docs/figures/setup.cast"
 SETUP_HEAD = """# A setup, practised
 
-Written by `python docs/film.py setup`, which types this command into a terminal of 80 × 24 and answers its questions: mostly with Enter, which takes what stands in brackets.
+Written by `python docs/film.py setup`, which types this command into a terminal of 80 × 24 and answers its questions: mostly with Enter, which takes what stands in brackets, and with the word that lets something move.
 [The film](../figures/setup.cast) plays with `asciinema play setup.cast`; waits are cut to one second.
 With a real arm, `adaptsim setup --hw fr3`, the first five steps ask and look at the devices. Of every step the middle is left out here (…).
 
 """
 ANSWERS = {"Name a box": "lamp", "upper corner": "0.7 -0.7 0.5"}
-"""Typed once each, at the question that has these words in it; every other answer is Enter."""
+"""Typed once each, at the question that has these words in it; a motion gets the word it asks for, the rest Enter."""
 FIRST, LAST = 14, 5
 """Lines of a step that the page keeps."""
 
@@ -155,9 +155,11 @@ def _until_prompt(fd: int, events: list[tuple[float, str]], clock_s: float, afte
     while time.monotonic() < deadline_s:
         if not select.select([fd], [], [], 1.0)[0]:
             if re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", seen[answered:]).rstrip().endswith(":"):
-                key = next((words for words in left if words in seen[answered:]), "")
+                question = " ".join(re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", seen[answered:]).split())
+                key = next((words for words in left if words in question), "")
+                word = re.findall(r"Type (\w+) to (?:start|let|confirm)", question)
                 answered = len(seen)
-                os.write(fd, left.pop(key, "").encode() + b"\n")
+                os.write(fd, (left.pop(key) if key else word[-1] if word else "").encode() + b"\n")
             continue
         text = os.read(fd, 65536).decode("utf-8", "replace")
         now_s = time.monotonic()

@@ -96,7 +96,7 @@ class Answers:
         Enter waives nothing. Returns whether it is waived. Raises StoppedByOperator.
         """
         self.screen.plain(f"  Without it {WITHOUT[what]}.")
-        self.screen.plain(f"  Reason, name and day go into the rig file and every record; it ends in {DAYS} days.")
+        self.screen.plain(f"  Reason, name and day are recorded everywhere; it ends in {DAYS} days.")
         reason = self._typed("Why does this lab go without it? One sentence; Enter waives nothing:")
         if len(reason) < SHORTEST_REASON:
             self.screen.note(f"  Nothing is waived: a reason has at least {SHORTEST_REASON} letters.")

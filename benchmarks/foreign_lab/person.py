@@ -81,7 +81,7 @@ class Person:
 
     def hand_over(self, said: str) -> str:
         self.arm.ask(do="hold", what=self.tool, width=0.06)
-        return ""
+        return "y"
 
 
 REPLIES: dict[str, str | Callable[[Person, str], str]] = {
@@ -92,12 +92,14 @@ REPLIES: dict[str, str | Callable[[Person, str], str]] = {
     "Type recover to clear it": "recover",
     "Enter to begin it": "",
     "Enter when it is empty": Person.empty,
-    "Enter to close": Person.hand_over,
+    "the hand closes with": Person.hand_over,
     "Enter when it lies there": Person.place,
     "Enter to set this trial up again": "",
     "Enter to repeat this trial": "",
     "to overrule the outcome": "",
     "Enter to accept": "",
+    "Type y to repeat this trial": "y",
+    "Type fr3 to let it move": "fr3",
     "Type y to start": "y",
 }
 

@@ -85,7 +85,7 @@ SLIPS = [
     Slip(("run-iteration", "--task", "toy", "--session", "studdy"), 130, (CTRL_C,)),
     *(
         Slip(GO_ON, code, (*agreed, *answers), motions)
-        for agreed, motions in (((), 0), (("",), 0), (("", ""), 1))
+        for agreed, motions in (((), 0), (("",), 0), (("", ""), 0), (("", "y"), 1))
         for code, answers in (
             (7, ("q",)),
             (7, ("Q",)),
@@ -94,8 +94,8 @@ SLIPS = [
             (7, ("?", "yes", "start", "123", "q")),
         )
     ),
-    Slip(GO_ON, 7, ("", "", "r", "?", "q", "q"), 1),
-    Slip(GO_ON, 7, ("", "", "o", "9", "?", "q", "q"), 1),
+    Slip(GO_ON, 7, ("", "y", "r", "?", "q", "q"), 1),
+    Slip(GO_ON, 7, ("", "y", "o", "9", "?", "q", "q"), 1),
 ]
 
 

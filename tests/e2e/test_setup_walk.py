@@ -57,9 +57,15 @@ class Terminal:
             elif self.said[answered:].rstrip().endswith(":"):
                 question, answered = self.said[answered:], len(self.said)
                 key = next((words for words in left if words in question.rpartition("\n\n")[2]), "")
-                os.write(screen, left.pop(key, "").encode() + b"\n")
+                os.write(screen, (left.pop(key) if key else word(question)).encode() + b"\n")
         os.close(screen)
         return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+
+
+def word(question: str) -> str:
+    """What lets something move: the word that the question asks for, else Enter."""
+    wanted = re.search(r"Type (\w+) to (?:start|let|confirm)", " ".join(question.split()))
+    return wanted[1] if wanted else ""
 
 
 def plain(text: str) -> str:

@@ -39,7 +39,8 @@ def files() -> str:
 
 def fields(module: str, name: str) -> Iterator[tuple[str, str, str, str]]:
     """(field, type, default, meaning) of a model or dataclass, its meaning from comment, docstring or description."""
-    source = textwrap.dedent(inspect.getsource(getattr(importlib.import_module(module), name)))
+    owner = getattr(importlib.import_module(module), name)
+    source = textwrap.dedent(inspect.getsource(owner))
     lines = source.splitlines()
     body = ast.parse(source).body[0].body  # type: ignore[attr-defined]
     for node, after in zip(body, [*body[1:], None], strict=True):
@@ -47,6 +48,8 @@ def fields(module: str, name: str) -> Iterator[tuple[str, str, str, str]]:
             continue
         field = node.target.id
         meaning, unit = _described(node)
+        if not meaning and (described := getattr(owner, "__pydantic_fields__", {}).get(field)):
+            meaning = described.description or ""
         if not meaning and isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
             meaning = str(after.value.value)
         if not meaning and "  # " in (last := lines[(node.end_lineno or 1) - 1]):
@@ -72,8 +75,13 @@ def _described(node: ast.AnnAssign) -> tuple[str, str]:
         if isinstance(call.func, ast.Name) and call.func.id in ("said", "maybe"):
             text = str(ast.literal_eval(call.args[0]))
         if isinstance(call.func, ast.Name) and call.func.id == "key":
-            text, unit = [*map(ast.literal_eval, call.args), ""][:2]
+            text, unit = [*(_computed(arg) for arg in call.args), ""][:2]
     return text, unit
+
+
+def _computed(node: ast.expr) -> str:
+    """A text as it stands in the source; "" for one that is put together there, which the class itself then tells."""
+    return str(ast.literal_eval(node)) if isinstance(node, ast.Constant) else ""
 
 
 def _type(node: ast.expr) -> str:

@@ -50,6 +50,7 @@ class Sensing:
     camera_moved_mm: Annotated[float, Field(ge=0, le=100)] = 0.0
     """How far somebody has moved the camera since its nominal calibration; the direction is drawn."""
     camera_moved_deg: Annotated[float, Field(ge=0, le=10)] = 0.0
+    """How far it was turned then; the axis is drawn."""
     board_scale: Annotated[float, Field(ge=0.5, le=2)] = 1.0
     """Printed size of the calibration board over its stated size."""
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from hw.collision import Table, Tool, point_heights
 from hw.contact import Detector, estimate_errors_Nm
 from hw.errors import ArmFault, DeviceUnavailable, NoContact
+from hw.franka.motions import StopReport
 from hw.franka.settings import Payload
 from hw.kinematics import jacobian, link_poses
 from hw.types import ArmState, Array, Contact, Execution, Guard, JointPath, frozen_array
@@ -49,6 +50,7 @@ class FakeArm:
         self._fault: str | None = None
         self._plane, self._torque_Nm, self._rng = plane, torque_Nm, np.random.default_rng(0)
         self.executed: list[JointPath] = []
+        self.last_stop: StopReport | None = None  # it jumps, so there is none to report
         self.carried: list[Payload] = []
 
     @property

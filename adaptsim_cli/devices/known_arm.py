@@ -55,12 +55,38 @@ class SlowMotion:
 
 
 @dataclass(frozen=True)
+class StopMeasurement:
+    """What the stop button did to a slow motion, beside the worst case of that motion."""
+
+    at: str  # ISO 8601
+    by: str  # the operator
+    time_s: float  # from the last command that the arm took until every joint stood
+    distance_m: float  # travel of the flange until then
+    worst_time_s: float
+    worst_distance_m: float  # of the farthest point of arm and tool
+
+    @property
+    def is_within(self) -> bool:
+        """Whether both lie within the worst case."""
+        return self.time_s <= self.worst_time_s and self.distance_m <= self.worst_distance_m
+
+    def __str__(self) -> str:
+        verdict = "within" if self.is_within else "BEYOND"
+        return (
+            f"the stop button brought a slow motion to rest in {self.time_s:.2f} s and {1e3 * self.distance_m:.0f} mm, "
+            f"{verdict} the worst case of {self.worst_time_s:.2f} s and {1e3 * self.worst_distance_m:.0f} mm "
+            f"({self.at[:10]}, {self.by})"
+        )
+
+
+@dataclass(frozen=True)
 class ArmFacts:
     """The content of the file."""
 
     stop_button: str = ""  # ISO 8601: when it was last found to stop the arm; "": never
     stop_button_by: str = ""  # the operator
     slow_motions: tuple[SlowMotion, ...] = ()
+    stop: StopMeasurement | None = None  # None: never measured
     steps: tuple[str, ...] = ()  # those of `adaptsim setup` that are done
 
     def slow_motion(self, setup: SetUp) -> str:
@@ -101,11 +127,15 @@ class KnownArm:
             known.stop_button_is_due(datetime.now(UTC))
         except (FileNotFoundError, Unreadable, TypeError, ValueError):
             return ArmFacts()
-        return known if found.keys() == asdict(known).keys() else ArmFacts()
+        return known if {*found, "stop"} == asdict(known).keys() else ArmFacts()  # older files have no stop
 
     def stop_button_checked(self, operator: str) -> None:
         """Remember that it stopped the arm just now. Raises SessionError."""
         self._write(replace(self.read(), stop_button=_now(), stop_button_by=operator))
+
+    def stop_measured(self, measurement: StopMeasurement) -> None:
+        """Remember how the stop button stopped a slow motion. Raises SessionError."""
+        self._write(replace(self.read(), stop=measurement))
 
     def moved_slowly(self, setup: SetUp) -> None:
         """Remember that the own motion of this set-up came to its end slowly. Raises SessionError."""

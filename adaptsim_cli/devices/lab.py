@@ -23,6 +23,7 @@ from hw.workcell import Workcell
 
 if TYPE_CHECKING:
     from adaptsim_cli.devices.rig_file.description import BalancePart, CameraPart
+    from hw.franka.motions import StopReport
     from hw.franka.settings import FrankaSettings, Payload
     from sim.lab.board import HeldBoard
 
@@ -85,6 +86,10 @@ class RealArm(GuardedArm, Protocol):
     @property
     def notes(self) -> tuple[str, ...]:
         """Real-time properties that the computer denies its process, one sentence each; known once it is connected."""
+
+    @property
+    def last_stop(self) -> StopReport | None:
+        """How its last motion stopped; None: it came to its end."""
 
     def carry(self, tool: Tool, payload: Payload) -> None:
         """Set the load, for the checks and for the arm's weight compensation. Nothing moves. Raises HardwareError."""

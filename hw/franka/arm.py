@@ -24,6 +24,7 @@ from hw.franka.motions import (
     WHY,
     PathCheck,
     StopReport,
+    arm_stop,
     back_from,
     contact_of,
     from_held,
@@ -252,6 +253,7 @@ class FrankaArm:
         execution = Execution(t_start_s, played.t_s, played.q_commanded_rad, played.q_measured_rad, played.success_rate)
         self.last_execution, self.last_stop = execution, stop_report(played)
         if outcome.failure is not None:
+            self.last_stop = arm_stop(played, outcome.rest) or self.last_stop
             self._fault = outcome.failure.text  # also if the arm refused to begin: its stop button may be released now
             after_s = float(played.t_s[-1]) if len(played.t_s) else None
             raise self._error(outcome.failure, moving=after_s is not None, after_s=after_s)

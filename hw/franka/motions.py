@@ -13,6 +13,7 @@ import numpy as np
 from hw.braking import brake
 from hw.dynamics import GRAVITY_M_S2
 from hw.errors import MotionRefused
+from hw.franka.driver import Reading
 from hw.franka.playback import NONSENSE, STILL_RAD_S, TOUCH, PlayableMotion, Played, motion_of
 from hw.kinematics import forward, jacobian
 from hw.limits import START_TOLERANCE_RAD, refuse_beyond
@@ -90,11 +91,15 @@ def require_declared(model: str, q_rad: Array, external_Nm: Sequence[Sequence[fl
 WHY = {**IN_WORDS, NONSENSE: "the arm reported joints that no arm can have"}
 
 
+BY_ITSELF, BUTTON = "the arm", "the stop button"
+"""The reasons of a stop that the arm's controller made: by itself, or because a person pressed its stop button."""
+
+
 @dataclass(frozen=True)
 class StopReport:
     """Times on the arm's clock and the measured travel of the flange, counted from the player's decision to stop."""
 
-    why: str  # "pedal", "request", "silence", "orphaned" or "touch"
+    why: str  # "pedal", "request", "silence", "orphaned", "touch", `BY_ITSELF`, `BUTTON`
     at_s: float  # path time
     braking_after_s: float  # until the first slowed command
     still_after_s: float  # until every joint stays slower than `STILL_RAD_S`
@@ -123,6 +128,27 @@ def stop_report(played: Played) -> StopReport | None:
         float(played.t_s[still] - played.t_s[first]),
         float(np.linalg.norm(np.diff(flange_m, axis=0), axis=1).sum()),
         float(played.clock_s[played.braked_at]),
+    )
+
+
+def arm_stop(played: Played, rest: Sequence[Reading]) -> StopReport | None:
+    """The stop of an arm that stopped by itself, counted from its last cycle; `rest` are the readings after that.
+
+    None if there was no cycle, or the arm was not seen to stand still.
+    """
+    moving = [max(map(abs, reading.dq_rad_s)) >= STILL_RAD_S for reading in rest]
+    if not len(played.t_s) or not moving or moving[-1]:
+        return None
+    still = len(moving) - moving[::-1].index(True) if any(moving) else 0
+    ways = [played.q_measured_rad[-1], *(reading.q_rad for reading in rest[: still + 1])]
+    flange_m = forward(np.array(ways))[:, :3, 3]
+    return StopReport(
+        BUTTON if any(reading.by_hand for reading in rest) else BY_ITSELF,
+        float(played.t_s[-1]),
+        0.0,
+        (still + 1) / PATH_RATE_HZ,
+        float(np.linalg.norm(np.diff(flange_m, axis=0), axis=1).sum()),
+        float(played.clock_s[-1]),
     )
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from hw.braking import check_braking, joint_spline
 from hw.contact import Detector
 from hw.errors import MotionRefused
-from hw.franka.driver import FAULT, Failure, SdkState
+from hw.franka.driver import FAULT, Failure, Reading, SdkState
 from hw.franka.states import UNWATCHED_S
 from hw.joint_limits import JointLimits
 from hw.limits import START_TOLERANCE_RAD
@@ -326,3 +326,4 @@ class PlayOutcome:
 
     played: Played
     failure: Failure | None = None
+    rest: tuple[Reading, ...] = ()  # where the arm stopped by itself: one a millisecond, until it stood still

@@ -24,7 +24,7 @@ from hw.contact import Detector
 from hw.errors import DeviceUnavailable
 from hw.franka import connection, realtime, versions
 from hw.franka.connection import DRIVES
-from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Failure
+from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Failure, Reading
 from hw.franka.playback import START_S, STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback, PlayOutcome, Timing
 from hw.franka.settings import FrankaSettings
 from hw.types import Guard
@@ -63,34 +63,34 @@ def play(
     try:
         driver.prepare(motion.checked_s)
         listener.begin()
-        failure = _driven(driver, playback)
+        failure, rest = _driven(driver, playback)
     finally:
         gc.enable()
     if playback.refused:
         raise Failure(UNMOVED, f"{playback.refused}; nothing has moved")
-    return PlayOutcome(playback.played(), failure)
+    return PlayOutcome(playback.played(), failure, rest)
 
 
-def _driven(driver: connection.Connection, playback: Playback) -> Failure | None:
-    """Drive the motion to its end; the failure that ended it, with the arm at rest."""
+def _driven(driver: connection.Connection, playback: Playback) -> tuple[Failure | None, tuple[Reading, ...]]:
+    """Drive the motion to its end; the failure that ended it, and the readings until the arm was at rest."""
     try:
         driver.drive(playback.step)
     except Failure as failure:
-        if failure.kind == FAULT:
-            wait_for_rest(driver)
-        return failure
-    return None
+        return failure, tuple(wait_for_rest(driver)) if failure.kind == FAULT else ()
+    return None, ()
 
 
-def wait_for_rest(driver: connection.Connection) -> None:
+def wait_for_rest(driver: connection.Connection) -> list[Reading]:
     """After the arm stopped by itself: read at 1 kHz until it stands still or does not answer."""
-    still = 0
+    still, readings = 0, list[Reading]()
     with suppress(Failure):
         for _ in range(REST_READINGS):
-            moves = max(map(abs, driver.reading().dq_rad_s)) >= STILL_RAD_S
+            readings.append(driver.reading())
+            moves = max(map(abs, readings[-1].dq_rad_s)) >= STILL_RAD_S
             still = 0 if moves else still + 1
             if still >= STILL_CYCLES:
-                return
+                break
+    return readings
 
 
 def serve(program: Connection, listener: Watchdog, connect: Callable[..., connection.Connection]) -> None:

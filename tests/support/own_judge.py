@@ -3,17 +3,20 @@
 Kinematics by the product of exponentials from the arm's zero posture (Lynch and Park, "Modern Robotics", 2017, chapter
 4), not by the Denavit-Hartenberg table of `hw.kinematics`. Velocities, accelerations and torques by plain differences
 of the places of the links at 1 kHz and d'Alembert's principle, not by recursive Newton-Euler. The limits are the
-maker's numbers as written here. Only masses and inertias are those of `hw.dynamics`, as data.
+maker's numbers as written here, and masses and inertias those that the maker publishes for each arm
+(tests/data/franka-description). `mesh_judge` adds the maker's meshes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.dynamics import LINKS
 from hw.mass import Mass
 
 Array = NDArray[np.float64]
@@ -79,6 +82,7 @@ CAPSULES = (
     (8, (-0.0353553, -0.0353553, 0.04), (0.0353553, 0.0353553, 0.04), 0.04),
     (8, (0, 0, 0.08), (0, 0, 0.095), 0.022),
 )
+DESCRIPTION = Path(__file__).parents[1] / "data" / "franka-description"
 HARMLESS = 1.0 + 1e-9
 DIFFERENCES = 1.02
 """What differences of samples may be off by, as a factor."""
@@ -128,8 +132,29 @@ def _about(axis: Array, point: Array, angle: Array) -> Array:
     return X
 
 
-def torques(model: str, q: Array, load: Mass) -> Array:
-    """Samples (N, 7) of a motion of an arm at 1 kHz -> (N - 2, 7) torques at all but the first and the last.
+@cache
+def published(model: str) -> tuple[Mass, ...]:
+    """Mass and inertia of links 1 to 7, each in its link's frame, from the maker's `inertials.yaml`."""
+    folder = DESCRIPTION / {"panda": "fer", "fr3": "fr3"}[model]
+    numbers: dict[str, dict[str, list[float]]] = {}
+    for line in (folder / "inertials.yaml").read_text(encoding="utf-8").splitlines():
+        key, _, value = line.strip().partition(":")
+        if line and not line.startswith((" ", "#")):
+            numbers[key] = {}
+        elif value.strip():
+            numbers[list(numbers)[-1]][key] = [float(part) for part in value.split()]
+    bodies = []
+    for i in range(1, 8):
+        of = numbers[f"link{i}"]
+        assert not any(of["rpy"])
+        (xx,), (xy,), (xz,), (yy,), (yz,), (zz,) = (of[key] for key in ("xx", "xy", "xz", "yy", "yz", "zz"))
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        bodies.append(Mass(of["mass"][0], np.array(of["xyz"]), inertia))
+    return tuple(bodies)
+
+
+def torques(q: Array, load: Mass, links: Sequence[Mass]) -> Array:
+    """Samples (N, 7) of a motion at 1 kHz -> (N - 2, 7) torques at all but the first and the last.
 
     Every body's weight, and what its acceleration and its change of spin need, turns each joint below it.
     """
@@ -137,7 +162,7 @@ def torques(model: str, q: Array, load: Mass) -> Array:
     axes = [X[:, i, :3, 2] for i in range(1, 8)]
     origins = [X[:, i, :3, 3] for i in range(1, 8)]
     found = np.zeros((len(q) - 2, 7))
-    bodies = [(i, body) for i, body in enumerate(LINKS[model]) if i] + [(8, load)]
+    bodies = [*enumerate(links, start=1), (8, load)]
     for link, body in bodies:
         R, p = X[:, link, :3, :3], X[:, link, :3, 3]
         com = p + R @ body.com_m
@@ -168,6 +193,13 @@ def wrong(
         rest = wrong_within(q, q_arm, model)
         return rest or _places(q, scene, touching)
     return _joints(q, q_arm, model) or _together(q, model, scene.load) or _places(q, scene, touching)
+
+
+def wrong_alone(q: Array, q_arm: Array, model: str, load: Mass, *, rests: bool = True) -> str:
+    """The same without the surroundings: joints, torques and flange. Not `rests`: joints alone, without a rest."""
+    if not rests:
+        return _joints(q, q_arm, model, rests=False)
+    return _joints(q, q_arm, model) or _together(q, model, load)
 
 
 def wrong_within(q: Array, q_arm: Array, model: str) -> str:
@@ -203,7 +235,7 @@ def _together(q: Array, model: str, load: Mass) -> str:
     turn = R[1:] @ np.swapaxes(R[:-1], 1, 2)
     angle = np.arccos(np.clip((np.trace(turn, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
     m_s, m_s2, m_s3, rad_s, _, _ = MAKERS_FLANGE[model]
-    torque = torques(model, q, load)
+    torque = torques(q, load, published(model))
     sizes = {
         "travel": (np.linalg.norm(np.diff(at_m, axis=0), axis=1) * 1e3, m_s),
         "travel acceleration": (np.linalg.norm(np.diff(at_m, 2, axis=0), axis=1) * 1e6, m_s2),

@@ -23,15 +23,19 @@ from sim.panda.moves import move_path
 AWAY_RAD = READY_RAD + np.array([0.1, -0.1, 0.05, 0.1, 0.0, 0.1, -0.2])
 
 
+TOUCHING = ContactWindow(0.0, 0.5, 0.001, 5.0)
+
+
 @dataclass(frozen=True)
 class Kind:
-    """How to get an arm at the ready pose: one that is fine, and one that stops in its first contact motion."""
+    """How to get an arm at the ready pose: one that is fine, and one that stops in its first motion with `contact`."""
 
     make: Callable[[], Arm]
     make_faulty: Callable[[], Arm]
     model: str = "panda"
     rest_rad: float = 1e-6  # how far gravity bends an arm that is said to stand at a posture
     rest_rad_s: float = 1e-6
+    contact: ContactWindow | None = TOUCHING  # None: an arm that has to move freely before
 
 
 def fake(*, faulty: bool) -> Arm:
@@ -59,7 +63,7 @@ def over_the_network(server: Fr3Process) -> Kind:
             server.tell(fault)
         return arm_at(server)
 
-    return Kind(make, lambda: make("reflex 0.5 joint_reflex"), "fr3", rest_rad=1e-3, rest_rad_s=1e-2)
+    return Kind(make, lambda: make("reflex 0.5 joint_reflex"), "fr3", rest_rad=1e-3, rest_rad_s=1e-2, contact=None)
 
 
 @pytest.fixture(params=[*KINDS, pytest.param("fr3", marks=pytest.mark.long)])
@@ -134,7 +138,7 @@ def test_a_path_from_elsewhere_is_refused(kind: Kind, back: JointPath) -> None:
 
 
 def test_a_fault_stops_and_needs_recovery_which_never_resumes(kind: Kind, there: JointPath) -> None:
-    touching = JointPath(there.t_s, there.q_rad, ContactWindow(0.0, there.duration_s, 0.001, 5.0))
+    touching = JointPath(there.t_s, there.q_rad, kind.contact)
     with kind.make_faulty() as arm:
         with pytest.raises(ArmFault):
             arm.execute(touching)

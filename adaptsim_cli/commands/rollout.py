@@ -1,4 +1,4 @@
-"""`adaptsim rollout` and `adaptsim preview`: single trials outside any session."""
+"""`adaptsim rollout` and `adaptsim preview`: single trials, of which nothing is learnt."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import typer
 from adaptsim_cli import options
 
 if TYPE_CHECKING:
-    from adaptsim_cli.outputs.trials import Rollout
     from adaptsim_cli.screen.console import Screen
+    from adaptsim_cli.session.single import Chosen
+    from adaptsim_cli.session.store import SessionStore
 
 
 def rollout(
@@ -35,7 +36,9 @@ def rollout(
     ] = None,
     best: Annotated[bool, typer.Option("--best", help="The best policy of --session.")] = False,
     trials: Annotated[int, typer.Option("--trials", min=1, help="With --best: that many, at drawn contexts.")] = 1,
-    out: Annotated[Path | None, typer.Option("--out", help="New folder for the record and the recording.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="New folder for it; by default beside the sessions.")
+    ] = None,
     realtime: options.Realtime = False,
     pace: options.Pace = None,
     operator: options.Operator = None,
@@ -44,10 +47,11 @@ def rollout(
     yes: options.Yes = False,
     as_json: options.Json = False,
 ) -> None:
-    """Execute one trial with a chosen action, or with the action of a policy, and write its page. Nothing is adapted.
+    """Execute one trial with a chosen action, or with the action of a policy. Nothing is adapted.
 
-    The policy chooses the actions that are not given. `--session NAME --best` takes task, world and the best policy of
-    a session. With `--trials 5` its reward is measured at five drawn contexts, and the session's report says so.
+    It is stored as a session without a learner, which `sessions` lists, shows and exports. The policy chooses the
+    actions that are not given. `--session NAME --best` takes task, world and the best policy of a session. With
+    `--trials 5` its reward is measured at five drawn contexts, and the session's report says so.
 
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
@@ -59,7 +63,7 @@ def rollout(
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console, views
     from adaptsim_cli.session import single
-    from adaptsim_cli.session.store import SessionStore
+    from adaptsim_cli.session.store import SessionStore, trials_of
     from adaptsim_cli.view.live import live_view
     from adaptsim_cli.wiring import session as wiring
     from adaptsim_cli.wiring.best import best_of
@@ -83,29 +87,26 @@ def rollout(
         settings = settings.model_copy(update=changed)
     task_meant = get_task(settings.task)
     contexts = [context or []] if trials == 1 else single.drawn(task_meant, (settings.seed, len(history)), trials)
-    wanted = [single.Chosen(c, action or [], param or [], session, history, 1 + i) for i, c in enumerate(contexts)]
-    single.typed(task_meant, wanted[0])  # raises before anything is loaded or connected
+    chosen = single.Chosen(contexts, action or [], param or [], session, history)
+    single.typed(task_meant, chosen)  # raises before anything is loaded or connected
+    folder = out or resolved.places.sessions / f"rollout-{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(
                 wiring.open_parts(settings, Path(learnt), screen=None if settings.unattended(yes) else screen)
             )
         screen.show(views.badge(settings.hw, parts.target.title))
-        watcher, rewards = None, list[float]()
-        for chosen in wanted:
-            folder = out or resolved.places.data / "rollouts" / f"{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
-            if (view or view_port is not None) and watcher is None:
-                watcher = stack.enter_context(
-                    live_view(screen, parts, folder.name, f"rollout {folder.name}", settings.hw, view_port)
-                )
-            record = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes, watcher=watcher)
-            rewards.append(record.reward)
-            _tell(screen, record, folder)
+        watcher = None
+        if view or view_port is not None:
+            what = f"rollout {folder.name}"
+            watcher = stack.enter_context(live_view(screen, parts, folder.name, what, settings.hw, view_port))
+        made = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes, watcher=watcher)
+    _print(screen, made, chosen)
     lab = same_lab(settings.task, settings.hw, settings.world)
     if session is None:
         screen.next((f"adaptsim run-iteration {lab}", "adapts in about twenty such trials"))
     else:
-        _measured(screen, session, rewards)
+        _measured(screen, session, [record.reward for record in trials_of(made)])
 
 
 def _require_together(best_of_session: bool, trials_alone: bool) -> None:
@@ -117,6 +118,20 @@ def _require_together(best_of_session: bool, trials_alone: bool) -> None:
         raise UsageError("--trials draws the contexts itself: adaptsim rollout --session NAME --best --trials 5")
 
 
+def _print(screen: Screen, made: SessionStore, chosen: Chosen) -> None:
+    """Print the trials of a rollout, and draw its page."""
+    from adaptsim_cli.report.page import write
+    from adaptsim_cli.session import single
+    from adaptsim_cli.session.store import trials_of
+
+    for record in trials_of(made):
+        screen.data("rollout", single.shown(made, record, chosen))
+    screen.plain(f"Stored: {made.folder}")
+    with screen.busy("Drawing its page", "reporting"):
+        page = write(made)
+    screen.plain(f"Report: {page}")
+
+
 def _measured(screen: Screen, session: str, rewards: list[float]) -> None:
     """Print what the best policy of a session has earned, and what comes next."""
     page: tuple[tuple[str, str], ...] = ()
@@ -125,25 +140,6 @@ def _measured(screen: Screen, session: str, rewards: list[float]) -> None:
         screen.plain(f"Measured: {len(rewards)} trials of the best policy of {session}, mean reward {mean:.2f}")
         page = ((f"adaptsim report {session}", "prediction and measurement side by side"),)
     screen.next(*page, (f"adaptsim run-iteration --session {session}", "goes on with it"))
-
-
-def _tell(screen: Screen, record: Rollout, folder: Path) -> None:
-    """Print the result of the trial."""
-    from math import dist
-
-    from adaptsim_cli.report.page import write_rollout
-
-    screen.data("rollout", record)
-    outcome = record.outcome.value.replace("_", " ")
-    if record.goal_m is not None:
-        outcome += f", {1e3 * dist(record.track.state[-1][:2], record.goal_m):.0f} mm from the goal"
-    screen.plain(f"{outcome}, reward {record.reward:.2f}")
-    for flag in record.flags:
-        screen.note(f"note: {flag}")
-    screen.plain(f"Stored: {folder}")
-    with screen.busy("Drawing its page", "reporting"):
-        page = write_rollout(record, folder)
-    screen.plain(f"Report: {page}")
 
 
 def preview(

@@ -239,15 +239,6 @@ def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], n
     return canvas.svg()
 
 
-def one_path(track_m: Array, goal_m: Sequence[float] | None, width: float = WIDE) -> str:
-    """One tracked path (N, 2 or more) seen from above, and its goal."""
-    path = track_m[:, :2]
-    points = path if goal_m is None else np.concatenate([path, np.array([goal_m])])
-    canvas, x, y = _from_above(points, "Tracked path on the table, seen from above", width)
-    _path(canvas, x, y, path, goal_m, "c0", "the tracked centre", is_success=True)
-    return canvas.svg()
-
-
 def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: int, width: float = WIDE) -> str:
     """One quantity of every track against time. Older iterations are faint; a dashed line is a trial that failed."""
     curves = []
@@ -256,11 +247,6 @@ def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: i
         css += "" if trial.reward > 0 else " failed"
         curves.append((np.array(trial.track.t_s), np.array(trial.track.state)[:, column], css, _told(trial)))
     return _over_time(curves, label, width)
-
-
-def one_curve(t_s: Array, values: Array, label: str, width: float = WIDE) -> str:
-    """One quantity (N,) of a track against time."""
-    return _over_time([(t_s, values, "c0", label)], label, width)
 
 
 def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] = ()) -> str:

@@ -34,10 +34,6 @@ from sim.types import Dimension
 if TYPE_CHECKING:
     from jinja2 import Template
 
-from functools import partial
-
-from adaptsim_cli.outputs.trials import Rollout
-
 NO_BREAK = "\N{NO-BREAK SPACE}"
 _FIRST, _ADAPTED, _UDR = "c3", "c2", "c4"  # colours that no figure of two particles uses
 
@@ -304,41 +300,3 @@ def parameters_in_words(facts: Facts, params: Mapping[str, float]) -> str:
 def picture(path: Path) -> str:
     """A JPEG as a data URL."""
     return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()
-
-
-MOMENTS = ("start", "contact", "middle", "lift", "end", "rest")
-
-
-def write_rollout(record: Rollout, folder: Path) -> Path:
-    """Write `report.html` in the rollout's folder and return its path. Raises SessionError."""
-    path = (folder / "report.html").absolute()
-    durable.replace_file(path, render_rollout(record, folder).encode())
-    return path
-
-
-def render_rollout(record: Rollout, folder: Path) -> str:
-    """The page as HTML."""
-    task = get_task(record.task) if record.task in TASKS else None
-    known: dict[str, Dimension] = {}
-    if task is not None:
-        known = {d.name: d for space in (task.parameters, task.context, task.action) for d in space.dimensions}
-    track = record.track.track()
-    curves = dict(zip(task.observation.curves, task.observation.columns, strict=False)) if task is not None else {}
-    drawn = [
-        (label, both(partial(figures.one_curve, track.t_s, track.state[:, column], label)))
-        for label, column in curves.items()
-    ] or [("On the table", both(lambda width: figures.one_path(track.state, record.goal_m, width)))]
-    points = {"Context": record.context, "Action": record.action, "Parameters of its policy": record.params}
-    return fill(
-        "rollout.html.j2",
-        record=record,
-        name=folder.name,
-        title=(task.title[:1].upper() + task.title[1:]) if task is not None else record.task,
-        figures=drawn,
-        strip=[(m, picture(folder / f"moment-{m}.jpg")) for m in MOMENTS if (folder / f"moment-{m}.jpg").is_file()],
-        quantities=[
-            (title, [(known.get(name, Dimension(name, "", 0.0, 1.0)), value) for name, value in point.items()])
-            for title, point in points.items()
-            if point
-        ],
-    )

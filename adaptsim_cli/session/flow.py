@@ -78,6 +78,7 @@ class RunningSession:
     watcher: Watcher = field(default_factory=AllOf)
     thread: Executor | None = None  # for work beside the operator
     policies: Policies = field(default_factory=dict)
+    context_of: Callable[[RunTrial], Array] | None = None  # chosen by hand for a rollout; None: drawn
     overhead_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
     @property
@@ -163,7 +164,7 @@ def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Any
         mean = particles_of(store, stage.iteration)[stage.particle].mean
         proposal = propose(session.parts.task, stage, mean, policy, planned, partial(store.scratch, "overlay.jpg"))
         show_proposal(session.parts.task, proposal, planned, session.screen, session.watcher)
-        operator.approve(proposal, target.is_real, target.release)
+        operator.approve(proposal, target.needs_consent, target.release)
 
         started = now()
         store.mark_started(stage.iteration, stage.key, started)
@@ -311,6 +312,14 @@ def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Pl
         return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
     finally:
         deferred.settle()
+
+
+def _drawn(session: RunningSession, stage: RunTrial) -> Array:
+    """(c,) a random context without the rim; the same for the same attempt."""
+    space, seed = session.parts.task.context, session.store.facts.seed
+    rng = generator(seed, Draw.CONTEXT, stage.iteration, stage.particle, stage.trial, stage.key.attempt)
+    unit = space.normalise(space.sample(rng, 1)[0])
+    return space.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
 
 
 def _left_s(store: SessionStore, stage: RunTrial) -> float:

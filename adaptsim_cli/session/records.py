@@ -52,6 +52,9 @@ def generator(
 
 FORMAT = 4
 
+ROLLOUT = "rollout"
+"""The `method` of a session without a learner: trials with a chosen action or policy."""
+
 Row = tuple[float, ...]
 Samples = tuple[Row, ...]
 
@@ -86,8 +89,9 @@ class Facts(Record):
     held_out: float = 0.0  # share of the recorded trials that only scores
     start_from: str = ""  # session whose posterior this one began with
     start_from_sha256: str = ""  # hash of that posterior
+    policy_of: str = ""  # of a rollout: session whose best policy acts
     seed: int
-    method: str
+    method: str  # "rollout": nothing is adapted
     solver: str = ""  # how task policies are trained; empty: the checkpoint's solver
     object: str = ""  # file with the ranges of an own object
     particles: int

@@ -78,7 +78,7 @@ class RigTarget:
         return self.rig.title
 
     @property
-    def is_real(self) -> bool:
+    def moves(self) -> bool:
         """Whether a real arm moves, which can hurt somebody."""
         return self.rig.is_real
 
@@ -86,6 +86,16 @@ class RigTarget:
     def release(self) -> Release:
         """See `Target`."""
         return self.rig.release
+
+    @property
+    def needs_consent(self) -> bool:
+        """See `Target`: a real arm moves only if a person confirms it."""
+        return self.rig.is_real
+
+    @property
+    def owns_devices(self) -> bool:
+        """See `Target`."""
+        return True
 
     @property
     def outcomes(self) -> tuple[Outcome, ...]:
@@ -101,7 +111,7 @@ class RigTarget:
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         """Ask the operator first, because the arm may have moved; on a real arm the attempt is spent."""
         operator.repeat_interrupted(stage)
-        return self.is_real
+        return self.moves
 
     def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placed:
         """Have the object placed, find it with the camera, and check that it lies in the area."""
@@ -146,7 +156,7 @@ class RigTarget:
             placed=placed,
             action=action,
             summary=f"The motion takes {duration_s:.1f} s and passed all limits{slow}",
-            announcement=clear_to_move(self.is_real, what, asked_s, speed_m_s),
+            announcement=clear_to_move(self.moves, what, asked_s, speed_m_s),
             preview=self._preview(placed, paths),
             paths=paths,
         )

@@ -24,7 +24,7 @@ from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.flow import RunningSession, rows_of, run_iteration, tell
 from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.preflight import preflight
-from adaptsim_cli.session.records import Draw, Facts, SessionStart, as_records, generator, now
+from adaptsim_cli.session.records import ROLLOUT, Draw, Facts, SessionStart, as_records, generator, now
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
@@ -80,6 +80,8 @@ def run_session(
     if known is None and "task" not in request.given:
         near = did_you_mean(name, stores.names(root))
         raise UsageError(f"there is no session {name!r} in {root}; to begin one, name its task: add --task{near}")
+    if known is not None and known.facts.method == ROLLOUT:
+        raise UsageError(f"session {name!r} is a rollout: nothing adapts in it. To begin a session, give --task alone")
     config = _continued(asked, known, request) if known else asked
     if not request.yes:
         console.require_terminal()
@@ -166,7 +168,7 @@ def _meant(root: Path, asked: Config, request: SessionRequest) -> str:
         return default_name(asked)
     if request.given.intersection(_FROZEN) or not stores.names(root):
         raise UsageError("which session? Name its task to begin or continue one, e.g. --task scooping, or a --session")
-    return stores.newest(root)
+    return stores.newest(root, without=ROLLOUT)
 
 
 def _confirm_session(screen: Screen, request: SessionRequest, root: Path, known: SessionStore | None) -> None:
@@ -242,6 +244,13 @@ def settings_of(store: SessionStore, config: Config) -> Config:
 
 def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
     """A new session with its first particles. Raises UsageError, SessionError, DiskFull."""
+    particles = parts.learner.start(config.particles, generator(config.seed, Draw.START))
+    start = SessionStart(particles=tuple(rows_of(p) for p in particles))
+    return SessionStore.create(root, facts_for(name, config, parts), start)
+
+
+def facts_for(name: str, config: Config, parts: Parts, **changes: str | int) -> Facts:
+    """The facts of a new session; `changes` are fields that do not come from the settings."""
     facts = Facts(
         name=name,
         task=parts.task.name,
@@ -265,8 +274,7 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
         **asdict(parts.provenance),
         curves=dict(zip(parts.task.observation.curves, parts.task.observation.columns, strict=False)),
     )
-    particles = parts.learner.start(config.particles, generator(config.seed, Draw.START))
-    return SessionStore.create(root, facts, SessionStart(particles=tuple(rows_of(p) for p in particles)))
+    return facts.model_copy(update=changes)
 
 
 _OWN = {
@@ -310,7 +318,9 @@ def _ready(session: RunningSession, config: Config) -> None:
             f"Continuing after {count} trial{'s' if count > 1 else ''}. Another --session starts from the beginning."
         )
     target = session.parts.target
-    with nullcontext() if target.is_real else screen.busy("Checking arm and camera", "checking"):  # a real one may ask
+    with (
+        nullcontext() if target.needs_consent else screen.busy("Checking arm and camera", "checking")
+    ):  # a real one may ask
         checks = preflight(target, facts, session.store.folder, config.min_free_mb)
     screen.checks(checks)
     if problem := failures(checks):

@@ -29,7 +29,7 @@ FILE = "trajectory.json"
 class WithoutDevices:
     """The part of a `Target` in which nothing can move."""
 
-    is_real = False
+    moves = needs_consent = owns_devices = False
     release = Release()
     outcomes: tuple[Outcome, ...] = ()  # nobody watches, so nobody overrules
 

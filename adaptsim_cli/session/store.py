@@ -382,9 +382,11 @@ def stray_note(root: Path) -> str:
     )
 
 
-def newest(root: Path) -> str:
-    """The session that was begun last. Raises SessionError if no session exists."""
+def newest(root: Path, without: str = "") -> str:
+    """The session that was begun last, of another method than `without`. Raises SessionError if there is none."""
     found = [name for name in names(root) if (root / name / FACTS).is_file()]
+    if without:
+        found = [name for name in found if records.read(Facts, root / name / FACTS).method != without]
     if not found:
         raise SessionError(f"there are no sessions in {root} yet; begin one with adaptsim run-iteration")
     return found[-1]

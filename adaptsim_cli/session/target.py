@@ -108,8 +108,18 @@ class Target(Protocol):
         ...
 
     @property
-    def is_real(self) -> bool:
-        """Whether a real robot moves."""
+    def moves(self) -> bool:
+        """Whether something real moves, so that an interrupted attempt is spent."""
+        ...
+
+    @property
+    def needs_consent(self) -> bool:
+        """Whether a person confirms every motion at the terminal, also with --yes."""
+        ...
+
+    @property
+    def owns_devices(self) -> bool:
+        """Whether this program connects an arm and a camera, its own or those of the simulated lab."""
         ...
 
     @property

@@ -15,6 +15,7 @@ from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.consent import SLOW_PACE
 from adaptsim_cli.screen.keys import Key, enter
 from adaptsim_cli.session import single
+from adaptsim_cli.session.store import trials_of
 from adaptsim_cli.setup.answers import Answers
 from adaptsim_cli.setup.describing import board_payload
 from adaptsim_cli.touch_off import flow as touching
@@ -88,12 +89,13 @@ def trial(answers: Answers) -> None:
 
 def _trial(resolved: Resolved, answers: Answers) -> None:
     config, screen = resolved.config, answers.screen
-    folder = resolved.places.data / "rollouts" / f"{config.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
+    folder = resolved.places.sessions / f"rollout-{config.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(open_parts(config, Path(learnt), screen=answers.asked))
-        made = single.rollout(config, parts, single.Chosen((), (), ()), screen, folder, yes=answers.defaults)
-    screen.plain(f"  {made.outcome.value.replace('_', ' ')}, reward {made.reward:.2f}, stored: {folder}")
+        made = single.rollout(config, parts, single.Chosen(), screen, folder, yes=answers.defaults)
+    for record in trials_of(made):
+        screen.plain(f"  {record.outcome_words}, reward {record.reward:.2f}, stored: {folder}")
 
 
 def _slowly(answers: Answers, *, practice: bool = True) -> Resolved:

@@ -18,7 +18,7 @@ from adaptsim_cli.outputs.trials import Rollout
 from adaptsim_cli.report import page
 from adaptsim_cli.report.agreement import end_error, mean_of
 from adaptsim_cli.report.figures import HeldOut, Judgement, Prediction
-from adaptsim_cli.session.records import TrialRecord, read_object
+from adaptsim_cli.session.records import ROLLOUT, TrialRecord, read_object
 from adaptsim_cli.session.store import (
     RESULT,
     TRIAL,
@@ -235,18 +235,32 @@ def _unit(task: Task) -> str:
 def confirmed(store: SessionStore) -> tuple[float, ...]:
     """Rewards of the rollouts of the session's present best policy: those since its newest result.
 
-    Older ones are not opened; unreadable ones are skipped.
+    Older ones do not count; unreadable ones are skipped.
     """
-    trials, found = (store.folder.parents[1] / "rollouts").glob(f"*/{TRIAL}"), list[float]()
     results = [file.stat().st_mtime_ns for file in store.folder.glob(f"iteration-*/result-*/{RESULT}")]
-    for trial in sorted(trials) if results else ():
-        if trial.stat().st_mtime_ns < max(results):
+    if not results:
+        return ()
+    found, root = _stored_alone(store, max(results)), store.folder.parent
+    for name in names(root):
+        with suppress(SessionError):
+            other = SessionStore.open(root, name)
+            if (other.facts.method, other.facts.policy_of) == (ROLLOUT, store.facts.name):
+                files = ((other.trial_folder(*trial.place) / TRIAL, trial.reward) for trial in trials_of(other))
+                found += [reward for file, reward in files if file.stat().st_mtime_ns >= max(results)]
+    return tuple(found)
+
+
+def _stored_alone(store: SessionStore, since_ns: int) -> list[float]:
+    """Rewards of the rollouts that earlier versions stored in folders of their own."""
+    found = list[float]()
+    for trial in sorted((store.folder.parents[1] / "rollouts").glob(f"*/{TRIAL}")):
+        if trial.stat().st_mtime_ns < since_ns:
             continue
         with suppress(SessionError, ValidationError):
             record = Rollout.model_validate(read_object(trial))
             if record.session == store.facts.name:
                 found.append(record.reward)
-    return tuple(found)
+    return found
 
 
 def measured_udr(store: SessionStore) -> page.Reference | None:

@@ -81,17 +81,22 @@ class PlayableSession(Protocol):
 
 def play_iteration(session: PlayableSession) -> Show:
     """Do the missing stages of the present iteration; it is complete then. Raises the errors of its trials."""
-    while True:
-        stage = session.next_stage()
-        if isinstance(stage, RunTrial):
-            session.play_trial(stage, partial(policy_of_particle, session, stage.iteration, stage.particle))
-        elif isinstance(stage, Adapt):
-            history = session.history(stage.iteration + 1)
-            with session.progress("Adapting the simulation parameters", "adapting"):
-                particles = session.learner.next(history, session.generator(stage.iteration))
-            session.keep_particles(stage, history, particles)
-        else:
-            return stage
+    while not isinstance(stage := play_trials(session), Show):
+        history = session.history(stage.iteration + 1)
+        with session.progress("Adapting the simulation parameters", "adapting"):
+            particles = session.learner.next(history, session.generator(stage.iteration))
+        session.keep_particles(stage, history, particles)
+    return stage
+
+
+def play_trials(session: PlayableSession) -> Adapt | Show:
+    """Run the missing trials of the present iteration; returns the stage after them.
+
+    A rollout ends here: it has trials and no learner. Raises the errors of the trials.
+    """
+    while isinstance(stage := session.next_stage(), RunTrial):
+        session.play_trial(stage, partial(policy_of_particle, session, stage.iteration, stage.particle))
+    return stage
 
 
 def policy_of_particle(session: PlayableSession, iteration: int, index: int) -> SolvedPolicy:

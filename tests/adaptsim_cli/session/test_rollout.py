@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 from pathlib import Path
 
 import pytest
@@ -11,6 +10,8 @@ import toy_rig
 from toy_rig import TASK, ToyLab, opener
 
 from adaptsim_cli import app
+from adaptsim_cli.session.records import ROLLOUT
+from adaptsim_cli.session.store import SessionStore, trials_of
 from adaptsim_cli.wiring import session as wiring
 from hw.errors import MotionRefused
 from perception.errors import TrackingFailed
@@ -36,9 +37,27 @@ def test_the_trial_of_a_policy(lab, tmp_path, printed):
     record = printed(*RUN, "--json", "--out", str(tmp_path / "one"))
     assert record["params"] is not None
     assert 0.0 <= record["reward"] <= 1.0
-    assert {"version": 1, **json.loads((tmp_path / "one" / "trial.json").read_text())} == record
-    assert (tmp_path / "one" / "recording.mcap").stat().st_size > 0
-    assert not (tmp_path / "home" / "data" / "sessions").exists()
+    store = SessionStore.open(tmp_path, "one")
+    (trial,) = trials_of(store)
+    assert (trial.reward, trial.action, trial.observation) == (
+        record["reward"],
+        record["action"],
+        tuple(record["observation"]),
+    )
+    assert (store.trial_folder(*trial.place) / "recording.mcap").stat().st_size > 0
+    assert (tmp_path / "one" / "report.html").is_file()
+
+
+def test_a_rollout_is_listed_shown_and_exported_like_any_session_and_nothing_adapts_in_it(lab, printed, refused):
+    printed(*RUN, "--json")
+    (row,) = printed("sessions", "list", "--json")["sessions"]
+    assert (row["method"], row["trials"], row["iterations"]) == (ROLLOUT, 1, 0)
+    name = row["session"]
+    assert len(printed("sessions", "show", name, "--json")["trials"]) == 1
+    assert printed("sessions", "export", name, "--format", "csv", "--json")["written"]
+    assert printed("sessions", "verify", name, "--json")["sessions"][0]["damage"] == []
+    assert "nothing adapts in it" in refused(2, "run-iteration", "--session", name, "--yes")
+    assert "begin one with adaptsim run-iteration" in refused(8, "run-iteration", "--yes")
 
 
 def test_an_action_by_hand_is_executed_as_given(lab, printed):
@@ -56,7 +75,7 @@ def test_a_wrong_value_moves_nothing(lab, tmp_path, monkeypatch, option, refused
 
     monkeypatch.setattr(wiring, "open_parts", opened)
     assert "write name=value" in refused(2, *RUN, option, "nonsense=1")
-    assert not (tmp_path / "home" / "data" / "rollouts").exists()
+    assert not (tmp_path / "home" / "data" / "sessions").exists()
 
 
 @pytest.mark.parametrize(
@@ -91,7 +110,8 @@ def test_a_motion_that_cannot_be_tracked_leaves_its_recording(lab, tmp_path, mon
 
     monkeypatch.setattr(toy_rig, "track", lost)
     assert "out of sight" in refused(6, *RUN, "--out", str(tmp_path / "one"))
-    assert sorted(path.name for path in (tmp_path / "one").iterdir()) == ["overlay.jpg", "recording.mcap"]
+    attempts = sorted(path.parent.name for path in (tmp_path / "one").rglob("recording.mcap"))
+    assert attempts == [f"trial-001-attempt-{n}" for n in range(1, 6)]  # nobody is there to say that it was enough
 
 
 @pytest.mark.parametrize("error", [NotExecutable("joint 4 cannot follow"), MotionRefused("joint 4 too fast")])

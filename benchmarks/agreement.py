@@ -101,7 +101,8 @@ def trial(name: str, seed: int, number: int) -> Row:
             action = policy(placed.context)
             facts["action"] = dict(zip(task.action.names, action.round(6).tolist(), strict=True))
             executed = rig.execute(rig.plan(placed, action))
-            seen = rig.track(placed.context, action, executed.stored()[1]).track
+            executed.files()
+            seen = executed.track().track
         except (NotExecutable, MotionRefused, PerceptionError) as error:
             return Row(**{"action": {}, **facts}, refused=str(error), wall_s=time.monotonic() - began)
         truth = lab.truth()["trials"][-1]

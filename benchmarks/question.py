@@ -142,15 +142,16 @@ def main() -> None:
             proposed_s = time.perf_counter() - began_s
             executed = target.execute(planned)
             home_s = time.perf_counter()
-            files, recorded = executed.stored()
+            files = executed.files()
             durable.write_folder(Path(folder) / str(trial), files)
             stored_s = time.perf_counter() - home_s
-            seen = target.track(placed.context, action, recorded)
+            seen = executed.track()
             waited_s.append(time.perf_counter() - home_s)
+            frames = 0 if executed.recorded is None else len(executed.recorded.frames)
             assert planned.paths is not None
             back_s = planned.paths[2].duration_s
             print(
-                f"trial {trial + 1}: proposal after {proposed_s:.2f} s; {len(recorded.recording.frames)} frames, way "
+                f"trial {trial + 1}: proposal after {proposed_s:.2f} s; {frames} frames, way "
                 f"back {back_s:.1f} s; stored {stored_s:.2f} s after it, question after {waited_s[-1]:.2f} s "
                 f"({seen.track.outcome.value})",
                 flush=True,

@@ -90,8 +90,9 @@ class InLab:
             inner = np.clip(area.normalise(context), INWARD * attempt, 1 - INWARD * attempt)
             try:
                 placed = self.rig.place(area.denormalise(inner), TrialKey(number, attempt), cast(Operator, Nobody()))
-                _, recorded = self.rig.execute(self.rig.plan(placed, action)).stored()
-                return placed.context, self.rig.track(placed.context, action, recorded).track
+                motion = self.rig.execute(self.rig.plan(placed, action))
+                motion.files()
+                return placed.context, motion.track().track
             except (PerceptionError, NotExecutable, MotionRefused) as error:
                 why = str(error)
         raise RolloutError(f"trial {number} in the lab failed {ATTEMPTS} times: {why}")

@@ -13,7 +13,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -46,7 +45,7 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.session.store import SessionStore, history_of, particles_of, result_of, trials_of
 from adaptsim_cli.session.summary import summary
-from adaptsim_cli.session.target import Executed, Parts, Placed, Planned, TrackedTrial
+from adaptsim_cli.session.target import Motion, Parts, Placement, TrackedTrial
 from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
@@ -153,8 +152,8 @@ def run_trial(session: RunningSession, stage: RunTrial, policy: PolicySource) ->
     _look(session, stage, recorded)
 
 
-def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Any | None:
-    """Set up, propose, confirm, execute, store the recording and return it. None: nothing has moved, try again."""
+def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Motion | None:
+    """Set up, propose, confirm, execute, store the recording and return the motion. None: try again."""
     store, operator, target, progress = session.store, session.operator, session.parts.target, session.screen.busy
     try:
         placed = _place(session, stage, policy)
@@ -168,20 +167,19 @@ def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Any
 
         started = now()
         store.mark_started(stage.iteration, stage.key, started)
-        executed = target.execute(planned, progress)
+        motion = target.execute(planned, progress)
         with progress("Storing the recording", "storing"):
-            files, recorded = executed.stored()
-            motion = motion_record(proposal, started, executed, session.screen.lap_s())
-            store.save_motion(motion, files)
-        if executed.stopped is not None:
-            raise executed.stopped
+            files = motion.files()
+            store.save_motion(motion_record(proposal, started, motion, session.screen.lap_s()), files)
+        if motion.stopped is not None:
+            raise motion.stopped
         _say_drift(session)
     except (HardwareError, PerceptionError, NotExecutable) as error:
         _reject(session, stage, str(error))
         if isinstance(error, PerceptionError) and operator.try_again(stage):
             return None
         raise
-    return recorded
+    return motion
 
 
 def _say_drift(session: RunningSession) -> None:
@@ -191,7 +189,7 @@ def _say_drift(session: RunningSession) -> None:
         session.screen.note(said)
 
 
-def _look(session: RunningSession, stage: RunTrial, recorded: Any | None) -> None:
+def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> None:
     """Track a recording, have the result reviewed and store the trial. None: the recording is read from the disk."""
     store, operator, task, target = session.store, session.operator, session.parts.task, session.parts.target
     motion = store.motion(stage.iteration, stage.key)
@@ -201,9 +199,9 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Any | None) -> Non
     folder = store.trial_folder(stage.iteration, stage.key)
     if recorded is None:
         with session.screen.busy("Reading the recording", "reading"):
-            recorded = target.read(folder)
+            recorded = target.read(folder, motion.context_array, motion.action_array)
     try:
-        seen = target.track(motion.context_array, motion.action_array, recorded, session.screen.busy)
+        seen = recorded.track(session.screen.busy)
     except PerceptionError as error:
         _reject(session, stage, str(error))
         if operator.try_again(stage):
@@ -296,7 +294,7 @@ def show(session: RunningSession, stage: Show) -> Iteration:
     return summary(store, result)
 
 
-def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Placed:
+def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Placement:
     """Announce the trial, then have the object placed and found; meanwhile the policy prepares for its drawn place."""
     task, parts = session.parts.task, session.parts
     rng = generator(
@@ -337,42 +335,41 @@ def propose(
     stage: RunTrial,
     parameters: Array,
     policy: SolvedPolicy,
-    planned: Planned,
+    planned: Placement,
     keep: Callable[[bytes], Path],
 ) -> Proposal:
     """A planned trial with its expected reward; `parameters` (p,) are those of the policy.
 
     `keep` stores the picture of the detection for the operator.
     """
-    placed = planned.placed
-    expected, low, high = policy.predict(placed.context)
+    expected, low, high = policy.predict(planned.context)
     trial = ProposedTrial(
         trial=stage.key.number,
         attempt=stage.key.attempt + 1,
         iteration=stage.iteration + 1,
         particle=stage.particle + 1,
         parameters=named(task.parameters.names, parameters),
-        drawn_context=named(task.context.names, placed.drawn),
-        context=named(task.context.names, placed.context),
-        goal_m=None if task.goal_m is None else as_row(task.goal_m(placed.context)),
+        drawn_context=named(task.context.names, planned.drawn),
+        context=named(task.context.names, planned.context),
+        goal_m=None if task.goal_m is None else as_row(task.goal_m(planned.context)),
         action=named(task.action.names, planned.action),
         predicted_reward=expected,
         predicted_low=low,
         predicted_high=high,
     )
-    overlay = None if placed.overlay is None else keep(placed.overlay)
+    overlay = None if planned.overlay is None else keep(planned.overlay)
     return Proposal(trial, planned.summary, planned.announcement, overlay)
 
 
-def show_proposal(task: Task, proposal: Proposal, planned: Planned, screen: Screen, watcher: Watcher) -> None:
+def show_proposal(task: Task, proposal: Proposal, planned: Placement, screen: Screen, watcher: Watcher) -> None:
     """Show a planned trial before the operator is asked."""
     screen.show(terminal_views.proposal(task, proposal))
     watcher.proposed(proposal, planned.preview)
 
 
-def motion_record(made: Proposal, started: str, executed: Executed, timing_s: dict[str, float]) -> MotionRecord:
+def motion_record(made: Proposal, started: str, motion: Motion, timing_s: dict[str, float]) -> MotionRecord:
     """The record of a finished motion."""
-    stopped = None if executed.stopped is None else str(executed.stopped)
+    stopped = None if motion.stopped is None else str(motion.stopped)
     return MotionRecord(**dict(made.trial), started=started, stopped=stopped, timing_s=timing_s)
 
 

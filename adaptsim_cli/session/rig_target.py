@@ -8,7 +8,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,11 +21,9 @@ from adaptsim_cli.session.preflight import brightness, rig_checks
 from adaptsim_cli.session.records import RIG, RigFacts, to_json
 from adaptsim_cli.session.target import (
     Detection,
-    Executed,
     MotionPreview,
     Paths,
-    Placed,
-    Planned,
+    Placement,
     Planner,
     Rig,
     TrackedTrial,
@@ -50,12 +47,28 @@ Followed = tuple[Detection, ObjectTrack]
 """The object found before the motion, and its track."""
 
 
-@dataclass(frozen=True, eq=False)
-class Recorded:
-    """A recorded motion, and its track if that was begun beside the way back."""
+@dataclass(eq=False)
+class RigMotion:
+    """A `Motion` on a rig: recorded just now, or read from its file."""
 
-    recording: recording.Recording
-    followed: Future[Followed] | None = None
+    target: RigTarget
+    context: Array  # (c,)
+    action: Array  # (a,)
+    stopped: HardwareError | None = None
+    followed: Future[Followed] | None = None  # the track, if it was begun beside the way back
+    finish: Callable[[], tuple[Mapping[str, bytes], recording.Recording]] | None = None  # None: it was read
+    recorded: recording.Recording | None = None  # None: not finished yet
+
+    def files(self) -> Mapping[str, bytes]:
+        """See `Motion`: recording, overlay, and the facts of a real rig."""
+        assert self.finish is not None, "a motion that was read has its files"
+        files, self.recorded = self.finish()
+        return files
+
+    def track(self, progress: Progress = silently) -> TrackedTrial:
+        """See `Motion`."""
+        assert self.recorded is not None, "the files of a motion come before its track"
+        return self.target.track(self, self.recorded, progress)
 
 
 @dataclass(frozen=True)
@@ -113,7 +126,7 @@ class RigTarget:
         operator.repeat_interrupted(stage)
         return self.moves
 
-    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placed:
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placement:
         """Have the object placed, find it with the camera, and check that it lies in the area."""
         task, rig, tracker = self.task, self.rig, self.tracker
         if rig.attendant is not None:
@@ -132,9 +145,9 @@ class RigTarget:
             found = ", ".join(f"{value:.3f}" for value in context)
             raise ObjectNotFound(f"the {task.object_name} lies outside of the area: found {found}; area {ranges}")
         overlay = tracker.overlay(frame, model, rig.hand_eye.X_BC, detection, drawn)
-        return Placed(drawn, context, recording.encode_jpeg(overlay, 90), frame, detection)
+        return Placement(drawn, context, recording.encode_jpeg(overlay, 90), frame, detection)
 
-    def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
+    def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
         """The three paths of the motion, after they passed every limit."""
         with progress("Planning the motion", "planning"):
             paths = self.planner.paths(self.hardware.plan(placed.context, action))
@@ -152,8 +165,8 @@ class RigTarget:
         what, asked_s = f"comes to the {self.task.object_name}, makes its motion and goes back", played_s
         if self.release.asks_each:
             what, asked_s = f"comes to the {self.task.object_name}", played[0].duration_s
-        return Planned(
-            placed=placed,
+        return replace(
+            placed,
             action=action,
             summary=f"The motion takes {duration_s:.1f} s and passed all limits{slow}",
             announcement=clear_to_move(self.moves, what, asked_s, speed_m_s),
@@ -161,12 +174,12 @@ class RigTarget:
             paths=paths,
         )
 
-    def execute(self, planned: Planned, progress: Progress = silently) -> Executed:
+    def execute(self, planned: Placement, progress: Progress = silently) -> RigMotion:
         """Approach, record the motion, go back.
 
         If the arm stops or loses its tool, the recording until then is kept.
         """
-        assert planned.paths is not None and planned.placed.frame is not None
+        assert planned.paths is not None and planned.frame is not None
         approach, motion, back = planned.paths
         arm, camera, after = self.rig.arm, self.rig.camera, None
         there_s, motion_s, back_s = (self.planner.at_speed(path, self.rig.pace).duration_s for path in planned.paths)
@@ -179,7 +192,7 @@ class RigTarget:
             played, frames, stopped = self._film(motion)
         if stopped is None:
             self.release.completed()
-        begun, followed = self._behind(planned, planned.placed.frame, frames, played)
+        begun, followed = self._behind(planned, planned.frame, frames, played)
         del frames  # each is freed once it is compressed
         if stopped is None:
             try:
@@ -196,19 +209,21 @@ class RigTarget:
                 f"played at pace {self.rig.pace:g} to its end, as a rehearsal: nothing is learnt from it. The same "
                 "command without --pace makes the trial"
             )
-        return Executed(partial(self._made, planned.placed, begun, followed, after), stopped)
+        finish = partial(self._finished, planned, begun, after)
+        return RigMotion(self, planned.context, planned.action, stopped, followed, finish)
 
-    def read(self, folder: Path) -> Recorded:
+    def read(self, folder: Path, context: Array, action: Array) -> RigMotion:
         """See `Target`."""
-        return Recorded(recording.read(folder / recording.FILE))
+        return RigMotion(self, context, action, recorded=recording.read(folder / recording.FILE))
 
-    def track(self, context: Array, action: Array, recorded: Any, progress: Progress = silently) -> TrackedTrial:
-        """Find the object again in the same pixels as before the motion, and track it."""
-        it: Recorded = recorded
-        stored, motion = it.recording, self.hardware.plan(context, action)
-        played = stored.execution
+    def track(self, made: RigMotion, stored: recording.Recording, progress: Progress = silently) -> TrackedTrial:
+        """Find the object again in the same pixels as before the motion, and track it; see `Motion.track`."""
+        context, action = made.context, made.action
+        motion, played = self.hardware.plan(context, action), stored.execution
         with progress(f"Tracking the {self.task.object_name} in {len(stored.frames)} frames", "tracking"):
-            detection, track = self._follow(context, action, stored) if it.followed is None else it.followed.result()
+            detection, track = (
+                self._follow(context, action, stored) if made.followed is None else made.followed.result()
+            )
             track = come_home(self.tracker, stored, detection, track)
         with progress("Choosing the pictures of its key moments", "storing"):
             goal_m = None if self.task.goal_m is None else np.asarray(self.task.goal_m(context))
@@ -235,7 +250,7 @@ class RigTarget:
         """The frame with its time on the arm's clock: the camera delay found by the calibration is subtracted."""
         return replace(frame, t_s=frame.t_s - self.rig.hand_eye.camera_late_s)
 
-    def _preview(self, placed: Placed, paths: Paths) -> MotionPreview:
+    def _preview(self, placed: Placement, paths: Paths) -> MotionPreview:
         """The picture with the path of the tool, and the arm along all three paths."""
         model, context = self.rig.camera.model(), self.task.context
         X_CB = inverse(self.rig.hand_eye.X_BC)
@@ -256,7 +271,7 @@ class RigTarget:
             t_s=t_s,
             arm_m=np.concatenate([joints_m, X_BF[:, None, :3, 3], tool_m[:, None]], axis=1),
             motion_s=motion_s,
-            spot_m=np.asarray(placed.detection.xy_m),
+            spot_m=np.asarray(_detected(placed).xy_m),
             area_m=np.array([low[0], high[0], low[1], high[1]]),
             goal_m=None if self.task.goal_m is None else np.asarray(self.task.goal_m(placed.context)),
         )
@@ -281,7 +296,7 @@ class RigTarget:
         return played, rig.camera.stop_recording(), None
 
     def _behind(
-        self, planned: Planned, before: Frame, filmed: Sequence[Frame], played: Execution | None
+        self, planned: Placement, before: Frame, filmed: Sequence[Frame], played: Execution | None
     ) -> tuple[Future[recording.PartialRecording], Future[Followed] | None]:
         """While the arm goes back: every frame compressed and decoded, the recording encoded, the object tracked in it.
 
@@ -297,7 +312,7 @@ class RigTarget:
             return recording.begin(first, frames, model, X_BC, moved, self.tool_pose(moved), late_s, arm)
 
         def followed() -> Followed:
-            return self._follow(planned.placed.context, planned.action, begun.result().recording)
+            return self._follow(planned.context, planned.action, begun.result().recording)
 
         pool = ThreadPoolExecutor(4, thread_name_prefix="behind")  # OpenCV and zstd release the interpreter
         compressed = [pool.submit(recording.stored, before, lossless=True)]
@@ -316,13 +331,9 @@ class RigTarget:
             track_request(stored, detection, self.tool_pose(stored.execution), duration_s)
         )
 
-    def _made(
-        self,
-        placed: Placed,
-        begun: Future[recording.PartialRecording],
-        followed: Future[Followed] | None,
-        after: Frame | None,
-    ) -> tuple[Mapping[str, bytes], Recorded]:
+    def _finished(
+        self, planned: Placement, begun: Future[recording.PartialRecording], after: Frame | None
+    ) -> tuple[Mapping[str, bytes], recording.Recording]:
         """(recording, overlay, and the facts of a real rig; the recording as it is tracked)."""
         mcap, stored = begun.result().finish(None if after is None else recording.stored(after, lossless=True))
         said, rig = {}, self.rig
@@ -332,7 +343,12 @@ class RigTarget:
                 said = {RIG: to_json(facts)}
             except ValueError as error:  # a number that is none must not cost the recording
                 said = {RIG: to_json(RigFacts(problem=str(error)))}
-        return {recording.FILE: mcap, "overlay.jpg": placed.overlay or b"", **said}, Recorded(stored, followed)
+        return {recording.FILE: mcap, "overlay.jpg": planned.overlay or b"", **said}, stored
+
+
+def _detected(placed: Placement) -> Detection:
+    assert placed.detection is not None, "a rig finds the object before it plans"
+    return placed.detection
 
 
 def _motionless(t_s: float) -> Execution:

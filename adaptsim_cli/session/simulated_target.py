@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from adaptsim_cli.outputs.trials import TrackRecord
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import read, to_json
-from adaptsim_cli.session.target import Executed, Placed, Planned, TrackedTrial
+from adaptsim_cli.session.target import Placement, TrackedTrial
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.sessions import Progress, silently
@@ -26,6 +25,22 @@ Rollout = Callable[[Array, Array], ObjectTrack]
 FILE = "trajectory.json"
 
 
+@dataclass(frozen=True, eq=False)
+class KnownMotion:
+    """A `Motion` without a recording: its trajectory is known."""
+
+    trajectory: ObjectTrack
+    stopped: None = None
+
+    def files(self) -> Mapping[str, bytes]:
+        """See `Motion`: the trajectory."""
+        return {FILE: to_json(TrackRecord.from_track(self.trajectory))}
+
+    def track(self, progress: Progress = silently) -> TrackedTrial:
+        """See `Motion`: the trajectory is the track."""
+        return TrackedTrial(self.trajectory)
+
+
 class WithoutDevices:
     """The part of a `Target` in which nothing can move."""
 
@@ -37,17 +52,13 @@ class WithoutDevices:
         """See `Target`; never: nothing can have moved."""
         return False
 
-    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placed:
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placement:
         """See `Target`: the drawn context is the true one."""
-        return Placed(drawn, drawn)
+        return Placement(drawn, drawn)
 
-    def read(self, folder: Path) -> ObjectTrack:
+    def read(self, folder: Path, context: Array, action: Array) -> KnownMotion:
         """See `Target`: the trajectory."""
-        return read(TrackRecord, folder / FILE).track()
-
-    def track(self, context: Array, action: Array, recorded: Any, progress: Progress = silently) -> TrackedTrial:
-        """See `Target`: the trajectory is the track."""
-        return TrackedTrial(recorded)
+        return KnownMotion(read(TrackRecord, folder / FILE).track())
 
 
 @dataclass(frozen=True)
@@ -63,16 +74,17 @@ class SimulatedTarget(WithoutDevices):
         """See `Target`; there are no devices to check."""
         return (Readiness("devices", True, "none needed"),)
 
-    def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
+    def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
         """See `Target`: nothing limits a simulated trial."""
         summary = f"{self.duration_s:.1f} s of the {self.object_name} will be simulated"
-        return Planned(placed, action, summary, f"The {self.object_name} is simulated for {self.duration_s:.1f} s")
+        announcement = f"The {self.object_name} is simulated for {self.duration_s:.1f} s"
+        return replace(placed, action=action, summary=summary, announcement=announcement)
 
-    def execute(self, planned: Planned, progress: Progress = silently) -> Executed:
+    def execute(self, planned: Placement, progress: Progress = silently) -> KnownMotion:
         """See `Target`: run the rollout, which nothing can stop."""
         with progress(f"Simulating the {self.object_name}", "simulating"):
-            trajectory = self.rollout(planned.placed.context, planned.action)
-        return _executed(trajectory)
+            trajectory = self.rollout(planned.context, planned.action)
+        return KnownMotion(trajectory)
 
 
 @dataclass(frozen=True)
@@ -93,24 +105,21 @@ class RecordedTarget(WithoutDevices):
         left = len(self.trials) - len(self.spent_rows)
         return (Readiness("recorded trials", left > 0, f"{left} of {len(self.trials)} not used yet"),)
 
-    def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
+    def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
         """See `Target`; the context is that of the recording, unless it only scores. Raises NotExecutable."""
         row = self._row(action)
         if row < 0:
             raise NotExecutable("this action was not recorded: take another method, or the solver of the checkpoint")
-        there = Placed(placed.drawn, self.trials.context_of(row, placed.context))
-        what = f"recording {self.trials.names[row]}"
-        return Planned(there, action, f"{what} is the answer", f"{what} is taken")
+        what, context = f"recording {self.trials.names[row]}", self.trials.context_of(row, placed.context)
+        return Placement(
+            placed.drawn, context, action=action, summary=f"{what} is the answer", announcement=f"{what} is taken"
+        )
 
-    def execute(self, planned: Planned, progress: Progress = silently) -> Executed:
+    def execute(self, planned: Placement, progress: Progress = silently) -> KnownMotion:
         """See `Target`: the recording."""
         row = self._row(planned.action)
         self.spent_rows.add(row)
-        return _executed(self.trials.tracks[row])
+        return KnownMotion(self.trials.tracks[row])
 
     def _row(self, action: Array) -> int:
         return int(self.trials.at(action[None])[0])
-
-
-def _executed(trajectory: ObjectTrack) -> Executed:
-    return Executed(lambda: ({FILE: to_json(TrackRecord.from_track(trajectory))}, trajectory))

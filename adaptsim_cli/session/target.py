@@ -1,7 +1,7 @@
 """Where trials happen: the contract that a rig (`rig_target`) and a simulated target (`simulated_target`) fulfil.
 
-A trial is `place`, `plan`, `execute`, then `track`; each step returns the input of the next. The files of `execute` are
-on the disk before `track` begins, so a trial interrupted there can continue. Below stand the parts of a rig.
+A trial is `place`, `plan`, `execute`, then `Motion.track`; each step returns the input of the next. The files of a
+motion are on the disk before it is tracked, so a trial interrupted there can continue. Below stand the parts of a rig.
 """
 
 from __future__ import annotations
@@ -39,17 +39,6 @@ Paths = tuple[JointPath, JointPath, JointPath]
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
-    """The object in its place."""
-
-    drawn: Array  # (c,) the wanted context
-    context: Array  # (c,) as measured, for the task policy
-    overlay: bytes | None = None  # JPEG of the detection; None without a camera
-    frame: Frame | None = None  # the object was found in it
-    detection: Any = None  # of the rig's tracker
-
-
-@dataclass(frozen=True, eq=False)
 class MotionPreview:
     """One planned trial to look at, before anything moves."""
 
@@ -66,25 +55,36 @@ class MotionPreview:
 
 
 @dataclass(frozen=True, eq=False)
-class Planned:
-    """A trial that may be executed."""
+class Placement:
+    """A trial before its motion: `Target.place` fills in the object's place, `Target.plan` action and motion."""
 
-    placed: Placed
-    action: Array  # (a,)
-    summary: str  # the plan in one sentence
-    announcement: str  # what happens if the operator agrees, in one sentence
+    drawn: Array  # (c,) the wanted context
+    context: Array  # (c,) as measured, for the task policy
+    overlay: bytes | None = None  # JPEG of the detection; None without a camera
+    frame: Frame | None = None  # the object was found in it
+    detection: Detection | None = None  # of the rig's tracker
+    action: Array = field(default_factory=lambda: np.zeros(0))  # (a,)
+    summary: str = ""  # the plan in one sentence
+    announcement: str = ""  # what happens if the operator agrees, in one sentence
     preview: MotionPreview | None = None  # None without a camera
     paths: Paths | None = None  # None without an arm
 
 
-@dataclass(frozen=True, eq=False)
-class Executed:
-    """A finished motion that is not stored yet."""
+class Motion(Protocol):
+    """A motion that is over, with its recording. Its target alone knows what was recorded, and how to track it."""
 
-    stored: Callable[[], tuple[Mapping[str, bytes], Any]]
-    """The recorded files, name -> content, and what `Target.read` makes of them. Waits for frames still compressed."""
-    stopped: HardwareError | None = None
-    """Why it ended early; None: it did not. The recording until then is kept to look at, and is no trial."""
+    @property
+    def stopped(self) -> HardwareError | None:
+        """Why it ended early; None: it did not. The recording until then is kept to look at, and is no trial."""
+        ...
+
+    def files(self) -> Mapping[str, bytes]:
+        """The recorded files, name -> content; call it once, before `track`. Waits for frames still compressed."""
+        ...
+
+    def track(self, progress: Progress = silently) -> TrackedTrial:
+        """Track the object in the recording. Uses no device. Raises ObjectNotFound, TrackingFailed."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,29 +140,25 @@ class Target(Protocol):
         """Whether an interrupted attempt is spent; if not, it is repeated from its start."""
         ...
 
-    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placed:
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placement:
         """Realise the `drawn` context (c,) as closely as possible. Raises HardwareError, ObjectNotFound."""
         ...
 
-    def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
+    def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
         """Plan the motion of `action` (a,).
 
         Raises NotExecutable, or MotionRefused naming joint, time, value and limit.
         """
         ...
 
-    def execute(self, planned: Planned, progress: Progress = silently) -> Executed:
+    def execute(self, planned: Placement, progress: Progress = silently) -> Motion:
         """Execute the trial. Raises MotionRefused, CameraError, or ArmFault if nothing was recorded."""
         ...
 
-    def read(self, folder: Path) -> Any:
-        """The recording of a motion from its stored files, bit for bit. Raises SessionError naming a corrupt file."""
-        ...
+    def read(self, folder: Path, context: Array, action: Array) -> Motion:
+        """The motion for context (c,) and action (a,), from its files in `folder`, bit for bit.
 
-    def track(self, context: Array, action: Array, recorded: Any, progress: Progress = silently) -> TrackedTrial:
-        """Track a recorded motion for context (c,) and action (a,). Uses no device.
-
-        Raises ObjectNotFound, TrackingFailed.
+        Raises SessionError naming a corrupt file.
         """
         ...
 

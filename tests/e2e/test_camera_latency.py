@@ -43,9 +43,11 @@ def error_m(sensing: Sensing, believed_late_s: float) -> Array:
         target = RigTarget(there.task, rig, tracker_of(there.task), there.planner())
         placed = target.place(task.reference_context, KEY, Nobody())  # type: ignore[arg-type]
         action = task.action.denormalise(np.array([0.5, 0.0]))
-        _, recorded = target.execute(target.plan(placed, action)).stored()
-        track = target.track(placed.context, action, recorded).track
-        began_s = recorded.recording.execution.t_start_s
+        motion = target.execute(target.plan(placed, action))
+        motion.files()
+        track = motion.track().track
+        assert motion.recorded is not None
+        began_s = motion.recorded.execution.t_start_s
         true = next(m for m in lab.truth()["trials"][-1]["motions"] if m["t_start_s"] == began_s)
     assert track.outcome is Outcome.UPRIGHT
     p_m, t_s = np.array(true["X_BO"])[:, :2, 3], np.array(true["t_s"])

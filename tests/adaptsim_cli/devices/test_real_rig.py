@@ -38,8 +38,7 @@ from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.operator import Attended
 from adaptsim_cli.session.records import RigFacts
-from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Executed
+from adaptsim_cli.session.rig_target import RigMotion, RigTarget
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from adaptsim_cli.wiring import session as wiring
 from adaptsim_cli.wiring.session import open_trials
@@ -297,7 +296,7 @@ def test_no_recording_runs_while_the_arm_waits_for_its_pedal():
     assert waited == [True] * 3
 
 
-def executed(target: RigTarget) -> Executed:
+def executed(target: RigTarget) -> RigMotion:
     """One motion to one place."""
     placed = target.place(np.array([0.68, 0.0]), KEY, unattended())
     return target.execute(target.plan(placed, np.array([0.5])))
@@ -318,7 +317,7 @@ def test_a_tool_lost_during_the_motion_keeps_its_recording(tmp_path: Path) -> No
     rig = replace(target.rig, arm=Watched(target.rig.arm))
     done = executed(replace(target, rig=rig))
     assert isinstance(done.stopped, HandError)
-    (tmp_path / "recording.mcap").write_bytes(done.stored()[0]["recording.mcap"])
+    (tmp_path / "recording.mcap").write_bytes(done.files()["recording.mcap"])
     assert len(recording.read(tmp_path / "recording.mcap").execution.t_s), "the motion itself was recorded"
 
 
@@ -337,5 +336,5 @@ def test_what_the_rig_says_is_kept_beside_the_trial(tmp_path: Path) -> None:
     parts = toy_parts(ToyLab(0))
     target = rig_target(parts)
     rig = replace(target.rig, attendant=Weighed())
-    files = executed(replace(target, rig=rig)).stored()[0]
+    files = executed(replace(target, rig=rig)).files()
     assert json.loads(files["rig.json"])["object_mass_kg"] == 0.5

@@ -96,7 +96,7 @@ def test_below_full_pace_nothing_is_learnt_and_everybody_says_so(pace):
     assert ("nothing is learnt" in planned.summary) == (pace < 1.0)
     executed = target.execute(planned)
     assert isinstance(executed.stopped, Rehearsed) == (pace < 1.0)
-    assert "recording.mcap" in executed.stored()[0]
+    assert "recording.mcap" in executed.files()
 
 
 def test_a_rehearsed_trial_does_not_count_and_ends_the_command(tmp_path):
@@ -117,7 +117,7 @@ def test_facts_that_cannot_be_stored_do_not_lose_the_recording():
     target = slow(1.0)
     rig = replace(target.rig, attendant=Attendant(iter([RigFacts().model_copy(update={"object_mass_kg": math.nan})])))
     target = replace(target, rig=rig)
-    files = target.execute(target.plan(target.place(CONTEXT, KEY, unattended()), ACTION)).stored()[0]
+    files = target.execute(target.plan(target.place(CONTEXT, KEY, unattended()), ACTION)).files()
     assert "recording.mcap" in files
     kept = json.loads(files["rig.json"])
     assert kept["object_mass_kg"] is None

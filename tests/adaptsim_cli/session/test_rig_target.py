@@ -39,17 +39,18 @@ def test_the_track_is_there_before_the_arm_is_home():
 
     target = replace(target, tracker=replace(target.tracker, track=track))
     planned = target.plan(target.place(CONTEXT, KEY, unattended()), ACTION)
-    target.execute(planned).stored()
+    target.execute(planned).files()
     assert waited == [True]
 
 
 def require_same_again(target: RigTarget, context: Array, action: Array, folder: Path) -> None:
     placed = target.place(context, KEY, unattended())
-    files, recorded = target.execute(target.plan(placed, action)).stored()
-    assert recorded.followed is not None
+    motion = target.execute(target.plan(placed, action))
+    files = motion.files()
+    assert motion.followed is not None
     for name, content in files.items():
         (folder / name).write_bytes(content)
-    beside, again = (target.track(placed.context, action, it) for it in (recorded, target.read(folder)))
+    beside, again = (it.track() for it in (motion, target.read(folder, placed.context, action)))
     for name in ("t_s", "state", "confidence", "end_in_tool_m"):
         assert np.array_equal(getattr(beside.track, name), getattr(again.track, name), equal_nan=True)
     assert (beside.track.outcome, beside.track.flags) == (again.track.outcome, again.track.flags)

@@ -105,8 +105,9 @@ def test_a_policy_takes_lists_and_refuses_wrong_contexts():
 def test_a_rollout_ends_with_its_page(capfd):
     assert app.run(["rollout", "--task", "pendulum", "--yes"]) == 0
     html = Path(capfd.readouterr().out.split("Report: ")[1].splitlines()[0]).read_text()
-    assert "SIMULATED, world wd" in html
-    assert html.count('class="track c0"') >= 2
+    assert "method rollout · SIMULATED target, world wd" in html
+    assert html.count('class="track c0') >= 2
+    assert "No iteration is complete yet" not in html
     assert "http" not in html
 
 

@@ -94,6 +94,9 @@ def options(
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code. A defect of the program itself raises with its traceback."""
     given = sys.argv[1:] if arguments is None else arguments
+    for size in ("COLUMNS", "LINES"):  # of a terminal; 0 would print nothing
+        if not os.environ.get(size, "1").strip("0").isdigit():
+            del os.environ[size]
     if given and not _QUICK.intersection(given):
         loading.say()
     try:

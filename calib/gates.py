@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from calib.checks import joint_offsets, square_size, variety
 from calib.closed_form import disagreement_mm
 from calib.types import Check, Grade, Setup, Solution
@@ -38,13 +40,7 @@ def of_camera(
 ) -> tuple[Check, ...]:
     """The gates of one camera by the figures of its solution, alone or with others. Views are chosen in `alone`."""
     rejected = 100 * (1 - len(alone.used) / len(alone.views))
-    intrinsics = (
-        f"the board is {alone.distance_m:.2f} m from the camera, where errors of lens and print count most: hold it "
-        f"at {NEAR_M:g} m or more"
-        if alone.distance_m < NEAR_M
-        else f"check the intrinsics (for {setup.colour.width} x {setup.colour.height}), focus, light, and that the "
-        "board is flat"
-    )
+    intrinsics = _why_fit_is_bad(alone, setup)
     unseen = "held-out views are predicted badly: add views, tilted to all sides"
     where = "95 % at the worst corner of the work volume: add views there, and more tilted ones"
     return (
@@ -54,6 +50,27 @@ def of_camera(
         _at_most("held-out error", held_out_px, HELD_OUT_LIMIT_PX, "px", unseen),
         _at_most("stated error", worst_95_mm, WORST_LIMIT_MM, "mm", where),
     )
+
+
+NOISY_RAD = 5e-4
+"""Joints of a working arm repeat to a fifth of it; from here on the arm, and not the lens, spoils the fit."""
+
+
+def _why_fit_is_bad(alone: Solution, setup: Setup) -> str:
+    """The advice about a bad fit, by the largest error that the views show."""
+    noise = alone.noise
+    if np.isfinite(noise.joint_rad) and noise.joint_rad > NOISY_RAD:
+        return (
+            f"the arm's joints are off by {1e3 * noise.joint_rad:.1f} mrad from view to view ({noise.flange_mm:.1f} mm "
+            "at the board): let it rest before each picture, and check brakes, encoders and the time of the readings"
+        )
+    if alone.distance_m < NEAR_M:
+        return (
+            f"the board is {alone.distance_m:.2f} m from the camera, where errors of lens and print count most: hold "
+            f"it at {NEAR_M:g} m or more, and give the pictures as the camera took them, unpainted and unscaled"
+        )
+    size = f"{setup.colour.width} x {setup.colour.height}"
+    return f"check the intrinsics (for {size}), focus, light, and that the board is flat"
 
 
 def _why_rejected(solution: Solution) -> str:

@@ -221,3 +221,10 @@ def test_a_group_without_a_command_shows_its_help_and_no_error(capfd: pytest.Cap
     shown = capfd.readouterr()
     assert "Usage: adaptsim sessions" in shown.out + shown.err
     assert "Error" not in shown.err
+
+
+@pytest.mark.parametrize("columns", ["0", "", "wide", "00"])
+def test_a_terminal_that_states_no_width_still_shows_everything(columns, monkeypatch, capfd):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert app.run(["lab", "list", "--task", "pendulum"]) == 0
+    assert "ood-1" in capfd.readouterr().out

@@ -15,7 +15,7 @@ from simulated_views import Quality, Truth, board_in_camera, random_poses, seen
 from calib import checks
 from calib.drift import drift, known
 from calib.errors import TooFewViews
-from calib.gates import judge
+from calib.gates import judge, of_camera
 from calib.geometry import move
 from calib.projection import project
 from calib.solve import solve
@@ -219,3 +219,11 @@ def test_a_calibration_that_fits_badly_is_refused(solution: Solution) -> None:
         if gate.verdict is Grade.BAD
     }
     assert bad == {"fit", "held-out error"}
+
+
+def test_a_noisy_arm_is_named_before_the_intrinsics(solution: Solution) -> None:
+    noisy = replace(solution, noise=replace(solution.noise, joint_rad=1e-3, flange_mm=0.9))
+    figures = of_camera(noisy, rig.SETUP, fit_px=2.0, held_out_px=2.0, worst_95_mm=9.0)
+    (fit,) = (check for check in figures if check.name == "fit")
+    assert "the arm's joints are off by 1.0 mrad" in fit.message
+    assert "intrinsics" not in fit.message

@@ -58,3 +58,31 @@ def test_a_damaged_parquet_file_and_an_empty_cell_are_refused(tmp_path):
     parquet.write_table(csv.read_csv(tmp_path / "holes.csv"), folder / "trajectories.parquet")
     with pytest.raises(RecordingsRefused, match="line 4: q1 = None is no number"):
         read_recorded(TASK, folder)
+
+
+def test_a_small_file_of_very_many_rows_is_refused_before_it_is_decoded(tmp_path):
+    """1.3 MB held 60 million rows, which did not end in 300 s."""
+    import pyarrow  # noqa: PLC0415
+    from pyarrow import parquet  # noqa: PLC0415
+
+    folder = write_parquet(tmp_path / "parquet")
+    rows = 3_000_000
+    columns = {name: pyarrow.repeat(0.0, rows) for name in ("t_s", "q1", "q2", "v1", "v2", "excess")}
+    table = pyarrow.table({"trial": pyarrow.repeat("run0", rows), **columns})
+    parquet.write_table(table, folder / "trajectories.parquet")
+    assert (folder / "trajectories.parquet").stat().st_size < 2e6
+    with pytest.raises(RecordingsRefused, match=r"has 3000000 rows.* at most 2000000 rows"):
+        read_recorded(TASK, folder)
+
+
+def test_only_the_needed_columns_are_read_and_capitals_in_a_suffix_do_not_matter(tmp_path):
+    import pyarrow  # noqa: PLC0415
+    from pyarrow import parquet  # noqa: PLC0415
+
+    folder = write_parquet(tmp_path / "parquet")
+    plain = digest(read_recorded(TASK, folder))
+    table = parquet.read_table(folder / "trajectories.parquet")
+    wide = table.append_column("pictures", pyarrow.array([b"x" * 100] * len(table)))
+    parquet.write_table(wide, folder / "T.PARQUET")
+    (folder / "recorded.toml").write_text(PARQUET.replace("trajectories.parquet", "T.PARQUET"))
+    assert digest(read_recorded(TASK, folder)) == plain

@@ -16,7 +16,7 @@ from pydantic.dataclasses import dataclass
 from adaptsim_cli.devices.rig_file.keys import RULES, key
 from adaptsim_cli.devices.rig_file.waivers import Waivable, WaiverPart
 from hw.camera.k4a_device import ColourSettings
-from hw.camera.kinds import KINDS, camera_kind, camera_kinds
+from hw.camera.kinds import camera_kind, camera_kinds
 from hw.camera.process import CameraProcess, served
 from hw.collision import MOST_SLOPE, KeepOut, Side, Table, persons_side
 from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
@@ -224,7 +224,7 @@ class CameraPart:
 
     kind: Annotated[
         str,
-        key(f"{' or '.join(f'{name} ({kind.label})' for name, kind in KINDS.items())}; a package may offer another"),
+        key("kind of camera by its name, such as k4a; `adaptsim setup` lists ours and those of packages"),
         AfterValidator(_known_kind),
     ] = "k4a"
     serial: Annotated[str, key("serial number; empty: the only camera plugged in")] = ""

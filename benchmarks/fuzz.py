@@ -26,7 +26,8 @@ import traceback
 import warnings
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,7 @@ import numpy as np
 import tomli_w
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "support"))
+import kinect_files
 import real_views
 import recordings
 import toy_session
@@ -56,6 +58,7 @@ from calib.foreign.chains import any_arm
 from calib.records import SetupRecord, TouchRecord, read
 from calib.saved import SavedCalibration
 from hw.bounded import Unreadable
+from hw.camera.recording import camera_model
 from hw.errors import HardwareError
 from perception.errors import PerceptionError
 from sim.adaptation.checkpoint import CARD, read_card
@@ -146,6 +149,7 @@ def readers(made: Path) -> list[Reader]:
         Reader("weights", pendulum.read_bytes(), "model.safetensors", load_tensors),
         Reader("log", lines, watching.FILE, lambda p: watching.read(p.parent)),
         *(_of_tables(tables, name) for name in ("recorded.toml", "trials.csv", "trajectories.csv")),
+        *_of_others(made),
         *_of_session(made / "session"),
     ]
 
@@ -198,6 +202,49 @@ def _of_tables(folder: Path, name: str) -> Reader:
         return read_recorded(get_task("pendulum"), path.parent)
 
     return Reader(name, (folder / name).read_bytes(), name, load)
+
+
+PAIRS = b"camera = 'fixed'\n[board]\nkind = 'points'\n[colour]\nwidth = 32\nheight = 32\n"
+
+
+def _of_others(made: Path) -> list[Reader]:
+    """Files of other programs: pairs of poses, MCAP of ROS 2 messages, Parquet, a Kinect's calibration."""
+    pair = json.dumps(
+        {"X_BF": np.eye(4).tolist(), "target_position_m": [0, 0, 1], "target_quaternion_xyzw": [0, 0, 0, 1]}
+    )
+    bags, tables = recordings.write_mcap(made / "bags", 8), recordings.write_tables(made / "parquet", 8)
+    return [
+        Reader(
+            "pose pair", pair.encode(), "view-00.json", lambda p: _beside(p, {files.SETUP: PAIRS + SMALL_K.encode()})
+        ),
+        Reader(
+            "setup of pairs",
+            PAIRS + SMALL_K.encode(),
+            files.SETUP,
+            lambda p: _beside(p, {"view-00.json": pair.encode()}),
+        ),
+        replace(_of_tables(bags, "swing-03.mcap"), name="foreign mcap"),
+        replace(_of_tables(bags, "recorded.toml"), name="manifest of mcap"),
+        *_of_parquet(tables),
+        Reader(
+            "kinect's calibration",
+            kinect_files.CALIBRATION.read_bytes(),
+            "calibration.json",
+            lambda p: camera_model(p.read_bytes(), "720P", "NFOV_UNBINNED"),
+        ),
+    ]
+
+
+def _of_parquet(tables: Path) -> list[Reader]:
+    """The samples as Parquet; none without the extra `export`."""
+    if find_spec("pyarrow") is None:
+        return []
+    from pyarrow import csv, parquet  # noqa: PLC0415
+
+    text = (tables / "recorded.toml").read_text().replace("[tables]", '[tables]\ntrajectories = "t.parquet"')
+    (tables / "recorded.toml").write_text(text)
+    parquet.write_table(csv.read_csv(tables / "trajectories.csv"), tables / "t.parquet")
+    return [replace(_of_tables(tables, "t.parquet"), name="parquet")]
 
 
 def _of_session(home: Path) -> list[Reader]:

@@ -116,7 +116,7 @@ class RealLab:
     def for_guided_touch_off(self, cell: Workcell) -> GuidedDevices:
         """See `Lab`."""
         self._require_payload(self._task.name)
-        arm = self._arm(cell, self._task.name, "nothing on the table")
+        arm = self._arm(cell, self._task.name, "nothing on the table", "touch-off")
         self._connect(arm)
         return arm, time.sleep, None
 

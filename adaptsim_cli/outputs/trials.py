@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import Field
 
 from adaptsim_cli.outputs import Output, Quantities, said
 from hw.records import Record
@@ -48,6 +49,10 @@ class BestRecord(Record):
     mean_reward: float = said("estimated reward of their policy")
     trials: int = said("trials behind the estimate")
     ci95: tuple[float, float] = said("95 % interval of the estimate")
+    tried: tuple[int, ...] | None = Field(
+        default=None, description="trials that this policy would repeat, action for action; null: not known"
+    )
+    tried_reward: float | None = Field(default=None, description="mean reward of these trials; null: there are none")
 
 
 NOTICEABLE = 0.05

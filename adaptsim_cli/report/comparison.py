@@ -17,7 +17,7 @@ from adaptsim_cli.report.agreement import Measured, mean_of, trial_std
 from adaptsim_cli.report.figures import Level
 from adaptsim_cli.report.page import both, fill, parameters_in_words
 from adaptsim_cli.report.svg import plain
-from adaptsim_cli.session.advice import in_words
+from adaptsim_cli.session.advice import in_words, tried_in
 from adaptsim_cli.session.exporting import Row, as_csv, rows
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore, results_of, trials_of
@@ -231,6 +231,7 @@ def _levels(c: Compared, colour: str) -> tuple[Level, ...]:
     if c.result is not None and c.facts.method != "udr":
         best, kind = c.result.best, "predicted" if c.result.outlook else "estimated"
         told = f"adapted policy, {kind} from {best.trials} trial{'s' * (best.trials != 1)}"
+        told += f", {where}" if (where := tried_in(best)) else ""
         rows.append(Level(c.title, kind, told, best.mean_reward, *best.ci95, colour, is_open=True))
     return tuple(rows)
 

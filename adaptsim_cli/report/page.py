@@ -17,7 +17,7 @@ from adaptsim_cli.report import figures
 from adaptsim_cli.report.agreement import Measured, agreement, mean_of, trial_std
 from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
-from adaptsim_cli.session.advice import in_words
+from adaptsim_cli.session.advice import in_words, tried_in
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.records import (
     DimensionRecord,
@@ -136,7 +136,7 @@ def render(
         ),
         measured_udr=reference is not None,
         waivers=sorted({(w.safeguard, w.reason, w.by, w.on, w.until) for rig in store.rigs() for w in rig.waivers}),
-        confirmed=len(confirmed),
+        tried=tried_in(results[-1].best) if results and not confirmed else "",
         unknown=judgement if isinstance(judgement, str) else "",
         quantities=[
             (title, space)
@@ -201,10 +201,14 @@ def levels(
         if results[-1].outlook is None:
             rows.append(_measured("Adapted policy", pooled, "at its parameters and near by", _ADAPTED))
         else:
-            told = f"predicted from {best.trials} trials" + ("" if confirmed else ", not yet tried")
+            is_open = best.tried == () and not confirmed
+            told = f"predicted from {best.trials} trials" + (", not yet tried" if is_open else "")
             rows.append(
                 Level("Adapted policy", "predicted", told, best.mean_reward, *best.ci95, _ADAPTED, is_open=True)
             )
+        if best.tried:
+            repeated = mean_of([t.reward for n, t in enumerate(trials, start=1) if n in best.tried], std)
+            rows.append(_measured("Adapted policy", repeated, "that it would repeat", _ADAPTED))
         if confirmed:
             rows.append(_measured("Adapted policy", mean_of(confirmed, std), "after the session", _ADAPTED))
     if reference is not None:

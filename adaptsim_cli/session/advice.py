@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from adaptsim_cli.config import same_lab
+from adaptsim_cli.outputs.trials import BestRecord
 from adaptsim_cli.session.records import Facts, ResultRecord
 from sim.adaptation.method import WORTHWHILE
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
@@ -54,11 +55,22 @@ def _worth(verdict: Verdict) -> str:
     if verdict.gain is None or verdict.likely is None or verdict.kind is Kind.HOPELESS:
         return ""
     if Reason.UNTRIED in verdict.reasons:
-        return "; no trial has tried this policy yet, the next iteration does"
+        return "; it rests on the first iteration alone, and the next one checks it"
     told = [f"another iteration is predicted to gain {verdict.gain:.2f}"] if verdict.gain >= 0.005 else []
     if verdict.kind is not Kind.ENOUGH:
         told.append(f"with a chance of {100.0 * verdict.likely:.0f} % there is more than {WORTHWHILE:.2f} to gain")
     return f"; {', and '.join(told) or 'another iteration is predicted to gain nothing'}"
+
+
+def tried_in(best: BestRecord) -> str:
+    """Which trials the best policy would repeat, and their mean reward; "" for a record that does not say."""
+    if best.tried is None:
+        return ""
+    if not best.tried or best.tried_reward is None:
+        return "not yet tried"
+    *before, last = map(str, best.tried)
+    listed = f"trials {', '.join(before)} and {last}" if before else f"trial {last}"
+    return f"tried in {listed}: mean reward {best.tried_reward:.2f}"
 
 
 def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
@@ -83,6 +95,8 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
             ranges = "the ranges; to set your own: docs/guide/own-objects.md"
             return ((f"adaptsim lab list --task {facts.task}", ranges), use)
         case Kind.ENOUGH | Kind.CONVERGED:
+            if result.best.tried:
+                confirm = (f"adaptsim report {facts.name}", "every trial on one page")
             steps: Steps = (confirm, (go_on, "only to know the reward more precisely"))
         case Kind.NOT_CONVERGED if done >= ENOUGH_ITERATIONS:
             steps = (use, (go_on, f"{done} iterations are done; more rarely help"))

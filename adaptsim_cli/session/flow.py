@@ -227,6 +227,12 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> 
         session.screen.show(f"  Counts as {record.outcome_words}, reward {record.reward:.2f}.")
 
 
+def _mean_reward(history: Sequence[LearntIteration], trials: tuple[int, ...]) -> float | None:
+    """The mean reward of the trials with these numbers, counted from 1; None for no trials."""
+    rewards = [trial.reward for iteration in history for seen in iteration for trial in seen.trials]
+    return float(np.mean([rewards[number - 1] for number in trials])) if trials else None
+
+
 def keep_particles(
     session: RunningSession, stage: Adapt, history: Sequence[LearntIteration], particles: tuple[Particle, ...]
 ) -> None:
@@ -251,6 +257,8 @@ def keep_particles(
             mean_reward=found.best.mean_reward,
             trials=found.best.trials,
             ci95=found.best.ci95,
+            tried=found.tried,
+            tried_reward=_mean_reward(history, found.tried),
         ),
         verdict=found.verdict,
         outlook=None if found.outlook is None else OutlookRecord.of(found.outlook),

@@ -19,7 +19,7 @@ from adaptsim_cli.outputs.sessions import (
 )
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.advice import HEADLINES, in_words
+from adaptsim_cli.session.advice import HEADLINES, in_words, tried_in
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import Facts, ProposedTrial, ResultRecord, TrialRecord
 from hw.types import Array
@@ -105,7 +105,8 @@ def adapted(
     best = result.best
     amended = [Text(f"New in this result: {one}.", style="magenta") for one in result.amended]
     estimate = Text.assemble(
-        "Best policy so far, " + ("estimated" if result.outlook is None else "not yet tried: predicted"),
+        "Best policy so far" + (f", {where}" if (where := tried_in(best)) else ""),
+        f"; {'estimated' if result.outlook is None else 'predicted'}",
         (f" reward {best.mean_reward:.2f}", "bold"),
         f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, from {best.trials} trial{'s' * (best.trials != 1)}) at ",
         ", ".join(f"{name}={views.number(value)}" for name, value in best.params.items()),

@@ -58,6 +58,21 @@ def final_policy(
     return policy_for(policies, choose_best(task, history).particle.samples, executable)
 
 
+SAME_ACTION = 0.02
+"""Actions that differ by no more than this fraction of the range in any quantity count as the same."""
+
+
+def repeated_trials(policy: SolvedPolicy, task: Task, history: Sequence[Iteration]) -> tuple[int, ...]:
+    """The trials, numbered from 1 in the order of the history, whose action `policy` would repeat in their context."""
+    trials = [trial for iteration in history for seen in iteration for trial in seen.trials]
+    if not trials:
+        return ()
+    actions = policy.actions(np.array([trial.context for trial in trials]))
+    commanded = np.array([trial.action for trial in trials])
+    off = np.abs(task.action.normalise(actions) - task.action.normalise(commanded)).max(axis=1)
+    return tuple(int(i) + 1 for i in np.flatnonzero(off <= SAME_ACTION))
+
+
 def assess(method: Method, task: Task, history: Sequence[Iteration]) -> tuple[Best, ExpectedGain | None]:
     """The final parameters, and the outlook of a method that forecasts. Raises ValueError if there is no trial."""
     return method.assess(history) if isinstance(method, Forecasting) else (choose_best(task, history), None)

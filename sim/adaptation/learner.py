@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.adaptation.judging import Misfits, assess, final_policy, judge
+from sim.adaptation.judging import Misfits, assess, final_policy, judge, repeated_trials
 from sim.adaptation.method import Best, ExpectedGain, Iteration, Method, Particle, policy_of
 from sim.adaptation.methods.belief import Belief
 from sim.adaptation.posterior import Posterior, posterior
@@ -23,6 +23,7 @@ class Assessment(NamedTuple):
     best: Best
     verdict: Verdict
     outlook: ExpectedGain | None  # None: the method makes no forecast
+    tried: tuple[int, ...]  # trials, numbered from 1, whose action the final policy would repeat
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,8 @@ class Learner:
         """Best particle, verdict and outlook by the trials so far. Raises ValueError without a trial."""
         task = self.expectations.task
         best, ahead = assess(self.method, task, history)
-        return Assessment(best, judge(task, history, self._misfits, best, ahead), ahead)
+        verdict = judge(task, history, self._misfits, best, ahead)
+        return Assessment(best, verdict, ahead, repeated_trials(self.final(history), task, history))
 
     def posterior(self, history: Sequence[Iteration]) -> Posterior | None:
         """The belief about the true parameters after `history`; None if there is none."""

@@ -134,7 +134,7 @@ class MiddleLearner:
 
     def judge(self, history: Sequence[Iteration]) -> Assessment:
         verdict = Verdict(kind=Kind.TOO_FEW, reward=0.5, ci95=(0.0, 1.0), trials=1, strange=0)
-        return Assessment(Best(history[-1][0].particle, 0.5, (0.0, 1.0), 1), verdict, None)
+        return Assessment(Best(history[-1][0].particle, 0.5, (0.0, 1.0), 1), verdict, None, ())
 
 
 class _Middle:

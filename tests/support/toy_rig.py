@@ -242,7 +242,7 @@ class ToyLearner:
         reward, particle = max(trials, key=lambda pair: pair[0])
         best = Best(particle, reward, (max(0.0, reward - 0.2), min(1.0, reward + 0.2)), len(trials))
         verdict = Verdict(kind=Kind.CONVERGED, reward=reward, ci95=best.ci95, trials=len(trials), strange=0)
-        return Assessment(best, verdict, None)
+        return Assessment(best, verdict, None, (1 + [r for r, _ in trials].index(reward),))
 
 
 def paths(motion: ToolMotion) -> Paths:

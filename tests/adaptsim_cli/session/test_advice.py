@@ -6,7 +6,7 @@ import pytest
 
 from adaptsim_cli.config import same_lab
 from adaptsim_cli.outputs.trials import BestRecord, SuspicionRecord
-from adaptsim_cli.session.advice import HEADLINES, after_iteration, in_words
+from adaptsim_cli.session.advice import HEADLINES, after_iteration, in_words, tried_in
 from adaptsim_cli.session.records import Facts, ResultRecord
 from sim.adaptation.verdict import Kind, Reason, Verdict
 
@@ -22,6 +22,35 @@ CHECK, TOUCH, RANGES = "adaptsim calibrate check", "adaptsim touch-off", "adapts
 def found(kind: Kind, *reasons: Reason, reward: float = 0.5) -> Verdict:
     forecast = {"gain": 0.08, "likely": 0.4} if kind in (Kind.GO_ON, Kind.ENOUGH, Kind.HOPELESS) else {}
     return Verdict(kind=kind, reasons=reasons, reward=reward, ci95=(0.2, 0.95), trials=8, strange=6, **forecast)
+
+
+def best_of(tried: tuple[int, ...] | None, reward: float | None) -> BestRecord:
+    return BestRecord(params={}, mean_reward=0.5, trials=4, ci95=(0.2, 0.8), tried=tried, tried_reward=reward)
+
+
+@pytest.mark.parametrize(
+    ("tried", "reward", "words"),
+    [
+        ((3, 4), 0.905, "tried in trials 3 and 4: mean reward 0.91"),
+        ((2,), 0.0, "tried in trial 2: mean reward 0.00"),
+        ((1, 3, 4), 0.5, "tried in trials 1, 3 and 4: mean reward 0.50"),
+        ((), None, "not yet tried"),
+        (None, None, ""),  # a record of an earlier version
+    ],
+)
+def test_a_policy_is_called_untried_only_if_no_trial_would_be_repeated(tried, reward, words):
+    assert tried_in(best_of(tried, reward)) == words
+
+
+def test_nothing_is_measured_again_that_a_trial_has_measured():
+    result = ResultRecord(
+        iteration=2, trials=(), next_particles=(), best=best_of((3, 4), 0.9), verdict=found(Kind.ENOUGH), timing_s={},
+        proposal_s=0.0,
+    )  # fmt: skip
+    assert [line for line, _ in after_iteration(FACTS, result)][:2] == [
+        "adaptsim report s",
+        "adaptsim run-iteration --session s",
+    ]
 
 
 HINT = SuspicionRecord(question="Is the edge too high?", why="All were pushed.", look="Pull a strip of paper under it")

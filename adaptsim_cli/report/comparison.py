@@ -59,7 +59,11 @@ class Compared:
     @property
     def verdict(self) -> str:
         """The verdict after its last iteration, in words."""
-        return in_words(self.result.verdict, self.facts.object_name) if self.result else "No iteration is complete yet."
+        return (
+            in_words(self.result.verdict, self.facts.object_name, self.facts.recorded)
+            if self.result
+            else "No iteration is complete yet."
+        )
 
     @property
     def best(self) -> str:

@@ -116,7 +116,7 @@ def render(
         iterations=views,
         trials=trials,
         latest=results[-1] if results else None,
-        verdict=in_words(results[-1].verdict, facts.object_name) if results else "",
+        verdict=in_words(results[-1].verdict, facts.object_name, facts.recorded) if results else "",
         best=parameters_in_words(facts, results[-1].best.params) if results else "",
         correction=_correction(facts, results[-1].outlook) if results else "",
         successes=sum(t.reward > 0 for t in trials),

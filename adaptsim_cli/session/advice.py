@@ -26,8 +26,8 @@ HEADLINES = {
 """Each kind of verdict in a few words."""
 
 
-def in_words(verdict: Verdict, object_name: str) -> str:
-    """The verdict in one to three sentences."""
+def in_words(verdict: Verdict, object_name: str, recordings: str = "") -> str:
+    """The verdict in one to three sentences; `recordings` is the folder of recorded trials, "" if trials happen."""
     if verdict.kind is Kind.TOO_FEW:
         return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, at least {LEAST_TRIALS} are needed."
     kind = "estimated" if verdict.gain is None else "predicted"
@@ -36,11 +36,16 @@ def in_words(verdict: Verdict, object_name: str) -> str:
     if Reason.FAILURES in verdict.reasons:
         told.append("The latest trials all failed.")
     if verdict.kind is Kind.HOPELESS:
-        told.append("Stop here, and check how the tool is mounted, the object, and the calibration of the camera.")
+        told.append(
+            f"Stop here, and check the columns, units and clocks of {recordings}."
+            if recordings
+            else "Stop here, and check how the tool is mounted, the object, and the calibration of the camera."
+        )
     if verdict.is_inexpressible:
         told.append(
             f"The simulator cannot express this {object_name}: {verdict.strange} of {verdict.trials} trajectories lie "
             "outside of what any parameters in the ranges predict."
+            + (f" Check the columns, units and clocks of {recordings} first." if recordings else "")
         )
     elif verdict.kind is Kind.STAYS_LOW:
         told.append(

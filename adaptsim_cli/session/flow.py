@@ -298,7 +298,7 @@ def show(session: RunningSession, stage: Show) -> Iteration:
     store, screen = session.store, session.screen
     result = result_of(store, stage.iteration)
     before, after = particles_of(store, stage.iteration), particles_of(store, stage.iteration + 1)
-    screen.show(terminal_views.adapted(session.parts.task, before, after, result, screen.width))
+    screen.show(terminal_views.adapted(session.parts.task, before, after, result, screen.width, store.facts.recorded))
     return summary(store, result)
 
 

@@ -94,9 +94,17 @@ def tracked(record: TrialRecord) -> RenderableType:
 
 
 def adapted(
-    task: Task, before: Sequence[Particle], after: Sequence[Particle], result: ResultRecord, width: int
+    task: Task,
+    before: Sequence[Particle],
+    after: Sequence[Particle],
+    result: ResultRecord,
+    width: int,
+    recordings: str = "",
 ) -> RenderableType:
-    """Parameters before and after, per particle; in a narrow terminal, one table per particle."""
+    """Parameters before and after, per particle; in a narrow terminal, one table per particle.
+
+    `recordings` is the folder of recorded trials; "": trials happen.
+    """
     means = [(now.mean, then.mean) for now, then in zip(before, after, strict=True)]
     if width < max(len(d.title) for d in task.parameters.dimensions) + 2 + 24 * len(means):
         tables: list[RenderableType] = [_changes(task.parameters, [pair], first=i) for i, pair in enumerate(means)]
@@ -111,7 +119,7 @@ def adapted(
         f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, from {best.trials} trial{'s' * (best.trials != 1)}) at ",
         ", ".join(f"{name}={views.number(value)}" for name, value in best.params.items()),
     )
-    verdict = Text(in_words(result.verdict, task.object_name), style=_style(result))
+    verdict = Text(in_words(result.verdict, task.object_name, recordings), style=_style(result))
     took = views.spent({stage: spent for stage, spent in result.timing_s.items() if stage != "total"})
     spent = f"The iteration took {took}; the next proposal was ready {result.proposal_s:.1f} s after the last trial"
     return Group(

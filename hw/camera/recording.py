@@ -67,7 +67,7 @@ def camera_model(calibration: bytes, colour_mode: str, depth_mode: str) -> Camer
             depth=_intrinsics(depth, _mode(DEPTH_MODES, depth_mode)),
             X_CD=_pose(colour) @ np.linalg.inv(_pose(depth)),
         )
-    except (KeyError, ValueError, TypeError) as error:
+    except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
         raise CameraError(f"the camera's factory calibration cannot be read: {error!r}; record again") from error
 
 

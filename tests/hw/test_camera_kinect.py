@@ -51,6 +51,10 @@ def test_calibrations_that_cannot_be_used_are_refused() -> None:
         camera_model(CALIBRATION.read_bytes(), "VGA", "NFOV_UNBINNED")
     with pytest.raises(CameraError, match="read"):
         camera_model(b"{}", "720P", "NFOV_UNBINNED")
+    unnamed = json.loads(CALIBRATION.read_bytes())
+    unnamed["CalibrationInformation"]["Cameras"][0]["Purpose"] = True
+    with pytest.raises(CameraError, match="factory calibration cannot be read"):
+        camera_model(json.dumps(unnamed).encode(), "720P", "NFOV_UNBINNED")
     strange = json.loads(CALIBRATION.read_bytes())
     strange["CalibrationInformation"]["Cameras"][0]["Intrinsics"]["ModelType"] = "fisheye"
     with pytest.raises(CameraError, match="fisheye"):

@@ -48,7 +48,9 @@ def numbers(path: Path, columns: Columns, name: str) -> Array:
     """(N,) the numbers of a column. Raises RecordingsRefused naming the line of a cell that is none."""
     cells = columns[name]
     try:
-        return np.array(cells, dtype=np.float64)
+        values = np.array(cells, dtype=np.float64)
+        if isinstance(cells, np.ndarray) or None not in cells:  # numpy would make not-a-number of an empty cell
+            return values
     except (TypeError, ValueError):
         pass
     for line, cell in enumerate(cells, start=2):

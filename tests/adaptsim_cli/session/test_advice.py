@@ -123,3 +123,10 @@ def test_every_verdict_has_words_with_its_numbers(kind):
 def test_beside_a_real_arm_the_world_is_the_hardware():
     assert same_lab("scooping", "fr3", "", 3) == "--task scooping --hw fr3"
     assert same_lab("scooping", "fake", "ood-1") == "--task scooping --world ood-1"
+
+
+def test_advice_for_recordings_speaks_of_columns_units_and_clocks():
+    for kind in (Kind.HOPELESS, Kind.STAYS_LOW):
+        words = in_words(found(kind, Reason.INEXPRESSIBLE), "bottle", "my-pushes")
+        assert "the columns, units and clocks of my-pushes" in words
+        assert "mounted" not in words

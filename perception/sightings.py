@@ -22,10 +22,12 @@ Mask = NDArray[np.bool_]
 class OutcomeUnseen(TrackingFailed):
     """Too few frames show the object, before the end of the trial or at it, for an outcome."""
 
-    def __init__(self, message: str, track: ObjectTrack) -> None:
+    def __init__(self, message: str, track: ObjectTrack, followed: bool) -> None:
         super().__init__(message)
         self.track = track
         """What is known of its places. Its outcome says nothing."""
+        self.followed = followed
+        """Whether enough frames of the whole trial show it, and only its end is unseen."""
 
 
 def require_seen(what: str, track: ObjectTrack, seen: Mask, at_end: Mask) -> None:
@@ -44,6 +46,7 @@ def require_seen(what: str, track: ObjectTrack, seen: Mask, at_end: Mask) -> Non
             f"the {what} is seen in {'; in '.join(few)}: nobody knows how the trial ended. A {what} that stands out "
             "from table and tool, more light, or a camera that sees past the tool makes it visible",
             track,
+            followed=bool(seen.mean() >= BEFORE_SHARE),
         )
 
 

@@ -45,7 +45,7 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.session.store import SessionStore, history_of, particles_of, result_of, trials_of
 from adaptsim_cli.session.summary import summary
-from adaptsim_cli.session.target import Motion, Parts, Placement, TrackedTrial
+from adaptsim_cli.session.target import Motion, OutcomeUndecided, Parts, Placement, TrackedTrial
 from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
@@ -200,23 +200,30 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> 
     if recorded is None:
         with session.screen.busy("Reading the recording", "reading"):
             recorded = target.read(folder, motion.context_array, motion.action_array)
+    undecided: OutcomeUndecided | None = None
     try:
         seen = recorded.track(session.screen.busy)
+    except OutcomeUndecided as error:
+        undecided, seen = error, error.tracked
     except PerceptionError as error:
         _reject(session, stage, str(error))
         if operator.try_again(stage):
             return
         raise
     record = trial_record(task, motion, seen)
-    session.screen.show(terminal_views.tracked(record))
+    if undecided is None:
+        session.screen.show(terminal_views.tracked(record))
     if seen.film is not None:
         durable.replace_file(folder / FILM, seen.files[FILM])
         session.screen.plain(f"  Film: {folder / FILM}")
     session.watcher.tracked(record, seen)
-    review = operator.review(record, choices_of(task, target.outcomes, seen.track, motion.context_array))
+    choices = choices_of(task, target.outcomes, seen.track, motion.context_array)
+    review = operator.review(record, choices) if undecided is None else operator.decide(str(undecided), record, choices)
     if review.rejected:
         _reject(session, stage, review.rejected)
-        return
+        if undecided is None or operator.try_again(stage):
+            return
+        raise undecided
     with session.screen.busy("Storing the trial", "storing"):
         if review.outcome is not None:
             record = overruled(task, record, review.outcome)

@@ -61,6 +61,10 @@ class Operator(Protocol):
         """Accept the tracked outcome, overrule it with one of `choices`, or have the trial repeated."""
         ...
 
+    def decide(self, why: str, tracked: TrialRecord, choices: Choices) -> Review:
+        """The camera did not see how the trial ended: the outcome that a person saw, or the trial is repeated."""
+        ...
+
     def try_again(self, stage: RunTrial) -> bool:
         """Whether to set up the trial again after the object was not found, was misplaced, or was lost in tracking."""
         ...
@@ -73,6 +77,9 @@ _OVERRULE = Key(
 _REDO = Key("r", "to reject it", "The trial is made again; you say why. Later: adaptsim sessions accept.")
 _LATER = stop("The command ends. The trial is recorded; the same command asks for its review again, and nothing moves.")
 _LEAVE = stop("The command ends; everything completed is stored.")
+_SAW = Key("o", "to say what you saw", "You choose the outcome from a list; the trial counts with it.")
+_REPEAT = Key("r", "to repeat the trial", "It does not count, and is made again.")
+_UNSEEN = "The camera lost sight of the object. Say only what you saw yourself; else repeat the trial."
 _BACK = Key("", "to go back", "Nothing is overruled.", is_way_out=True)
 _REVIEW = "Outcome and reward come from the pictures of the camera. Compare them with what you saw yourself."
 
@@ -124,6 +131,20 @@ class Attended:
             if answer == "o" and (outcome := which_outcome(self.screen, tracked, choices)) is not None:
                 return Review(outcome)
         return Review()
+
+    def decide(self, why: str, tracked: TrialRecord, choices: Choices) -> Review:
+        """See `Operator`; nothing is the default."""
+        self.screen.note(f"{why[0].upper()}{why[1:]}.")
+        while True:
+            answer = self.screen.choose("How did it end?", _SAW, _REPEAT, _LATER, explain=_UNSEEN)
+            if answer == "q":
+                raise StoppedByOperator(
+                    "stopped by the operator; this trial is recorded; the same command asks again how it ended"
+                )
+            if answer == "r":
+                return Review(rejected=why)
+            if (outcome := which_outcome(self.screen, tracked, choices)) is not None:
+                return Review(outcome)
 
     def try_again(self, stage: RunTrial) -> bool:
         """See `Operator`; the person decides."""
@@ -205,6 +226,10 @@ class Unattended:
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """See `Operator`; accepts every outcome."""
         return Review()
+
+    def decide(self, why: str, tracked: TrialRecord, choices: Choices) -> Review:
+        """See `Operator`; nobody saw it, so the trial is repeated."""
+        return Review(rejected=why)
 
     def try_again(self, stage: RunTrial) -> bool:
         """See `Operator`; a fixed number of attempts."""

@@ -22,6 +22,7 @@ from adaptsim_cli.session.records import RIG, RigFacts, to_json
 from adaptsim_cli.session.target import (
     Detection,
     MotionPreview,
+    OutcomeUndecided,
     Paths,
     Placement,
     Planner,
@@ -38,6 +39,7 @@ from hw.poses import inverse
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
 from perception.geometry import project
+from perception.sightings import OutcomeUnseen
 from perception.types import SETTLE_S, ObjectTrack, Outcome
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
@@ -221,10 +223,17 @@ class RigTarget:
         context, action = made.context, made.action
         motion, played = self.hardware.plan(context, action), stored.execution
         with progress(f"Tracking the {self.task.object_name} in {len(stored.frames)} frames", "tracking"):
-            detection, track = (
-                self._follow(context, action, stored) if made.followed is None else made.followed.result()
-            )
-            track = come_home(self.tracker, stored, detection, track)
+            unseen = None
+            try:
+                detection, track = (
+                    self._follow(context, action, stored) if made.followed is None else made.followed.result()
+                )
+                track = come_home(self.tracker, stored, detection, track)
+            except OutcomeUnseen as error:
+                if not error.followed:
+                    raise
+                unseen, track = error, error.track
+                detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
         with progress("Choosing the pictures of its key moments", "storing"):
             goal_m = None if self.task.goal_m is None else np.asarray(self.task.goal_m(context))
             found_m = np.asarray(detection.xy_m)
@@ -232,7 +241,7 @@ class RigTarget:
             kept, images = filmed.moments(key_moments(motion.t_s[-1], motion.contact, float(track.t_s[-1])))
             film, sheet = filmed.sheet()
             path = recording.encode_object(track, played.t_start_s)
-        return TrackedTrial(
+        tracked = TrackedTrial(
             track=track,
             track_px=project(stored.model.colour, inverse(stored.X_BC), track.state[:, :3]),
             moments=kept,
@@ -240,6 +249,9 @@ class RigTarget:
             files={recording.OBJECT_FILE: path, **images, **sheet},
             control_success_rate=played.control_success_rate,
         )
+        if unseen is not None:
+            raise OutcomeUndecided(str(unseen), tracked) from unseen
+        return tracked
 
     def tool_pose(self, played: Execution) -> Callable[[float], Array]:
         """Arm clock -> tool pose in the base frame, from the measured joints; held beyond the ends."""

@@ -24,6 +24,7 @@ from hw.braking import slowed
 from hw.errors import HardwareError
 from hw.ports import Arm, Camera, ObjectPlacer
 from hw.types import Array, CameraModel, Frame, JointPath
+from perception.errors import TrackingFailed
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.learner import Learner
 from sim.adaptation.sessions import Progress, silently
@@ -97,6 +98,15 @@ class TrackedTrial:
     film: Film | None = None
     files: Mapping[str, bytes] = field(default_factory=dict)  # name -> content
     control_success_rate: float = 1.0
+
+
+class OutcomeUndecided(TrackingFailed):
+    """The camera followed the object, and did not see how the trial ended: a person may say it, or it is repeated."""
+
+    def __init__(self, message: str, tracked: TrackedTrial) -> None:
+        super().__init__(message)
+        self.tracked = tracked
+        """Everything but the outcome, which says nothing."""
 
 
 class Target(Protocol):

@@ -52,6 +52,10 @@ class ScriptedOperator:
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         return self.reviews.pop(0) if self.reviews else Review()
 
+    def decide(self, why: str, tracked: TrialRecord, choices: Choices) -> Review:
+        self.asked.append(f"decide {tracked.trial}")
+        return self.reviews.pop(0) if self.reviews else Review(rejected=why)
+
     def try_again(self, stage: RunTrial) -> bool:
         self.asked.append(f"again {stage.key.number}.{stage.key.attempt}")
         return True

@@ -9,21 +9,22 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from toy_rig import ToyLab, rig_target
-from toy_session import NAME, ScriptedOperator, attended, run, summary
+from toy_rig import OUTCOMES, ToyLab, rig_target
+from toy_session import NAME, ScriptedOperator, attended, run, silent, summary
 
 from adaptsim_cli.errors import Interrupted, SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.correcting import redo
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.flow import RunningSession, run_iteration
-from adaptsim_cli.session.operator import Choices, Review
+from adaptsim_cli.session.operator import Attended, Choices, Review, Unattended
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.errors import ArmFault, CameraError
 from hw.types import Execution, JointPath
 from perception.errors import TrackingFailed
+from perception.sightings import OutcomeUnseen
 from perception.types import ObjectTrack
 from sim.adaptation.stages import TrialKey
 
@@ -135,6 +136,54 @@ def test_a_trial_that_could_not_be_tracked_keeps_its_recording(tmp_path):
     assert len(recorded(session.store).frames) == 6
     assert not (session.store.trial_folder(0, SECOND) / "trial.json").exists()
     assert [t.attempt for t in session.store.trials(0)] == [1, 2, 1, 1]
+
+
+def unseen(followed: bool) -> Change:
+    """A tracker that does not see the end of the second trial."""
+    seen = 0
+
+    def changed(tracker: Tracker) -> Tracker:
+        def track(request: TrackRequest) -> ObjectTrack:
+            nonlocal seen
+            seen += 1
+            track = tracker.track(request)
+            if seen == 2:
+                raise OutcomeUnseen("seen in 0 of its last 6 frames", track, followed)
+            return track
+
+        return dataclasses.replace(tracker, track=track)
+
+    return changed
+
+
+def test_a_person_says_how_a_trial_ended_that_the_camera_did_not_see(tmp_path):
+    outcome = OUTCOMES[1]
+    operator, lab = ScriptedOperator(reviews=[Review(), Review(outcome)]), ToyLab(0)
+    session = with_tracker(attended(tmp_path, operator, lab), unseen(followed=True))
+    run_iteration(session)
+    assert lab.executions == [(1, 0), (2, 0), (3, 0), (4, 0)]
+    assert "decide 2" in operator.asked
+    assert session.store.trials(0)[1].outcome is outcome
+
+
+@pytest.mark.parametrize("followed", [True, False])
+def test_or_the_trial_is_made_again(tmp_path, followed):
+    operator, lab = ScriptedOperator(), ToyLab(0)
+    run_iteration(session := with_tracker(attended(tmp_path, operator, lab), unseen(followed)))
+    assert lab.executions == [(1, 0), (2, 0), (2, 1), (3, 0), (4, 0)]
+    assert ("decide 2" in operator.asked) is followed, "what was hardly followed is no trial, whatever a person says"
+    assert "seen in 0 of its last" in reason(session.store)
+
+
+def test_nobody_at_the_terminal_repeats_it_and_a_person_has_no_default(tmp_path, monkeypatch):
+    session = with_tracker(attended(tmp_path, Unattended(silent()), lab := ToyLab(0)), unseen(followed=True))
+    run_iteration(session)
+    assert lab.executions == [(1, 0), (2, 0), (2, 1), (3, 0), (4, 0)]
+    record = session.store.trials(0)[0]
+    screen = silent()
+    answers = iter(["", "r"])
+    monkeypatch.setattr(screen, "ask", lambda *_: next(answers))
+    assert Attended(screen).decide("not seen", record, {}) == Review(rejected="not seen"), "Enter alone says nothing"
 
 
 def reflex(home: Path, lab: ToyLab, at: TrialKey = SECOND, **how: Any) -> RunningSession:

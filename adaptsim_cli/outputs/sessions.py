@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from adaptsim_cli.outputs import Output, Quantities, said
-from adaptsim_cli.outputs.trials import UNITS, BestRecord, Trial
+from adaptsim_cli.outputs.trials import UNITS, BestRecord, PlayedTrial
 from hw.records import Record
 from perception.types import Outcome
 from sim.adaptation.verdict import Verdict
@@ -43,7 +43,7 @@ class SessionList(Output):
     sessions: list[SessionRow | Damaged] = said("one each")
 
 
-class ShownTrial(Trial):
+class ShownTrial(PlayedTrial):
     """One completed trial that counts, with its place in the session."""
 
     attempt: int = said("which attempt at it counts, from 1")

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 UNITS = "unit of every parameter, context and action by its name; empty for a plain number"
 
 
-class Trial(Record):
+class PlayedTrial(Record):
     """One completed trial that counts."""
 
     trial: int = said("number of the trial in the session, from 1")
@@ -37,7 +37,7 @@ class ParticleShown(Record):
     """One particle with its trials."""
 
     params: Quantities = said("parameters that its trials were made with, in `units`")
-    trials: list[Trial] = said("its trials of this iteration")
+    trials: list[PlayedTrial] = said("its trials of this iteration")
     mean_reward: float = said("of these trials")
     next_params: Quantities = said("parameters of the next iteration, in `units`")
 

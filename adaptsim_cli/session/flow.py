@@ -36,7 +36,6 @@ from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
     Draw,
     MotionRecord,
-    ProposedTrial,
     ResultRecord,
     Samples,
     TrialRecord,
@@ -358,7 +357,7 @@ def propose(
     `keep` stores the picture of the detection for the operator.
     """
     expected, low, high = policy.predict(planned.context)
-    trial = ProposedTrial(
+    trial = MotionRecord(
         trial=stage.key.number,
         attempt=stage.key.attempt + 1,
         iteration=stage.iteration + 1,
@@ -385,7 +384,7 @@ def show_proposal(task: Task, proposal: Proposal, planned: Placement, screen: Sc
 def motion_record(made: Proposal, started: str, motion: Motion, timing_s: dict[str, float]) -> MotionRecord:
     """The record of a finished motion."""
     stopped = None if motion.stopped is None else str(motion.stopped)
-    return MotionRecord(**dict(made.trial), started=started, stopped=stopped, timing_s=timing_s)
+    return made.trial.model_copy(update={"started": started, "stopped": stopped, "timing_s": timing_s})
 
 
 def trial_record(task: Task, motion: MotionRecord, seen: TrackedTrial) -> TrialRecord:

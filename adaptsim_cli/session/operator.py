@@ -13,7 +13,7 @@ from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.session.records import ProposedTrial, TrialRecord
+from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from perception.types import Outcome
@@ -24,7 +24,7 @@ from sim.adaptation.stages import RunTrial
 class Proposal:
     """One trial, ready to be executed."""
 
-    trial: ProposedTrial
+    trial: MotionRecord
     summary: str  # of the plan, one sentence
     announcement: str  # what happens if the operator agrees, one sentence
     overlay: Path | None  # picture of the detection; None without a camera

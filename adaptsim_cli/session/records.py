@@ -143,8 +143,8 @@ class Film(Record):
     camera: Row  # (12,) 3 x 4, row by row: a point in the base frame in m -> its place in a picture, from 0 to 1
 
 
-class ProposedTrial(Record):
-    """A trial before its motion. A completed trial's record begins with these fields."""
+class MotionRecord(Record):
+    """A trial until it is tracked: proposed, then moved, and stored as motion.json before anybody tracks it."""
 
     trial: int  # number of the trial in the session, from 1
     attempt: int  # number of the attempt, from 1
@@ -158,6 +158,10 @@ class ProposedTrial(Record):
     predicted_reward: float
     predicted_low: float  # of the emulator's ensemble: mean minus two standard deviations
     predicted_high: float
+    started: str = ""  # ISO 8601; "": it has not moved
+    stopped: str | None = None  # why the motion ended early; None: it did not
+    timing_s: dict[str, float] = Field(default_factory=dict)  # wall time by stage
+    checksums: dict[str, str] = Field(default_factory=dict)  # name -> SHA-256 of each recorded file
 
     @property
     def place(self) -> tuple[int, TrialKey]:
@@ -173,15 +177,6 @@ class ProposedTrial(Record):
     def action_array(self) -> Array:
         """(a,) the commanded action, in units."""
         return np.array(list(self.action.values()))
-
-
-class MotionRecord(ProposedTrial):
-    """motion.json: a finished motion; stored before the recording is tracked."""
-
-    started: str  # ISO 8601
-    stopped: str | None  # why the motion ended early; None: it did not
-    timing_s: dict[str, float]
-    checksums: dict[str, str] = Field(default_factory=dict)  # name -> SHA-256 of each recorded file
 
 
 class TrialRecord(MotionRecord):

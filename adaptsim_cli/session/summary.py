@@ -16,7 +16,7 @@ from adaptsim_cli.outputs.sessions import (
     ShownResult,
     ShownTrial,
 )
-from adaptsim_cli.outputs.trials import Iteration, ParticleShown, Trial, named
+from adaptsim_cli.outputs.trials import Iteration, ParticleShown, PlayedTrial, named
 from adaptsim_cli.session.keeping import about, size_bytes
 from adaptsim_cli.session.records import ResultRecord, Samples, TrialRecord
 from adaptsim_cli.session.store import SessionStore, particles_of, results_of, trials_of
@@ -51,7 +51,7 @@ def summary(store: SessionStore, result: ResultRecord) -> Iteration:
 def _particle(names: Sequence[str], now: Particle, trials: Sequence[TrialRecord], then: Samples) -> ParticleShown:
     return ParticleShown(
         params=named(names, now.mean),
-        trials=[trial.view(Trial) for trial in trials],
+        trials=[trial.view(PlayedTrial) for trial in trials],
         mean_reward=float(np.mean([trial.reward for trial in trials])),
         next_params=named(names, np.mean(then, axis=0)),
     )

@@ -21,7 +21,7 @@ from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.advice import HEADLINES, in_words, tried_in
 from adaptsim_cli.session.operator import Proposal
-from adaptsim_cli.session.records import Facts, ProposedTrial, ResultRecord, TrialRecord
+from adaptsim_cli.session.records import Facts, MotionRecord, ResultRecord, TrialRecord
 from hw.types import Array
 from sim.adaptation.method import Particle
 from sim.adaptation.stages import RunTrial
@@ -74,7 +74,7 @@ def proposal(task: Task, made: Proposal) -> RenderableType:
     return views.indent(Group(*map(Text, lines)))
 
 
-def _where(task: Task, trial: ProposedTrial) -> tuple[str, ...]:
+def _where(task: Task, trial: MotionRecord) -> tuple[str, ...]:
     if not trial.context:
         return ()
     if trial.goal_m is None:

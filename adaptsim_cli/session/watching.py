@@ -120,7 +120,7 @@ class SessionLog:
 
     def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
         """See `Watcher`."""
-        self.write("planned", made.summary, **made.trial.model_dump(mode="json"))
+        self.write("planned", made.summary, **made.trial.model_dump(mode="json", exclude_defaults=True))
 
     def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
         """See `Watcher`."""

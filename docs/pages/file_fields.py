@@ -55,10 +55,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
     (
         "motion.json",
         "A motion that is over, before anyone has looked at it.",
-        (
-            ("", "adaptsim_cli.session.records", "ProposedTrial"),
-            ("and", "adaptsim_cli.session.records", "MotionRecord"),
-        ),
+        (("", "adaptsim_cli.session.records", "MotionRecord"),),
     ),
     (
         "trial.json",

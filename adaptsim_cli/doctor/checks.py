@@ -43,7 +43,8 @@ from hw.collision import BARE_HAND
 from hw.errors import BalanceError, DeviceUnavailable
 from hw.franka.realtime import PRIORITY
 from hw.franka.versions import MATRIX, PACKAGES
-from hw.plugins import Offer, offers
+from hw.plugins import Offer, clashes, offers
+from hw.serial import balance
 from hw.stopping import WORST_STOP_S, worst_stop
 from sim.errors import SimError
 from sim.tasks import OFFERED, clashing
@@ -55,8 +56,8 @@ check = partial(add_check, CHECKS)
 
 
 def offered() -> tuple[Offer, ...]:
-    """The tasks and cameras of other packages."""
-    return offers(OFFERED) + offers(kinds.OFFERED)
+    """The tasks, cameras and balances of other packages."""
+    return offers(OFFERED) + offers(kinds.OFFERED) + offers(balance.OFFERED)
 
 
 PROGRAM, MACHINE, DEVICES, TASK = "program", "machine", "devices", "task"
@@ -108,15 +109,16 @@ def _plugins(lab: Examined) -> Finding:
     """Everything that other packages offer, each loaded once."""
     from sim.tasks import get_task
 
-    problems = [*clashing(), *kinds.clashing()]
+    load = {OFFERED: get_task, kinds.OFFERED: kinds.camera_kind, balance.OFFERED: balance.protocol_named}
+    problems = [*clashing(), *kinds.clashing(), *clashes(balance.OFFERED, set(balance.PROTOCOLS))]
     for offer in offered():
         try:
-            (get_task if offer.group == OFFERED else kinds.camera_kind)(offer.name)
+            load[offer.group](offer.name)
         except (SimError, DeviceUnavailable) as error:
             problems.append(str(error))
     if problems:
         return advice("; ".join(dict.fromkeys(problems)))
-    what = {OFFERED: "task", kinds.OFFERED: "camera"}
+    what = {OFFERED: "task", kinds.OFFERED: "camera", balance.OFFERED: "balance"}
     return ok(", ".join(f"{what[one.group]} {one.name} of {one.package} {one.version}" for one in offered()))
 
 

@@ -20,7 +20,7 @@ from adaptsim_cli.setup.answers import NOTHING, WAIVE, Answers, numbers, shown
 from hw.camera.kinds import camera_kinds
 from hw.collision import KeepOut, Side
 from hw.mass import Mass
-from hw.serial.balance import PROTOCOLS
+from hw.serial.balance import protocol_names
 
 ANY = "any"
 """The only camera that is plugged in."""
@@ -66,7 +66,7 @@ def pedal(answers: Answers) -> None:
     port = rig.balance.port if rig.balance else like(left, BALANCES)
     answers.take(f"Serial port of the balance? {choice}", port or NOTHING, lambda text: {"balance": _port(text, ports)})
     if answers.rig.balance is not None:
-        kind = answers.one_of("Which protocol does it use?", tuple(PROTOCOLS), answers.rig.balance.protocol)
+        kind = answers.one_of("Which protocol does it use?", protocol_names(), answers.rig.balance.protocol)
         answers.put(balance={"port": answers.rig.balance.port, "protocol": kind})
 
 

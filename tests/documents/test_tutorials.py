@@ -16,7 +16,7 @@ from documents import ROOT, install, module, require_kept
 from pydantic import ValidationError
 
 from adaptsim_cli import app
-from adaptsim_cli.devices.rig_file.description import CameraPart
+from adaptsim_cli.devices.rig_file.description import BalancePart, CameraPart
 from adaptsim_cli.doctor import checks
 from hw import plugins
 from hw.camera import kinds
@@ -126,15 +126,21 @@ def test_a_name_that_is_taken_is_said(tmp_path, monkeypatch):
     assert "has the name of a built-in one" in checks.CHECKS["plug-ins"].probe(None).detail
 
 
-def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(monkeypatch):
+def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(tmp_path, monkeypatch):
     found = blocks("add-a-device.md")
     (adapter,) = [code for kind, path, code in found if kind == "file" and "balance" in path]
     (said,) = [code for kind, _, code in found if kind == "contract"]
-    monkeypatch.setattr(balance, "PROTOCOLS", dict(balance.PROTOCOLS))
+    (tmp_path / "gs_balance.py").write_text(adapter, encoding="utf-8")
+    install(tmp_path, "gs-balance", {"gs": "gs_balance"}, balance.OFFERED)
+    monkeypatch.syspath_prepend(tmp_path)
+    plugins.offers.cache_clear()
+    assert BalancePart(port="/dev/ttyUSB0", protocol="gs").protocol == "gs"
+    assert "balance gs of gs-balance 1.0" in checks.CHECKS["plug-ins"].probe(None).detail
     contract = module(ROOT / "tests/contracts/test_balance_contract.py")
-    exec(adapter, {"__name__": "tutorial"})
     exec(said, vars(contract))
     require_kept(contract, laden=contract.KINDS["gs"])
+    with pytest.raises(ValidationError, match="it must be one of sbi, mt-sics, gs"):
+        BalancePart(port="/dev/ttyUSB0", protocol="xyz")
 
 
 @pytest.mark.long

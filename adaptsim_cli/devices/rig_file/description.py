@@ -20,6 +20,7 @@ from hw.camera.kinds import camera_kind, camera_kinds
 from hw.camera.process import CameraProcess, served
 from hw.collision import MOST_SLOPE, KeepOut, Side, Table, persons_side
 from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
+from hw.serial.balance import protocol_names
 from hw.types import Array, frozen_array
 
 Three = tuple[float, float, float]
@@ -212,6 +213,12 @@ class KeepOutPart:
         return KeepOut(self.name, np.array(self.low_m), np.array(self.high_m))
 
 
+def _known_protocol(name: str) -> str:
+    if name not in protocol_names():
+        raise ValueError(f"it must be one of {', '.join(protocol_names())}")
+    return name
+
+
 def _known_kind(name: str) -> str:
     if name not in camera_kinds():
         raise ValueError(f"it must be one of {', '.join(camera_kinds())}")
@@ -257,9 +264,11 @@ class BalancePart:
     """The balance that weighs the object; left out: its mass is not recorded."""
 
     port: Annotated[str, key("serial port", min_length=1, examples=["/dev/ttyUSB0"])]
-    protocol: Annotated[Literal["mt-sics", "sbi"], key("protocol: mt-sics (Mettler Toledo) or sbi (Sartorius)")] = (
-        "mt-sics"
-    )
+    protocol: Annotated[
+        str,
+        key("protocol by its name, such as mt-sics (Mettler Toledo) or sbi (Sartorius); `adaptsim setup` lists all"),
+        AfterValidator(_known_protocol),
+    ] = "mt-sics"
 
 
 @dataclass(frozen=True, config=RULES)

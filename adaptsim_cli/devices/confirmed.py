@@ -16,6 +16,7 @@ from hw.ports import AroundArm, Pedal
 from hw.types import Contact, Execution, Guard, JointPath
 
 if TYPE_CHECKING:
+    from hw.franka.motions import StopReport
     from hw.franka.settings import Payload
 
 PATIENCE_S = 30.0
@@ -63,6 +64,11 @@ class ConfirmedArm(AroundArm[RealArm]):
             contact = self._arm.execute_until_contact(path, guard)
         self._say_rate(contact.control_success_rate)
         return contact
+
+    @property
+    def last_stop(self) -> StopReport | None:
+        """See `RealArm`."""
+        return self._arm.last_stop
 
     def carry(self, tool: Tool, payload: Payload) -> None:
         """Set the load on the flange from now on. Nothing moves."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from adaptsim_cli.calibration.parts import BoardHandler
+from adaptsim_cli.devices.known_arm import StopMeasurement
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.screen.release import Release
@@ -78,6 +79,12 @@ class Lab(Protocol):
 
     def for_guided_touch_off(self, cell: Workcell) -> GuidedDevices:
         """`cell` is with the tool. Nothing moves by itself."""
+
+    def measure_stop(self, there: MountedTask) -> StopMeasurement:
+        """Have the stop button pressed during a slow swing, and keep time and way until rest beside the worst case.
+
+        Raises StoppedByOperator, MotionRefused, HardwareError.
+        """
 
 
 class RealArm(GuardedArm, Protocol):

@@ -11,7 +11,7 @@ from adaptsim_cli.config import Config, places
 from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, ToolWatch
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.devices.known_arm import KnownArm, folder_of, setup_of
+from adaptsim_cli.devices.known_arm import KnownArm, StopMeasurement, folder_of, setup_of
 from adaptsim_cli.devices.lab import BoardDevices, Drivers, GuidedDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.pacing import PacedArm
@@ -19,6 +19,7 @@ from adaptsim_cli.devices.recovery import offer_recovery
 from adaptsim_cli.devices.released import ReleasedHand
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import BOARD, gaps, in_words
+from adaptsim_cli.devices.stop_check import StopCheck
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Each
@@ -119,6 +120,14 @@ class RealLab:
         arm = self._arm(cell, self._task.name, "nothing on the table", "touch-off")
         self._connect(arm)
         return arm, time.sleep, None
+
+    def measure_stop(self, there: MountedTask) -> StopMeasurement:
+        """See `Lab`."""
+        self._require_payload(self._task.name)
+        arm = self._arm(there.cell, self._task.name, "nothing on the table", "the stop's measurement")
+        self._connect(arm)
+        check = StopCheck(self._screen, arm, arm, there.cell, KnownArm(self._folder), arm.release)
+        return check.measure(lambda: arm.consent.operator)
 
     def check_stop_button(self, cell: Workcell) -> None:
         """Connect the arm; have its stop button pressed and released if that is due. Raises StoppedByOperator."""

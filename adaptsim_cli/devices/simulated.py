@@ -5,19 +5,25 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from adaptsim_cli.config import SIMULATED
+import numpy as np
+
+from adaptsim_cli.config import SIMULATED, places
+from adaptsim_cli.devices.known_arm import KnownArm, StopMeasurement, folder_of
 from adaptsim_cli.devices.lab import BoardDevices, GuidedDevices, TouchDevices
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.pacing import PacedArm
 from adaptsim_cli.devices.released import ReleasedArm, ReleasedHand
 from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.devices.stop_check import measurement, swing, swinging
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key
 from adaptsim_cli.screen.release import Release, before_first, require_word
 from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
-from hw.braking import FULL
+from hw.braking import FULL, brake
 from hw.collision import KeepOut, Tool
+from hw.franka.motions import BUTTON, StopReport
+from hw.kinematics import forward
 from hw.ports import Arm
 from hw.types import Array
 from hw.workcell import Workcell
@@ -98,6 +104,25 @@ class SimulatedLab:
         release = self._release("nothing on the table")
         arm = PacedArm(ReleasedArm(lab.arm, release), cell.holding(loaded), self._pace, realtime=self._realtime)
         return arm, ReleasedHand(lab.hand, release), lab.offer_tool, release
+
+    def measure_stop(self, there: MountedTask) -> StopMeasurement:
+        """See `Lab`. A stand-in presses the button at a moment of its own; the arm brakes along its path."""
+        from sim.lab.simulated import SimulatedLab
+
+        lab = SimulatedLab(self._task, self._world, self._seed, there.cell, home_q_rad=there.home_rad)
+        self._stack.enter_context(lab)
+        release = self._release("nothing on the table")
+        path = swing(lab.arm.state().q_rad, there.cell)
+        press_s = float(np.random.default_rng(self._seed).uniform(0.2, 0.8)) * path.duration_s
+        release.one(swinging(path), "The arm swings until a stand-in presses the stop button.")
+        played = ReleasedArm[Arm](lab.arm, release).execute(brake(path, press_s, there.cell.motion))
+        after = played.t_s >= press_s
+        flange_m = forward(there.cell.arm.true_rad(played.q_measured_rad[after]))[:, :3, 3]
+        way_m = float(np.linalg.norm(np.diff(flange_m, axis=0), axis=1).sum())
+        stopped = StopReport(BUTTON, press_s, 0.0, float(played.t_s[-1]) - press_s, way_m, 0.0)
+        found = measurement(stopped, path, there.cell, "a stand-in")
+        KnownArm(folder_of(places(), self.rig)).stop_measured(found)
+        return found
 
     def _release(self, table: str) -> Release:
         """The questions to whoever practises here."""

@@ -69,6 +69,14 @@ def _swings(q_rad: Array) -> Iterator[JointPath]:
             yield JointPath(t_s, q_rad + angle_rad * share[:, None] * np.eye(len(q_rad))[joint])
 
 
+def swinging(path: JointPath) -> str:
+    """The question before the swing."""
+    return (
+        f"The arm will swing to and fro for {path.duration_s:.0f} s, at up to {REDUCED_M_S:g} m/s. Press its stop "
+        "button while it swings. Is nobody within its reach?"
+    )
+
+
 def measurement(stopped: StopReport, path: JointPath, cell: Workcell, operator: str) -> StopMeasurement:
     """What was measured, beside the worst case of the same motion."""
     worst = worst_stop(cell, (path,))
@@ -101,17 +109,12 @@ class StopCheck:
         """
         while True:
             path = swing(self.arm.state().q_rad, self.cell)
-            self.release.one(
-                f"The arm will swing to and fro for {path.duration_s:.0f} s, at up to {REDUCED_M_S:g} m/s. Press its "
-                "stop button while it swings. Is nobody within its reach?",
-                "The arm swings until you press the stop button. Enter lets nothing move.",
-            )
+            self.release.one(swinging(path), "The arm swings until you press the stop button. Enter lets nothing move.")
             if (stopped := self._swung(path)) is not None:
                 break
             self.screen.note("  The arm came to the end of its swing: the stop button was not pressed.")
         found = measurement(stopped, path, self.cell, operator())
         self.known.stop_measured(found)
-        self.screen.note(f"  {found}")
         offer_recovery(self.arm, self.screen)
         return found
 

@@ -115,6 +115,7 @@ def page(
         allowed_N=contact_limit_N(rig.arm.stops_at_N),
         moved=known.slow_motion(setup) or "never",
         stop_button=f"{known.stop_button} by {known.stop_button_by}" if known.stop_button else "never",
+        measured=str(known.stop) if known.stop else "never: adaptsim setup --hw " + rig.arm.model + " --from stop",
         accepted=accepted,
         silence_s=SILENCE_S,
         guarded_m_s=SPEED_M_S,

@@ -243,6 +243,9 @@ def _sides(lab: Examined) -> Finding:
     )
 
 
+MEASURE = "adaptsim setup --hw {hw} --from stop"
+
+
 @check(DEVICES, "stop button", "the next command that moves the arm leads you through the check", with_rig)
 def _stop_button(lab: Examined) -> Finding:
     known = KnownArm(folder_of(lab.resolved.places, lab.rig)).read()
@@ -251,7 +254,14 @@ def _stop_button(lab: Examined) -> Finding:
     if not known.stop_button:
         return advice("it was never checked with this computer")
     told = f"stopped the arm on {known.stop_button} ({known.stop_button_by})"
-    return advice(f"{told}: more than a day ago") if known.stop_button_is_due(datetime.now(UTC)) else ok(told)
+    if known.stop_button_is_due(datetime.now(UTC)):
+        return advice(f"{told}: more than a day ago")
+    if known.stop is not None and not known.stop.is_within:
+        return missing(
+            f"{told}; {known.stop}", f"have the arm's brakes looked at; {MEASURE}".format(**vars(lab.config))
+        )
+    measured = f"; {known.stop}" if known.stop else f"; its stop was never measured: {MEASURE}"
+    return ok(told + measured.format(**vars(lab.config)))
 
 
 MOST_RTT_MS = 0.5

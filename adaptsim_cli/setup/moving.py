@@ -13,6 +13,7 @@ from adaptsim_cli.calibration import printing
 from adaptsim_cli.calibration import running as calibrating
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.consent import SLOW_PACE
+from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.screen.keys import Key, enter
 from adaptsim_cli.session import single
 from adaptsim_cli.session.store import trials_of
@@ -22,6 +23,7 @@ from adaptsim_cli.touch_off import flow as touching
 from adaptsim_cli.touch_off import guiding
 from adaptsim_cli.touch_off.parts import Grasp
 from adaptsim_cli.wiring import calibration, rig_frames, touch_off
+from adaptsim_cli.wiring.motion import mounted_for
 from adaptsim_cli.wiring.session import open_parts
 from hw.errors import Rehearsed
 
@@ -74,6 +76,15 @@ def touch(answers: Answers) -> None:
         return
     open_rig = partial(touch_off.open_touch_rig, screen=answers.asked)
     touching.run(_slowly(answers, practice=False), Grasp(), store, sessions, open_rig, screen, yes=answers.defaults)
+
+
+def stop(answers: Answers) -> None:
+    """Measure how the arm's stop button stops a slow motion."""
+    from sim.tasks import get_task
+
+    there = mounted_for(answers.resolved, None)
+    with open_lab(answers.config, get_task(answers.config.task), screen=answers.asked) as lab:
+        answers.screen.plain(f"  {lab.measure_stop(there)}")
 
 
 def slow_motion(answers: Answers) -> None:

@@ -65,6 +65,7 @@ STEPS = (
     Step("board", moving.board, ("rig file",)),
     Step("calibration", moving.calibrate, ("rig file", "calibration")),
     Step("touch-off", moving.touch, ("rig file", "motion"), touches=True),
+    Step("stop", moving.stop),
     Step("slow motion", moving.slow_motion),
     Step("first trial", moving.trial),
 )  # fmt: skip

@@ -188,7 +188,8 @@ class Lab:
         """A constant error, and the floor's push against the tip of a guarded motion."""
         if self.course.guard is None or (deep_m := self.course.floor_m - tip_m(q)) <= 0.0:
             return [0.4] * 7
-        return (0.4 + deep_m * STIFFNESS_N_M * jacobian(np.array(q), self.course.tip_F_m)[2]).tolist()
+        push_Nm: list[float] = (0.4 + deep_m * STIFFNESS_N_M * jacobian(np.array(q), self.course.tip_F_m)[2]).tolist()
+        return push_Nm
 
     def move(self) -> BaseException | None:
         """Execute the motion with its faults; what it raised."""

@@ -15,13 +15,17 @@ from living_sdk import LivingSdk
 from players import arm_of
 from real_lab import quiet, said, typing
 
-from adaptsim_cli.devices.known_arm import KnownArm, StopMeasurement
+from adaptsim_cli import config
+from adaptsim_cli.devices.known_arm import KnownArm, StopMeasurement, folder_of
+from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.stop_check import StopCheck, swing
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.release import Release
+from adaptsim_cli.wiring.motion import mounted_for
 from hw.collision import KeepOut
 from hw.errors import ArmFault, MotionRefused
 from hw.stopping import REDUCED_M_S, speeds_m_s
+from sim.tasks import get_task
 
 CELL = cell("fr3")
 
@@ -45,7 +49,7 @@ class Released(io.StringIO):
         super().__init__("".join(f"{answer}\n" for answer in answers))
         self.sdk, self.left = sdk, len(answers)
 
-    def readline(self, *args: Any) -> str:
+    def readline(self, *args: Any) -> str:  # type: ignore[override]
         self.left -= 1
         if self.left == 0:
             self.sdk.modes.pressed = False
@@ -90,7 +94,8 @@ def test_time_and_way_until_rest_are_kept_and_compared(tmp_path: Path, monkeypat
     assert 0.001 < found.distance_m < 0.03
     assert found.is_within
     assert found.worst_distance_m < 0.12
-    assert "within the worst case of" in text
+    assert "within the worst case of" in str(found)
+    assert "will swing to and fro" in text
     kept = json.loads((tmp_path / "known.json").read_text())
     assert kept["stop"]["by"] == "Kim"
 
@@ -127,3 +132,14 @@ def test_a_stop_beyond_the_worst_case_says_so() -> None:
     late = StopMeasurement("2026-03-01T08:00:00+00:00", "Kim", 0.6, 0.02, 0.47, 0.1)
     assert not late.is_within
     assert "0.60 s and 20 mm, BEYOND the worst case of 0.47 s and 100 mm (2026-03-01, Kim)" in str(late)
+
+
+@pytest.mark.long
+def test_in_the_simulated_lab_a_stand_in_presses(place: Path) -> None:
+    task, resolved = get_task("pushing"), config.load({"task": "pushing", "seed": 3})
+    with open_lab(resolved.config, task) as lab:
+        found = lab.measure_stop(mounted_for(resolved, None))
+        assert KnownArm(folder_of(resolved.places, lab.rig)).read().stop == found
+    assert found.by == "a stand-in"
+    assert found.is_within
+    assert 0.0 < found.distance_m < 0.05

@@ -13,7 +13,7 @@ import pytest
 from real_lab import RIG, calibrated, waivers, write_rig
 
 from adaptsim_cli import app, config
-from adaptsim_cli.devices.known_arm import ArmFacts, SetUp
+from adaptsim_cli.devices.known_arm import ArmFacts, SetUp, StopMeasurement
 from adaptsim_cli.devices.mounted import mounted
 from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.devices.rig_file.waivers import WITHOUT, Waivable
@@ -28,10 +28,10 @@ MOVES = Motions(7, 0.8, STOP, 12.0, 0.2)
 BARE = RIG[: RIG.index("consent")] + RIG[RIG.index("[arm]") : RIG.index("[pedal]")] + waivers(*get_args(Waivable))
 
 
-def sheet(folder: Path, rig_text: str = RIG, moves: Motions = MOVES) -> str:
+def sheet(folder: Path, rig_text: str = RIG, moves: Motions = MOVES, known: ArmFacts | None = None) -> str:
     """The text of the sheet of a rig, without marks, on one line."""
     rig = read(write_rig(folder, rig_text))
-    facts = ArmFacts("2026-03-01T08:00:00+00:00", "Kim")
+    facts = known or ArmFacts("2026-03-01T08:00:00+00:00", "Kim")
     text = page(
         mounted(get_task("scooping"), rig, np.zeros(7)), rig, moves, facts, {"set-up": "abc"}, SetUp("scooping")
     )
@@ -52,6 +52,13 @@ def test_the_sheet_has_the_rigs_own_numbers(tmp_path):
         "the person's side (left)",
     ):
         assert words in text
+
+
+def test_what_the_stop_button_was_measured_to_do_stands_beside_the_worst_case(tmp_path):
+    assert "measured in a slow motion never: adaptsim setup --hw panda --from stop" in sheet(tmp_path)
+    stop = StopMeasurement("2026-03-01T08:00:00+00:00", "Kim", 0.09, 0.011, 0.2, 0.05)
+    text = sheet(tmp_path, known=ArmFacts(stop=stop))
+    assert "to rest in 0.09 s and 11 mm, within the worst case of 0.20 s and 50 mm (2026-03-01, Kim)" in text
 
 
 def test_the_separation_distance_stands_beside_the_side_and_says_when_that_is_nearer(tmp_path):

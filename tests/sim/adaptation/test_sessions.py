@@ -1,0 +1,64 @@
+"""The loop of every session, played in memory."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+
+from sim.adaptation.learner import Learner
+from sim.adaptation.method import Particle, Trial
+from sim.adaptation.sessions import MemorySession, begin_in_memory, play_trials
+from sim.adaptation.stages import Adapt
+
+
+class CountingLearner:
+    """Its particles are the numbers of the iteration; it writes down what it was asked for."""
+
+    def __init__(self) -> None:
+        self.trained: list[tuple[float, int]] = []
+        self.drawn: list[float] = []
+
+    def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
+        return tuple(Particle(np.array([[10.0 * k]])) for k in range(n))
+
+    def train(self, particle: Particle, history: Any) -> str:
+        self.trained.append((float(particle.mean[0]), len(history)))
+        return f"policy of {particle.mean[0]:g}"
+
+    def next(self, history: Any, rng: np.random.Generator) -> tuple[Particle, ...]:
+        self.drawn.append(float(rng.random()))
+        return tuple(Particle(tried.particle.samples + 1.0) for tried in history[-1])
+
+
+def session(learner: CountingLearner, played: list[tuple[str, int, int]]) -> MemorySession:
+    def play(policy: Any, iteration: int, particle: int) -> tuple[Trial, ...]:
+        played.append((policy, iteration, particle))
+        nothing = np.zeros(0)
+        return tuple(Trial(nothing, nothing, nothing, float(k), None) for k in range(3))
+
+    rngs = {i: np.random.default_rng(i) for i in range(3)}
+    return begin_in_memory(cast(Learner, learner), play, (2, 3), np.random.default_rng(9), rngs.__getitem__)
+
+
+def test_every_particle_plays_its_trials_with_a_policy_trained_once_on_what_came_before():
+    learner, played = CountingLearner(), list[tuple[str, int, int]]()
+    histories = list(session(learner, played).iterations(2))
+    assert played == [
+        ("policy of 0", 0, 0),
+        ("policy of 10", 0, 1),
+        ("policy of 1", 1, 0),
+        ("policy of 11", 1, 1),
+    ]
+    assert learner.trained == [(0.0, 0), (10.0, 0), (1.0, 1), (11.0, 1)]
+    assert [len(history) for history in histories] == [1, 2]
+    assert [[t.reward for t in tried.trials] for tried in histories[1][1]] == [[0.0, 1.0, 2.0]] * 2
+    assert learner.drawn == [np.random.default_rng(i).random() for i in range(2)]
+
+
+def test_a_session_without_a_learner_ends_after_its_trials():
+    learner, played = CountingLearner(), list[tuple[str, int, int]]()
+    one = session(learner, played)
+    assert isinstance(play_trials(one), Adapt)
+    assert len(played) == 2
+    assert not learner.drawn

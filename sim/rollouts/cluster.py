@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError, Executor, Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import metadata
 from platform import python_version_tuple
@@ -43,7 +43,8 @@ def dask_cluster(scheduler: str) -> Iterator[Executor]:
         _require_alike_workers(client, scheduler)
         yield _DaskExecutor(client, scheduler)
     finally:
-        client.close(timeout=1)
+        with suppress(TimeoutError):  # results are there by now, and a busy or lost cluster may not say good-bye
+            client.close(timeout=5)
 
 
 def _brief(error: Exception) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from distributed import LocalCluster
+from distributed import Client, LocalCluster
 from toy_task import TOY, equal_rollouts
 
 from sim.errors import ClusterUnavailable, RolloutError
@@ -81,6 +81,18 @@ def test_a_worker_that_comes_later_with_other_versions_is_refused_too(two_worker
         monkeypatch.setattr(cluster, "versions", lambda: here)
         with pytest.raises(ClusterUnavailable, match=r"other versions.*: drake [\d.]+ \(here 1\.0\.0\)"):
             run_many(TOY, dataset_requests(TOY, 3, 8), dask)
+
+
+def test_a_cluster_that_is_slow_to_say_good_bye_spoils_no_result(two_workers, monkeypatch):
+    close = Client.close
+
+    def slow(client: Client, timeout: float) -> None:
+        close(client)
+        raise TimeoutError(f"timed out after {timeout} s")
+
+    monkeypatch.setattr(Client, "close", slow)
+    with dask_cluster(two_workers.scheduler_address) as dask:
+        assert dask.submit(abs, -3).result(timeout=30) == 3
 
 
 def test_a_worker_with_threads_is_refused():

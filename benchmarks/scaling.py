@@ -1,0 +1,82 @@
+"""Rollouts by a pool of processes and by Dask workers of this computer: time at 1 and 2 workers, and equal numbers.
+
+    python benchmarks/scaling.py [--task scooping] [--rollouts 48]
+
+At the end one of two Dask workers is killed half-way. Every line says whether its rollouts equal the first one's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import fields
+
+import numpy as np
+from distributed import LocalCluster
+
+from sim.rollouts import Requests, Rollouts, process_pool, run_many
+from sim.rollouts.cluster import dask_cluster
+from sim.rollouts.dataset import dataset_requests
+from sim.tasks import get_task
+from sim.tasks.task import Task
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--task", default="scooping")
+    parser.add_argument("--rollouts", type=int, default=48)
+    asked = parser.parse_args()
+    task = get_task(asked.task)
+    requests = dataset_requests(task, 0, asked.rollouts)
+    expected: Rollouts | None = None
+
+    def show(name: str, executor: Executor, progress: Callable[[int, int], None] = lambda done, total: None) -> None:
+        nonlocal expected
+        rollouts, seconds = timed(task, requests, executor, progress)
+        expected = expected or rollouts
+        load = os.getloadavg()[0]
+        print(f"{name}: {seconds:.1f} s, equal: {equal(rollouts, expected)}, load {load:.1f}", flush=True)
+
+    for workers in (1, 2):
+        with process_pool(workers) as pool:
+            show(f"pool of {workers}", pool)
+        with local(workers) as cluster, dask_cluster(cluster.scheduler_address) as dask:
+            show(f"{workers} Dask workers", dask)
+    with local(2) as cluster, dask_cluster(cluster.scheduler_address) as dask:
+        killed: list[int] = []
+
+        def kill(done: int, total: int) -> None:
+            if not killed and 2 * done >= total:
+                killed.append(next(iter(cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        show("2 Dask workers, one killed half-way", dask, kill)
+
+
+def timed(
+    task: Task, requests: Requests, executor: Executor, progress: Callable[[int, int], None]
+) -> tuple[Rollouts, float]:
+    """The rollouts and their seconds, once every worker has loaded the task."""
+    run_many(task, dataset_requests(task, 1, 8), executor)
+    before = time.perf_counter()
+    return run_many(task, requests, executor, progress), time.perf_counter() - before
+
+
+def equal(one: Rollouts, two: Rollouts) -> bool:
+    """Whether both hold the same numbers."""
+    return all(np.array_equal(getattr(one, f.name), getattr(two, f.name), equal_nan=True) for f in fields(one))
+
+
+def local(workers: int) -> LocalCluster:
+    """Dask workers of this computer, all of their ports on 127.0.0.1."""
+    return LocalCluster(
+        n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0", silence_logs=50
+    )
+
+
+if __name__ == "__main__":
+    main()

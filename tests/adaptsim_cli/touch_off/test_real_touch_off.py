@@ -204,7 +204,7 @@ def test_the_command_refuses_yes_and_names_a_missing_driver(
     for lacking in ("arm", "hand", "pedal"):
         devices = ToyDevices(hand=FakeHand(), lacking=lacking)
         monkeypatch.setattr("adaptsim_cli.devices.lab.makers_drivers", devices.drivers)
-        assert app.run(["touch-off", "--hw", "panda"]) == 3
+        assert app.run(["touch-off", "--hw", "panda", "--automatic"]) == 3
         assert f"pip install {lacking}-driver==1.0" in capfd.readouterr().err
         assert devices.arm is None or not devices.arm.executed
     assert not list(place.glob("**/touch-off.json"))

@@ -14,7 +14,7 @@ from adaptsim_cli.devices.trackers import BOTTLE_AREA
 from adaptsim_cli.research.lab_place import rig_in_lab
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Detection, Placed, Planned
+from adaptsim_cli.session.target import Detection, Placement
 from adaptsim_cli.storage import durable
 from hw.errors import MotionRefused
 from hw.kinematics import forward
@@ -50,18 +50,19 @@ def film(task: Task, lit: LitWorld, seed: int, trials: int, folder: Path) -> Ite
 def _film(lab: SimulatedLab, rig: RigTarget, lit: LitWorld, trial: int, rng: np.random.Generator, folder: Path) -> None:
     """One trial. The context is the true one within a hand's error, so that a poor first look ruins no motion."""
     planned = _planned(rig, rng)
-    lab.bench.place(rig.tracker.placement(planned.placed.drawn), trial, 0)
+    lab.bench.place(rig.tracker.placement(planned.drawn), trial, 0)
     before = rig.in_time(rig.rig.camera.snapshot())
-    executed = rig.execute(replace(planned, placed=replace(planned.placed, frame=before)))
+    executed = rig.execute(replace(planned, frame=before))
     if executed.stopped is not None:
         raise executed.stopped
-    files, stored = executed.stored()
+    files, recorded = executed.files(), executed.recorded
+    assert recorded is not None
     folder.mkdir(parents=True, exist_ok=True)
     durable.replace_file(folder / recording.FILE, files[recording.FILE])
     told = {
-        "context": planned.placed.context.tolist(),
+        "context": planned.context.tolist(),
         "action": planned.action.tolist(),
-        **_truth(rig, lab.truth()["trials"][-1], stored.recording.execution),
+        **_truth(rig, lab.truth()["trials"][-1], recorded.execution),
         "luminance": lit.luminance,
         "light": vars(lit.light),
         "depth_noise_scale": lit.world.sensing.depth_noise_scale,
@@ -70,11 +71,11 @@ def _film(lab: SimulatedLab, rig: RigTarget, lit: LitWorld, trial: int, rng: np.
     durable.replace_file(folder / TRUTH, json.dumps(told).encode())
 
 
-def _planned(rig: RigTarget, rng: np.random.Generator) -> Planned:
+def _planned(rig: RigTarget, rng: np.random.Generator) -> Placement:
     for _ in range(TRIES):
         context, action = rig.task.context.sample(rng, 1)[0], rig.task.action.sample(rng, 1)[0]
         try:
-            return rig.plan(Placed(context, context, frame=None, detection=_At(rig, context)), action)
+            return rig.plan(Placement(context, context, frame=None, detection=_At(rig, context)), action)
         except (NotExecutable, MotionRefused):
             continue
     raise RuntimeError(f"none of {TRIES} random actions is executable")

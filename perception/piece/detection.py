@@ -38,6 +38,23 @@ def matte(rgb: NDArray[np.uint8], piece: Array, others: tuple[Array, ...]) -> Ar
     return np.clip(share, 0, 1, out=share)
 
 
+_BLACK, _GREY = 0.30, 0.60
+"""Brightness, as a share of the table's, up to which a pixel is as dark as a dark piece, and from which on it is
+table, also in a shadow, which leaves 0.72 of it (of the coded values).
+"""
+
+
+def brightness(rgb: NDArray[np.uint8]) -> Array32:
+    """(..., 3) -> (...,) the sum of the channels."""
+    return np.asarray(rgb.sum(axis=-1, dtype=np.float32))
+
+
+def darkness(rgb: NDArray[np.uint8], table: float) -> Array32:
+    """(h, w) share of each pixel that a dark piece covers; `table` is the table's brightness."""
+    share = (np.float32(_GREY) - brightness(rgb) / np.float32(max(table, 1.0))) / np.float32(_GREY - _BLACK)
+    return np.asarray(np.clip(share, 0, 1), dtype=np.float32)
+
+
 _SURE, _FEWEST = 0.9, 8
 _LIT = 80.0
 _DARKEST, _DARK = 0.2, 0.5
@@ -90,6 +107,7 @@ class PieceDetection:
     piece_chroma: Array  # (2,) chromaticity of the piece
     table_chroma: Array  # (2,) chromaticity of the table around it
     depth_offset_m: float  # measured minus expected depth of the bare table around it
+    is_dark: bool = False  # its brightness tells it from the table, and its colour says nothing
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "xy_m", frozen_array(self.xy_m, (2,), "xy_m"))
@@ -130,14 +148,17 @@ def find_piece(frame: Frame, model: CameraModel, X_BC: Array, area: Area) -> Pie
     rgb = frame.colour[view.rows, view.columns]
     colour = chromaticity(rgb)
     table, spread = typical(colour.reshape(-1, 2))
-    spots = _spots(colour, table, spread, view, area)
+    bright = float(np.median(brightness(rgb)))
+    dark = darkness(rgb, bright)
+    spots = _spots(colour, dark, table, spread, view, area)
     inside = [spot for spot in spots if spot.in_area]
     if len(inside) != 1:
         raise ObjectNotFound(_complaint(inside, spots, area))
     spot = inside[0]
     core = cv2.erode(spot.mask, np.ones((3, 3), np.uint8)) > 0
     piece, _ = typical(colour[core if core.sum() >= 8 else spot.mask > 0])
-    share = matte(rgb, piece, (table,))
+    is_dark = bool(np.median(dark[spot.mask > 0]) > _MOSTLY)
+    share = dark.copy() if is_dark else matte(rgb, piece, (table,))
     share[cv2.dilate(spot.mask, np.ones((7, 7), np.uint8)) == 0] = 0
     proxy, xy_m, offset_m, confidence = _measure(frame, model, view, share, spot)
     widest, narrowest = max(proxy.half_m[:2]), min(proxy.half_m[:2])
@@ -150,7 +171,7 @@ def find_piece(frame: Frame, model: CameraModel, X_BC: Array, area: Area) -> Pie
     contours, _ = cv2.findContours((share > 0.5).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     corner = np.array([view.columns.start, view.rows.start], dtype=np.float64)
     contour = max(contours, key=cv2.contourArea).reshape(-1, 2) + corner
-    return PieceDetection(xy_m, proxy, contour, confidence, piece, table, offset_m)
+    return PieceDetection(xy_m, proxy, contour, confidence, piece, table, offset_m, is_dark)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +181,15 @@ class _Spot:
     in_area: bool
 
 
-def _spots(colour: Array32, table: Array, spread: float, view: ImageRegion, area: Area) -> list[_Spot]:
-    """Every spot of another colour than the table, at least as large as the smallest piece, whole in the view."""
+_MOSTLY = 0.7
+
+
+def _spots(colour: Array32, dark: Array32, table: Array, spread: float, view: ImageRegion, area: Area) -> list[_Spot]:
+    """Every spot of another colour than the table, or much darker, at least as large as the smallest piece, whole in
+    the view.
+    """
     other = np.linalg.norm(colour - table.astype(np.float32), axis=-1) > max(6 * spread, 0.02)
+    other |= dark > _MOSTLY
     mask = cv2.morphologyEx(other.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     count, labels, stats, centroids = cv2.connectedComponentsWithStats(mask, connectivity=4)
     height, width = mask.shape

@@ -11,8 +11,16 @@ import numpy as np
 from hw.poses import inverse, translation
 from hw.types import Array, Frame
 from perception.arm_mask import ToolMask
-from perception.geometry import ImageRegion, on_plane, transform
-from perception.piece.detection import PieceDetection, chromaticity, matte, without_halo
+from perception.geometry import Array32, ImageRegion, on_plane, transform
+from perception.piece.detection import (
+    PieceDetection,
+    brightness,
+    chromaticity,
+    darkness,
+    matte,
+    table_depth,
+    without_halo,
+)
 from perception.piece.locate import Evidence, PieceFix, appraise, locate
 from perception.piece.proxy import Proxy, coverage
 
@@ -180,12 +188,36 @@ def _evidence(
     rgb = frame.colour[view.rows, view.columns]
     tool_m = rig.tool.depth(X_BT, view, view.directions)
     on_tool = cv2.dilate(np.isfinite(tool_m).reshape(rgb.shape[:2]).astype(np.uint8), _RIM) > 0
-    share = without_halo(matte(rgb, rig.detection.piece_chroma, others), rgb, on_tool)
     depth_m = frame.depth_mm[depth_view.rows, depth_view.columns].reshape(-1) / 1000.0
     read = depth_m > 0
+    if rig.detection.is_dark:  # before the tool, which may be as dark, depth tells the piece
+        share = darkness(rgb, _table_brightness(rig, frame))
+        raised = _raised(rig, X_BT, depth_view, depth_m - rig.depth_offset_m)
+        places_m = transform(view.X_BV, view.directions * np.float32(view.depth_of(centre_m)))
+        share = np.where(on_tool, depth_view.sample(raised, places_m).reshape(share.shape), share)
+    else:
+        share = without_halo(matte(rgb, rig.detection.piece_chroma, others), rgb, on_tool)
     depth_m, rays = depth_m[read] - rig.depth_offset_m, depth_view.directions[read]
     on_piece = view.sample(share, transform(depth_view.X_BV, rays * depth_m[:, None])) > _ON_PIECE
     return Evidence(view, share.reshape(-1), tool_m, depth_view, rays[on_piece], depth_m[on_piece])
+
+
+_RISEN, _RISES = 0.25, 0.35
+"""From this share of the piece's height on a reading before the tool begins to be the piece; so much higher it is."""
+
+
+def _table_brightness(rig: TrackingSetup, frame: Frame) -> float:
+    """The median brightness around, which is the table's."""
+    return float(np.median(brightness(frame.colour[rig.view.rows, rig.view.columns][::8, ::8])))
+
+
+def _raised(rig: TrackingSetup, X_BT: Array, depth_view: ImageRegion, depth_m: Array) -> Array32:
+    """(h, w) how far a reading of `depth_m` (n,) before table and tool stands up as high as the piece, 0 to 1."""
+    shape = depth_view.xy.shape[:2]
+    behind_m = np.minimum(table_depth(depth_view), rig.tool.depth(X_BT, depth_view, depth_view.directions))
+    up_m = np.where(depth_m > 0, behind_m - depth_m, 0.0).astype(np.float32).reshape(shape)
+    smooth = cv2.blur(cv2.medianBlur(up_m, 3), (3, 3)) / np.float32(2 * min(rig.proxy.half_m))
+    return np.asarray(np.clip((smooth - _RISEN) / _RISES, 0, 1), dtype=np.float32)
 
 
 def _tool_chroma(rig: TrackingSetup, frame: Frame, X_BT: Array, piece_m: Array) -> Array | None:

@@ -13,8 +13,8 @@ from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import ToolMask
 from perception.errors import TrackingFailed
-from perception.geometry import Area, on_plane, transform, view_of
-from perception.piece.detection import HEIGHT_M, PieceDetection, depth_window, matte, table_offset
+from perception.geometry import Area, Array32, on_plane, transform, view_of
+from perception.piece.detection import HEIGHT_M, PieceDetection, brightness, darkness, depth_window, matte, table_offset
 from perception.piece.follow import TrackingSetup, follow
 from perception.piece.locate import PieceFix
 from perception.piece.proxy import Proxy
@@ -98,10 +98,7 @@ def lies_at(before: Frame, after: Frame, model: CameraModel, X_BC: Array, detect
     x, y = detection.xy_m
     area: Area = (x - _BACK_M, x + _FORTH_M, y - _SIDE_M, y + _SIDE_M)
     view = view_of(model.colour, X_BC, area, HEIGHT_M)
-    was, now = (
-        matte(frame.colour[view.rows, view.columns], detection.piece_chroma, (detection.table_chroma,))
-        for frame in (before, after)
-    )
+    was, now = (_likeness(frame.colour[view.rows, view.columns], detection) for frame in (before, after))
     corner = np.array([view.columns.start, view.rows.start])
     place = np.rint(detection.contour_px - corner).astype(np.int32)
     cv2.fillPoly(was, [place], 0.0)  # the piece left its first place, so a spot there now has come back
@@ -116,6 +113,13 @@ def lies_at(before: Frame, after: Frame, model: CameraModel, X_BC: Array, detect
     u, v = np.rint(centroids[largest]).astype(int)
     ray = np.array([[*(view.xy[v, u].astype(np.float64) / view.focal_px), 1.0]])
     return np.asarray(on_plane(ray, view.X_BV, detection.centre_m[2])[0])
+
+
+def _likeness(rgb: NDArray[np.uint8], detection: PieceDetection) -> Array32:
+    """(h, w) how much each pixel looks like the piece on the table, 0 to 1."""
+    if detection.is_dark:
+        return darkness(rgb, float(np.median(brightness(rgb))))
+    return matte(rgb, detection.piece_chroma, (detection.table_chroma,))
 
 
 BEFORE_S = 0.05

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Protocol, runtime_checkable
@@ -12,6 +13,7 @@ from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.pacing import at_speed
 from adaptsim_cli.devices.recovery import offer_recovery
+from adaptsim_cli.devices.rig_file.devices import DeviceKind
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
@@ -70,6 +72,28 @@ class Scales:
         self._asked = True
 
 
+@dataclass(frozen=True, eq=False)
+class Instruments:
+    """The instruments of the rig, connected: their values are stored with each trial."""
+
+    kinds: Mapping[str, DeviceKind[Any, Any]]
+    drivers: Mapping[str, Any]  # by the same names
+    screen: Screen
+
+    def values(self) -> dict[str, float]:
+        """`instrument.quantity` -> value; without those of one that does not answer, which is noted."""
+        values = dict[str, float]()
+        for name, kind in self.kinds.items():
+            assert kind.measure is not None  # else it is no instrument
+            try:
+                measured = kind.measure(self.drivers[name])
+            except DeviceUnavailable as error:
+                self.screen.note(f"  {name}: no value is stored with this trial: {error}")
+            else:
+                values |= {f"{name}.{quantity}": float(value) for quantity, value in measured.items()}
+        return values
+
+
 @runtime_checkable
 class _Telling(Protocol):
     """A camera that reports its settings and the quality of its last recording."""
@@ -87,6 +111,7 @@ class PersonBeside:
     screen: Screen
     scales: Scales | None
     watch: ToolWatch | None  # None: no hand holds the tool
+    instruments: Instruments | None = None
 
     def recover(self) -> None:
         """See `Attendant`."""
@@ -105,6 +130,7 @@ class PersonBeside:
         return (self.scales.facts if self.scales else RigFacts()).model_copy(
             update={
                 "camera": said,
+                "instruments": {} if self.instruments is None else self.instruments.values(),
                 "pedal": self.arm.pedal,
                 "operator": self.arm.consent.operator,
                 "consent": self.arm.consent.given,

@@ -23,7 +23,8 @@ from hw.types import Array
 from hw.workcell import Workcell
 
 if TYPE_CHECKING:
-    from adaptsim_cli.devices.rig_file.description import BalancePart, CameraPart
+    from adaptsim_cli.devices.rig_file.description import CameraPart
+    from adaptsim_cli.devices.rig_file.devices import BalancePart, PedalPart
     from hw.franka.motions import StopReport
     from hw.franka.settings import FrankaSettings, Payload
     from sim.lab.board import HeldBoard
@@ -108,21 +109,21 @@ class Drivers:
 
     arm: Callable[[Workcell, FrankaSettings, Pedal | None], RealArm]  # it refuses what the cell does not allow
     camera: Callable[[CameraPart, bool], Camera]  # True: with the infrared image in every frame
-    pedal: Callable[[str], Pedal]  # at a port
+    pedal: Callable[[PedalPart], Pedal]
     balance: Callable[[BalancePart], Balance]
     hand: Callable[[str, str, Pedal | None], Hand]  # of the arm's model, at a host; with a pedal it moves while held
 
 
 def makers_drivers() -> Drivers:
     """The adapters of `hw`. An SDK is loaded when its device is entered; DeviceUnavailable names a missing one."""
+    from adaptsim_cli.devices.rig_file.devices import BALANCE, PEDAL
     from hw.franka.arm import open_franka
     from hw.franka.hand_process import HandProcess
-    from hw.serial import balance, enable_pedal
 
     return Drivers(
         arm=lambda cell, settings, pedal: open_franka(cell, settings, pedal=pedal),
         camera=lambda part, infrared: part.camera(infrared=infrared),
-        pedal=enable_pedal.EnablePedal,
-        balance=lambda part: balance.SerialBalance(part.port, part.protocol),
+        pedal=PEDAL.driver,
+        balance=BALANCE.driver,
         hand=lambda model, host, pedal: HandProcess(model, host, pedal=pedal),
     )

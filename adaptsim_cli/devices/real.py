@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from adaptsim_cli.config import Config, places
-from adaptsim_cli.devices.attended import Person, PersonBeside, Scales, ToolWatch
+from adaptsim_cli.devices.attended import Instruments, Person, PersonBeside, Scales, ToolWatch
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.devices.known_arm import KnownArm, StopMeasurement, folder_of, setup_of
@@ -18,6 +18,7 @@ from adaptsim_cli.devices.pacing import PacedArm
 from adaptsim_cli.devices.recovery import offer_recovery
 from adaptsim_cli.devices.released import ReleasedHand
 from adaptsim_cli.devices.rig_file.description import RigDescription
+from adaptsim_cli.devices.rig_file.devices import instrument
 from adaptsim_cli.devices.rig_file.reading import BOARD, gaps, in_words
 from adaptsim_cli.devices.stop_check import StopCheck
 from adaptsim_cli.errors import UsageError
@@ -72,9 +73,9 @@ class RealLab:
         watch = self._watch()
         table, X_BC = "nothing on the table but the object", hand_eye.X_BC
         arm = self._arm(there.cell, self._task.name, table, self._task.name, watch, X_BC)
-        camera, scales = self._camera(infrared=False), self._scales()
+        camera, scales, instruments = self._camera(infrared=False), self._scales(), self._instruments()
         self._stack.enter_context(arm)
-        beside = PersonBeside(arm, camera, there, self._screen, scales, watch)
+        beside = PersonBeside(arm, camera, there, self._screen, scales, watch, instruments)
         return Rig(
             self.rig.arm.model,
             self.title,
@@ -181,7 +182,7 @@ class RealLab:
         part = self.rig.pedal
         if part is None:
             return None
-        return self._stack.enter_context(self._drivers.pedal(part.port))
+        return self._stack.enter_context(self._drivers.pedal(part))
 
     def _hand(self) -> Hand:
         """The arm's hand, connected."""
@@ -203,6 +204,12 @@ class RealLab:
         if self.rig.balance is None:
             return None
         return Scales(self._stack.enter_context(self._drivers.balance(self.rig.balance)), self._screen)
+
+    def _instruments(self) -> Instruments:
+        """The instruments of the rig file, connected."""
+        kinds = {name: instrument(name) for name in self.rig.devices}
+        drivers = {name: self._stack.enter_context(kinds[name].driver(part)) for name, part in self.rig.devices.items()}
+        return Instruments(kinds, drivers, self._screen)
 
     def _connect(self, arm: ConfirmedArm) -> None:
         """Connect the arm; a fault is cleared once a person types so."""

@@ -7,11 +7,12 @@ import platform
 import re
 import shutil
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from statistics import median
+from typing import Any, NamedTuple
 
 import numpy as np
 from packaging.requirements import Requirement
@@ -19,6 +20,8 @@ from packaging.specifiers import SpecifierSet
 
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.devices.known_arm import KnownArm, folder_of
+from adaptsim_cli.devices.rig_file import devices
+from adaptsim_cli.devices.rig_file.devices import DeviceKind
 from adaptsim_cli.devices.rig_file.reading import gaps
 from adaptsim_cli.doctor import readings
 from adaptsim_cli.doctor.readings import serial_ports
@@ -27,6 +30,7 @@ from adaptsim_cli.doctor.table import (
     Check,
     Examined,
     Finding,
+    Severity,
     add_check,
     advice,
     after,
@@ -40,14 +44,14 @@ from adaptsim_cli.doctor.table import (
 from adaptsim_cli.wiring.calibration import current_calibration
 from hw.camera import kinds
 from hw.collision import BARE_HAND
-from hw.errors import BalanceError, DeviceUnavailable
+from hw.errors import DeviceUnavailable
 from hw.franka.realtime import PRIORITY
 from hw.franka.versions import MATRIX, PACKAGES
-from hw.plugins import Offer, clashes, offers
+from hw.plugins import Offer, offers
 from hw.serial import balance
 from hw.stopping import WORST_STOP_S, worst_stop
+from sim import tasks
 from sim.errors import SimError
-from sim.tasks import OFFERED, clashing
 
 CHECKS: dict[str, Check] = {}
 """Every check by its name, in the order of the screen."""
@@ -56,8 +60,8 @@ check = partial(add_check, CHECKS)
 
 
 def offered() -> tuple[Offer, ...]:
-    """The tasks, cameras and balances of other packages."""
-    return offers(OFFERED) + offers(kinds.OFFERED) + offers(balance.OFFERED)
+    """What other packages offer: tasks, cameras, balances, instruments and methods."""
+    return tuple(offer for group in PLUG_INS for offer in offers(group))
 
 
 PROGRAM, MACHINE, DEVICES, TASK = "program", "machine", "devices", "task"
@@ -104,22 +108,34 @@ def _libraries(lab: Examined) -> Finding:
     return ok(f"{' and '.join(used)} {'find theirs' if len(used) > 1 else 'finds its'}")
 
 
+class PlugIn(NamedTuple):
+    """One group of entry points by which packages offer something."""
+
+    noun: str
+    load: Callable[[str], object]  # by name; raises SimError or DeviceUnavailable
+    clashing: Callable[[], tuple[str, ...]]
+
+
+PLUG_INS = {
+    tasks.OFFERED: PlugIn("task", tasks.get_task, tasks.clashing),
+    kinds.OFFERED: PlugIn("camera", kinds.camera_kind, kinds.clashing),
+    balance.OFFERED: PlugIn("balance", balance.protocol_named, balance.clashing),
+    devices.OFFERED: PlugIn("device", devices.instrument, devices.clashing),
+}
+
+
 @check(PROGRAM, "plug-ins", "pip uninstall the package, or mend it", lambda lab: "" if offered() else "none installed")
 def _plugins(lab: Examined) -> Finding:
     """Everything that other packages offer, each loaded once."""
-    from sim.tasks import get_task
-
-    load = {OFFERED: get_task, kinds.OFFERED: kinds.camera_kind, balance.OFFERED: balance.protocol_named}
-    problems = [*clashing(), *kinds.clashing(), *clashes(balance.OFFERED, set(balance.PROTOCOLS))]
+    problems = [clash for plug_in in PLUG_INS.values() for clash in plug_in.clashing()]
     for offer in offered():
         try:
-            load[offer.group](offer.name)
+            PLUG_INS[offer.group].load(offer.name)
         except (SimError, DeviceUnavailable) as error:
             problems.append(str(error))
     if problems:
         return advice("; ".join(dict.fromkeys(problems)))
-    what = {OFFERED: "task", kinds.OFFERED: "camera", balance.OFFERED: "balance"}
-    return ok(", ".join(f"{what[one.group]} {one.name} of {one.package} {one.version}" for one in offered()))
+    return ok(", ".join(f"{PLUG_INS[one.group].noun} {one.name} of {one.package} {one.version}" for one in offered()))
 
 
 @check(PROGRAM, "driver", when=real)
@@ -378,32 +394,36 @@ def _port_problem(lab: Examined, path: str) -> Finding | None:
     return None
 
 
-@check(DEVICES, "pedal", "docs/guide/enable-pedal.md: cable, board, sketch", with_rig)
-def _pedal(lab: Examined) -> Finding:
-    from hw.serial.enable_pedal import EnablePedal
-    from hw.serial.pedal_protocol import VERSION
+def _device(lab: Examined, kind: DeviceKind[Any, Any], part: Any) -> Finding:
+    """Whether the device of a part of the rig file answers on its port."""
+    if part is None:
+        return skipped(kind.without)
+    if problem := _port_problem(lab, part.port):
+        return problem
+    with kind.driver(part) as device:
+        return ok(kind.answer(device))
 
-    if (part := lab.rig.pedal) is None:
+
+for _name, _kind in devices.DEVICES.items():
+
+    @check(DEVICES, _name, _kind.remedy, with_rig)
+    def _serial_device(lab: Examined, name: str = _name, kind: DeviceKind[Any, Any] = _kind) -> Finding:
+        return _device(lab, kind, getattr(lab.rig, name))
+
+
+@check(DEVICES, "instruments", "[devices] of the rig file; docs/guide/add-a-device.md", with_rig)
+def _instruments(lab: Examined) -> Finding:
+    """Every instrument of the rig file, each read once."""
+    if not lab.rig.devices:
         return skipped("the rig file names none")
-    if problem := _port_problem(lab, part.port):
-        return problem
-    with EnablePedal(part.port) as pedal:
-        return ok(f"answers, protocol version {VERSION}; {'held' if pedal.enabled() else pedal.why_not()}")
-
-
-@check(DEVICES, "balance", "switch it on; [balance] protocol in the rig file", with_rig)
-def _balance(lab: Examined) -> Finding:
-    from hw.serial.balance import SerialBalance
-
-    if (part := lab.rig.balance) is None:
-        return skipped("the rig file names none: the object's mass is not recorded")
-    if problem := _port_problem(lab, part.port):
-        return problem
-    with SerialBalance(part.port, part.protocol) as balance:
-        try:
-            return ok(f"answers, {balance.mass_kg():.4f} kg on it")
-        except BalanceError as error:
-            return ok(f"answers: {error}")
+    answers = []
+    for name, part in lab.rig.devices.items():
+        kind = devices.instrument(name)
+        finding = _device(lab, kind, part)
+        if finding.verdict is not Severity.OK:
+            return missing(f"{name}: {finding.detail}", finding.fix or kind.remedy)
+        answers.append(f"{name} {finding.detail}")
+    return ok("; ".join(answers))
 
 
 @check(TASK, "checkpoint", "adaptsim pretrain --task {task}, or leave checkpoint out")

@@ -142,12 +142,6 @@ def cameras(kind: str) -> ProbeReport:
     return probe(kind, LOOK_S)
 
 
-BOARDS = ("arduino", "teensy", "adafruit", "sparkfun", "ch340", "1a86")
-"""In the names of microcontroller boards."""
-BALANCES = ("sartorius", "mettler", "ftdi", "prolific")
-"""In the names of balances and their cables."""
-
-
 def serial_ports(dev: Path) -> tuple[str, ...]:
     """Serial ports of USB devices in `dev`: by their lasting name, else by the system's number."""
     named = sorted((dev / "serial/by-id").glob("*"))

@@ -239,6 +239,7 @@ class RigFacts(Record):
     tool_width_m: float | None = None  # between the fingers that hold it, at the command's first check
     brightness: float | None = None  # median grey value of the picture before the motion, 0 to 255
     camera: dict[str, Any] | None = None  # serial, exposure, white balance, lost frames
+    instruments: dict[str, float] = Field(default_factory=dict)  # `instrument.quantity`, with its unit -> value
     problem: str = ""  # why the other values are missing
     operator: str = ""  # who typed the arm's model
     consent: str | None = None  # ISO 8601: when it was typed

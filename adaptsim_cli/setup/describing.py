@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -12,15 +12,15 @@ import numpy as np
 
 from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.devices.opening import check_stop_button
+from adaptsim_cli.devices.rig_file.devices import BALANCE, PEDAL, DeviceKind, instrument, instrument_names
 from adaptsim_cli.devices.rig_file.reading import BOARD, tasks_with_tools
 from adaptsim_cli.doctor import readings
-from adaptsim_cli.doctor.readings import BALANCES, BOARDS, like, serial_ports
+from adaptsim_cli.doctor.readings import like, serial_ports
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.setup.answers import NOTHING, WAIVE, Answers, numbers, shown
 from hw.camera.kinds import camera_kinds
 from hw.collision import KeepOut, Side
 from hw.mass import Mass
-from hw.serial.balance import protocol_names
 
 ANY = "any"
 """The only camera that is plugged in."""
@@ -46,12 +46,12 @@ def stop_button(answers: Answers) -> None:
 
 
 def pedal(answers: Answers) -> None:
-    """Ports of the pedal, which may be waived, and of the balance."""
+    """Ports of the pedal, which may be waived, of the balance, and of the instruments."""
     rig, ports = answers.rig, serial_ports(Path("/dev"))
     for number, port in enumerate(ports, start=1):
         answers.screen.plain(f"  {number}  {port}")
     which = "A number, or a path" if ports else "A path"
-    port = rig.pedal.port if rig.pedal else like(ports, BOARDS)
+    port = rig.pedal.port if rig.pedal else like(ports, PEDAL.cables)
 
     def with_pedal(text: str) -> None:
         if text != WAIVE:
@@ -60,14 +60,45 @@ def pedal(answers: Answers) -> None:
             raise UsageError("the arm moves only while its pedal is held: name its port")
 
     if not rig.waives("pedal"):
-        answers.ask(f"Serial port of the enabling pedal? {which}; {WAIVE}: to go without.", port or "", with_pedal)
-    choice = f"{which}, or {NOTHING}."
-    left = [other for other in ports if answers.rig.pedal is None or other != answers.rig.pedal.port]
-    port = rig.balance.port if rig.balance else like(left, BALANCES)
-    answers.take(f"Serial port of the balance? {choice}", port or NOTHING, lambda text: {"balance": _port(text, ports)})
-    if answers.rig.balance is not None:
-        kind = answers.one_of("Which protocol does it use?", protocol_names(), answers.rig.balance.protocol)
-        answers.put(balance={"port": answers.rig.balance.port, "protocol": kind})
+        answers.ask(f"Serial port of the {PEDAL.label}? {which}; {WAIVE}: to go without.", port or "", with_pedal)
+    _device(answers, BALANCE, ports, answers.rig.balance, lambda part: {"balance": part})
+    for name in instrument_names():
+        _device(answers, instrument(name), ports, answers.rig.devices.get(name), partial(_with_device, answers, name))
+
+
+def _device(
+    answers: Answers,
+    kind: DeviceKind[Any, Any],
+    ports: Sequence[str],
+    given: Any,
+    parts: Callable[[dict[str, Any] | None], dict[str, Any]],
+) -> None:
+    """Ask for the port of a device, which may be none, and what else its kind asks; `parts` puts it into the rig."""
+    rig = answers.rig
+    taken = {part.port for part in (rig.pedal, rig.balance, *rig.devices.values()) if part is not None}
+    port = given.port if given else like([port for port in ports if port not in taken], kind.cables)
+    table = {} if given is None else asdict(given)
+    question = f"Serial port of the {kind.label}? {'A number, or a path' if ports else 'A path'}, or {NOTHING}."
+
+    def with_port(text: str) -> None:
+        if (choice := _port(text, ports)) is None:
+            table.clear()
+        else:
+            table.update(choice)
+        answers.put(**parts(table or None))
+
+    answers.ask(question, port or NOTHING, with_port)
+    if not table:
+        return
+    for key, choices in kind.choices.items():
+        default = table.get(key) or kind.part.__pydantic_fields__[key].default
+        table[key] = answers.one_of(f"Which {key} does it use?", choices(), default)
+        answers.put(**parts(table))
+
+
+def _with_device(answers: Answers, name: str, table: dict[str, Any] | None) -> dict[str, Any]:
+    others = {other: asdict(part) for other, part in answers.rig.devices.items() if other != name}
+    return {"devices": others if table is None else {**others, name: table}}
 
 
 def _port(text: str, ports: Sequence[str]) -> dict[str, str] | None:

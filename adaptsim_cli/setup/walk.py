@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from rich.text import Text
 
+from adaptsim_cli.devices.rig_file.devices import DEVICES
 from adaptsim_cli.devices.rig_file.reading import gaps
 from adaptsim_cli.devices.rig_file.waivers import WITHOUT, Waivable
 from adaptsim_cli.doctor import checks, table
@@ -53,8 +54,8 @@ STEPS = (
         "has you press the arm's stop button, sees that the arm says so, and has you release it",
     ),
     Step(
-        "pedal", describing.pedal, ("rig file", "pedal", "balance"),
-        "asks for the serial ports of pedal and balance, and reads both", safeguards=("pedal",),
+        "pedal", describing.pedal, ("rig file", *DEVICES, "instruments"),
+        "asks for the serial ports of pedal, balance and instruments, and reads each", safeguards=("pedal",),
     ),
     Step(
         "camera", describing.camera, ("rig file", "camera", "camera images"),

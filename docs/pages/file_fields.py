@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from adaptsim_cli.devices.rig_file.devices import DEVICES, INSTRUMENTS
+
 FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
     (
         "adaptsim.toml",
@@ -17,8 +19,8 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
             ("[arm.collision]", "adaptsim_cli.devices.rig_file.description", "Collision"),
             ("[table]", "adaptsim_cli.devices.rig_file.description", "TablePart"),
             ("[camera]", "adaptsim_cli.devices.rig_file.description", "CameraPart"),
-            ("[pedal]", "adaptsim_cli.devices.rig_file.description", "PedalPart"),
-            ("[balance]", "adaptsim_cli.devices.rig_file.description", "BalancePart"),
+            *((f"[{name}]", kind.part.__module__, kind.part.__name__) for name, kind in DEVICES.items()),
+            *((f"[devices.{name}]", kind.part.__module__, kind.part.__name__) for name, kind in INSTRUMENTS.items()),
             ("[tools.TASK]", "adaptsim_cli.devices.rig_file.description", "ToolPart"),
             ("[tools.TASK.payload]", "adaptsim_cli.devices.rig_file.description", "PayloadPart"),
             ("[person]", "adaptsim_cli.devices.rig_file.description", "PersonPart"),

@@ -12,7 +12,7 @@ from typing import Self
 import serial
 
 from hw.errors import BalanceError, DeviceUnavailable
-from hw.plugins import PluginError, offers
+from hw.plugins import PluginError, clashes, offers
 
 ANSWER_S = 3.0
 """How long a balance may take to settle."""
@@ -123,6 +123,11 @@ def protocol_named(name: str) -> BalanceProtocol:
     if not isinstance(protocol, BalanceProtocol):
         raise DeviceUnavailable(f"balance {offer}: its BALANCE is a {type(protocol).__name__}, not a BalanceProtocol")
     return protocol
+
+
+def clashing() -> tuple[str, ...]:
+    """A sentence for each protocol of a package that cannot be used because of its name."""
+    return clashes(OFFERED, set(PROTOCOLS))
 
 
 class SerialBalance:

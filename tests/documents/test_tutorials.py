@@ -12,12 +12,23 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+import serial_lines
 from documents import ROOT, install, module, require_kept
 from pydantic import ValidationError
+from real_lab import quiet, said
 
 from adaptsim_cli import app
-from adaptsim_cli.devices.rig_file.description import BalancePart, CameraPart
+from adaptsim_cli.config import Config, Resolved, places
+from adaptsim_cli.devices.attended import Instruments
+from adaptsim_cli.devices.rig_file import devices
+from adaptsim_cli.devices.rig_file.description import CameraPart, RigDescription
+from adaptsim_cli.devices.rig_file.devices import BalancePart
+from adaptsim_cli.devices.rig_file.reading import described, fields_of
+from adaptsim_cli.devices.rig_file.template import template
 from adaptsim_cli.doctor import checks
+from adaptsim_cli.doctor.table import Examined
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.session.records import RigFacts
 from hw import plugins
 from hw.camera import kinds
 from hw.camera.served import loaded
@@ -180,3 +191,69 @@ def test_a_camera_adapter_that_does_not_import_is_said(tmp_path, monkeypatch):
         CameraPart(kind="torn").camera()
     with pytest.raises(DeviceUnavailable, match=r"adapter torn:Device cannot be loaded .*no_such_sdk"):
         loaded("torn:Device", lambda: 0.0)
+
+
+@pytest.fixture
+def thermometer(tmp_path, monkeypatch) -> str:
+    """The instrument of the tutorial, installed; its name."""
+    (code,) = [code for _, path, code in blocks("add-a-device.md") if "thermometer" in path]
+    (tmp_path / "room_thermometer.py").write_text(code, encoding="utf-8")
+    install(tmp_path, "room-thermometer", {"thermometer": "room_thermometer"}, devices.OFFERED)
+    monkeypatch.syspath_prepend(tmp_path)
+    plugins.offers.cache_clear()
+    return "thermometer"
+
+
+LEAST = {"name": "lab", "arm": {"model": "fr3", "address": "127.0.0.1"}}
+
+
+def test_the_instrument_of_the_tutorial_is_described_asked_for_read_and_stored(thermometer, tmp_path, monkeypatch):
+    assert "device thermometer of room-thermometer 1.0" in checks.CHECKS["plug-ins"].probe(None).detail
+    with serial_lines.plugged_in() as line:
+        rig = described(LEAST | {"devices": {thermometer: {"port": line.port, "offset_C": -0.5}}}, "rig.toml")
+        assert described(tomllib.loads(template(rig, ())), "rig.toml") == rig
+        assert "# added to each value, °C, -5 to 5" in template(rig, ())
+        lab = Examined(Resolved(Config(hw="fr3"), {}, places()))
+        lab.rig = rig
+        with serial_lines.answering(line, [b"21.5\r\n"]):
+            finding = checks.CHECKS["instruments"].probe(lab)
+        assert finding.detail == "thermometer answers, 21.0 °C"
+        kind, screen = devices.instrument(thermometer), quiet()
+        with kind.driver(rig.devices[thermometer]) as driver:
+            instruments = Instruments({thermometer: kind}, {thermometer: driver}, screen)
+            with serial_lines.answering(line, [b"22.5\r\n", b"?\r\n"]):
+                assert RigFacts(instruments=instruments.values()).instruments == {"thermometer.temperature_C": 22.0}
+                assert instruments.values() == {}
+        assert "no value is stored with this trial: the thermometer answered '?'" in said(screen)
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        ({"thermometer": {"port": "/dev/a", "offset_C": 9.0}}, "devices.thermometer.offset_C: it must be less than"),
+        ({"thermometer": {}}, "devices.thermometer.port: field required"),
+        ({"barometer": {"port": "/dev/a"}}, "device 'barometer' is not known: there are thermometer"),
+    ],
+)
+def test_a_wrong_section_of_an_instrument_is_named(section, message, thermometer):
+    with pytest.raises(UsageError, match=message):
+        described(LEAST | {"devices": section}, "rig.toml")
+
+
+def test_an_instrument_shares_no_port(thermometer):
+    parts = {"balance": {"port": "/dev/a"}, "devices": {thermometer: {"port": "/dev/a"}}}
+    with pytest.raises(UsageError, match="balance and thermometer share the port '/dev/a'"):
+        described(LEAST | parts, "rig.toml")
+
+
+def test_every_device_has_its_section_in_the_rig_file_and_on_the_pages():
+    """The doctor's check, the part, the page of the rig file and the reference of files, for each declared kind."""
+    rig_page, reference = ((ROOT / "docs" / page).read_text("utf-8") for page in ("guide/rig.md", "reference/files.md"))
+    for name, kind in devices.DEVICES.items():
+        assert name in checks.CHECKS and name in fields_of(RigDescription)
+        assert f"\n[{name}]\n" in rig_page and f"`[{name}]`" in reference
+        assert set(kind.choices) <= set(fields_of(kind.part))
+    for name in devices.INSTRUMENTS:
+        assert f"\n[devices.{name}]\n" in rig_page and f"`[devices.{name}]`" in reference
+    for name in fields_of(RigDescription):
+        assert re.search(rf"^#?\[*{name}[.\]]|^{name} = ", rig_page, re.MULTILINE), name

@@ -224,8 +224,8 @@ class ToyDevices:
         self._open("camera", part=part, infrared=infrared)
         return DarkCamera()
 
-    def _pedal(self, port: str) -> ToyPedal:
-        self._open("pedal", port=port)
+    def _pedal(self, part: Any) -> ToyPedal:
+        self._open("pedal", port=part.port)
         return self.pedal
 
     def _balance(self, part: Any) -> ToyBalance:

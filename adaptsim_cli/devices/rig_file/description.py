@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from dataclasses import astuple
 from datetime import UTC, date, datetime
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field
 from pydantic.dataclasses import dataclass
 
+from adaptsim_cli.devices.rig_file.devices import BalancePart, PedalPart, instrument_parts
 from adaptsim_cli.devices.rig_file.keys import RULES, key
 from adaptsim_cli.devices.rig_file.waivers import Waivable, WaiverPart
 from hw.camera.k4a_device import ColourSettings
@@ -20,7 +21,6 @@ from hw.camera.kinds import camera_kind, camera_kinds
 from hw.camera.process import CameraProcess, served
 from hw.collision import MOST_SLOPE, KeepOut, Side, Table, persons_side
 from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
-from hw.serial.balance import protocol_names
 from hw.types import Array, frozen_array
 
 Three = tuple[float, float, float]
@@ -213,12 +213,6 @@ class KeepOutPart:
         return KeepOut(self.name, np.array(self.low_m), np.array(self.high_m))
 
 
-def _known_protocol(name: str) -> str:
-    if name not in protocol_names():
-        raise ValueError(f"it must be one of {', '.join(protocol_names())}")
-    return name
-
-
 def _known_kind(name: str) -> str:
     if name not in camera_kinds():
         raise ValueError(f"it must be one of {', '.join(camera_kinds())}")
@@ -253,25 +247,6 @@ class CameraPart:
 
 
 @dataclass(frozen=True, config=RULES)
-class PedalPart:
-    """The enabling pedal (docs/guide/enable-pedal.md): the arm moves while it is held. Not a safety device."""
-
-    port: Annotated[str, key("serial port", min_length=1, examples=["/dev/ttyACM0"])]
-
-
-@dataclass(frozen=True, config=RULES)
-class BalancePart:
-    """The balance that weighs the object; left out: its mass is not recorded."""
-
-    port: Annotated[str, key("serial port", min_length=1, examples=["/dev/ttyUSB0"])]
-    protocol: Annotated[
-        str,
-        key("protocol by its name, such as mt-sics (Mettler Toledo) or sbi (Sartorius); `adaptsim setup` lists all"),
-        AfterValidator(_known_protocol),
-    ] = "mt-sics"
-
-
-@dataclass(frozen=True, config=RULES)
 class RigDescription:
     """One lab with one real arm."""
 
@@ -288,6 +263,11 @@ class RigDescription:
         ),
     ] = None
     balance: Annotated[BalancePart | None, key("the balance")] = None
+    devices: Annotated[
+        dict[str, Any],
+        key("instruments whose values are stored with each trial, by the name of their kind"),
+        AfterValidator(instrument_parts),
+    ] = Field(default_factory=dict, repr=False)
     tools: Annotated[dict[str, ToolPart], key("the tool of each task")] = Field(default_factory=dict)
     person: Annotated[PersonPart | None, key("where the operator stands", examples=[PersonPart("left")])] = None
     keep_out: Annotated[tuple[KeepOutPart, ...], key("boxes that the arm must not enter")] = ()
@@ -304,8 +284,10 @@ class RigDescription:
             raise ValueError(f"waivers: {repeated[0]} is waived more than once, keep the newest")
         if self.pedal and "pedal" in waived:
             raise ValueError("the file names a pedal and waives it: remove one of the two")
-        if self.pedal and self.balance and self.pedal.port == self.balance.port:
-            raise ValueError(f"pedal and balance share the port {self.pedal.port!r}: each has its own")
+        owners = dict[str, str]()
+        for name, part in {"pedal": self.pedal, "balance": self.balance, **self.devices}.items():
+            if part is not None and (owner := owners.setdefault(part.port, name)) != name:
+                raise ValueError(f"{owner} and {name} share the port {part.port!r}: each has its own")
 
     def in_force(self, today: date | None = None) -> tuple[WaiverPart, ...]:
         """The waivers that count today."""

@@ -23,6 +23,8 @@ _EXAMPLE_BOX = KeepOutPart("lamp", (0.5, -0.7, 0.4), (0.7, -0.5, 0.9))
 def template(rig: RigDescription, tasks: tuple[str, ...]) -> str:
     """The text of a file that describes `rig`; `tasks` are those that may have a tool."""
     lines = [_HEAD, *_part(rig, "", commented=False)]
+    for name, part in rig.devices.items():
+        lines += _section(f"devices.{name}", part, commented=False)
     for tool in (*tasks, *(name for name in rig.tools if name not in tasks)):
         lines += _section(f"tools.{tool}", rig.tool(tool), commented=tool not in rig.tools)
     for box in rig.keep_out:
@@ -46,7 +48,7 @@ def _part(part: Any, path: str, *, commented: bool) -> Iterator[str]:
         mark = "#" if commented or value is None else ""
         yield from (f"# {_told(fields[name])}", f"{mark}{name} = {_value(shown)}")
     for name, field in fields.items():
-        if name in plain or name in ("tools", "keep_out", "waivers"):
+        if name in plain or name in ("devices", "tools", "keep_out", "waivers"):
             continue
         full = f"{path}.{name}".lstrip(".")
         kind = next(k for k in (field.annotation, *get_args(field.annotation)) if dataclasses.is_dataclass(k))

@@ -20,7 +20,8 @@ from real_lab import READY_RAD, RIG, calibrated, calibration, write_rig
 from rich.console import Console
 
 from adaptsim_cli import app, config
-from adaptsim_cli.devices.rig_file.description import BalancePart, CameraPart, PedalPart, RigDescription
+from adaptsim_cli.devices.rig_file.description import CameraPart, RigDescription
+from adaptsim_cli.devices.rig_file.devices import BalancePart, PedalPart
 from adaptsim_cli.doctor import checks, readings, table
 from adaptsim_cli.doctor.checks import CHECKS
 from adaptsim_cli.doctor.table import Examined, Finding, Severity, ok

@@ -1,0 +1,150 @@
+"""A difference of paired rewards that may be read after every pair: by betting. Pure.
+
+A gambler bets against the claim "the mean difference is at most m". While the claim holds, the expected capital never
+grows, so the chance that it ever reaches 1/alpha is at most alpha (Ville's inequality): one may look after every pair
+and stop whenever one likes. Waudby-Smith & Ramdas 2023, "Estimating means of bounded random variables by betting",
+J. R. Stat. Soc. B 86(1): the hedged capital of section 4, here with a mixture over fixed bets (their section 5.3 and
+appendix B) instead of one bet that is chosen anew after each pair.
+
+The differences may have any distribution on [-1, 1], and the next one may depend on all earlier ones. If policies
+change from pair to pair, so does the expected difference. Then the lower end lies below the largest of them and the
+upper end above the smallest, both with 95 %.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from hw.types import Array
+
+ALPHA = 0.05
+"""Chance that the interval ever misses the mean difference."""
+
+WORTH = 0.05
+"""A smaller gain is not worth a session: as in the results, where a gain counts from here."""
+
+BETS = np.array([0.9, 0.5, 0.25, 0.12, 0.06, 0.03])
+"""Shares of the capital at stake; the largest shows large differences soon, the smallest find small ones at all."""
+
+SHARES = np.array([0.40, 0.30, 0.12, 0.08, 0.06, 0.04])
+"""Shares of the first capital behind each bet."""
+
+MOST_FURTHER = 100
+"""Further pairs are looked for up to here."""
+
+_FUTURES = 400
+_STEPS = 30  # of a bisection over [-1, 1]: to 2e-9
+
+
+class Claim(StrEnum):
+    """The claim that the pairs so far allow."""
+
+    SHOWN = "shown"  # better than the control
+    WORSE = "worse"  # worse than the control
+    NO_GAIN = "no gain"  # better by less than WORTH, if at all
+    OPEN = "open"
+
+
+@dataclass(frozen=True)
+class PairedDifference:
+    """What the pairs so far say; all values are of rewards between 0 and 1."""
+
+    pairs: int
+    mean: float  # of the trials that are compared
+    control_mean: float
+    low: float  # of the difference, 95 %, valid at any time
+    high: float
+    claim: Claim
+    decided_after: int | None  # pairs after which the claim was first allowed; None: it is open
+    further: int | None  # pairs expected until it is shown; None: no longer open, or more than MOST_FURTHER
+
+    @property
+    def difference(self) -> float:
+        """Mean difference of the pairs."""
+        return self.mean - self.control_mean
+
+
+def capital(differences: Array, mean: Array) -> Array:
+    """(..., n) the capital after each pair of a gambler who bets that the expected difference exceeds `mean`.
+
+    `differences` (..., n) lie in [-1, 1]; `mean` (...) in (-1, 1]. The capital starts with 1. Against the opposite
+    claim: `capital(-differences, -mean)`.
+    """
+    return np.asarray(np.tensordot(SHARES, np.exp(_logs(differences, np.asarray(mean))), axes=1))
+
+
+def _logs(differences: Array, mean: Array) -> Array:
+    """(bets, ..., n) logarithm of the capital behind each bet, as a multiple of its first one."""
+    bets = BETS.reshape(-1, *[1] * differences.ndim)
+    each = (differences - mean[..., None]) / (1.0 + mean[..., None])
+    return np.asarray(np.cumsum(np.log1p(bets * each), axis=-1))
+
+
+def lower_ends(differences: Array) -> Array:
+    """(..., n) lower end of the 95 % interval of the mean difference, after each pair; never falls with another pair.
+
+    Upper ends: `-lower_ends(-differences)`. The two hold together.
+    """
+    low, high = np.full(differences.shape, -1.0), np.ones(differences.shape)
+    for _ in range(_STEPS):
+        middle = 0.5 * (low + high)
+        is_refuted = _capital_at_end(differences, middle) >= 2.0 / ALPHA
+        low, high = np.where(is_refuted, middle, low), np.where(is_refuted, high, middle)
+    return np.asarray(np.maximum.accumulate(low, axis=-1))
+
+
+def _capital_at_end(differences: Array, means: Array) -> Array:
+    """(..., n) the capital after pair i of a gambler who bet against `means` (..., n), entry i, from the start."""
+    n = differences.shape[-1]
+    logs = np.zeros((len(BETS), *differences.shape))
+    bets = BETS.reshape(-1, *[1] * differences.ndim)
+    for k in range(n):
+        each = (differences[..., k, None] - means[..., k:]) / (1.0 + means[..., k:])
+        logs[..., k:] += np.log1p(bets * each)
+    return np.asarray(np.tensordot(SHARES, np.exp(logs), axes=1))
+
+
+def compare(rewards: Array, control: Array) -> PairedDifference:
+    """The claim that pairs of `rewards` (n,) and `control` (n,), both in [0, 1] and in the order of the trials, allow.
+
+    Raises ValueError without a pair, or for a reward outside [0, 1].
+    """
+    rewards, control = np.asarray(rewards, float), np.asarray(control, float)
+    if rewards.shape != control.shape or rewards.ndim != 1 or not len(rewards):
+        raise ValueError(f"rewards come in pairs, and there are {rewards.shape} and {control.shape} of them")
+    if not ((np.minimum(rewards, control) >= 0.0) & (np.maximum(rewards, control) <= 1.0)).all():
+        raise ValueError("a reward lies between 0 and 1")
+    differences = rewards - control
+    lows, highs = lower_ends(differences), -lower_ends(-differences)
+    claim, after = _claimed(lows, highs)
+    low, high = sorted((float(lows[-1]), float(highs[-1])))  # they cross only if the policies changed
+    further = further_pairs(differences) if claim is Claim.OPEN else None
+    mean, control_mean = float(rewards.mean()), float(control.mean())
+    return PairedDifference(len(differences), mean, control_mean, low, high, claim, after, further)
+
+
+def _claimed(lows: Array, highs: Array) -> tuple[Claim, int | None]:
+    """The strongest claim, and the pairs after which it was first allowed."""
+    for claim, allowed in ((Claim.SHOWN, lows > 0.0), (Claim.WORSE, highs < 0.0), (Claim.NO_GAIN, highs < WORTH)):
+        if allowed.any():
+            return claim, int(np.argmax(allowed)) + 1
+    return Claim.OPEN, None
+
+
+def further_pairs(differences: Array) -> int | None:
+    """Further pairs until "shown", in half of the futures that repeat the `differences` (n,) seen so far.
+
+    None: more than MOST_FURTHER, or fewer than two pairs so far.
+    """
+    if len(differences) < 2:
+        return None
+    rng = np.random.default_rng(0)
+    drawn = rng.choice(differences, (_FUTURES, MOST_FURTHER))
+    whole = np.concatenate([np.tile(differences, (_FUTURES, 1)), drawn], axis=1)
+    is_shown = capital(whole, np.zeros(_FUTURES))[:, len(differences) :] >= 2.0 / ALPHA
+    first = np.where(is_shown.any(axis=1), is_shown.argmax(axis=1) + 1, MOST_FURTHER + 1)
+    middle = int(np.median(first))
+    return middle if middle <= MOST_FURTHER else None

@@ -1,0 +1,134 @@
+"""The paired comparison stays valid when one looks after every pair."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from sim.adaptation.paired import ALPHA, Claim, capital, compare, lower_ends
+
+SESSIONS, PAIRS = 10_000, 60
+
+
+Pairs = tuple[np.ndarray, np.ndarray]
+SHAPE = (SESSIONS, PAIRS)
+
+
+def _coins(rng: np.random.Generator, p: float | np.ndarray) -> np.ndarray:
+    return (rng.random(SHAPE) < p) * 1.0
+
+
+def _places(rng: np.random.Generator) -> Pairs:
+    """Both depend on the same place."""
+    place = rng.beta(2, 2, SHAPE)
+    return _coins(rng, place), _coins(rng, place)
+
+
+def _ties(rng: np.random.Generator) -> Pairs:
+    """In most places both succeed."""
+    easy = _coins(rng, 0.7) > 0
+    return np.where(easy, 1.0, 0.8 * _coins(rng, 0.5)), np.where(easy, 1.0, 0.8 * _coins(rng, 0.5))
+
+
+def _dependent(rng: np.random.Generator) -> Pairs:
+    """The level of both falls when the session earned something."""
+    mine, theirs, level = np.empty(SHAPE), np.empty(SHAPE), np.full(SESSIONS, 0.7)
+    for k in range(PAIRS):
+        mine[:, k], theirs[:, k] = (rng.random((2, SESSIONS)) < level) * 1.0
+        level = np.where(mine[:, k] > 0, 0.3, 0.8)
+    return mine, theirs
+
+
+NULLS: dict[str, Callable[[np.random.Generator], Pairs]] = {
+    "coin": lambda rng: (_coins(rng, 0.5), _coins(rng, 0.5)),
+    "rare failure": lambda rng: (_coins(rng, 0.97), _coins(rng, 0.97)),
+    "ties": _ties,
+    "skewed": lambda rng: (rng.beta(0.3, 0.3, SHAPE), np.full(SHAPE, 0.5)),
+    "rarely much worse": lambda rng: (_coins(rng, 0.95), np.full(SHAPE, 0.95)),
+    "rarely much better": lambda rng: (np.full(SHAPE, 0.95), _coins(rng, 0.95)),
+    "places": _places,
+    "dependent": _dependent,
+}
+"""Rewards of session and control trials without a difference of their means."""
+
+
+@pytest.mark.parametrize("name", NULLS)
+def test_without_a_difference_at_most_one_session_in_twenty_ever_claims_one(name):
+    mine, theirs = NULLS[name](np.random.default_rng(list(NULLS).index(name)))
+    d = mine - theirs
+    zero = np.zeros(SESSIONS)
+    claims = (np.maximum(capital(d, zero), capital(-d, zero)) >= 2.0 / ALPHA).any(axis=1)
+    assert claims.mean() <= ALPHA
+
+
+@pytest.mark.parametrize(("p", "q"), [(0.9, 0.4), (0.5, 0.45), (0.2, 0.8), (1.0, 0.0), (0.99, 0.9)])
+def test_the_interval_holds_the_true_difference_after_every_pair(p, q):
+    rng = np.random.default_rng(7)
+    d = (rng.random((SESSIONS, PAIRS)) < p) * 1.0 - (rng.random((SESSIONS, PAIRS)) < q) * 1.0
+    true = np.full(SESSIONS, p - q)
+    below = capital(d, np.minimum(true, 1.0)) >= 2.0 / ALPHA
+    above = capital(-d, np.maximum(-true, -1.0 + 1e-12)) >= 2.0 / ALPHA
+    assert (below | above).any(axis=1).mean() <= ALPHA
+
+
+def test_the_ends_are_where_the_capital_refutes_a_mean():
+    rng = np.random.default_rng(1)
+    d = rng.beta(4, 2, (20, 12)) - rng.beta(2, 2, (20, 12))
+    ends = lower_ends(d)
+    at_last = [capital(one[None], np.array([end]))[0].max() for one, end in zip(d, ends[:, -1], strict=True)]
+    assert np.min(at_last) == pytest.approx(2.0 / ALPHA, rel=1e-6)
+    assert (np.diff(ends, axis=1) >= 0.0).all(), "another pair never widens it"
+
+
+def test_when_policies_change_the_ends_bracket_the_largest_and_the_smallest_difference():
+    rng = np.random.default_rng(3)
+    mean = np.linspace(-0.3, 0.6, PAIRS)
+    d = np.where(rng.random((SESSIONS, PAIRS)) < (1.0 + mean) / 2.0, 1.0, -1.0)
+    low_missed = (capital(d, np.full(SESSIONS, 0.6)) >= 2.0 / ALPHA).any(axis=1)
+    high_missed = (capital(-d, np.full(SESSIONS, 0.3)) >= 2.0 / ALPHA).any(axis=1)
+    assert (low_missed | high_missed).mean() <= ALPHA
+
+
+def test_a_clear_difference_is_shown_and_says_after_how_many_pairs():
+    said = compare(np.full(16, 0.9), np.tile([0.0, 0.8], 8))
+    assert said.claim is Claim.SHOWN
+    assert said.decided_after is not None and said.decided_after < 16
+    assert 0.0 < said.low < said.difference < said.high
+    assert said.further is None
+    mirrored = compare(np.tile([0.0, 0.8], 8), np.full(16, 0.9))
+    assert (mirrored.claim, mirrored.decided_after) == (Claim.WORSE, said.decided_after)
+    assert (mirrored.low, mirrored.high) == pytest.approx((-said.high, -said.low))
+
+
+def test_equal_rewards_end_as_no_gain_worth_a_session():
+    said = compare(np.full(200, 0.9), np.full(200, 0.9))
+    assert (said.claim, said.difference) == (Claim.NO_GAIN, 0.0)
+    assert said.decided_after is not None and said.decided_after > 40, "this many pairs it takes, and not fewer"
+
+
+def test_the_pairs_still_missing_come_true():
+    """Of sessions that said "about N more pairs", half are shown by then."""
+    rng = np.random.default_rng(5)
+    known, ahead, early = 6, 100, list[bool]()
+    for _ in range(50):
+        d = (rng.random(known + ahead) < 0.9) * 1.0 - (rng.random(known + ahead) < 0.4) * 1.0
+        said = compare(*_pairs(d[:known]))
+        if said.claim is Claim.OPEN and said.further is not None:
+            is_shown = capital(d[None], np.zeros(1))[0, known:] >= 2.0 / ALPHA
+            early.append(bool(is_shown[: said.further].any()))
+    assert len(early) > 25
+    assert 0.3 <= np.mean(early) <= 0.7
+
+
+def _pairs(d: np.ndarray) -> Pairs:
+    return np.maximum(d, 0.0), np.maximum(-d, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("mine", "theirs"), [([], []), ([0.5], [0.5, 0.5]), ([1.2], [0.5]), ([0.5], [-0.1]), ([np.nan], [0.5])]
+)
+def test_what_are_no_pairs_of_rewards_is_refused(mine, theirs):
+    with pytest.raises(ValueError, match=r"pairs|between 0 and 1"):
+        compare(np.array(mine), np.array(theirs))

@@ -85,6 +85,7 @@ class TrackingSetup:
     tool: ToolMask
     detection: PieceDetection
     highest_m: float  # the piece does not get higher
+    by_depth: bool = False  # before the tool, which may be as dark as the piece, depth tells the piece
 
     @property
     def proxy(self) -> Proxy:
@@ -190,7 +191,7 @@ def _evidence(
     on_tool = cv2.dilate(np.isfinite(tool_m).reshape(rgb.shape[:2]).astype(np.uint8), _RIM) > 0
     depth_m = frame.depth_mm[depth_view.rows, depth_view.columns].reshape(-1) / 1000.0
     read = depth_m > 0
-    if rig.detection.is_dark:  # before the tool, which may be as dark, depth tells the piece
+    if rig.by_depth:
         share = darkness(rgb, _table_brightness(rig, frame))
         raised = _raised(rig, X_BT, depth_view, depth_m - rig.depth_offset_m)
         places_m = transform(view.X_BV, view.directions * np.float32(view.depth_of(centre_m)))

@@ -163,6 +163,8 @@ def track_piece(
     poses = [np.asarray(X_BT_at(f.t_s), dtype=np.float64) for f in chosen]
     rig, camera_flags = _prepare(chosen, poses, model, X_BC, detection, ToolMask(*tool_mesh))
     places = follow(rig, chosen, poses)
+    if detection.is_dark:  # by depth too, which a noisy camera may not allow: the better seen counts
+        places = max(places, follow(replace(rig, by_depth=True), chosen, poses), key=_seen_in_all)
     located = [(f.t_s - t_start_s, place) for f, place in zip(chosen, places, strict=True) if place is not None]
     if not located:
         raise TrackingFailed(
@@ -188,6 +190,10 @@ def reach_of(detection: PieceDetection) -> Area:
     x, y = detection.xy_m
     back, forth, side = _REACH_M
     return x - back, x + forth, y - side, y + side
+
+
+def _seen_in_all(places: Sequence[PieceFix | None]) -> float:
+    return sum(place.confidence for place in places if place is not None)
 
 
 def at_home(

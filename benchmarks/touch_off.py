@@ -64,7 +64,7 @@ def world_of(seed: int, edge_N_m: float = EDGE_STIFFNESS_N_M) -> World:
     x_m, y_m = touchable(HARDWARE).centre_m
     mount = Mount(
         table_height_mm=MOST["table"] * table - tilts[0] * x_m - tilts[1] * y_m,
-        table_tilt_mrad=tilts,
+        table_rise_mrad=tilts,
         tool_height_mm=MOST["tool"] * tool,
         tool_roll_mrad=MOST["roll"] * roll,
     )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -36,7 +36,7 @@ class Suspicion:
 class Dimension:
     """One named quantity with its range; `scale` says how it is normalised.
 
-    `plain` and `meaning` are for people: no fingerprint or file holds them, and equality ignores them.
+    No fingerprint or file holds what comes after `scale`, and equality ignores it.
     """
 
     name: str
@@ -46,6 +46,12 @@ class Dimension:
     scale: Literal["linear", "log", "integer"] = "linear"
     plain: str = field(default="", compare=False)  # one or two plain words
     meaning: str = field(default="", compare=False)  # one line
+    margin: tuple[float, float] | None = field(default=None, compare=False)
+    """How far beyond its range the scene was tried; None: not beyond."""
+    default: float | None = field(default=None, compare=False)
+    """The value in a world that does not state it; None: each world states it."""
+    mirror: Literal[1, -1] = field(default=1, compare=False)
+    """-1 if it changes its sign when a trial is mirrored, left for right."""
 
     @property
     def label(self) -> str:
@@ -64,6 +70,16 @@ class Dimension:
         return " ".join((*before, self.label) if last == self.name else (*before, last, self.label))
 
 
+class NamedValues:
+    """The values of a space by name, in units: `p.mu`."""
+
+    def __init__(self, values: Mapping[str, float]) -> None:
+        self.__dict__.update(values)
+
+    def __getattr__(self, name: str) -> float:
+        raise AttributeError(f"there is no quantity {name!r}: there are {', '.join(self.__dict__)}")
+
+
 @dataclass(frozen=True)
 class Space:
     """A box of named quantities. Normalised, each runs from 0 (low) to 1 (high); outside stays outside."""
@@ -77,6 +93,27 @@ class Space:
     def names(self) -> tuple[str, ...]:
         """Names in the order of the dimensions."""
         return tuple(d.name for d in self.dimensions)
+
+    def named(self, value: Array) -> NamedValues:
+        """`value` (n,) by name. Raises ValueError for another number of values."""
+        return NamedValues({name: float(v) for name, v in zip(self.names, value, strict=True)})
+
+    def columns(self, values: Array) -> dict[str, Array]:
+        """`values` (..., n): name -> (...). Raises ValueError for another number of columns."""
+        array = np.moveaxis(np.asarray(values, dtype=np.float64), -1, 0)
+        return dict(zip(self.names, array, strict=True))
+
+    @property
+    def widened(self) -> Space:
+        """The same quantities with their margins."""
+        return Space(
+            tuple(d if d.margin is None else replace(d, low=d.margin[0], high=d.margin[1]) for d in self.dimensions)
+        )
+
+    @property
+    def mirror(self) -> Array:
+        """(n,) -1 for each quantity that changes its sign when a trial is mirrored, else 1."""
+        return frozen_array([float(d.mirror) for d in self.dimensions], (len(self),))
 
     @property
     def low(self) -> Array:

@@ -65,7 +65,7 @@ class Mount:
 
     table_height_mm: Annotated[float, Field(ge=-50, le=50)] = 0.0
     """Height of the table top over z = 0 of the arm's base frame, at the base."""
-    table_tilt_mrad: tuple[_Tilt, _Tilt] = (0.0, 0.0)  # rise along X and along Y
+    table_rise_mrad: tuple[_Tilt, _Tilt] = (0.0, 0.0)  # along X and along Y
     tool_height_mm: Annotated[float, Field(ge=-30, le=30)] = 0.0  # of the tool along its own Z
     tool_roll_mrad: Annotated[float, Field(ge=-100, le=100)] = 0.0  # of the tool about its own X
     grip_Nm_per_N: Annotated[float, Field(gt=0, le=1)] = 1.0
@@ -78,7 +78,7 @@ class Mount:
         World W of the plant is the frame of the table, its top at z = 0. The arm assumes that its base is W. In truth
         its base B stands so that the table has the world's height and tilt in B.
         """
-        table = Table(1e-3 * self.table_height_mm, *(1e-3 * slope for slope in self.table_tilt_mrad))
+        table = Table(1e-3 * self.table_height_mm, *(1e-3 * slope for slope in self.table_rise_mrad))
         return ToolCorrection(table, height_m=1e-3 * self.tool_height_mm, roll_rad=1e-3 * self.tool_roll_mrad)
 
 
@@ -260,9 +260,9 @@ def _parameters(raw: Mapping[str, Any], task: Task, source: str) -> Array:
 
 
 def _vector(raw: Mapping[str, Any], space: Space, source: str, table: str, *, required: bool) -> Array:
-    """Values of `space` from a table; values missing from an optional table are in the middle of their range."""
+    """Values of `space` from a table. A missing one has its default; else, in an optional table, its middle."""
     types: dict[str, Any] = {
-        d.name: (int if d.scale == "integer" else float, ... if required else float(middle))
+        d.name: (int if d.scale == "integer" else float, _left_out(d, float(middle), required=required))
         for d, middle in zip(space.dimensions, space.middle, strict=True)
     }
     model = _check(create_model(table, __base__=HandWritten, **types), raw, source, table)
@@ -270,6 +270,13 @@ def _vector(raw: Mapping[str, Any], space: Space, source: str, table: str, *, re
     for dimension, value in zip(space.dimensions, values, strict=True):
         _possible(dimension, float(value), source, table)
     return frozen_array(values)
+
+
+def _left_out(dimension: Dimension, middle: float, *, required: bool) -> Any:
+    """The value of a quantity that a table does not state; `...`: it must."""
+    if dimension.default is not None:
+        return int(dimension.default) if dimension.scale == "integer" else dimension.default
+    return ... if required else middle
 
 
 _SAME_QUANTITY = {

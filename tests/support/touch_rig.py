@@ -19,7 +19,7 @@ from sim.tasks import get_task
 
 TASK = get_task("scooping")
 HARDWARE = TASK.require_hardware()
-MOUNT = Mount(table_height_mm=-5.0, table_tilt_mrad=(3.0, -2.0), tool_height_mm=2.0, tool_roll_mrad=8.0)
+MOUNT = Mount(table_height_mm=-5.0, table_rise_mrad=(3.0, -2.0), tool_height_mm=2.0, tool_roll_mrad=8.0)
 PITCH_RAD = 0.04
 
 

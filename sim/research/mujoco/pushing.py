@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 from scipy.optimize import brentq
 
+from hw.dynamics import GRAVITY_M_S2
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.research.mujoco.contact import add_pair, set_softness
@@ -27,6 +28,7 @@ from sim.tasks.pushing.params import (
     BOTTLE_HEIGHT_M,
     BOTTLE_MASS_KG,
     BOTTLE_RADIUS_M,
+    PARAMETERS,
     PATCH_SIZE_M,
     PATCH_X_M,
     PLATE_FRICTION,
@@ -36,7 +38,6 @@ from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.rollout import course_of, track_of
 from sim.tasks.pushing.scene import (
     DISSIPATION_S_M,
-    GRAVITY_M_S2,
     SLOSH_DAMPING_RATIO,
     SLOSH_LIMIT_M,
     SLOSH_RAD_S,
@@ -44,6 +45,7 @@ from sim.tasks.pushing.scene import (
     sink_m,
 )
 from sim.tasks.shared.carriage import Drive
+from sim.tasks.shared.gravity import gravity_m_s2
 from sim.tasks.shared.readings import Course, Readings
 from sim.types import ToolMotion
 
@@ -89,7 +91,7 @@ def scene(drive: Drive, parameters: Array, effects: Unmodelled) -> Any:
     """The compiled model: table, bottle, and pusher on its carriage. At first the whole table has the friction mu."""
     spec = _described(drive, parameters, effects)
     model = spec.compile()
-    _soften(model, float(parameters[1]), effects, _shares())
+    _soften(model, PARAMETERS.named(parameters).e, effects, _shares())
     return model
 
 
@@ -100,34 +102,29 @@ def mjcf(course: Course, parameters: Array, nuisance: Array) -> str:
     """
     spec = _described(course.drive, parameters, Unmodelled())
     half_m, top_m = PATCH_SIZE_M / 2, STEP_UP_M / 2
-    at, size = (PATCH_X_M, float(parameters[3]), top_m), (half_m, half_m, top_m)
+    p = PARAMETERS.named(parameters)
+    at, size = (PATCH_X_M, p.y_p, top_m), (half_m, half_m, top_m)
     spec.worldbody.add_geom(name="patch", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=at, **_UNTOUCHED)
     on_patch = {f"patch_{name}": share for name, share in _shares().items()}
     for name in _shares():
-        add_pair(spec, f"patch_{name}", name, "patch", float(parameters[2]))
+        add_pair(spec, f"patch_{name}", name, "patch", p.mu_p)
     spec.option.timestep = STEP_S
     model = spec.compile()
-    _soften(model, float(parameters[1]), Unmodelled(), _shares() | on_patch)
+    _soften(model, p.e, Unmodelled(), _shares() | on_patch)
     return written(spec, model, course)
 
 
 def _described(drive: Drive, parameters: Array, effects: Unmodelled) -> Any:
-    spec = new_scene(_gravity(effects))
+    spec = new_scene(gravity_m_s2(*effects.table_tilt_rad))
     spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(2.0, 2.0, 0.1), **_UNTOUCHED)
     _add_pusher(add_carriage(spec, drive))
     _add_bottle(spec, effects)
-    _add_contacts(spec, float(parameters[0]))
+    _add_contacts(spec, PARAMETERS.named(parameters).mu)
     return spec
 
 
 _UNTOUCHED = {"contype": 0, "conaffinity": 0}
 """Contact flags of every geom: only named pairs touch."""
-
-
-def _gravity(effects: Unmodelled) -> Array:
-    roll, pitch = effects.table_tilt_rad
-    down = [math.sin(pitch), -math.sin(roll) * math.cos(pitch), -math.cos(roll) * math.cos(pitch)]
-    return GRAVITY_M_S2 * np.array(down)
 
 
 def _add_pusher(parent: Any) -> None:
@@ -251,13 +248,13 @@ def damping_ratio(bounced: float) -> float:
 
 def _friction_map(model: Any, parameters: Array, effects: Unmodelled) -> tuple[Any, Any, Array, Array]:
     """Pairs and geoms of the points, friction of table and patch (2,), and the patch's (2, 2) corners."""
-    mu, _, mu_p, y_p_m = map(float, parameters)
+    p = PARAMETERS.named(parameters)
     names = [name for name, _, _ in _points()]
     pairs = np.array([model.pair(name).id for name in names])
     geoms = np.array([model.geom(name).id for name in names])
     half_m = PATCH_SIZE_M * effects.patch_size_scale / 2
-    centre_m = np.array([PATCH_X_M, y_p_m])
-    return pairs, geoms, np.array([mu, mu_p]), np.stack([centre_m - half_m, centre_m + half_m])
+    centre_m = np.array([PATCH_X_M, p.y_p])
+    return pairs, geoms, np.array([p.mu, p.mu_p]), np.stack([centre_m - half_m, centre_m + half_m])
 
 
 def _feel_what_is_under(pairs: Any, geoms: Any, friction: Array, corners_m: Array, model: Any, data: Any) -> None:

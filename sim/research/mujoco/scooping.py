@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
+from hw.dynamics import GRAVITY_M_S2
 from hw.types import Array
 from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M, ObjectTrack
 from sim.research.mujoco.contact import POINT_M, Bed, add_pair, bed_of, set_softness
@@ -20,11 +21,12 @@ from sim.tasks.scooping.params import (
     CORNER_M,
     EDGE_M,
     LIP_M,
+    PARAMETERS,
     PIECE_DENSITY_KG_M3,
     SQUARE_LIP_M,
     Unmodelled,
 )
-from sim.tasks.scooping.piece import GRAVITY_M_S2, SLOPE, Piece, blade, sink_m
+from sim.tasks.scooping.piece import SLOPE, Piece, blade, sink_m
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M, plan
 from sim.tasks.scooping.rollout import course_of, rest_pose, track_of
 from sim.tasks.scooping.scene import FLEX_TIME_S, piece_of
@@ -80,18 +82,18 @@ def _scene(drive: Drive, parameters: Array, nuisance: Array, effects: Unmodelled
     spec = new_scene(np.array([0.0, 0.0, -GRAVITY_M_S2]))
     spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(2.0, 2.0, 0.1), **_UNTOUCHED)
     _add_spatula(spec, add_carriage(spec, drive), effects)
-    mu = float(parameters[0])
-    bed = bed_of(piece, round(parameters[2]))
+    p = PARAMETERS.named(parameters)
+    bed = bed_of(piece, round(p.g))
     _add_piece(spec, bed, piece, mass_kg, effects)
-    sticky = mu * effects.second_friction_scale
+    sticky = p.mu * effects.second_friction_scale
     for i in range(len(bed.points_m)):
-        for other, friction in (("table", mu), ("blade", sticky), ("neck", sticky)):
+        for other, friction in (("table", p.mu), ("blade", sticky), ("neck", sticky)):
             add_pair(spec, f"{other}_{i}", f"point_{i}", other, friction)
     for corner in _CORNERS:
         add_pair(spec, corner, corner, "table", 0.0)
     spec.option.timestep = STEP_S
     model = spec.compile()
-    springs_N_m = bed.stiffness_N_m(mass_kg * GRAVITY_M_S2, sink_m(piece, mass_kg, float(parameters[1])))
+    springs_N_m = bed.stiffness_N_m(mass_kg * GRAVITY_M_S2, sink_m(piece, mass_kg, p.e))
     _soften(model, springs_N_m, effects.edge_stiffness_N_m)
     return spec, model
 

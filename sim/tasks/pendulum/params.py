@@ -16,22 +16,47 @@ from sim.types import Dimension, Space
 
 PARAMETERS = Space(
     (
-        Dimension("m1", "kg", 1.0, 2.0, plain="inner mass", meaning="point mass at the end of the first link"),
-        Dimension("m2", "kg", 1.0, 2.0, plain="outer mass", meaning="point mass at the end of the second link"),
-        Dimension("b1", "N m s/rad", 1.0, 2.0, plain="inner damping", meaning="viscous friction of the first joint"),
-        Dimension("b2", "N m s/rad", 1.0, 2.0, plain="outer damping", meaning="viscous friction of the second joint"),
+        Dimension(
+            "m1",
+            "kg",
+            1.0,
+            2.0,
+            plain="inner mass",
+            meaning="point mass at the end of the first link",
+            margin=(0.4, 2.0),
+        ),
+        Dimension(
+            "m2",
+            "kg",
+            1.0,
+            2.0,
+            plain="outer mass",
+            meaning="point mass at the end of the second link",
+            margin=(0.3, 2.6),
+        ),
+        Dimension(
+            "b1",
+            "N m s/rad",
+            1.0,
+            2.0,
+            plain="inner damping",
+            meaning="viscous friction of the first joint",
+            margin=(1.0, 10.0),
+        ),
+        Dimension(
+            "b2",
+            "N m s/rad",
+            1.0,
+            2.0,
+            plain="outer damping",
+            meaning="viscous friction of the second joint",
+            margin=(1.0, 10.0),
+        ),
     )
 )
 """Omega."""
 
-MARGIN = Space(
-    (
-        Dimension("m1", "kg", 0.4, 2.0),
-        Dimension("m2", "kg", 0.3, 2.6),
-        Dimension("b1", "N m s/rad", 1.0, 10.0),
-        Dimension("b2", "N m s/rad", 1.0, 10.0),
-    )
-)
+MARGIN = PARAMETERS.widened
 """Omega and everything that the targets of Table A2 reach."""
 
 CONTEXT = Space(())

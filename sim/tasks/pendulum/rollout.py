@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from hw.dynamics import GRAVITY_M_S2
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
-from sim.tasks.pendulum.params import OBSERVATION, START
+from sim.tasks.pendulum.params import OBSERVATION, PARAMETERS, START
 
 STEEPNESS = 10.0
 """Reward lost per excess over the least possible cost: at .1 it is 0."""
@@ -37,12 +38,10 @@ def relocate(observation: Array, context: Array) -> Array:
     return observation
 
 
-GRAVITY_M_S2 = 9.81
-
-
 def linearise(parameters: Array) -> tuple[Array, Array]:
     """(..., 4) of (m1, m2, b1, b2) in units -> A (..., 4, 4), B (..., 4, 2). Masses have to be positive."""
-    m1, m2, b1, b2 = np.moveaxis(np.asarray(parameters, dtype=np.float64), -1, 0)
+    p = PARAMETERS.columns(parameters)
+    m1, m2, b1, b2 = p["m1"], p["m2"], p["b1"], p["b2"]
     lead = m1.shape
     inverse_M = _stack(1.0 / m1, -2.0 / m1, -2.0 / m1, 4.0 / m1 + 1.0 / m2)
     G = GRAVITY_M_S2 * _stack(m1 + 2.0 * m2, m2, m2, m2)

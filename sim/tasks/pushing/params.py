@@ -15,7 +15,13 @@ from sim.types import Dimension, Space
 PARAMETERS = Space(
     (
         Dimension(
-            "mu", "", 0.05, 0.20, plain="table friction", meaning="friction coefficient between bottle and table"
+            "mu",
+            "",
+            0.05,
+            0.20,
+            plain="table friction",
+            meaning="friction coefficient between bottle and table",
+            margin=(0.04, 0.32),
         ),
         Dimension(
             "e",
@@ -25,9 +31,16 @@ PARAMETERS = Space(
             "log",
             plain="band stiffness",
             meaning="hydroelastic modulus of the rubber band around the bottle; a low value is a soft band",
+            margin=(8e3, 6e6),
         ),
         Dimension(
-            "mu_p", "", 0.2, 0.8, plain="patch friction", meaning="friction coefficient between bottle and patch"
+            "mu_p",
+            "",
+            0.2,
+            0.8,
+            plain="patch friction",
+            meaning="friction coefficient between bottle and patch",
+            margin=(0.08, 0.95),
         ),
         Dimension(
             "y_p",
@@ -36,19 +49,14 @@ PARAMETERS = Space(
             0.10,
             plain="patch position",
             meaning="where the centre of the patch lies across the table; positive is the robot's left",
+            margin=(-0.16, 0.16),
+            mirror=-1,
         ),
     )
 )
 """Omega."""
 
-MARGIN = Space(
-    (
-        Dimension("mu", "", 0.04, 0.32),
-        Dimension("e", "Pa", 8e3, 6e6, "log"),
-        Dimension("mu_p", "", 0.08, 0.95),
-        Dimension("y_p", "m", -0.16, 0.16),
-    )
-)
+MARGIN = PARAMETERS.widened
 """Omega and everything that the targets of Table A2 reach."""
 
 CONTEXT = Space(
@@ -79,6 +87,7 @@ ACTION = Space(
             0.3,
             plain="push direction",
             meaning="angle of the push in the plane of the table; positive is left",
+            mirror=-1,
         ),
         Dimension(
             "speed",
@@ -109,6 +118,7 @@ NUISANCE = Space(
             0.0035,
             plain="placement error left",
             meaning="how far left of its mark the bottle was put down",
+            mirror=-1,
         ),
     )
 )
@@ -135,9 +145,9 @@ OBSERVATION = Observation(
 )
 
 MIRROR = Mirror(
-    parameters=frozen_array([1.0, 1.0, 1.0, -1.0]),
-    action=frozen_array([-1.0, 1.0]),
-    nuisance=frozen_array([1.0, -1.0]),
+    parameters=PARAMETERS.mirror,
+    action=ACTION.mirror,
+    nuisance=NUISANCE.mirror,
     observed=frozen_array([1.0, -1.0]),
     end_state=frozen_array([1.0, -1.0]),
 )
@@ -192,7 +202,8 @@ class Unmodelled:
     slosh_share: float = 0.0  # share of the bottle's mass that moves to and fro, like the liquid of a half-full bottle
     slosh_height_m: float = 0.03  # of that mass above the bottom
     patch_size_scale: float = 1.0
-    table_tilt_rad: tuple[float, float] = (0.0, 0.0)  # of table and arm from level, about X and Y (Y: far end down)
+    table_tilt_rad: tuple[float, float] = (0.0, 0.0)
+    """Turn of table and arm from level about X (the left side goes up), then about Y (the far end goes down)."""
     plate_restitution_scale: float = 1.0  # divides the dissipation of the bottle's contacts
     contact: Literal["sap", "lagged"] = "lagged"
     dt_s: float | None = None  # step of the plant; None: the step of training

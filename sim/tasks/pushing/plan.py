@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from hw.types import PATH_RATE_HZ, Array
-from sim.tasks.pushing.params import BOTTLE_RADIUS_M, START_M
+from sim.tasks.pushing.params import ACTION, BOTTLE_RADIUS_M, START_M
 from sim.types import ToolMotion
 
 RAMP_S = 0.35
@@ -44,7 +44,8 @@ def plan(context: Array, action: Array) -> ToolMotion:
 
     It starts behind the bottle, is at rest with zero acceleration at both ends, and never touches the table.
     """
-    yaw_rad, speed_m_s = float(action[0]), float(action[1])
+    a = ACTION.named(action)
+    yaw_rad, speed_m_s = a.yaw, a.speed
     touch_s, slow_s, end_s = phases_s(speed_m_s)
     t_s = np.arange(round(end_s * PATH_RATE_HZ) + 1) / PATH_RATE_HZ
     along_m = speed_m_s * (_ramp(t_s, 0.0, RAMP_S) - _ramp(t_s, slow_s, SLOW_S))

@@ -30,6 +30,7 @@ from pydrake.multibody.tree import (
     WeldJoint,
 )
 
+from hw.dynamics import GRAVITY_M_S2
 from hw.poses import translation
 from hw.types import Array
 from sim.errors import OutOfRange
@@ -41,6 +42,7 @@ from sim.tasks.pushing.params import (
     BOTTLE_HEIGHT_M,
     BOTTLE_MASS_KG,
     BOTTLE_RADIUS_M,
+    PARAMETERS,
     PATCH_SIZE_M,
     PATCH_X_M,
     PLATE_FRICTION,
@@ -48,6 +50,7 @@ from sim.tasks.pushing.params import (
     Unmodelled,
 )
 from sim.tasks.shared.contact import coefficient, compliant, rigid, set_contact, vector
+from sim.tasks.shared.gravity import gravity_m_s2
 from sim.tasks.shared.shapes import TABLE_CORNERS_M, box, obj_text, table_visual, turned_body
 from sim.tasks.task import SceneBodies
 from sim.types import Visual
@@ -123,7 +126,6 @@ RELAXATION_S = 0.020
 """Dissipation in a world with contact = "sap"."""
 
 BOTTLE_COEFFICIENT = 1.0
-GRAVITY_M_S2 = 9.81
 
 SLOSH_RAD_S = math.sqrt(1.841 * GRAVITY_M_S2 / BOTTLE_RADIUS_M)
 """First sideways mode of a liquid in a cylinder, as deep as wide (1.841: first root of J1')."""
@@ -149,18 +151,16 @@ def build_scene(
     Raises OutOfRange if the patch leaves the table.
     """
     effects = unmodelled or Unmodelled()
-    mu, e_Pa, mu_p, y_p_m = map(float, parameters)
+    p = PARAMETERS.named(parameters)
     set_contact(plant, effects.contact)
-    roll, pitch = effects.table_tilt_rad
-    down = np.array([math.sin(pitch), -math.sin(roll) * math.cos(pitch), -math.cos(roll) * math.cos(pitch)])
-    plant.mutable_gravity_field().set_gravity_vector(GRAVITY_M_S2 * down)
+    plant.mutable_gravity_field().set_gravity_vector(gravity_m_s2(*effects.table_tilt_rad))
     half_m = PATCH_SIZE_M * effects.patch_size_scale / 2
-    area = (PATCH_X_M - half_m, PATCH_X_M + half_m), (y_p_m - half_m, y_p_m + half_m)
+    area = (PATCH_X_M - half_m, PATCH_X_M + half_m), (p.y_p - half_m, p.y_p + half_m)
     patch = _sheet(_corners(*area), [(0, 1, 2), (0, 2, 3)])
-    for name, sheet, friction in (("table", _table_around(*area), mu), ("patch", patch, mu_p)):
+    for name, sheet, friction in (("table", _table_around(*area), p.mu), ("patch", patch, p.mu_p)):
         properties = rigid(coefficient(friction, BOTTLE_COEFFICIENT))
         plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), sheet, name, properties)
-    _add_bottle(plant, e_Pa, effects)
+    _add_bottle(plant, p.e, effects)
     _add_pusher(plant, tool_parent, X_PT)
     visuals = (table_visual(), patch_visual(*area), bottle_visual(OBJECT), *pusher_visuals(TOOL))
     return SceneBodies(tool=TOOL, object=OBJECT, visuals=visuals)

@@ -21,6 +21,7 @@ PARAMETERS = Space(
             0.40,
             plain="friction",
             meaning="friction coefficient between piece and table, and between piece and blade",
+            margin=(0.15, 0.50),
         ),
         Dimension(
             "e",
@@ -30,21 +31,15 @@ PARAMETERS = Space(
             "log",
             plain="piece stiffness",
             meaning="hydroelastic modulus of the piece; a low value is a soft piece",
+            margin=(5e3, 1e6),
         ),
-        Dimension("g", "", 0, 1, "integer", plain="shape", meaning="0 ellipsoid, 1 cylinder, 2 box"),
-        Dimension("h", "cm", 1.5, 2.5, plain="piece height", meaning="height of the piece"),
+        Dimension("g", "", 0, 1, "integer", plain="shape", meaning="0 ellipsoid, 1 cylinder, 2 box", margin=(0, 2)),
+        Dimension("h", "cm", 1.5, 2.5, plain="piece height", meaning="height of the piece", margin=(1.2, 3.0)),
     )
 )
 """Omega."""
 
-MARGIN = Space(
-    (
-        Dimension("mu", "", 0.15, 0.50),
-        Dimension("e", "Pa", 5e3, 1e6, "log"),
-        Dimension("g", "", 0, 2, "integer"),  # 2: box
-        Dimension("h", "cm", 1.2, 3.0),
-    )
-)
+MARGIN = PARAMETERS.widened
 """Omega and everything that the targets of Table A2 reach."""
 
 CONTEXT = Space(

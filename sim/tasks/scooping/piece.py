@@ -8,6 +8,7 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.dynamics import GRAVITY_M_S2
 from hw.types import Array, frozen_array
 from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M
 from sim.errors import OutOfRange
@@ -88,7 +89,6 @@ def _solid(vertices_m: Array) -> Piece:
     return Piece(frozen_array(vertices_m), triangles, float(volumes.sum()), frozen_array(inertia_m2))
 
 
-GRAVITY_M_S2 = 9.81
 _CELLS = 12
 _STEPS = 14
 

@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from hw.types import PATH_RATE_HZ, Array, ContactWindow
-from sim.tasks.scooping.params import CORNER_M, EDGE_M, WRIST_IN_TOOL_M
+from sim.tasks.scooping.params import ACTION, CONTEXT, CORNER_M, EDGE_M, WRIST_IN_TOOL_M
 from sim.types import ToolMotion
 
 DURATION_S = 1.0
@@ -42,9 +42,10 @@ def plan(context: Array, action: Array) -> ToolMotion:
     It starts with the edge on the table, `distance` behind that side, and is at rest with zero acceleration at both
     ends. `contact` holds the deepest command and the force it predicts.
     """
-    pitch_rad, p_m = edge_path(float(action[0]), float(action[1]))
+    a, place = ACTION.named(action), CONTEXT.named(context)
+    pitch_rad, p_m = edge_path(a.pitch_rate, a.pitch)
     t_s = _times()
-    start_m = np.array([context[0] - action[2], context[1]])
+    start_m = np.array([place.x - a.distance, place.y])
     X_BT = np.tile(np.eye(4), (len(t_s), 1, 1))
     cos, sin = np.cos(pitch_rad), np.sin(pitch_rad)
     X_BT[:, 0, 0], X_BT[:, 0, 2], X_BT[:, 2, 0], X_BT[:, 2, 2] = cos, sin, -sin, cos

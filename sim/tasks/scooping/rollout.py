@@ -11,7 +11,14 @@ import numpy as np
 from hw.poses import translation
 from hw.types import Array
 from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M, SETTLE_S, ObjectTrack, Outcome, is_on_blade
-from sim.tasks.scooping.params import OBSERVATION, PIECE_DENSITY_KG_M3, REFERENCE_CONTEXT, Unmodelled
+from sim.tasks.scooping.params import (
+    NUISANCE,
+    OBSERVATION,
+    PARAMETERS,
+    PIECE_DENSITY_KG_M3,
+    REFERENCE_CONTEXT,
+    Unmodelled,
+)
 from sim.tasks.scooping.piece import sink_m
 from sim.tasks.scooping.plan import DURATION_S, edge_height_m, plan
 from sim.tasks.scooping.scene import build_scene, piece_of, time_step_s
@@ -58,7 +65,8 @@ def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Un
     piece = piece_of(parameters, nuisance, unmodelled)
     mass_kg = PIECE_DENSITY_KG_M3 * piece.volume_m3 * (1.0 if unmodelled is None else unmodelled.density_scale)
     ahead_m = _half_width_m(nuisance, unmodelled)
-    height_m = float(parameters[3]) / 200.0 - sink_m(piece, mass_kg, float(parameters[1]))
+    p = PARAMETERS.named(parameters)
+    height_m = p.h / 200.0 - sink_m(piece, mass_kg, p.e)
     return translation([context[0] + ahead_m, context[1], height_m])
 
 
@@ -69,7 +77,7 @@ def piece_mass_kg(parameters: Array, nuisance: Array, unmodelled: Unmodelled) ->
 
 def _half_width_m(nuisance: Array, unmodelled: Unmodelled | None) -> float:
     """From the piece's centre to its near side."""
-    return float(nuisance[0]) * (unmodelled or Unmodelled()).semi_axis_scale[0]
+    return NUISANCE.named(nuisance).radius * (unmodelled or Unmodelled()).semi_axis_scale[0]
 
 
 def simulate(

@@ -24,7 +24,7 @@ from pydrake.multibody.tree import (
 
 from hw.types import Array
 from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M
-from sim.tasks.scooping.params import CORNER_M, EDGE_M, LIP_M, PIECE_DENSITY_KG_M3, Unmodelled
+from sim.tasks.scooping.params import CORNER_M, EDGE_M, LIP_M, NUISANCE, PARAMETERS, PIECE_DENSITY_KG_M3, Unmodelled
 from sim.tasks.scooping.piece import Piece, blade, make_piece
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M
 from sim.tasks.scooping.spatula import (
@@ -62,10 +62,10 @@ def time_step_s(unmodelled: Unmodelled | None) -> float:
 
 
 def piece_of(parameters: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Piece:
-    """The piece for parameters (mu, e, g, h in cm) and nuisance (radius)."""
+    """The piece for parameters (p,) and nuisance (n,)."""
     scale = (unmodelled or Unmodelled()).semi_axis_scale
-    radius_m = float(nuisance[0])
-    return make_piece(round(parameters[2]), parameters[3] / 100.0, (radius_m * scale[0], radius_m * scale[1]))
+    p, radius_m = PARAMETERS.named(parameters), NUISANCE.named(nuisance).radius
+    return make_piece(round(p.g), p.h / 100.0, (radius_m * scale[0], radius_m * scale[1]))
 
 
 def build_scene(
@@ -78,7 +78,7 @@ def build_scene(
 ) -> SceneBodies:
     """Add table, piece and spatula, and set the contact model. The spatula's body frame is T (see plan.py)."""
     effects = unmodelled or Unmodelled()
-    mu = float(parameters[0])
+    mu = PARAMETERS.named(parameters).mu
     set_contact(plant, effects.contact)
     table = plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "table", rigid(mu))
     _add_piece(plant, parameters, nuisance, effects)
@@ -98,13 +98,13 @@ def build_scene(
 
 def _add_piece(plant: MultibodyPlant, parameters: Array, nuisance: Array, effects: Unmodelled) -> None:
     """The piece as a free body."""
-    piece, mu, e_Pa = piece_of(parameters, nuisance, effects), float(parameters[0]), float(parameters[1])
+    piece, p = piece_of(parameters, nuisance, effects), PARAMETERS.named(parameters)
     mass_kg = PIECE_DENSITY_KG_M3 * effects.density_scale * piece.volume_m3
     G = piece.unit_inertia_m2
     central = UnitInertia(G[0, 0], G[1, 1], G[2, 2], G[0, 1], G[0, 2], G[1, 2])
     inertia = SpatialInertia.MakeFromCentralInertia(mass_kg, vector(*effects.com_offset_m), central * mass_kg)
     body = plant.AddRigidBody(OBJECT, plant.AddModelInstance(OBJECT), inertia)
-    soft = compliant(mu, e_Pa)
+    soft = compliant(p.mu, p.e)
     plant.RegisterCollisionGeometry(body, RigidTransform(), _polyhedron(piece), OBJECT, soft)
 
 

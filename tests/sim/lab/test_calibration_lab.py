@@ -193,7 +193,7 @@ def true_X_BM(the_lab: CalibrationLab) -> Array:
     "changed",
     [
         {"sensing": Sensing(camera_moved_mm=15.0, camera_moved_deg=1.5)},
-        {"mount": Mount(table_height_mm=20.0, table_tilt_mrad=(30.0, -25.0))},
+        {"mount": Mount(table_height_mm=20.0, table_rise_mrad=(30.0, -25.0))},
     ],
     ids=["moved camera", "tilted table"],
 )

@@ -30,7 +30,7 @@ XY_M = np.array([0.55, 0.1])
 PROBE = Probe("table", FINGERTIPS, XY_M, np.diag([1.0, -1.0, -1.0]))
 GUARD = BENCH.guard(FINGERTIPS, 4.0)
 DOWN = (Stage(0.034, 0.015),)
-MOUNT = Mount(table_height_mm=-4.0, table_tilt_mrad=(3.0, -5.0))
+MOUNT = Mount(table_height_mm=-4.0, table_rise_mrad=(3.0, -5.0))
 
 
 @cache

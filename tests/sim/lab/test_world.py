@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from sim.errors import UnknownName, WorldError
 from sim.lab.world import Faults, Mount, Sensing, list_worlds, load_world
 from sim.panda.tool import ToolCorrection
 from sim.tasks import get_task
+from sim.types import Space
 
 PARAMS = "[params]\nmu = 0.3\ne = 1e5\nkind = 1\nh = 2.0\ny = 0.0\n"
 
@@ -32,6 +34,17 @@ def test_what_is_left_out_is_nominal(tmp_path: Path) -> None:
     assert world.unmodelled == TASK.unmodelled()
     assert world.sensing == Sensing()
     assert world.faults == Faults()
+
+
+def test_a_parameter_with_a_default_may_be_left_out(tmp_path: Path) -> None:
+    """Worlds that were written before a parameter was added stay valid."""
+    dimensions = tuple(replace(d, default=2.0) if d.name == "h" else d for d in TASK.parameters.dimensions)
+    later = replace(TASK, parameters=Space(dimensions))
+    file = tmp_path / "older.toml"
+    file.write_text('task = "slider"\n' + PARAMS.replace("h = 2.0\n", ""), encoding="utf-8")
+    assert load_world(str(file), later).parameters[3] == 2.0
+    with pytest.raises(WorldError, match="has no key 'h'"):
+        load_world(str(file), TASK)
 
 
 def test_everything_can_be_said(tmp_path: Path) -> None:
@@ -127,7 +140,7 @@ def test_shipped_worlds_have_a_nominal_mount_which_is_exactly_none() -> None:
 
 def test_a_world_file_says_how_table_and_tool_are_off(tmp_path: Path) -> None:
     head = f'task = "slider"\n{PARAMS}[mount]\n'
-    lines = "table_height_mm = -6.0\ntable_tilt_mrad = [3.0, -2.0]\ntool_height_mm = 2.0\ntool_roll_mrad = 8.0\n"
+    lines = "table_height_mm = -6.0\ntable_rise_mrad = [3.0, -2.0]\ntool_height_mm = 2.0\ntool_roll_mrad = 8.0\n"
     mount = load(tmp_path, head + lines).mount
     assert mount == Mount(-6.0, (3.0, -2.0), 2.0, 8.0)
     assert mount.true == ToolCorrection(Table(-6e-3, 3e-3, -2e-3), 2e-3, roll_rad=8e-3)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from hw.dynamics import GRAVITY_M_S2
 from perception.types import ObjectTrack, Outcome
 from sim.errors import OutOfRange, UnknownName
 from sim.lab.world import load_world
@@ -15,6 +17,7 @@ from sim.tasks import TASKS, get_task
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.pushing import params as pushing
 from sim.tasks.scooping import params as scooping
+from sim.tasks.shared.gravity import gravity_m_s2
 from sim.types import Dimension, Space
 
 PUSHING, SCOOPING = get_task("pushing"), get_task("scooping")
@@ -43,6 +46,38 @@ def test_every_number_has_words_which_change_no_fingerprint_and_no_equality(name
     bare = Space(tuple(dataclasses.replace(d, plain="", meaning="") for d in task.parameters.dimensions))
     assert bare == task.parameters
     assert fingerprint(dataclasses.replace(task, parameters=bare)) == fingerprint(task)
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_a_margin_holds_the_range_and_has_the_same_names_units_and_scales(name: str) -> None:
+    task = get_task(name)
+    for usual, wide in zip(task.parameters.dimensions, task.margin.dimensions, strict=True):
+        assert wide.low <= usual.low < usual.high <= wide.high
+        assert replace(wide, low=usual.low, high=usual.high) == usual
+
+
+def test_values_have_their_names_and_another_number_of_them_is_refused() -> None:
+    space = get_task("scooping").parameters
+    p = space.named(np.array([0.3, 2e5, 1.0, 2.0]))
+    assert (p.mu, p.e, p.g, p.h) == (0.3, 2e5, 1.0, 2.0)
+    with pytest.raises(AttributeError, match="no quantity 'nu': there are mu, e, g, h"):
+        _ = p.nu
+    with pytest.raises(ValueError, match="zip"):
+        space.named(np.zeros(3))
+    assert space.columns(np.arange(8.0).reshape(2, 4))["e"].tolist() == [1.0, 5.0]
+
+
+def test_a_mirrored_push_turns_what_its_dimensions_say() -> None:
+    mirror = get_task("pushing").mirror
+    assert mirror is not None
+    signs = [part.tolist() for part in (mirror.parameters, mirror.action, mirror.nuisance)]
+    assert signs == [[1.0, 1.0, 1.0, -1.0], [-1.0, 1.0], [1.0, -1.0]]
+
+
+def test_gravity_pulls_to_the_side_that_is_down() -> None:
+    x, y, z = gravity_m_s2(left_up_rad=0.02, far_down_rad=0.03)
+    assert x > 0.0 > y and z < 0.0  # ahead, and to the right
+    assert np.hypot(np.hypot(x, y), z) == pytest.approx(GRAVITY_M_S2)
 
 
 def test_an_unknown_task_lists_what_there_is() -> None:

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_are, solve_continuous_lyapunov
 
+from hw.dynamics import GRAVITY_M_S2
 from perception.types import Outcome
 from sim.errors import NoHardware
 from sim.lab.world import list_worlds, load_world
 from sim.solvers.misfit import misfit
 from sim.tasks.pendulum import TASK
 from sim.tasks.pendulum.params import START
-from sim.tasks.pendulum.rollout import GRAVITY_M_S2, closed_loop, cost, excess, exponential, linearise, optimal, riccati
+from sim.tasks.pendulum.rollout import closed_loop, cost, excess, exponential, linearise, optimal, riccati
 from sim.tasks.pendulum.solver import LqrSolver, rewards
 
 NOTHING = np.zeros(0)

@@ -10,9 +10,10 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from hw.dynamics import GRAVITY_M_S2
 from sim.errors import OutOfRange
 from sim.tasks.pushing.params import BOTTLE_MASS_KG, PATCH_X_M, Unmodelled
-from sim.tasks.pushing.scene import GRAVITY_M_S2, SLOSH_RAD_S, STEP_S, build_scene, sink_m
+from sim.tasks.pushing.scene import SLOSH_RAD_S, STEP_S, build_scene, sink_m
 
 MU, E_PA, MU_P, Y_P_M = 0.10, 3e5, 0.50, 0.20
 NOTHING_PLACED = np.zeros(2)

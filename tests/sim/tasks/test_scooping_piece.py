@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from hw.dynamics import GRAVITY_M_S2
 from sim.errors import OutOfRange
 from sim.tasks.scooping.params import BEVEL_M, EDGE_M, LIP_M, PIECE_DENSITY_KG_M3, SQUARE_LIP_M
-from sim.tasks.scooping.piece import GRAVITY_M_S2, blade, make_piece, sink_m
+from sim.tasks.scooping.piece import blade, make_piece, sink_m
 from sim.tasks.shared.shapes import obj_text
 
 HALF = (0.012, 0.012)

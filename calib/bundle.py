@@ -226,27 +226,27 @@ def arm_covariance(state: Unknowns, moved: ArmViews) -> Array:
     return np.asarray(G @ np.swapaxes(G, 1, 2))
 
 
-def fit(moved: ArmViews, seen: CondensedViews, start: Unknowns, model: Model) -> Fit:
+def fit(moved: ArmViews, boards: CondensedViews, start: Unknowns, model: Model) -> Fit:
     """The fit to N views, with the sizes of their errors."""
     state, prior = start, _prior(model)
     plain = model.weights is Weights.PIXELS
     noise = Sizes(1.0, 0.0, 0.0) if plain else Sizes(1.0, _START_PX, _START_RAD)
     for _ in range(1 if plain else _ROUNDS):
         GG = arm_covariance(state, moved)
-        state = _gauss_newton(moved, seen.X_CM, seen.covariance(noise, GG), state, model, prior)
+        state = _gauss_newton(moved, boards.X_CM, boards.covariance(noise, GG), state, model, prior)
         if plain:
             break
-        e, B = linearise(state, moved, seen.X_CM, model)
-        before, noise = noise, _sizes(e, B, seen, GG, prior, noise)
+        e, B = linearise(state, moved, boards.X_CM, model)
+        before, noise = noise, _sizes(e, B, boards, GG, prior, noise)
         if _alike(before, noise):
             break
-    e, B = linearise(state, moved, seen.X_CM, model)
+    e, B = linearise(state, moved, boards.X_CM, model)
     GG = arm_covariance(state, moved)
-    covariance = seen.covariance(noise, GG)
+    covariance = boards.covariance(noise, GG)
     if plain:
         freedom = max(e.size - model.size, 1)
         noise = Sizes(float(np.sqrt(squares(e, covariance).sum() / freedom)), 0.0, 0.0)
-        covariance = seen.covariance(noise, GG)
+        covariance = boards.covariance(noise, GG)
     normal = np.einsum("nip,nir->pr", B, np.linalg.solve(covariance, B)) + prior
     likelihood = -0.5 * float(squares(e, covariance).sum() + np.linalg.slogdet(covariance)[1].sum())
     return Fit(model, state, noise, e, B, covariance, normal, likelihood, moved.posture)
@@ -295,13 +295,13 @@ def squares(e: Array, covariance: Array) -> Array:
     return np.asarray(np.einsum("ni,ni->n", e, np.linalg.solve(covariance, e[..., None])[..., 0]))
 
 
-def _sizes(e: Array, B: Array, seen: CondensedViews, GG: Array, prior: Array, noise: Sizes) -> Sizes:
+def _sizes(e: Array, B: Array, boards: CondensedViews, GG: Array, prior: Array, noise: Sizes) -> Sizes:
     """Restricted maximum likelihood of `view_px` and `joint_rad`, by Fisher scoring in their logarithms.
 
     Both have a wide prior, which decides only where the views do not tell the two apart.
     """
-    own = np.asarray(np.linalg.inv(seen.information))
-    terms = np.stack([seen.common, GG])
+    own = np.asarray(np.linalg.inv(boards.information))
+    terms = np.stack([boards.common, GG])
     x = np.log([noise.view_px, noise.joint_rad])
     for _ in range(_SCORINGS):
         parts = np.exp(2 * x)[:, None, None, None] * terms

@@ -44,8 +44,8 @@ def square_size(solution: Solution) -> Check:
     off, sigma = solution.square_scale - 1.0, solution.square_scale_sigma
     limit = max(SQUARE_LIMIT, 4.0 * sigma)
     if not solution.size_known:
-        found = f"not stated; the arm's motion makes it a {solution.target}, to ± {100 * sigma:.2f} %"
-        return Check(name="square size", verdict=Grade.GOOD, message=found)
+        remark = f"not stated; the arm's motion makes it a {solution.target}, to ± {100 * sigma:.2f} %"
+        return Check(name="square size", verdict=Grade.GOOD, message=remark)
     message = (
         f"by the arm's motion the squares are {100 * off:+.2f} % (± {100 * sigma:.2f}) off their stated size, limit "
         f"{100 * limit:.2f} %"
@@ -236,9 +236,9 @@ def infrared_board(
 def _misalignment_px(setup: Setup, X_CM: Array, X_CD: Array) -> float:
     assert setup.X_CD is not None
     p = np.broadcast_to(setup.board.p_MK_m, (len(X_CM), setup.board.corners, 3))
-    seen, _ = project_with_jacobian(setup.colour, X_CM, p)
+    expected_px, _ = project_with_jacobian(setup.colour, X_CM, p)
     laid, _ = project_with_jacobian(setup.colour, setup.X_CD @ inverse(X_CD) @ X_CM, p)
-    return float(np.mean(np.linalg.norm(laid - seen, axis=-1)))
+    return float(np.mean(np.linalg.norm(laid - expected_px, axis=-1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,25 +267,25 @@ def residuals(
     views: Sequence[View], setup: Setup, solution: Solution, forward: Forward | None
 ) -> tuple[Residuals, ...]:
     """The residuals of all views, unused ones included, in the given order, against predictions by the arm."""
-    used, found = set(solution.used), []
+    used, rows = set(solution.used), []
     focal = float(np.sqrt(setup.colour.K[0, 0] * setup.colour.K[1, 1]))
-    known = [view for view in views if len(view.corners) and view.corners.ids[-1] < setup.board.corners]
-    poses = board_poses(solution, known, setup, forward) if known else np.zeros((0, 4, 4))
-    for view, X_CM in zip(known, poses, strict=True):
+    usable = [view for view in views if len(view.corners) and view.corners.ids[-1] < setup.board.corners]
+    poses = board_poses(solution, usable, setup, forward) if usable else np.zeros((0, 4, 4))
+    for view, X_CM in zip(usable, poses, strict=True):
         p = setup.board.p_MK_m[view.corners.ids]
         off = view.corners.px - project(setup.colour, X_CM[None], p[None])[0]
         away_m = p @ X_CM[2, :3] + X_CM[2, 3]
         off_mm = 1e3 * np.linalg.norm(off, axis=1) * away_m / focal
-        found.append(Residuals(view.name, view.name in used, view.corners.ids, view.corners.px, off, off_mm))
-    return tuple(found)
+        rows.append(Residuals(view.name, view.name in used, view.corners.ids, view.corners.px, off, off_mm))
+    return tuple(rows)
 
 
-def residuals_table(found: Sequence[Residuals]) -> str:
+def residuals_table(rows: Sequence[Residuals]) -> str:
     """CSV with one row per point."""
     lines = ["view,used,point,u_px,v_px,off_u_px,off_v_px,off_mm"]
     lines += [
         f"{r.name},{int(r.used)},{k},{u:.3f},{v:.3f},{du:.3f},{dv:.3f},{mm:.3f}"
-        for r in found
+        for r in rows
         for k, (u, v), (du, dv), mm in zip(r.ids, r.px, r.off_px, r.off_mm, strict=True)
     ]
     return "\n".join(lines) + "\n"

@@ -46,7 +46,7 @@ def size_by_motion(X_AH: Array, X_CM: Array) -> float:
     """
     n, size = len(X_AH), min(SUBSET + 2, len(X_AH))
     rng = np.random.default_rng(20130102)
-    found = []
+    sizes = []
     for _ in range(SUBSETS):
         rows = rng.permutation(n)[:size]
         R_AC = shah(X_AH[rows][None], X_CM[rows][None])[0][0, :3, :3]
@@ -56,8 +56,8 @@ def size_by_motion(X_AH: Array, X_CM: Array) -> float:
         ).reshape(3 * size, 7)
         x, _, rank, _ = np.linalg.lstsq(A, -X_AH[rows, :3, 3].ravel(), rcond=1e-9)
         if rank == 7 and x[6] > 0:
-            found.append(float(x[6]))
-    return float(np.median(found)) if found else 1.0
+            sizes.append(float(x[6]))
+    return float(np.median(sizes)) if sizes else 1.0
 
 
 def shah(X_AH: Array, X_CM: Array) -> tuple[Array, Array]:
@@ -123,10 +123,10 @@ def opencv_methods(X_AH: Array, X_CM: Array) -> dict[str, Array]:
 
 def cross_check(X_AH: Array, X_CM: Array, X_AC: Array) -> tuple[ClosedForm, ...]:
     """The closed forms, compared with the solution `X_AC`."""
-    found = opencv_methods(X_AH, X_CM)
+    poses = opencv_methods(X_AH, X_CM)
     return tuple(
         ClosedForm(name=name, from_solution_mm=distance_mm(X, X_AC), from_solution_deg=angle_deg(X, X_AC))
-        for name, X in found.items()
+        for name, X in poses.items()
     )
 
 

@@ -53,8 +53,8 @@ class PoseCandidates:
     def rms_at(self, X_CM: Array) -> Array:
         """(N,) root mean square distance of the corners for boards at `X_CM` (N, 4, 4)."""
         squares = np.sum((project(self.camera, X_CM, self.p_M_m) - self.px) ** 2, axis=-1)
-        there = self.weight > 0
-        return np.asarray(np.sqrt(np.sum(squares * there, axis=1) / there.sum(axis=1)))
+        present = self.weight > 0
+        return np.asarray(np.sqrt(np.sum(squares * present, axis=1) / present.sum(axis=1)))
 
 
 def unusable(corners: Corners, target: CalibrationTarget, camera: Intrinsics) -> str:
@@ -82,8 +82,8 @@ def condense(
     """Fit every view by itself. Raises TooFewViews naming an unusable view."""
     if not corners:
         raise TooFewViews("there are no views: record some")
-    for name, seen in zip(names, corners, strict=True):
-        if why := unusable(seen, board, camera):
+    for name, view_corners in zip(names, corners, strict=True):
+        if why := unusable(view_corners, board, camera):
             raise TooFewViews(f"view {name}: {why}: leave the view out")
     p, px, mask = padded(corners, board)
     start = np.stack([_both(starts(p[i, : len(c)], c.px, camera)) for i, c in enumerate(corners)], axis=1)
@@ -135,11 +135,11 @@ def _common(J: Array, weight: Array, A: Array, px: Array, mask: Array) -> Array:
 
     Smooth: constant, linear and quadratic in the place in the picture, each term with the same share.
     """
-    there, count = mask[..., None], mask.sum(axis=1)[:, None, None]
-    xy = (px - np.sum(px * there, axis=1, keepdims=True) / count) * there
+    present, count = mask[..., None], mask.sum(axis=1)[:, None, None]
+    xy = (px - np.sum(px * present, axis=1, keepdims=True) / count) * present
     x, y = np.moveaxis(xy / np.abs(xy).max(axis=(1, 2), keepdims=True), -1, 0)
-    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1) * there
-    terms[..., 3:] -= there * np.sum(terms[..., 3:], axis=1, keepdims=True) / count
+    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1) * present
+    terms[..., 3:] -= present * np.sum(terms[..., 3:], axis=1, keepdims=True) / count
     size = np.sqrt(np.sum(terms**2, axis=1, keepdims=True) / count)
     terms = np.where(size > _FLAT, terms / np.maximum(size, _FLAT), 0.0) / np.sqrt(terms.shape[-1])
     pulls = np.einsum("nkai,nkt->nati", J, weight[..., None] * terms)
@@ -180,7 +180,7 @@ def _polish(X: Array, p: Array, px: Array, weight: Array, camera: Intrinsics) ->
 def _corner_noise(off: Array, mask: NDArray[np.bool_]) -> float:
     """Standard deviation along an axis, from the median view, so that a few spoilt views do not matter."""
     n = mask.sum(axis=1)
-    middle = np.array([np.median(row[there]) for row, there in zip(off, mask, strict=True)])
+    middle = np.array([np.median(row[mask_row]) for row, mask_row in zip(off, mask, strict=True)])
     # the median of a Rayleigh variable is 1.1774 sigma; six parameters were fitted to 2 n numbers
     return max(float(np.median(middle / 1.1774 / np.sqrt(1 - 6 / (2 * n)))), _NOISE_FLOOR_PX)
 

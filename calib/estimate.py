@@ -53,8 +53,8 @@ class Data:
 
     sights: tuple[PoseCandidates, ...]  # one a camera
     moved: ArmViews  # of all views, in this order
-    seen: CondensedViews
-    kept: Rows  # rows of agreeing views
+    boards: CondensedViews
+    agreeing: Rows  # rows of agreeing views
     vague: bool  # single views say too little about their pose: they are condensed about the fit's predictions
 
     def rms_at(self, X_CM: Array) -> Array:
@@ -76,23 +76,23 @@ class Data:
         """The fit to some of the views; over pixels, and for vague views, the optimum over all their corners."""
         pixels = model.weights is Weights.PIXELS
         if not pixels and not self.vague:
-            return fit(self.moved.take(rows), self.seen.take(rows), start, model)
+            return fit(self.moved.take(rows), self.boards.take(rows), start, model)
         X = predict(start, self.moved)
-        found: Fit | None = None
+        current: Fit | None = None
         for _ in range(_ROUNDS):
             noise_px = max(rms(self.rms_at(X)[rows]) / float(np.sqrt(2.0)), _LEAST_PX) if pixels else None
             before = X
-            found = fit(
+            current = fit(
                 self.moved.take(rows),
                 self.about(X, noise_px).take(rows),
-                start if found is None else found.state,
+                start if current is None else current.state,
                 model,
             )
-            X = predict(found.state, self.moved)
+            X = predict(current.state, self.moved)
             if np.abs(X - before).max() < _SETTLED_M:
                 break
-        assert found is not None
-        return found
+        assert current is not None
+        return current
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,24 +123,24 @@ class Estimate:
 def estimate(data: Data, start: Unknowns, *, scale: bool) -> Estimate:
     """Fit by both weights, and keep one by how well held-out views are predicted; `scale`: the board's size is free."""
     cameras = len(data.sights)
-    plain = data.fit(data.kept, start, Model(scale=scale, cameras=cameras))
+    plain = data.fit(data.agreeing, start, Model(scale=scale, cameras=cameras))
     by_errors, joints = _with_offsets_where_supported(data, plain)
-    by_pixels = data.fit(data.kept, plain.state, replace(plain.model, weights=Weights.PIXELS))
+    by_pixels = data.fit(data.agreeing, plain.state, replace(plain.model, weights=Weights.PIXELS))
     offsets = joints is not None and joints.adopted
-    errors, pixels = (_folds(data, [found]) for found in (by_errors, by_pixels))
+    errors, pixels = (_folds(data, [one]) for one in (by_errors, by_pixels))
     if pixels.rms_px < PIXELS_MARGIN * errors.rms_px:
-        kept, folds = [by_pixels], pixels
+        chosen_fits, folds = [by_pixels], pixels
     elif offsets or errors.rms_px < CLEARLY * pixels.rms_px:
-        kept, folds = [by_errors], errors
+        chosen_fits, folds = [by_errors], errors
     else:
-        kept = [by_errors, by_pixels]
-        folds = _folds(data, kept)
-    choice = Choice(tuple(one.model.weights for one in kept), errors.rms_px, pixels.rms_px, folds.rms_px)
-    if joints is not None and offsets and by_errors not in kept:
+        chosen_fits = [by_errors, by_pixels]
+        folds = _folds(data, chosen_fits)
+    choice = Choice(tuple(one.model.weights for one in chosen_fits), errors.rms_px, pixels.rms_px, folds.rms_px)
+    if joints is not None and offsets and by_errors not in chosen_fits:
         reason = f"{joints.reason}; not used, because a fit over pixels without offsets predicts better"
         joints = replace(joints, adopted=False, offsets_rad=np.zeros(len(joints.offsets_rad)), reason=reason)
-    found = replace(kept[-1], state=_mean([one.state for one in kept]))
-    return Estimate(found, joints, _every_fifth(data, kept), folds, choice, by_errors.noise)
+    final = replace(chosen_fits[-1], state=_mean([one.state for one in chosen_fits]))
+    return Estimate(final, joints, _every_fifth(data, chosen_fits), folds, choice, by_errors.noise)
 
 
 def _mean(states: Sequence[Unknowns]) -> Unknowns:
@@ -157,13 +157,13 @@ def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOff
     if not n:
         return plain, None
     none = np.zeros(n)
-    if len(data.kept) < MIN_TO_FREE:
-        reason = f"{len(data.kept)} views are too few to estimate joint offsets, {MIN_TO_FREE} are needed"
+    if len(data.agreeing) < MIN_TO_FREE:
+        reason = f"{len(data.agreeing)} views are too few to estimate joint offsets, {MIN_TO_FREE} are needed"
         unknown = np.full(n, np.nan)
         return plain, JointOffsets(none, unknown, False, none, np.nan, reason)
-    free = data.fit(data.kept, plain.state, replace(plain.model, offsets=observable_joints(n)))
-    held, held_free = (_every_fifth(data, [found]) for found in (plain, free))
-    numbers = 6 * len(data.kept)
+    free = data.fit(data.agreeing, plain.state, replace(plain.model, offsets=observable_joints(n)))
+    held, held_free = (_every_fifth(data, [one]) for one in (plain, free))
+    numbers = 6 * len(data.agreeing)
     delta_bic = -2 * (free.log_likelihood - plain.log_likelihood) + len(free.model.offsets) * np.log(numbers)
     largest_rad = float(np.abs(free.state.offsets_rad).max())
     possible = largest_rad <= LARGEST_OFFSET_RAD
@@ -180,17 +180,17 @@ def _with_offsets_where_supported(data: Data, plain: Fit) -> tuple[Fit, JointOff
             f"; the largest would be {1e3 * largest_rad:.0f} mrad, more than an arm that works can have "
             f"({1e3 * LARGEST_OFFSET_RAD:.0f}): another error hides in them"
         )
-    found = free.state.offsets_rad
-    joints = JointOffsets(found if adopted else none, sigma, adopted, found, float(delta_bic), reason)
+    offsets_rad = free.state.offsets_rad
+    joints = JointOffsets(offsets_rad if adopted else none, sigma, adopted, offsets_rad, float(delta_bic), reason)
     return (free, joints) if adopted else (plain, joints)
 
 
 def _every_fifth(data: Data, full: Sequence[Fit]) -> HeldOutViews:
-    return _without(data, full, data.moved.posture[data.kept], FOLDS - 1)
+    return _without(data, full, data.moved.posture[data.agreeing], FOLDS - 1)
 
 
 def _folds(data: Data, full: Sequence[Fit]) -> HeldOutViews:
-    postures = data.moved.posture[data.kept]
+    postures = data.moved.posture[data.agreeing]
     parts = [_without(data, full, postures, fold) for fold in range(FOLDS)]
     return HeldOutViews(np.concatenate([p.rows for p in parts]), np.concatenate([p.px for p in parts]))
 
@@ -198,6 +198,6 @@ def _folds(data: Data, full: Sequence[Fit]) -> HeldOutViews:
 def _without(data: Data, full: Sequence[Fit], postures: Rows, fold: int) -> HeldOutViews:
     """Every fifth of the kept postures from the `fold`-th on, predicted by the mean of the fits to the others."""
     out = np.unique(postures, return_inverse=True)[1] % FOLDS == fold
-    without = _mean([data.fit(data.kept[~out], one.state, one.model).state for one in full])
-    rows = data.kept[out]
+    without = _mean([data.fit(data.agreeing[~out], one.state, one.model).state for one in full])
+    rows = data.agreeing[out]
     return HeldOutViews(rows, data.rms_at(predict(without, data.moved))[rows])

@@ -273,8 +273,8 @@ def _image(path: Path, sha256: Mapping[str, str], name: str, flags: int) -> NDAr
         raise ViewFolderError(f"{file}, named by {path.name}, is missing") from error
     except Unreadable as error:
         raise ViewFolderError(f"{file}, named by {path.name}, {error}") from error
-    wanted = sha256.get(name)
-    if wanted is not None and hashlib.sha256(data).hexdigest() != wanted:
+    digest = sha256.get(name)
+    if digest is not None and hashlib.sha256(data).hexdigest() != digest:
         raise ViewFolderError(f"{file} does not match {path.name}: it was truncated or changed after it was taken")
     try:
         return decode_image(data, flags | cv2.IMREAD_IGNORE_ORIENTATION)

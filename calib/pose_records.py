@@ -150,12 +150,12 @@ class PoseKeys(Record):
         return X if says_itself or how.gives == "flange_in_base" else inverse(X)
 
     def _place(self, how: Convention) -> Array:
-        given = {"position_m": 1.0, "position_mm": 1e-3, "position": LENGTHS_M[how.length]}
-        key = next(name for name in given if getattr(self, name) is not None)
+        factors = {"position_m": 1.0, "position_mm": 1e-3, "position": LENGTHS_M[how.length]}
+        key = next(name for name in factors if getattr(self, name) is not None)
         values = getattr(self, key)
         if len(values) != 3:
             raise ValueError(f"{key} must have three numbers")
-        return given[key] * np.array(values, dtype=np.float64)
+        return factors[key] * np.array(values, dtype=np.float64)
 
     def _turn(self, how: Convention) -> Array:
         if self.rotation_vector is not None or self.euler is not None:

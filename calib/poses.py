@@ -136,9 +136,9 @@ class Coverage:
 def coverage(corners: Sequence[Corners], X_CM: Sequence[Array], board: Board, camera: Intrinsics) -> Coverage:
     """The coverage of views with these corners and board poses (4, 4)."""
     cells = np.zeros((ROWS, COLUMNS), dtype=np.int64)
-    for seen in corners:
-        column = np.clip(seen.px[:, 0] / camera.width * COLUMNS, 0, COLUMNS - 1).astype(int)
-        row = np.clip(seen.px[:, 1] / camera.height * ROWS, 0, ROWS - 1).astype(int)
+    for view_corners in corners:
+        column = np.clip(view_corners.px[:, 0] / camera.width * COLUMNS, 0, COLUMNS - 1).astype(int)
+        row = np.clip(view_corners.px[:, 1] / camera.height * ROWS, 0, ROWS - 1).astype(int)
         np.add.at(cells, (row, column), 1)
     tilts = np.rad2deg(np.array([tilt_and_turn(X, board)[:2] for X in X_CM]).reshape(-1, 2))
     distances = np.array([np.linalg.norm(centre(X, board)) for X in X_CM])

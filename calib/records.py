@@ -218,8 +218,8 @@ class TouchRecord(Record):
         """(N, 4, 4) X_BF if given, else None."""
         if self.X_BF is None:
             return None
-        found = [ViewRecord(image=self.image, X_BF=X).flange() for X in self.X_BF]
-        return np.stack([X for X in found if X is not None])
+        flanges = [ViewRecord(image=self.image, X_BF=X).flange() for X in self.X_BF]
+        return np.stack([X for X in flanges if X is not None])
 
 
 def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
@@ -238,7 +238,7 @@ def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(part) for part in first["loc"]) or "the whole file"
-        known = f"; known keys: {', '.join(kind.model_fields)}" if first["type"] == "extra_forbidden" else ""
+        hint = f"; known keys: {', '.join(kind.model_fields)}" if first["type"] == "extra_forbidden" else ""
         raise ViewFolderError(
-            f"{path}: {where}: {first['msg']}{known}. docs/guide/calibrate.md describes the file"
+            f"{path}: {where}: {first['msg']}{hint}. docs/guide/calibrate.md describes the file"
         ) from error

@@ -33,28 +33,28 @@ _GENEROUS = Sizes(1.0, 0.1, 1e-3)
 def reject(
     moved: ArmViews, both: tuple[CondensedViews, CondensedViews], start: Unknowns, model: Model
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64], Fit, Array]:
-    """Both candidate poses of N views -> kept (N,), chosen candidate (N,), the fit, and the squared distance of both
+    """Both candidate poses of N views -> valid (N,), chosen candidate (N,), the fit, and the squared distance of both
     candidates of every view from a fit without it (2, N)."""
     n = len(both[0].X_CM)
     # the half that agrees best, with generous joint noise
-    score = np.stack([_score(moved, seen, start) for seen in both])
+    score = np.stack([_score(moved, boards, start) for boards in both])
     side = np.argmin(score, axis=0)
     order = np.argsort(score[side, np.arange(n)], kind="stable")
     half = np.zeros(n, dtype=bool)
     half[order[: max(n // 2 + 1, min(n, 5))]] = True
-    found = _settled(moved, both, start, model, half, side)
-    if found.kept.all():
-        return found.result
+    settled = _settled(moved, both, start, model, half, side)
+    if settled.valid.all():
+        return settled.result
     # a few views alone may fit one another too well to readmit any: then a looser fit to all explains more
     every = _settled(moved, both, start, model, np.ones(n, dtype=bool), side)
-    return min(found, every, key=lambda one: one.surprise).result
+    return min(settled, every, key=lambda one: one.surprise).result
 
 
 @dataclass(frozen=True, eq=False)
 class _Settled:
     """Kept views that no longer change."""
 
-    kept: NDArray[np.bool_]  # (N,)
+    valid: NDArray[np.bool_]  # (N,)
     side: NDArray[np.int64]  # (N,)
     fit: Fit
     far: Array  # (2, N)
@@ -62,7 +62,7 @@ class _Settled:
 
     @property
     def result(self) -> tuple[NDArray[np.bool_], NDArray[np.int64], Fit, Array]:
-        return self.kept, self.side, self.fit, self.far
+        return self.valid, self.side, self.fit, self.far
 
 
 def _settled(
@@ -70,17 +70,17 @@ def _settled(
     both: tuple[CondensedViews, CondensedViews],
     state: Unknowns,
     model: Model,
-    kept: NDArray[np.bool_],
+    valid: NDArray[np.bool_],
     side: NDArray[np.int64],
 ) -> _Settled:
-    """Fit and judge, from the views `kept`, until nothing changes."""
-    rows = np.arange(len(kept))
+    """Fit and judge, from the views `valid`, until nothing changes."""
+    rows = np.arange(len(valid))
     tried: set[bytes] = set()
     for _ in range(_ROUNDS):
-        free = model if kept.sum() >= MIN_TO_FREE else Model()
-        now = fit(moved.take(kept), chosen(both, side).take(kept), state, free)
+        free = model if valid.sum() >= MIN_TO_FREE else Model()
+        now = fit(moved.take(valid), chosen(both, side).take(valid), state, free)
         state = now.state
-        judged = [_judge(moved, both[s], now, kept & (side == s)) for s in range(2)]
+        judged = [_judge(moved, both[s], now, valid & (side == s)) for s in range(2)]
         far, spread = (np.stack([one[k] for one in judged]) for k in range(2))
         side = np.argmin(far, axis=0)
         again = far[side, rows] < MARGIN * LIMIT
@@ -88,33 +88,33 @@ def _settled(
         if again.sum() < 4:
             break
         if key in tried:  # a view in and out again: it stays out
-            kept = kept & again
-            now = fit(moved.take(kept), chosen(both, side).take(kept), state, free)
+            valid = valid & again
+            now = fit(moved.take(valid), chosen(both, side).take(valid), state, free)
             break
         tried.add(key)
-        if (again == kept).all():
+        if (again == valid).all():
             break
-        kept = again
-    density = np.where(kept, far[side, rows] + spread[side, rows], _ANYWHERE)
-    return _Settled(kept, side, now, far, float(density.sum()))
+        valid = again
+    density = np.where(valid, far[side, rows] + spread[side, rows], _ANYWHERE)
+    return _Settled(valid, side, now, far, float(density.sum()))
 
 
 def chosen(both: tuple[CondensedViews, CondensedViews], side: NDArray[np.int64]) -> CondensedViews:
     """The candidate `side` (N,) of every view."""
     rows = np.arange(len(side))
     names = ("X_CM", "information", "common")
-    return CondensedViews(*(np.stack([getattr(seen, name) for seen in both])[side, rows] for name in names))
+    return CondensedViews(*(np.stack([getattr(boards, name) for boards in both])[side, rows] for name in names))
 
 
-def _score(moved: ArmViews, seen: CondensedViews, state: Unknowns) -> Array:
-    e, _ = linearise(state, moved, seen.X_CM, Model())
-    return squares(e, seen.covariance(_GENEROUS, arm_covariance(state, moved)))
+def _score(moved: ArmViews, boards: CondensedViews, state: Unknowns) -> Array:
+    e, _ = linearise(state, moved, boards.X_CM, Model())
+    return squares(e, boards.covariance(_GENEROUS, arm_covariance(state, moved)))
 
 
-def _judge(moved: ArmViews, seen: CondensedViews, now: Fit, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _judge(moved: ArmViews, boards: CondensedViews, now: Fit, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
     """(N,) squared residual of each view, predicted without it, and (N,) log determinant of its covariance."""
-    e, B = linearise(now.state, moved, seen.X_CM, now.model)
-    C = seen.covariance(now.noise, arm_covariance(now.state, moved))
+    e, B = linearise(now.state, moved, boards.X_CM, now.model)
+    C = boards.covariance(now.noise, arm_covariance(now.state, moved))
     lever = B @ np.linalg.inv(now.normal) @ np.swapaxes(B, 1, 2)
     # without view i: e_i' = C (C - lever)^-1 e_i with covariance C (C - lever)^-1 C, so its square is
     # e_i (C - lever)^-1 e_i; for a view outside the fit it is e_i (C + lever)^-1 e_i

@@ -94,8 +94,8 @@ class SavedCalibration(StoredRecord):
 
     def camera_late_s(self) -> float:
         """Delay of the camera's stamps on the arm's clock, s, measured by swinging the board; 0 if not measured."""
-        found = (c.value for c in self.checks if c.name == timing.NAME and c.verdict != Grade.NOT_MEASURED)
-        return 1e-3 * (next(found, None) or 0.0)
+        values = (c.value for c in self.checks if c.name == timing.NAME and c.verdict != Grade.NOT_MEASURED)
+        return 1e-3 * (next(values, None) or 0.0)
 
     def offsets_rad(self) -> Array:
         """(7,) true minus reported joint positions; zeros if not estimated or not adopted."""
@@ -117,13 +117,13 @@ def record_calibration(
     """
     named = {check.name for check in checks}
     shared = {name: value for name, value in vars(solution).items() if name in SavedCalibration.model_fields}
-    known = {name: getattr(solution.uncertainty, name, points_m) for name in UncertaintyRecord.model_fields}
+    sigmas = {name: getattr(solution.uncertainty, name, points_m) for name in UncertaintyRecord.model_fields}
     return SavedCalibration.model_validate(
         shared
         | origin
         | {
             "joint_offsets": solution.joints,
-            "uncertainty": known,
+            "uncertainty": sigmas,
             "corner_px": solution.noise.corner_px,
             "joint_rad": solution.noise.joint_rad,
             "views": [view.model_copy(update={"sha256": view_sha256.get(view.name, "")}) for view in solution.views],

@@ -54,8 +54,8 @@ def solve(views: Sequence[View], setup: Setup, forward: Forward | None) -> Solut
     """Calibrate. `forward` is needed if the views give joints. Raises UnusableViews or a subclass."""
     ordered, left_out = _usable(_sorted(views), setup)
     agreed = _agreeing(ordered, setup, forward)
-    found = estimate(agreed.data, agreed.start, scale=not setup.size_known)
-    return _solution(ordered, setup, agreed, found, left_out)
+    best = estimate(agreed.data, agreed.start, scale=not setup.size_known)
+    return _solution(ordered, setup, agreed, best, left_out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +91,8 @@ def _usable(views: Sequence[View], setup: Setup) -> tuple[list[View], tuple[View
         raise BoardDisagrees(f"{len(bad)} of {len(views)} views cannot be used; view {bad[0]}: {reasons[bad[0]]}")
     good = [view for view in views if not reasons[view.name]]
     if len(good) < MIN_VIEWS:
-        told = "; ".join(f"view {name}: {reasons[name]}" for name in bad)
-        raise TooFewViews(f"{len(good)} usable views, at least {MIN_VIEWS} are needed and 20 are good ({told})")
+        listing = "; ".join(f"view {name}: {reasons[name]}" for name in bad)
+        raise TooFewViews(f"{len(good)} usable views, at least {MIN_VIEWS} are needed and 20 are good ({listing})")
     return good, tuple(ViewFit(name=name, used=False, reason=reasons[name]) for name in bad)
 
 
@@ -111,31 +111,31 @@ def _agreeing(views: Sequence[View], setup: Setup, forward: Forward | None) -> _
     X_AC, X_HM = robust_start(X_AH, sight.X_CM[0])
     both = sight.candidate(0), sight.candidate(1)
     flexible = _flexible(n, len(views), setup)
-    kept, side, now, far = reject(moved, both, Unknowns(X_AC[None], X_HM, np.zeros(n)), flexible)
-    seen, distance2 = chosen(both, side), far[side, np.arange(len(side))]
-    mirrored, own_X_CM = (side == 1) & (far[0] - far[1] > _PLAIN), seen.X_CM
+    agreeing, side, now, far = reject(moved, both, Unknowns(X_AC[None], X_HM, np.zeros(n)), flexible)
+    boards, distance2 = chosen(both, side), far[side, np.arange(len(side))]
+    mirrored, own_X_CM = (side == 1) & (far[0] - far[1] > _PLAIN), boards.X_CM
     state = now.state
     corners, first = _AllCorners(sight, moved, scale=not setup.size_known), Unknowns(X_AC[None], X_HM, np.zeros(n))
     together = min((corners.fit(one) for one in (state, first)), key=corners.cost)
-    if vague := _vague(seen) or corners.cost(together) < _MISLED * corners.cost(state):
+    if vague := _vague(boards) or corners.cost(together) < _MISLED * corners.cost(state):
         state = together
     for _ in range(_JUDGED_AGAIN if vague else 0):
         # by their corners around the prediction instead of by their own poses
-        seen, before = about(sight, predict(state, moved)), kept
-        kept, _, now, far = reject(moved, (seen, seen), state, flexible)
+        boards, before = about(sight, predict(state, moved)), agreeing
+        agreeing, _, now, far = reject(moved, (boards, boards), state, flexible)
         state, distance2 = now.state, far[0]
-        if (kept == before).all():
+        if (agreeing == before).all():
             break
     # a covariance of nonsense is large too: what does not even meet in the picture does not agree
-    rows = np.flatnonzero(kept & (sight.rms_at(predict(state, moved)) < _MEETS * setup.colour.width))
-    if len(rows) < max(MIN_VIEWS - 1, (len(kept) + 1) // 2):
+    rows = np.flatnonzero(agreeing & (sight.rms_at(predict(state, moved)) < _MEETS * setup.colour.width))
+    if len(rows) < max(MIN_VIEWS - 1, (len(agreeing) + 1) // 2):
         raise TooFewViews(
-            f"only {len(rows)} of {len(kept)} views agree with one another: check that board and camera are tight, "
+            f"only {len(rows)} of {len(agreeing)} views agree with one another: check that board and camera are tight, "
             "that the arm rests before each picture, and that images and joints belong together"
         )
-    demand_variety(seen.X_CM[rows])
+    demand_variety(boards.X_CM[rows])
     start = Unknowns(state.X_AC, state.X_HM, np.zeros(n))
-    return _Agreed(Data((sight,), moved, seen, rows, vague), start, distance2, mirrored, own_X_CM)
+    return _Agreed(Data((sight,), moved, boards, rows, vague), start, distance2, mirrored, own_X_CM)
 
 
 @dataclass(frozen=True)
@@ -162,9 +162,9 @@ class _AllCorners:
         return np.asarray(off[self.sight.weight > 0].ravel())
 
 
-def _vague(seen: CondensedViews) -> bool:
+def _vague(boards: CondensedViews) -> bool:
     """Whether a view says little about its own tilt. Then its error around its own best pose is not a parabola."""
-    spread = np.linalg.inv(seen.information)[:, :3, :3]
+    spread = np.linalg.inv(boards.information)[:, :3, :3]
     return bool(np.median(np.sqrt(np.linalg.eigvalsh(spread)[:, -1])) > VAGUE_RAD)
 
 
@@ -193,67 +193,67 @@ def demand_variety(X_CM: Array) -> None:
 
 def _square_scale(data: Data, final: Estimate, setup: Setup) -> tuple[float, float]:
     """Size of the board by the arm's motion over the stated size, and one standard deviation."""
-    offsets = _flexible(data.moved.joints, len(data.kept), setup).offsets
-    free = data.fit(data.kept, final.fit.state, replace(final.fit.model, offsets=offsets, scale=True))
+    offsets = _flexible(data.moved.joints, len(data.agreeing), setup).offsets
+    free = data.fit(data.agreeing, final.fit.state, replace(final.fit.model, offsets=offsets, scale=True))
     return free.state.scale, float(np.sqrt(jackknife(free)[-1, -1]))
 
 
 def _solution(
-    views: Sequence[View], setup: Setup, agreed: _Agreed, found: Estimate, left_out: tuple[ViewFit, ...]
+    views: Sequence[View], setup: Setup, agreed: _Agreed, best: Estimate, left_out: tuple[ViewFit, ...]
 ) -> Solution:
-    data, final = agreed.data, found.fit
-    kept, moved, seen = data.kept, data.moved, data.seen.X_CM
+    data, final = agreed.data, best.fit
+    rows, moved, boards = data.agreeing, data.moved, data.boards.X_CM
     X_AC = final.state.X_AC[0]
     predicted = predict(final.state, moved)
     rms = data.rms_at(predicted)
-    X_AH = moved.X_AH(final.state.offsets_rad)[kept]
-    scale, scale_sigma = _square_scale(data, found, setup)
+    X_AH = moved.X_AH(final.state.offsets_rad)[rows]
+    scale, scale_sigma = _square_scale(data, best, setup)
     centre = setup.board.outline_m.mean(axis=0)
-    centres = seen[kept, :3, :3] @ centre + seen[kept, :3, 3]
-    fits = _view_fits(views, agreed, predicted, rms, centre, found)
+    centres = boards[rows, :3, :3] @ centre + boards[rows, :3, 3]
+    fits = _view_fits(views, agreed, predicted, rms, centre, best)
     return Solution(
         mounting=setup.mounting,
         X_AC=X_AC,
         X_HM=final.state.X_HM,
-        joints=found.joints,
+        joints=best.joints,
         views=tuple(sorted((*fits, *left_out), key=lambda v: v.name)),
-        fit_px=float(np.sqrt(np.mean(rms[kept] ** 2))),
-        held_out_px=found.held.rms_px,
-        noise=_noise(data, found, centre),
-        choice=found.choice,
-        uncertainty=uncertainty(final, moved.take(kept), setup, found.joints),
-        methods=cross_check(X_AH, seen[kept], X_AC),
+        fit_px=float(np.sqrt(np.mean(rms[rows] ** 2))),
+        held_out_px=best.held.rms_px,
+        noise=_noise(data, best, centre),
+        choice=best.choice,
+        uncertainty=uncertainty(final, moved.take(rows), setup, best.joints),
+        methods=cross_check(X_AH, boards[rows], X_AC),
         square_scale=scale,
         square_scale_sigma=scale_sigma,
         target=setup.board.name,
         size_known=setup.size_known,
-        tilt_spread_deg=float(_spread_deg(seen[kept])[1]),
+        tilt_spread_deg=float(_spread_deg(boards[rows])[1]),
         distance_m=float(np.median(np.linalg.norm(centres, axis=1))),
-        worth=worth(final, [views[i].name for i in kept], setup.p_AP_m - X_AC[:3, 3]),
+        worth=worth(final, [views[i].name for i in rows], setup.p_AP_m - X_AC[:3, 3]),
     )
 
 
 def _view_fits(
-    views: Sequence[View], agreed: _Agreed, predicted: Array, rms: Array, centre: Array, found: Estimate
+    views: Sequence[View], agreed: _Agreed, predicted: Array, rms: Array, centre: Array, best: Estimate
 ) -> tuple[ViewFit, ...]:
-    data, held = agreed.data, found.held
+    data, held = agreed.data, best.held
     off = inverse(predicted) @ agreed.own_X_CM
     off_mm = 1e3 * np.linalg.norm(off[:, :3, :3] @ centre + off[:, :3, 3] - centre, axis=1)
     off_deg = np.rad2deg(np.linalg.norm(rotation_vector(off[:, :3, :3]), axis=1))
     own_px = data.rms_at(agreed.own_X_CM)
-    kept, out = set(data.kept.tolist()), dict(zip(held.rows.tolist(), held.px.tolist(), strict=True))
+    agreeing, out = set(data.agreeing.tolist()), dict(zip(held.rows.tolist(), held.px.tolist(), strict=True))
     return tuple(
         ViewFit(
             name=view.name,
-            used=i in kept,
-            reason="" if i in kept else _reason(off_mm[i], off_deg[i], agreed.distance2[i]),
+            used=i in agreeing,
+            reason="" if i in agreeing else _reason(off_mm[i], off_deg[i], agreed.distance2[i]),
             rms_px=float(rms[i]),
             own_rms_px=float(own_px[i]),
             off_mm=float(off_mm[i]),
             off_deg=float(off_deg[i]),
             held_out=i in out,
             held_out_px=float(out.get(i, np.nan)),
-            mirrored=i in kept and bool(agreed.mirrored[i]),
+            mirrored=i in agreeing and bool(agreed.mirrored[i]),
         )
         for i, view in enumerate(views)
     )
@@ -271,11 +271,11 @@ def _reason(off_mm: float, off_deg: float, distance2: float) -> str:
     )
 
 
-def _noise(data: Data, found: Estimate, centre: Array) -> Noise:
+def _noise(data: Data, best: Estimate, centre: Array) -> Noise:
     """Noise of corners, views and joints, and the spread of the board's centre due to the joints."""
-    G = joint_spread(found.fit.state, data.moved.take(data.kept))
+    G = joint_spread(best.fit.state, data.moved.take(data.agreeing))
     at_centre = G[:, 3:] - np.cross(centre, np.swapaxes(G[:, :3], 1, 2)).swapaxes(1, 2)
-    sizes = found.noise
+    sizes = best.noise
     flange_mm = 1e3 * sizes.joint_rad * np.sqrt(np.mean(np.sum(at_centre**2, axis=(1, 2))))
     joint_rad = sizes.joint_rad if data.moved.joints else float("nan")
     return Noise(data.sights[0].corner_px, sizes.view_px, joint_rad, float(flange_mm))

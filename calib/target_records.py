@@ -153,8 +153,8 @@ class PointsRecord(TargetRecord):
 
 
 def _kind(value: Any) -> str:
-    found = value.get("kind", "charuco") if isinstance(value, dict) else getattr(value, "kind", "charuco")
-    return str(found)
+    kind = value.get("kind", "charuco") if isinstance(value, dict) else getattr(value, "kind", "charuco")
+    return str(kind)
 
 
 AnyTargetRecord = Annotated[

@@ -81,11 +81,11 @@ def _residual(
 ) -> tuple[Array, Array, float]:
     """Predicted minus seen, minus the mean (2 N,); its derivative; the median speed in px/s."""
     stamps = np.array([t for t, _ in frames]) - offset_s
-    seen = np.stack([corners.px.mean(axis=0) for _, corners in frames])
+    centres_px = np.stack([corners.px.mean(axis=0) for _, corners in frames])
     h = 2e-3
     late, early = pixels(stamps + h), pixels(stamps - h)
     velocity = (late - early) / (2 * h)
-    off = pixels(stamps) - seen
+    off = pixels(stamps) - centres_px
     centred = off - off.mean(axis=0)
     slope = -(velocity - velocity.mean(axis=0))
     return centred.ravel(), slope.ravel(), float(np.percentile(np.linalg.norm(velocity, axis=1), 75))

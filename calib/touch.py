@@ -55,11 +55,11 @@ def pivot(X_AF: Array) -> Pivot:
     return Pivot(x[:3], x[3:], scatter_m, float(max(scatter_m, LEAST_SCATTER_M) * np.sqrt(np.trace(spread))))
 
 
-def check(solution: Solution, setup: Setup, seen: Corners, corner: int, X_AF: Array) -> Check:
-    """`seen` are the corners of the lying board, `X_AF` (N, 4, 4) the flange at each touch of inner `corner`.
+def check(solution: Solution, setup: Setup, corners: Corners, corner: int, X_AF: Array) -> Check:
+    """`corners` are the corners of the lying board, `X_AF` (N, 4, 4) the flange at each touch of inner `corner`.
 
     The camera must be fixed. A bad verdict forbids the calibration; inconclusive touches are "not measured". Raises
-    BoardNotFound if `seen` are too few for a pose.
+    BoardNotFound if `corners` are too few for a pose.
     """
     if len(X_AF) < MIN_TOUCHES:
         return Check.unmeasured(NAME, f"{len(X_AF)} touches, {MIN_TOUCHES} from different directions are needed")
@@ -74,7 +74,7 @@ def check(solution: Solution, setup: Setup, seen: Corners, corner: int, X_AF: Ar
         return Check.unmeasured(
             NAME, "the tip leaned too little between the touches: lean it by 20 to 40° to four sides"
         )
-    pose = locate(seen, setup.board, setup.colour)
+    pose = locate(corners, setup.board, setup.colour)
     if pose.ambiguous:
         return Check.unmeasured(
             NAME, "the board lies too far away or too square to the camera for its tilt to be measured; lay it nearer"

@@ -237,7 +237,7 @@ class Weights(StrEnum):
 class Choice:
     """What was kept of two fits, by the error with which each predicts views that it has not seen."""
 
-    kept: tuple[Weights, ...]  # one of the two, or both: their mean
+    weights: tuple[Weights, ...]  # one of the two, or both: their mean
     errors_px: float  # held-out error of the fit weighed by errors of arm and views, every view without its fifth
     pixels_px: float  # the same of the fit over pixels
     held_out_px: float  # the same of what is kept
@@ -245,13 +245,13 @@ class Choice:
     @property
     def sentence(self) -> str:
         """In words."""
-        found = {Weights.ARM_AND_VIEWS: self.errors_px, Weights.PIXELS: self.pixels_px}
-        said = {by: f"{by} ({px:.2f} px held out)" for by, px in found.items()}
-        if len(self.kept) > 1:
-            return f"the mean of two fits ({self.held_out_px:.2f} px held out): by {' and by '.join(said.values())}"
-        (kept,) = self.kept
-        (other,) = set(said) - set(self.kept)
-        return f"views are weighed by {said[kept]}, not by {said[other]}"
+        errors_px = {Weights.ARM_AND_VIEWS: self.errors_px, Weights.PIXELS: self.pixels_px}
+        labels = {by: f"{by} ({px:.2f} px held out)" for by, px in errors_px.items()}
+        if len(self.weights) > 1:
+            return f"the mean of two fits ({self.held_out_px:.2f} px held out): by {' and by '.join(labels.values())}"
+        (only,) = self.weights
+        (other,) = set(labels) - set(self.weights)
+        return f"views are weighed by {labels[only]}, not by {labels[other]}"
 
 
 @dataclass(frozen=True)
@@ -272,15 +272,15 @@ class Worth:
     def sentences(self) -> tuple[str, ...]:
         """In words."""
         most = ", ".join(f"{name} (+{100 * share:.0f} %)" for name, share in self.without[:3])
-        said = [f"The views that help most: {most} error without them"]
+        lines = [f"The views that help most: {most} error without them"]
         if self.idle:
-            said.append(f"Views that hardly matter: {', '.join(self.idle)}")
+            lines.append(f"Views that hardly matter: {', '.join(self.idle)}")
         halve = "" if self.to_halve is None else f"; {self.to_halve} such views would halve it"
-        said.append(
+        lines.append(
             f"Three more views like {', '.join(self.more)} would lower the error that views can lower by "
             f"{100 * (1 - self.left):.0f} %{halve}"
         )
-        return tuple(said)
+        return tuple(lines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,8 +350,8 @@ class Check(Record):
     ) -> Check:
         """Good, or `worse` with the `advice` behind the message; `measured` are value, limit and unit."""
         value, limit, unit = measured
-        verdict, said = (Grade.GOOD, message) if good else (worse, message + advice)
-        return cls(name=name, verdict=verdict, message=said, value=value, limit=limit, unit=unit)
+        verdict, text = (Grade.GOOD, message) if good else (worse, message + advice)
+        return cls(name=name, verdict=verdict, message=text, value=value, limit=limit, unit=unit)
 
     @classmethod
     def unmeasured(cls, name: str, why: str) -> Check:

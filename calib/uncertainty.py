@@ -91,8 +91,8 @@ def base_turn_rad(joints: JointOffsets | None) -> float:
     """
     if joints is None or not np.isfinite(joints.delta_bic):
         return 0.0
-    seen, noise = (values[np.isfinite(joints.sigma_rad)] for values in (joints.suspected_rad, joints.sigma_rad))
-    return float(np.sqrt(max(float(np.mean(seen**2 - noise**2)), 0.0)))
+    suspected, noise = (values[np.isfinite(joints.sigma_rad)] for values in (joints.suspected_rad, joints.sigma_rad))
+    return float(np.sqrt(max(float(np.mean(suspected**2 - noise**2)), 0.0)))
 
 
 def _turn_twist(X_AC: Array, moved: ArmViews) -> Array:

@@ -86,16 +86,16 @@ def read_bytes(path: Path, most: int) -> bytes:
 def require_file(path: Path, most: int) -> int:
     """The size in bytes of a regular file of at most `most` bytes. Raises FileNotFoundError, Unreadable."""
     try:
-        found = path.stat()
+        status = path.stat()
     except FileNotFoundError:
         raise
     except OSError as error:
         raise Unreadable(f"cannot be read: {error.strerror}") from error
-    if not stat.S_ISREG(found.st_mode):
-        raise Unreadable("is a folder" if stat.S_ISDIR(found.st_mode) else "is not a file")
-    if found.st_size > most:
+    if not stat.S_ISREG(status.st_mode):
+        raise Unreadable("is a folder" if stat.S_ISDIR(status.st_mode) else "is not a file")
+    if status.st_size > most:
         raise Unreadable(f"has more than {most / 2**20:g} MB")
-    return found.st_size
+    return status.st_size
 
 
 def require_tensors(path: Path) -> None:

@@ -114,8 +114,8 @@ def _braked(clock: _PathClock, at_s: Array, hard: float, sharp: float, longest_s
         piece = np.minimum(square.astype(int), PIECES - 1)
         low, high = clock.hardest_s2[sample, piece], clock.hardest_s2[sample, piece + 1]
         least = hard * (low + (square - piece) * (high - low))
-        wanted = np.maximum(least, -np.sqrt(2.0 * LANDING * jerk * v))
-        now = np.minimum(np.clip(wanted, u - jerk * DT_S, u + jerk * DT_S), 0.0)
+        target = np.maximum(least, -np.sqrt(2.0 * LANDING * jerk * v))
+        now = np.minimum(np.clip(target, u - jerk * DT_S, u + jerk * DT_S), 0.0)
         slower = np.maximum(v + 0.5 * DT_S * (u + now), 0.0)
         s, v, u = np.minimum(s + 0.5 * DT_S * (v + slower), clock.duration_s), slower, now
         rows.append(s)
@@ -193,25 +193,27 @@ def _stops(path: JointPath, at_s: Array, limits: MotionLimits) -> Braking:
     """The stop from each path time (K,): that of the first of `SHARES` which keeps the limits."""
     spline = joint_spline(path)
     clock = _path_clock(path, spline, limits)
-    duration_s, found = np.full(len(at_s), np.inf), at_s[None]
+    duration_s, courses = np.full(len(at_s), np.inf), at_s[None]
     for hard, sharp in SHARES:
         open_ = np.flatnonzero(np.isinf(duration_s))
         if not len(open_):
             break
         s, took_s = _braked(clock, at_s[open_], hard, sharp, LONGEST_S)
         open_, s, took_s = open_[ends := np.isfinite(took_s)], s[:, ends], took_s[ends]
-        kept = _keeps(path, spline, s, took_s, limits)
-        longer = max(len(s) - len(found), 0)
-        found = np.concatenate([np.broadcast_to(found, (len(found), len(at_s))), np.repeat(found[-1:], longer, axis=0)])
-        found[: len(s), open_[kept]], found[len(s) :, open_[kept]] = s[:, kept], s[-1, kept]
-        duration_s[open_[kept]] = took_s[kept]
+        valid = _keeps(path, spline, s, took_s, limits)
+        longer = max(len(s) - len(courses), 0)
+        courses = np.concatenate(
+            [np.broadcast_to(courses, (len(courses), len(at_s))), np.repeat(courses[-1:], longer, axis=0)]
+        )
+        courses[: len(s), open_[valid]], courses[len(s) :, open_[valid]] = s[:, valid], s[-1, valid]
+        duration_s[open_[valid]] = took_s[valid]
     rows = round(float(np.max(duration_s, initial=0.0, where=np.isfinite(duration_s))) * PATH_RATE_HZ) + 1
-    return Braking(at_s, duration_s, np.broadcast_to(found, (len(found), len(at_s)))[:rows].T)
+    return Braking(at_s, duration_s, np.broadcast_to(courses, (len(courses), len(at_s)))[:rows].T)
 
 
 def _keeps(path: JointPath, spline: CubicSpline, s: Array, took_s: Array, limits: MotionLimits) -> NDArray[np.bool_]:
     """Which stops, path times (M, K) of durations (K,), keep the limits (K,)."""
-    kept = np.zeros(len(took_s), dtype=bool)
+    allowed = np.zeros(len(took_s), dtype=bool)
     order, done = np.argsort(took_s, kind="stable"), 0
     while done < len(order):
         first = round(took_s[order[done]] * PATH_RATE_HZ) + 1
@@ -220,8 +222,8 @@ def _keeps(path: JointPath, spline: CubicSpline, s: Array, took_s: Array, limits
         rows = round(took_s[some].max() * PATH_RATE_HZ) + 1
         before = s[0, some] + np.arange(-_LEAD, 0)[:, None] * DT_S
         q_rad = spline(np.clip(np.concatenate([before, s[:rows, some]]), 0.0, path.duration_s))
-        kept[some] = _worst_ratio(q_rad, limits) <= 1.0
-    return kept
+        allowed[some] = _worst_ratio(q_rad, limits) <= 1.0
+    return allowed
 
 
 def _worst_ratio(q_rad: Array, limits: MotionLimits) -> Array:
@@ -231,8 +233,8 @@ def _worst_ratio(q_rad: Array, limits: MotionLimits) -> Array:
     joints = limits.joints
     ratios = np.concatenate([joints.ratios(q, dq, ddq), np.abs(dddq)[None] / joints.dddq_max_rad_s3])
     worst = np.asarray(ratios.max(axis=(0, 1, -1)))
-    kept = worst <= 1.0
-    worst[kept] = np.maximum(worst[kept], limits.ratio(q[:, kept], dq[:, kept], ddq[:, kept], DT_S))
+    within = worst <= 1.0
+    worst[within] = np.maximum(worst[within], limits.ratio(q[:, within], dq[:, within], ddq[:, within], DT_S))
     return worst
 
 

@@ -48,13 +48,13 @@ class Mass:
 
 def inertia(value: ArrayLike, name: str) -> Array:
     """(3, 3) kg m² about the centre of mass. Raises ValueError for an inertia that no body has."""
-    found = frozen_array(value, (3, 3), name, most=HEAVIEST_KG * REACH_M**2)
-    if np.abs(found - found.T).max() > 1e-9 or np.linalg.eigvalsh(found).min() < -1e-12:
+    matrix = frozen_array(value, (3, 3), name, most=HEAVIEST_KG * REACH_M**2)
+    if np.abs(matrix - matrix.T).max() > 1e-9 or np.linalg.eigvalsh(matrix).min() < -1e-12:
         raise ValueError(
-            f"{name} {found.tolist()} kg m²: it must be symmetric and not negative; take it from the drawing of the "
+            f"{name} {matrix.tolist()} kg m²: it must be symmetric and not negative; take it from the drawing of the "
             "body, about its centre of mass"
         )
-    return found
+    return matrix
 
 
 NOTHING = Mass(0.0, np.zeros(3), np.zeros((3, 3)))

@@ -80,10 +80,10 @@ class MotionLimits:
 
     def ratio(self, q_rad: Array, dq_rad_s: Array, ddq_rad_s2: Array, step_s: float) -> Array:
         """Samples (N, ..., 7) along the first axis, `step_s` apart -> (...) the largest share of any limit."""
-        found = self._quantities(asked(self.model, q_rad + self.zeros_rad, dq_rad_s, ddq_rad_s2, self.load), step_s)
+        demand = self._quantities(asked(self.model, q_rad + self.zeros_rad, dq_rad_s, ddq_rad_s2, self.load), step_s)
         lead = q_rad.shape[1:-1]
         largest = np.zeros(lead)
-        for quantity in found:
+        for quantity in demand:
             ratio = quantity.ratio.max(axis=0)
             largest = np.maximum(largest, ratio.max(axis=-1) if ratio.shape != lead else ratio)
         return largest
@@ -98,7 +98,7 @@ class MotionLimits:
             for one in self._quantities(asked(self.model, q + self.zeros_rad, dq, ddq, self.load), DT_S)
         ]
 
-    def _quantities(self, found: Asked, step_s: float) -> list[_Quantity]:
+    def _quantities(self, demand: Asked, step_s: float) -> list[_Quantity]:
         most, flange = FLANGE[self.model], "the flange"
 
         def rate(values: Array) -> Array:
@@ -111,14 +111,14 @@ class MotionLimits:
             return _Quantity(name, flange, values, np.array(limit), unit)
 
         return [
-            _Quantity("torque", "", found.torque_Nm, TORQUE_SHARE * RATED_NM, "Nm"),
-            _Quantity("torque rate", "", rate(found.torque_Nm), np.full(JOINTS, TORQUE_RATE_NM_S), "Nm/s"),
-            of_flange("travel speed", size(found.flange_m_s), most.m_s, "m/s"),
-            of_flange("travel acceleration", size(found.flange_m_s2), most.m_s2, "m/s²"),
-            of_flange("travel jerk", size(rate(found.flange_m_s2)), most.m_s3, "m/s³"),
-            of_flange("turning speed", size(found.flange_rad_s), most.rad_s, "rad/s"),
-            of_flange("turning acceleration", size(found.flange_rad_s2), most.rad_s2, "rad/s²"),
-            of_flange("turning jerk", size(rate(found.flange_rad_s2)), most.rad_s3, "rad/s³"),
+            _Quantity("torque", "", demand.torque_Nm, TORQUE_SHARE * RATED_NM, "Nm"),
+            _Quantity("torque rate", "", rate(demand.torque_Nm), np.full(JOINTS, TORQUE_RATE_NM_S), "Nm/s"),
+            of_flange("travel speed", size(demand.flange_m_s), most.m_s, "m/s"),
+            of_flange("travel acceleration", size(demand.flange_m_s2), most.m_s2, "m/s²"),
+            of_flange("travel jerk", size(rate(demand.flange_m_s2)), most.m_s3, "m/s³"),
+            of_flange("turning speed", size(demand.flange_rad_s), most.rad_s, "rad/s"),
+            of_flange("turning acceleration", size(demand.flange_rad_s2), most.rad_s2, "rad/s²"),
+            of_flange("turning jerk", size(rate(demand.flange_rad_s2)), most.rad_s3, "rad/s³"),
         ]
 
 

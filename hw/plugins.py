@@ -43,11 +43,11 @@ class Offer:
 
     def load(self, attribute: str) -> Any:
         """The attribute that the entry point names, or `attribute` of its module. Raises PluginError."""
-        wanted = self.value.partition(":")[2].strip() or attribute
+        name = self.value.partition(":")[2].strip() or attribute
         try:
-            return getattr(import_module(self.module), wanted)
+            return getattr(import_module(self.module), name)
         except AttributeError as error:
-            raise PluginError(f"{self}: {self.module} has no {wanted}: {error}") from error
+            raise PluginError(f"{self}: {self.module} has no {name}: {error}") from error
         except (Exception, SystemExit) as error:  # whatever a foreign module does when it is imported
             reason = f"{type(error).__name__}: {error}".rstrip(": ")
             raise PluginError(f"{self} cannot be imported: {reason}. Mend the package, or uninstall it") from error
@@ -56,7 +56,7 @@ class Offer:
 @cache
 def offers(group: str) -> tuple[Offer, ...]:
     """The entry points of a group, by name and package."""
-    found = {
+    entries = {
         Offer(
             group,
             entry.name,
@@ -66,16 +66,16 @@ def offers(group: str) -> tuple[Offer, ...]:
         )
         for entry in entry_points(group=group)
     }
-    return tuple(sorted(found, key=lambda offer: (offer.name, offer.package, offer.value)))
+    return tuple(sorted(entries, key=lambda offer: (offer.name, offer.package, offer.value)))
 
 
 def clashes(group: str, ours: frozenset[str] | set[str]) -> tuple[str, ...]:
     """A sentence for each offered name that is one of `ours`, or that two packages offer."""
-    said, seen = [], dict[str, Offer]()
+    complaints, first = [], dict[str, Offer]()
     for offer in offers(group):
         if offer.name in ours:
-            said.append(f"{offer} has the name of a built-in one, which is used instead: rename it")
-        elif offer.name in seen:
-            said.append(f"{offer} is offered by {seen[offer.name].package} too: uninstall one of them")
-        seen.setdefault(offer.name, offer)
-    return tuple(said)
+            complaints.append(f"{offer} has the name of a built-in one, which is used instead: rename it")
+        elif offer.name in first:
+            complaints.append(f"{offer} is offered by {first[offer.name].package} too: uninstall one of them")
+        first.setdefault(offer.name, offer)
+    return tuple(complaints)

@@ -35,9 +35,9 @@ def number(value: float, name: str, low: float, high: float, unit: str = "", *, 
     """
     inside = isinstance(value, Real) and math.isfinite(value) and low <= value <= high and not (above and value == low)
     if not inside:
-        wanted = f"above {low:g} and at most {high:g}" if above else f"{low:g} to {high:g}"
+        allowed = f"above {low:g} and at most {high:g}" if above else f"{low:g} to {high:g}"
         shown = f"{value:g}" if isinstance(value, Real) else repr(value)
-        raise ValueError(f"{name} is {shown} {unit}".rstrip() + f": it must be {wanted}")
+        raise ValueError(f"{name} is {shown} {unit}".rstrip() + f": it must be {allowed}")
     return float(value)
 
 

@@ -51,14 +51,14 @@ class Watchdog:
     def wanted(self) -> str:
         """The reason to stop the motion, or ""."""
         try:
-            said = os.read(self._pipe, 4096)
+            letters = os.read(self._pipe, 4096)
         except BlockingIOError:
             return SILENT if self._clock() - self._heard_s > self._silence_s else ""
-        if not said:
+        if not letters:
             self.orphaned = True
             return ORPHANED
         self._heard_s = self._clock()
-        return next((why for letter, why in WHY.items() if letter in said), "")
+        return next((why for letter, why in WHY.items() if letter in letters), "")
 
 
 def die_with_parent(parent: int) -> None:

@@ -54,15 +54,15 @@ def things(scan: Scan, raw: Raw, arm: Arm, step: int = 1) -> tuple[Thing, ...]:
     heights = scan.heights(depth_m, thin)
     up = (depth_m > 0) & (heights > LOW_M) & (heights < HIGH_M)
     points = scan.points(depth_m, up, thin)
-    kept = ~arm.holds(points)
+    free = ~arm.holds(points)
     mask = np.zeros(up.shape, dtype=np.uint8)
-    mask[up] = kept
+    mask[up] = free
     mask |= _between(mask, depth_m)
     mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, _KERNEL)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     of_point = labels[up]  # 0: no object
     rows, columns, camera = scan.view.rows, scan.view.columns, scan.view.camera
-    found = []
+    groups = []
     for label in range(1, count):
         left, top, w, h, size = (int(x) for x in stats[label])
         chosen = points[of_point == label]
@@ -74,8 +74,8 @@ def things(scan: Scan, raw: Raw, arm: Arm, step: int = 1) -> tuple[Thing, ...]:
         first = np.array([columns.start + step * left, rows.start + step * top])
         last = first + step * np.array([w, h])
         at_edge = bool((first <= 2).any() or (last >= np.array([camera.width, camera.height]) - 2).any())
-        found.append(Thing(chosen, at_edge))
-    return tuple(sorted(found, key=lambda thing: -len(thing.points_m)))
+        groups.append(Thing(chosen, at_edge))
+    return tuple(sorted(groups, key=lambda thing: -len(thing.points_m)))
 
 
 def _between(mask: NDArray[np.uint8], depth_m: Array32) -> NDArray[np.uint8]:

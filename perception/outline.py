@@ -60,17 +60,17 @@ class OutlineFit:
         return float(np.linalg.norm(self.shift_px)) * self.metres_per_px
 
 
-def fit(seen: Sequence[OutlineView], camera: Intrinsics) -> OutlineFit | None:
+def fit(views: Sequence[OutlineView], camera: Intrinsics) -> OutlineFit | None:
     """None if the outline stands out in too few pictures, or they do not agree on a shift."""
-    if len(seen) < FEWEST:
+    if len(views) < FEWEST:
         return None
     scale = min(1.0, _WIDTH_PX / camera.width)
     small = scaled(camera, scale)
     maps, ranges_m = [], []
-    for one, moved in zip(seen, changes([s.colour for s in seen], scale), strict=True):
-        found = _map(one, moved, small)
-        if found is not None and found.max() > _LEAST_CONTRAST:
-            maps.append(found)
+    for one, moved in zip(views, changes([s.colour for s in views], scale), strict=True):
+        contrast = _map(one, moved, small)
+        if contrast is not None and contrast.max() > _LEAST_CONTRAST:
+            maps.append(contrast)
             ranges_m.append(float(np.concatenate(one.body)[:, 2].mean()))
     if len(maps) < FEWEST:
         return None

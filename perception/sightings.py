@@ -30,12 +30,12 @@ class OutcomeUnseen(TrackingFailed):
         """Whether enough frames of the whole trial show it, and only its end is unseen."""
 
 
-def require_seen(what: str, track: ObjectTrack, seen: Mask, at_end: Mask) -> None:
+def require_seen(what: str, track: ObjectTrack, visible: Mask, at_end: Mask) -> None:
     """Raises OutcomeUnseen, with `track`, if too few frames show the object.
 
-    `seen` (N,) are the frames that show it, `at_end` (N,) those that decide about the outcome.
+    `visible` (N,) are the frames that show it, `at_end` (N,) those that decide about the outcome.
     """
-    counts = ((seen, BEFORE_SHARE, "the trial's"), (seen[at_end], END_SHARE, "its last"))
+    counts = ((visible, BEFORE_SHARE, "the trial's"), (visible[at_end], END_SHARE, "its last"))
     few = [
         f"{mask.sum()} of {whose} {len(mask)} frames, and an outcome needs {share:.0%}"
         for mask, share, whose in counts
@@ -46,17 +46,17 @@ def require_seen(what: str, track: ObjectTrack, seen: Mask, at_end: Mask) -> Non
             f"the {what} is seen in {'; in '.join(few)}: nobody knows how the trial ended. A {what} that stands out "
             "from table and tool, more light, or a camera that sees past the tool makes it visible",
             track,
-            followed=bool(seen.mean() >= BEFORE_SHARE),
+            followed=bool(visible.mean() >= BEFORE_SHARE),
         )
 
 
-def seen_leaving(t_s: Array, xy_m: Array, seen: Mask, area: Area) -> bool:
+def seen_leaving(t_s: Array, xy_m: Array, visible: Mask, area: Area) -> bool:
     """Whether the object, last seen at a place of `xy_m` (N, 2) at a time of `t_s` (N,), was then on its way out of
     `area`. An object that just is not seen any more has not left.
     """
-    if not seen.any() or seen[: np.flatnonzero(seen)[-1] + 1].mean() < END_SHARE:
+    if not visible.any() or visible[: np.flatnonzero(visible)[-1] + 1].mean() < END_SHARE:
         return False
-    times_s, places_m = t_s[seen], xy_m[seen]
+    times_s, places_m = t_s[visible], xy_m[visible]
     lately = times_s >= times_s[-1] - _LATELY_S
     if lately.sum() < 3:
         return False

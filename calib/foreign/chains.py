@@ -37,14 +37,14 @@ class Link:
 
 def any_arm(record: SetupRecord, folder: Path) -> tuple[Forward | None, int]:
     """Forward kinematics of the views' arm and its number of joints; None and 0 if unknown. Raises ViewFolderError."""
-    given = record.kinematics
-    if given is None:
+    kinematics = record.kinematics
+    if kinematics is None:
         return known_arm(record, folder)
-    if given.dh is not None:
-        assert given.dh_convention is not None  # checked by the record
-        return denavit_hartenberg(given.dh, given.dh_convention)
-    assert given.urdf is not None
-    return urdf(folder / given.urdf, given.base, given.tip)
+    if kinematics.dh is not None:
+        assert kinematics.dh_convention is not None  # checked by the record
+        return denavit_hartenberg(kinematics.dh, kinematics.dh_convention)
+    assert kinematics.urdf is not None
+    return urdf(folder / kinematics.urdf, kinematics.base, kinematics.tip)
 
 
 def denavit_hartenberg(rows: Sequence[Sequence[float]], convention: Literal["craig", "classic"]) -> tuple[Forward, int]:
@@ -107,8 +107,8 @@ def _link(joint: ElementTree.Element, path: Path) -> Link:
 
 
 def _attribute(joint: ElementTree.Element, tag: str, name: str) -> str:
-    found = joint.find(tag)
-    return "" if found is None else found.get(name, "")
+    element = joint.find(tag)
+    return "" if element is None else element.get(name, "")
 
 
 def _numbers(element: ElementTree.Element | None, name: str, default: str) -> Array:

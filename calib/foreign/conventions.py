@@ -43,9 +43,9 @@ _OPTIONS = {
 
 
 def recognise(
-    seen: Sequence[tuple[str, Corners]],
+    named_corners: Sequence[tuple[str, Corners]],
     poses: Sequence[PoseKeys],
-    told: PosesRecord,
+    record: PosesRecord,
     setup: Setup,
     forward: Forward | None,
 ) -> tuple[Convention, tuple[str, ...]]:
@@ -55,19 +55,23 @@ def recognise(
     Raises UnusableViews if no reading fits, or more than one; it names the key that `[poses]` must state;
     DegenerateViews if the views are too alike to tell.
     """
-    asked = frozenset[str]().union(*(keys.questions() for keys in poses))
-    given = {key: value for key, value in told if value is not None}
-    open_ones = {key: _by_size(key, poses) for key in sorted(asked - set(given))}
-    known = replace(Convention(), **given, **{key: values[0] for key, values in open_ones.items()})
+    questions = frozenset[str]().union(*(keys.questions() for keys in poses))
+    stated = {key: value for key, value in record if value is not None}
+    open_ones = {key: _by_size(key, poses) for key in sorted(questions - set(stated))}
+    convention = replace(Convention(), **stated, **{key: values[0] for key, values in open_ones.items()})
     undecided = {key: values for key, values in open_ones.items() if len(values) > 1}
     if not undecided:
-        return known, _sentences(known, open_ones)
-    readings = [replace(known, **dict(zip(undecided, chosen, strict=True))) for chosen in product(*undecided.values())]
-    sight = condense([name for name, _ in seen], [corners for _, corners in seen], setup.board, setup.colour)
+        return convention, _sentences(convention, open_ones)
+    readings = [
+        replace(convention, **dict(zip(undecided, chosen, strict=True))) for chosen in product(*undecided.values())
+    ]
+    sight = condense(
+        [name for name, _ in named_corners], [corners for _, corners in named_corners], setup.board, setup.colour
+    )
     demand_variety(sight.X_CM[0])
     rough = np.array([_score(poses, reading, sight.X_CM[0], setup, forward) for reading in readings])
     hopeful = [int(i) for i in np.argsort(rough, kind="stable")[:_SOLVED] if np.isfinite(rough[i])]
-    fits = sorted((_misfit_px(seen, poses, readings[i], setup, forward), i) for i in hopeful)
+    fits = sorted((_misfit_px(named_corners, poses, readings[i], setup, forward), i) for i in hopeful)
     names = ", ".join(f"{key} ({' or '.join(values)})" for key, values in undecided.items())
     if not fits or not np.isfinite(fits[0][0]):
         raise UnusableViews(
@@ -86,7 +90,7 @@ def recognise(
 
 
 def _misfit_px(
-    seen: Sequence[tuple[str, Corners]],
+    named_corners: Sequence[tuple[str, Corners]],
     poses: Sequence[PoseKeys],
     how: Convention,
     setup: Setup,
@@ -94,7 +98,7 @@ def _misfit_px(
 ) -> float:
     """Root mean square distance of the corners in a full solution; inf if too few views agree on one."""
     X_BF = motion(poses, how, forward)
-    views = [View(name, corners, X_BF=X) for (name, corners), X in zip(seen, X_BF, strict=True)]
+    views = [View(name, corners, X_BF=X) for (name, corners), X in zip(named_corners, X_BF, strict=True)]
     try:
         views = list(told_apart(views, setup, None))
         solution = solve(views, roughly_sized(views, setup, None), None)
@@ -114,11 +118,11 @@ def _by_size(key: str, poses: Sequence[PoseKeys]) -> tuple[str, ...]:
     return _OPTIONS[key]
 
 
-def _sentences(found: Convention, open_ones: dict[str, tuple[str, ...]]) -> tuple[str, ...]:
+def _sentences(convention: Convention, open_ones: dict[str, tuple[str, ...]]) -> tuple[str, ...]:
     if not open_ones:
         return ()
-    told = ", ".join(f'{key} = "{getattr(found, key)}"' for key in open_ones)
-    return (f"[poses] of setup.toml does not say how to read the poses; recognised: {told}",)
+    listing = ", ".join(f'{key} = "{getattr(convention, key)}"' for key in open_ones)
+    return (f"[poses] of setup.toml does not say how to read the poses; recognised: {listing}",)
 
 
 def _score(poses: Sequence[PoseKeys], how: Convention, X_CM: Array, setup: Setup, forward: Forward | None) -> float:
@@ -128,21 +132,21 @@ def _score(poses: Sequence[PoseKeys], how: Convention, X_CM: Array, setup: Setup
     except ValueError:
         return float("inf")
     X_AH = X_BF if setup.mounting is Mounting.FIXED else inverse(X_BF)
-    seen = X_CM.copy()
+    scaled_X_CM = X_CM.copy()
     if not setup.size_known:
-        seen[:, :3, 3] *= size_by_motion(X_AH, X_CM)
-    X_AC, X_HM = robust_start(X_AH, seen)
-    off = difference(inverse(X_AC) @ X_AH @ X_HM, seen)
+        scaled_X_CM[:, :3, 3] *= size_by_motion(X_AH, X_CM)
+    X_AC, X_HM = robust_start(X_AH, scaled_X_CM)
+    off = difference(inverse(X_AC) @ X_AH @ X_HM, scaled_X_CM)
     return float(np.median(np.linalg.norm(off[:, 3:], axis=1) + _LEVER_M * np.linalg.norm(off[:, :3], axis=1)))
 
 
 def motion(poses: Sequence[PoseKeys], how: Convention, forward: Forward | None) -> Array:
     """(N, 4, 4) X_BF. Raises ValueError if the numbers are not a pose in this reading."""
-    found = []
+    flanges = []
     for keys in poses:
         q_rad = keys.joints_rad(how)
         X = keys.flange(how) if q_rad is None else None if forward is None else forward(q_rad)
         if X is None:
             raise ValueError("joints of an arm whose kinematics are not known")
-        found.append(X)
-    return np.stack(found)
+        flanges.append(X)
+    return np.stack(flanges)

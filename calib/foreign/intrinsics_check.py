@@ -108,28 +108,28 @@ def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forw
     return IntrinsicsCheck(before, after, lens, sigma, refined, by_lens, doubt, better, sentence, names, rescued)
 
 
-def adopted(setup: Setup, found: IntrinsicsCheck) -> Setup:
+def adopted(setup: Setup, lens_check: IntrinsicsCheck) -> Setup:
     """The setup with the refined intrinsics; their uncertainty enters the stated error."""
-    return replace(setup, colour=found.refined, lens_covariance=found.covariance)
+    return replace(setup, colour=lens_check.refined, lens_covariance=lens_check.covariance)
 
 
-def check(found: IntrinsicsCheck | None, *, refined: bool) -> Check:
+def check(lens_check: IntrinsicsCheck | None, *, refined: bool) -> Check:
     """The result as a check."""
-    if found is None:
+    if lens_check is None:
         reason = "not tried: the views agree within the noise of their corners, or are too few"
         return Check.unmeasured(NAME, reason)
-    said = f"refined: {found.sentence}" if refined else found.sentence
-    measured = 100 * (1 - found.refined_px / found.stated_px), 100 * (1 - _BETTER), "%"
+    message = f"refined: {lens_check.sentence}" if refined else lens_check.sentence
+    measured = 100 * (1 - lens_check.refined_px / lens_check.stated_px), 100 * (1 - _BETTER), "%"
     advice = ": add --refine-intrinsics to use these, or state the right ones"
-    return Check.graded(NAME, said, measured, advice, good=refined or not found.better, worse=Grade.SUSPECT)
+    return Check.graded(NAME, message, measured, advice, good=refined or not lens_check.better, worse=Grade.SUSPECT)
 
 
-def rescues(found: IntrinsicsCheck) -> str:
+def rescues(lens_check: IntrinsicsCheck) -> str:
     """What refined intrinsics would gain, in words; "" if they were not better or the views are too few."""
-    if not found.better or len(found.used) < TO_REFINE:
+    if not lens_check.better or len(lens_check.used) < TO_REFINE:
         return ""
-    more = f" and {found.rescued} more views agree" if found.rescued > 0 else ""
-    held = f"{found.refined_px:.2f} px, not {found.stated_px:.2f}"
+    more = f" and {lens_check.rescued} more views agree" if lens_check.rescued > 0 else ""
+    held = f"{lens_check.refined_px:.2f} px, not {lens_check.stated_px:.2f}"
     return f"With refined intrinsics held-out views are predicted to {held}{more}"
 
 
@@ -145,16 +145,18 @@ def _sentence(stated: Intrinsics, lens: Array, sigma: Array, before: float, afte
             f" ({held})"
         )
     off = 100 * np.expm1(lens[0]), 100 * sigma[0]
-    found = [
+    changes = [
         f"focal length {off[0]:+.1f} ± {off[1]:.1f} %",
         f"centre {lens[1]:+.0f} ± {sigma[1]:.0f}, {lens[2]:+.0f} ± {sigma[2]:.0f} px",
     ]
     k1 = f"k1 = {stated.distortion[0] + lens[3]:+.3f} ± {sigma[3]:.3f}"
     if not (np.abs(lens) > _SIGNIFICANT * sigma).any():
-        return f"the intrinsics may be off, but these views cannot tell by how much ({k1}, {', '.join(found)}; {held})"
+        return (
+            f"the intrinsics may be off, but these views cannot tell by how much ({k1}, {', '.join(changes)}; {held})"
+        )
     lacks = not stated.distortion.any() and abs(lens[3]) > _SIGNIFICANT * sigma[3]
     head = f"the stated intrinsics have no distortion: {k1}" if lacks else f"the stated intrinsics do not fit: {k1}"
-    return f"{head}, {', '.join(found)}; {held}"
+    return f"{head}, {', '.join(changes)}; {held}"
 
 
 def _into_pose(free: Adjusted, covariance: Array) -> Array:

@@ -39,12 +39,12 @@ def told_apart(views: Sequence[View], setup: Setup, forward: Forward | None) -> 
 
 def renumbered(corners: Corners, board: CalibrationTarget) -> list[Corners]:
     """The corners as they are numbered, then as they would be from each other end of a board that looks the same."""
-    found = [corners]
+    labellings = [corners]
     for ids in board.turns:
         new = ids[corners.ids]
         order = np.argsort(new)
-        found.append(Corners(new[order], corners.px[order]))
-    return found
+        labellings.append(Corners(new[order], corners.px[order]))
+    return labellings
 
 
 def _sides(X_AH: Array, X_CM: Array) -> list[int]:

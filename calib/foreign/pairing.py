@@ -67,40 +67,40 @@ def _among(
     ordered: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
 ) -> tuple[Fault, ...]:
     if solution is not None:
-        seen = _crossed(ordered, solution, setup, forward)
-        found = _explained(seen)
+        misfits = _crossed(ordered, solution, setup, forward)
+        faults = _explained(misfits)
         strained = solution.fit_px > _STRAINED * np.sqrt(2.0) * solution.noise.corner_px
-        if found or (len(seen.bad) < MIN_SEGMENT and not strained):
-            return found
+        if faults or (len(misfits.bad) < MIN_SEGMENT and not strained):
+            return faults
     for half, sized in _halves(ordered, setup, forward):
-        found = _explained(_crossed(ordered, half, sized, forward))
-        if found:
-            return found
+        faults = _explained(_crossed(ordered, half, sized, forward))
+        if faults:
+            return faults
     return ()
 
 
 def _tried(
-    found: tuple[Fault, ...], views: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
+    faults: tuple[Fault, ...], views: Sequence[View], setup: Setup, forward: Forward | None, solution: Solution | None
 ) -> tuple[Fault, ...]:
     """The same faults; an exchange is offered only if the exchanged views are then solved better."""
-    swaps = [fault for fault in found if fault.kind == "exchanged"]
+    swaps = [fault for fault in faults if fault.kind == "exchanged"]
     if not swaps:
-        return found
+        return faults
     pairs = [(fault.views[0], fault.views[1]) for fault in swaps]
     try:
         other, _ = solve_any_size(told_apart(exchanged(views, pairs), setup, forward), setup, forward)
     except UnusableViews as error:
-        return tuple(_untold(fault, f"so exchanged, the views cannot be solved ({error})") for fault in found)
+        return tuple(_untold(fault, f"so exchanged, the views cannot be solved ({error})") for fault in faults)
     if solution is None:
-        return found
+        return faults
     before, after = solution.choice.held_out_px, other.choice.held_out_px
     if len(other.used) > len(solution.used) and after < _NO_WORSE * before:
-        return found
-    said = (
+        return faults
+    message = (
         f"so exchanged, {len(other.used)} views instead of {len(solution.used)} agree, and held-out ones are predicted "
         f"to {after:.2f} px instead of {before:.2f}: the views stay left out"
     )
-    return tuple(_untold(fault, said) for fault in found)
+    return tuple(_untold(fault, message) for fault in faults)
 
 
 def _untold(fault: Fault, why: str) -> Fault:
@@ -109,12 +109,12 @@ def _untold(fault: Fault, why: str) -> Fault:
     return replace(fault, sentence=f"{fault.sentence}; {why}", option="")
 
 
-def _explained(seen: _Crossed) -> tuple[Fault, ...]:
-    stale = seen.stale()
-    left = [i for i in seen.bad if seen.views[i].name not in {name for fault in stale for name in fault.views}]
-    exchanged = seen.exchanged(left)
-    left = [i for i in left if seen.views[i].name not in {name for fault in exchanged for name in fault.views}]
-    return (*stale, *exchanged, *seen.shifted_tail(left), *seen.slipped_or_moved(left))
+def _explained(misfits: _Crossed) -> tuple[Fault, ...]:
+    stale = misfits.stale()
+    left = [i for i in misfits.bad if misfits.views[i].name not in {name for fault in stale for name in fault.views}]
+    exchanged = misfits.exchanged(left)
+    left = [i for i in left if misfits.views[i].name not in {name for fault in exchanged for name in fault.views}]
+    return (*stale, *exchanged, *misfits.shifted_tail(left), *misfits.slipped_or_moved(left))
 
 
 def exchanged(views: Sequence[View], pairs: Sequence[tuple[str, str]]) -> list[View]:
@@ -165,25 +165,25 @@ class _Crossed:
 
     def stale(self) -> tuple[Fault, ...]:
         """Poses or pictures that repeat those of the previous view."""
-        found = []
+        faults = []
         for i in self.bad:
             if i == 0:
                 continue
             name, before = self.views[i].name, self.views[i - 1].name
             X, X_before = self.looks.X_AH[i], self.looks.X_AH[i - 1]
             if distance_mm(X, X_before) < _SAME_MM and angle_deg(X, X_before) < _SAME_DEG:
-                said = (
+                message = (
                     f"the pose of view {name} repeats that of {before} although the picture has changed: the joints "
                     "were read too early; the view is left out"
                 )
-                found.append(Fault("stale", said, "", (name,)))
+                faults.append(Fault("stale", message, "", (name,)))
             elif self._same_picture(i, i - 1):
-                said = f"the picture of view {name} repeats that of {before}: an old frame; the view is left out"
-                found.append(Fault("repeated picture", said, "", (name,)))
-        return tuple(found)
+                message = f"the picture of view {name} repeats that of {before}: an old frame; the view is left out"
+                faults.append(Fault("repeated picture", message, "", (name,)))
+        return tuple(faults)
 
     def _same_picture(self, i: int, j: int) -> bool:
-        both = self.looks.seen[i] & self.looks.seen[j]
+        both = self.looks.present[i] & self.looks.present[j]
         apart = np.linalg.norm(self.looks.px[i] - self.looks.px[j], axis=-1)[both]
         return len(apart) > 0 and float(np.median(apart)) < 3.0 * self.noise_px and self.fits(i, j)
 
@@ -212,9 +212,9 @@ class _Crossed:
             inside = [i for i in rows if 0 <= i + by < n]
             if len(inside) >= MIN_SEGMENT - 1 and sum(self.fits(i, i + by) for i in inside) >= 0.8 * len(inside):
                 first, which = self.views[rows[0]].name, "after" if by == 1 else "before"
-                said = f"from view {first} on every picture fits the pose of the view {which} it: one was lost there"
+                message = f"from view {first} on every picture fits the pose of the view {which} it: one was lost there"
                 names = tuple(self.views[i].name for i in rows)
-                return (Fault("shifted", said, "", names),)
+                return (Fault("shifted", message, "", names),)
         return ()
 
     def slipped_or_moved(self, rows: Sequence[int]) -> tuple[Fault, ...]:
@@ -255,11 +255,11 @@ class _Crossed:
         else:
             X, Y = moved.place.X_AC
             what, other, left, instead = "the camera was moved", "a slipped board", moved.px, slipped.px
-        said = (
+        message = (
             f"{what} between {before} and {after}, by {distance_mm(X, Y):.1f} mm and {angle_deg(X, Y):.1f}°: that"
             f" leaves {left:.1f} px, {other} {instead:.1f}"
         )
-        return (Fault("slipped" if slipped.px < moved.px else "moved", said, option, names),)
+        return (Fault("slipped" if slipped.px < moved.px else "moved", message, option, names),)
 
 
 def _crossed(views: Sequence[View], solution: Solution, setup: Setup, forward: Forward | None) -> _Crossed:
@@ -298,11 +298,11 @@ def _shift_of_all(
             continue
         if len(other.used) >= 0.8 * (len(views) - 1) and len(other.used) > agreed + 2:
             which = "after" if by == 1 else "before"
-            said = (
+            message = (
                 f"pictures and poses are shifted by one: with the pose of the view {which} it, each of"
                 f" {len(other.used)} views fits ({other.fit_px:.1f} px)"
             )
-            return Fault("shifted", said, f"--shift {by}", tuple(view.name for view in views))
+            return Fault("shifted", message, f"--shift {by}", tuple(view.name for view in views))
     return None
 
 
@@ -319,8 +319,8 @@ def _lost_pictures(views: Sequence[View], setup: Setup, forward: Forward | None)
     A part of the series that agrees gives the calibration; under it every picture finds its own pose.
     """
     for part, sized in _parts(views, setup, forward):
-        seen = _crossed(views, part, sized, forward)
-        shifts = [_shift(seen, i) for i in range(len(views))]
+        misfits = _crossed(views, part, sized, forward)
+        shifts = [_shift(misfits, i) for i in range(len(views))]
         own = [shift for shift in shifts if shift is not None]
         if len(own) < _SHARE * len(views) or not any(own):
             continue
@@ -334,20 +334,20 @@ def _lost_pictures(views: Sequence[View], setup: Setup, forward: Forward | None)
             continue
         places = ", ".join(f"{name} (by {shift:+d})" for name, shift in steps)
         agree = [view.name for view, shift in zip(views, shifts, strict=True) if shift == 0]
-        said = (
+        message = (
             f"pictures and poses are shifted from view {places} on: pictures are missing or doubled there. "
             f"{len(agree)} views agree as they are{f', {agree[0]} to {agree[-1]}' if agree else ''}; give each picture "
             "from there on the pose of the view so many places later"
         )
-        return Fault("lost", said, "", tuple(view.name for view, shift in zip(views, shifts, strict=True) if shift))
+        return Fault("lost", message, "", tuple(view.name for view, shift in zip(views, shifts, strict=True) if shift))
     return None
 
 
-def _shift(seen: _Crossed, i: int) -> int | None:
+def _shift(misfits: _Crossed, i: int) -> int | None:
     """How many places away the pose of picture i is; None if it fits none."""
-    inside = [s for s in range(-FARTHEST, FARTHEST + 1) if 0 <= i + s < len(seen.views)]
-    best = min(inside, key=lambda s: (float(seen.px[i, i + s]), abs(s)))
-    return best if seen.px[i, i + best] < seen.limit_px else None
+    inside = [s for s in range(-FARTHEST, FARTHEST + 1) if 0 <= i + s < len(misfits.views)]
+    best = min(inside, key=lambda s: (float(misfits.px[i, i + s]), abs(s)))
+    return best if misfits.px[i, i + best] < misfits.limit_px else None
 
 
 def _parts(views: Sequence[View], setup: Setup, forward: Forward | None) -> Iterator[tuple[Solution, Setup]]:
@@ -370,16 +370,20 @@ def _other_mounting(
     """The fault that the camera is on the wrist although declared fixed, or the other way round, if it is one."""
     other = Mounting.WRIST if setup.mounting is Mounting.FIXED else Mounting.FIXED
     try:
-        found, _ = solve_any_size(views, Setup(other, setup.board, setup.colour, size_known=setup.size_known), forward)
+        other_solution, _ = solve_any_size(
+            views, Setup(other, setup.board, setup.colour, size_known=setup.size_known), forward
+        )
     except UnusableViews:
         return None
-    if len(found.used) < 0.8 * len(views) or (solution is not None and len(found.used) <= len(solution.used) + 2):
+    if len(other_solution.used) < 0.8 * len(views) or (
+        solution is not None and len(other_solution.used) <= len(solution.used) + 2
+    ):
         return None
-    said = (
+    message = (
         f'the camera is declared camera = "{setup.mounting.value}" in setup.toml, but with camera = "{other.value}" '
-        f"{len(found.used)} of {len(views)} views fit ({found.fit_px:.1f} px)"
+        f"{len(other_solution.used)} of {len(views)} views fit ({other_solution.fit_px:.1f} px)"
     )
-    return Fault("mounting", said, "", tuple(view.name for view in views))
+    return Fault("mounting", message, "", tuple(view.name for view in views))
 
 
 def _halves(views: Sequence[View], setup: Setup, forward: Forward | None) -> Iterator[tuple[Solution, Setup]]:

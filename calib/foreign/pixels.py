@@ -38,11 +38,11 @@ class Looks:
     X_AH: Array  # (N, 4, 4)
     p_M_m: Array  # (N, K, 3) padded
     px: Array  # (N, K, 2)
-    seen: NDArray[np.bool_]  # (N, K) False where padded
+    present: NDArray[np.bool_]  # (N, K) False where padded
 
     def take(self, rows: NDArray[np.bool_] | Index) -> Looks:
         """Some of the pictures."""
-        names = ("camera", "mounting", "X_AH", "p_M_m", "px", "seen")
+        names = ("camera", "mounting", "X_AH", "p_M_m", "px", "present")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
@@ -88,8 +88,8 @@ def poses(place: PixelUnknowns, of: Looks) -> Array:
 def rms_px(place: PixelUnknowns, of: Looks) -> Array:
     """(N,) root mean square distance of the corners, by picture."""
     off, _ = _linearised(place, of, lens=False)
-    squares = np.sum(off**2, axis=-1) * of.seen
-    return np.asarray(np.sqrt(squares.sum(axis=1) / of.seen.sum(axis=1)))
+    squares = np.sum(off**2, axis=-1) * of.present
+    return np.asarray(np.sqrt(squares.sum(axis=1) / of.present.sum(axis=1)))
 
 
 def adjust(of: Looks, start: PixelUnknowns, noise_px: float, *, scale: bool, lens: bool) -> Adjusted:
@@ -105,26 +105,26 @@ def adjust(of: Looks, start: PixelUnknowns, noise_px: float, *, scale: bool, len
     def residual(x: Array) -> Array:
         off, _ = _linearised(_stepped(place, x, active), of, lens=False)
         deviation = (_stepped(place, x, active).lens.ravel() * prior) if lens else np.zeros(0)
-        return np.concatenate([(off * of.seen[..., None]).ravel() / noise_px, deviation])
+        return np.concatenate([(off * of.present[..., None]).ravel() / noise_px, deviation])
 
     def jacobian(x: Array) -> Array:
         _, J = _linearised(_stepped(place, x, active), of, lens=lens)
-        J = (J * of.seen[..., None, None]).reshape(-1, J.shape[-1])[:, active] / noise_px
+        J = (J * of.present[..., None, None]).reshape(-1, J.shape[-1])[:, active] / noise_px
         own = np.zeros((LENS * C if lens else 0, len(active)))
         if lens:
             own[:, -LENS * C :] = np.diag(prior)
         return np.concatenate([J, own])
 
     for _ in range(_RECENTRED):
-        found = least_squares(
+        step = least_squares(
             residual, np.zeros(len(active)), jacobian, x_scale="jac", loss="soft_l1", f_scale=_ROBUST, max_nfev=30
         )
-        place = _stepped(place, found.x, active)
-        if np.abs(found.x).max() < 1e-9:
+        place = _stepped(place, step.x, active)
+        if np.abs(step.x).max() < 1e-9:
             break
     zero = np.zeros(len(active))
     r, J = residual(zero), jacobian(zero)
-    size = of.seen.size * 2
+    size = of.present.size * 2
     weight = 1 / np.sqrt(1 + (r[:size] / _ROBUST) ** 2)
     normal = np.einsum("rp,r,rq->pq", J[:size], weight, J[:size]) + J[size:].T @ J[size:]
     n = len(of.px)

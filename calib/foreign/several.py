@@ -87,15 +87,15 @@ def solve_together(cameras: Sequence[CameraViews]) -> Together:
     target = alone[0][1].board.scaled(factor)
     data, start = _data([replace(c, setup=replace(c.setup, board=target)) for c in cameras], [s for s, _ in alone])
     scale = not cameras[0].setup.size_known
-    found = estimate(data, start, scale=scale)
-    fit_px = data.rms_at(predict(found.fit.state, data.moved))
+    joint = estimate(data, start, scale=scale)
+    fit_px = data.rms_at(predict(joint.fit.state, data.moved))
     placed = tuple(
-        _placed(k, camera, solution, setup, data, found, fit_px)
+        _placed(k, camera, solution, setup, data, joint, fit_px)
         for k, (camera, (solution, setup)) in enumerate(zip(cameras, alone, strict=True))
     )
-    sigma = float(np.sqrt(jackknife(found.fit)[-1, -1])) if scale else 0.0
-    size = target.scaled(found.fit.state.scale).name
-    return Together(placed, found.fit.state.X_HM, size, sigma, found.folds.rms_px, found.choice)
+    sigma = float(np.sqrt(jackknife(joint.fit)[-1, -1])) if scale else 0.0
+    size = target.scaled(joint.fit.state.scale).name
+    return Together(placed, joint.fit.state.X_HM, size, sigma, joint.folds.rms_px, joint.choice)
 
 
 def _data(cameras: Sequence[CameraViews], alone: Sequence[Solution]) -> tuple[Data, Unknowns]:
@@ -112,16 +112,16 @@ def _data(cameras: Sequence[CameraViews], alone: Sequence[Solution]) -> tuple[Da
     moved = replace(motion_of(flat, Mounting.FIXED, forward), camera=index, posture=names)
     start = Unknowns(np.stack([s.X_AC for s in alone]), alone[0].X_HM, np.zeros(moved.joints))
     data = Data(sights, moved, sights[0].candidate(0), np.arange(len(flat)), vague=True)
-    return replace(data, seen=data.about(predict(start, moved))), start
+    return replace(data, boards=data.about(predict(start, moved))), start
 
 
 def _placed(
-    k: int, camera: CameraViews, alone: Solution, setup: Setup, data: Data, found: Estimate, fit_px: Array
+    k: int, camera: CameraViews, alone: Solution, setup: Setup, data: Data, joint: Estimate, fit_px: Array
 ) -> Placed:
     rows = data.moved.camera == k
-    held = found.folds.px[rows[found.folds.rows]]
-    X, known = found.fit.state.X_AC[k], uncertainty(found.fit, data.moved, setup, found.joints, k)
-    figures = {"fit_px": rms(fit_px[rows]), "held_out_px": rms(held), "worst_95_mm": known.worst_95_mm}
+    held = joint.folds.px[rows[joint.folds.rows]]
+    X, own_uncertainty = joint.fit.state.X_AC[k], uncertainty(joint.fit, data.moved, setup, joint.joints, k)
+    figures = {"fit_px": rms(fit_px[rows]), "held_out_px": rms(held), "worst_95_mm": own_uncertainty.worst_95_mm}
     return Placed(
         name=camera.name,
         X_BC=X,
@@ -130,7 +130,7 @@ def _placed(
         faults=faults(camera.views, setup, camera.forward, alone),
         **figures,
         alone_held_out_px=alone.choice.held_out_px,
-        sigma_mm=known.sigma_mm,
+        sigma_mm=own_uncertainty.sigma_mm,
         alone_sigma_mm=alone.uncertainty.sigma_mm,
         alone_worst_95_mm=alone.uncertainty.worst_95_mm,
         from_alone_mm=distance_mm(X, alone.X_AC),

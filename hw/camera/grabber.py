@@ -186,7 +186,7 @@ class Grabber:
             try:
                 self._wait(lambda: self._newest_s() >= t_s)
             finally:
-                kept, self._kept = self._kept, None
+                pending, self._kept = self._kept, None
             clock, jumps = self._clock.map(), self._clock.jumps - self._jumps
         if jumps:
             raise CameraError(
@@ -197,7 +197,7 @@ class Grabber:
             raise CameraError(
                 f"the recording took {t_s - self._since_s:.0f} s, limit {LONGEST_S:g} s: record a shorter motion"
             )
-        shots = [TimedCapture(clock.host_s(captured.device_s), captured) for captured in kept]
+        shots = [TimedCapture(clock.host_s(captured.device_s), captured) for captured in pending]
         within = tuple(shot for shot in shots if self._since_s <= shot.t_s <= t_s)
         dropped, gap_s = gaps([shot.t_s for shot in within], self._since_s, t_s, self._rate_hz)
         return Film(within, dropped, gap_s, clock)

@@ -65,21 +65,21 @@ class K4aDevice:
         """The camera with this serial number, or the only one. Raises DeviceUnavailable."""
         library = self._library
         library.k4a_set_debug_message_handler(self._handler, None, k4a.LOG_ERROR)
-        seen = []
+        serials = []
         for index in range(library.k4a_device_get_installed_count()):
             device = ctypes.c_void_p()
             if library.k4a_device_open(index, ctypes.byref(device)) != k4a.SUCCEEDED:
-                seen.append("one that cannot be opened (another program uses it, or permission is missing)")
+                serials.append("one that cannot be opened (another program uses it, or permission is missing)")
                 continue
-            found = serial_of(library, device)
-            seen.append(found)
-            if serial in (None, found) and self._device is None:
-                self._device, self.serial = device, found
+            name = serial_of(library, device)
+            serials.append(name)
+            if serial in (None, name) and self._device is None:
+                self._device, self.serial = device, name
             else:
                 library.k4a_device_close(device)
-        if self._device is None or (serial is None and len(seen) > 1):
+        if self._device is None or (serial is None and len(serials) > 1):
             self.close()
-            raise DeviceUnavailable(_not_there(serial, seen))
+            raise DeviceUnavailable(_not_there(serial, serials))
 
     def close(self) -> None:
         """Stop and close; safe to call again."""
@@ -99,13 +99,13 @@ class K4aDevice:
         )
         return model_of(raw, self.serial)
 
-    def set_colour(self, wanted: ColourSettings) -> ColourSettings:
+    def set_colour(self, settings: ColourSettings) -> ColourSettings:
         """Fix exposure, white balance and gain; return the values that the device then reports. Raises CameraError."""
-        self._set(k4a.POWERLINE_FREQUENCY, _MAINS[wanted.mains_hz], "mains frequency")
-        self._set(k4a.EXPOSURE_TIME_ABSOLUTE, wanted.exposure_us, "exposure")
-        self._set(k4a.WHITEBALANCE, wanted.white_balance_K, "white balance")
-        if wanted.gain is not None:
-            self._set(k4a.GAIN, wanted.gain, "gain")
+        self._set(k4a.POWERLINE_FREQUENCY, _MAINS[settings.mains_hz], "mains frequency")
+        self._set(k4a.EXPOSURE_TIME_ABSOLUTE, settings.exposure_us, "exposure")
+        self._set(k4a.WHITEBALANCE, settings.white_balance_K, "white balance")
+        if settings.gain is not None:
+            self._set(k4a.GAIN, settings.gain, "gain")
         mains = {value: hz for hz, value in _MAINS.items()}[self._get(k4a.POWERLINE_FREQUENCY, "mains frequency")]
         return ColourSettings(
             exposure_us=self._get(k4a.EXPOSURE_TIME_ABSOLUTE, "exposure"),
@@ -176,10 +176,10 @@ class K4aDevice:
         return value.value
 
     def _need(self, result: int, problem: str) -> None:
-        said, self._said = f" (libk4a: {self._said})" if self._said else "", ""
+        why, self._said = f" (libk4a: {self._said})" if self._said else "", ""
         if result != k4a.SUCCEEDED:
             raise CameraError(
-                f"camera {self.serial}: {problem}{said}. Plug it into a USB 3 port of its own, wait for its light, and "
+                f"camera {self.serial}: {problem}{why}. Plug it into a USB 3 port of its own, wait for its light, and "
                 "run the command again; for more see docs/guide/cameras.md"
             )
 
@@ -239,9 +239,9 @@ def _content(library: K4aLibrary, image: ctypes.c_void_p) -> bytes:
 
 
 def _grey(library: K4aLibrary, image: Any, kind: int) -> NDArray[np.uint16]:
-    if (found := library.k4a_image_get_format(image)) != kind:
+    if (sent := library.k4a_image_get_format(image)) != kind:
         raise CameraError(
-            f"the camera sends an image of format {found} instead of {kind}, 16-bit grey: unplug it, plug it in again "
+            f"the camera sends an image of format {sent} instead of {kind}, 16-bit grey: unplug it, plug it in again "
             "and run the command again"
         )
     width, height = library.k4a_image_get_width_pixels(image), library.k4a_image_get_height_pixels(image)
@@ -277,9 +277,9 @@ def _intrinsics(camera: k4a.CalibrationCamera, what: str) -> Intrinsics:
     return Intrinsics(camera.resolution_width, camera.resolution_height, K, distortion)
 
 
-def _not_there(serial: str | None, seen: list[str]) -> str:
-    found = ", ".join(seen) or "none"
-    if serial is None and len(seen) > 1:
-        return f"several cameras are plugged in ({found}): name the serial number of the one to use"
-    wanted = f"no camera with serial number {serial}" if serial else "no usable camera"
-    return f"{wanted}; plugged in: {found}. Check cable, power supply and USB 3 port, and see docs/guide/cameras.md"
+def _not_there(serial: str | None, serials: list[str]) -> str:
+    listing = ", ".join(serials) or "none"
+    if serial is None and len(serials) > 1:
+        return f"several cameras are plugged in ({listing}): name the serial number of the one to use"
+    problem = f"no camera with serial number {serial}" if serial else "no usable camera"
+    return f"{problem}; plugged in: {listing}. Check cable, power supply and USB 3 port, and see docs/guide/cameras.md"

@@ -133,16 +133,16 @@ def look_realsense(devices: Sequence[Any]) -> ProbeReport:
     """The devices of `pyrealsense2`, each with its firmware; one at a USB 2 port cannot be used."""
     sdk = import_module(REALSENSE)
     info = sdk.camera_info
-    found = []
+    listing = []
     for index, device in enumerate(devices):
-        told = {key: device.get_info(key) for key in (info.serial_number, info.firmware_version)}
+        details = {key: device.get_info(key) for key in (info.serial_number, info.firmware_version)}
         usb = device.get_info(info.usb_type_descriptor) if device.supports(info.usb_type_descriptor) else ""
         why = f"it is at a USB {usb} port, too slow for colour and depth" if usb.startswith("2") else None
-        found.append(FoundDevice(index, told[info.serial_number], told[info.firmware_version], why))
-    usable = any(device.error is None for device in found)
-    error = None if usable else found[0].error if found else f"{REALSENSE} finds no camera"
+        listing.append(FoundDevice(index, details[info.serial_number], details[info.firmware_version], why))
+    usable = any(device.error is None for device in listing)
+    error = None if usable else listing[0].error if listing else f"{REALSENSE} finds no camera"
     fix = None if usable else "plug the camera into a USB 3 port of its own, with the cable that came with it"
-    return ProbeReport(REALSENSE, sdk.__version__, "Intel", True, tuple(found), error, fix)
+    return ProbeReport(REALSENSE, sdk.__version__, "Intel", True, tuple(listing), error, fix)
 
 
 def _device(library: K4aLibrary, index: int) -> FoundDevice:
@@ -152,8 +152,8 @@ def _device(library: K4aLibrary, index: int) -> FoundDevice:
         return FoundDevice(index, "", "", why)
     try:
         version = HardwareVersion()
-        told = library.k4a_device_get_version(handle, ctypes.byref(version)) == SUCCEEDED
-        firmware = f"colour {version.rgb}, depth {version.depth}" if told else ""
+        answered = library.k4a_device_get_version(handle, ctypes.byref(version)) == SUCCEEDED
+        firmware = f"colour {version.rgb}, depth {version.depth}" if answered else ""
         return FoundDevice(index, k4a_library.serial_of(library, handle), firmware)
     finally:
         library.k4a_device_close(handle)
@@ -161,8 +161,8 @@ def _device(library: K4aLibrary, index: int) -> FoundDevice:
 
 def _version(file: str) -> str | None:
     """The version from the file's name (libk4a.so.1.4.1, libk4a-….so.1.4.2): the library has no function for it."""
-    _, found, version = Path(file).resolve().name.partition(".so.")
-    return version if found else None
+    _, suffix, version = Path(file).resolve().name.partition(".so.")
+    return version if suffix else None
 
 
 def _depth_engine(file: str) -> bool:

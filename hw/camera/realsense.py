@@ -61,18 +61,18 @@ class RealSenseDevice:
     def open(self, serial: str | None) -> None:
         """The camera with this serial number, or the only one. Raises DeviceUnavailable."""
         rs = _sdk()
-        found = {device.get_info(rs.camera_info.serial_number): device for device in self._devices()}
-        if serial is None and len(found) > 1:
+        devices = {device.get_info(rs.camera_info.serial_number): device for device in self._devices()}
+        if serial is None and len(devices) > 1:
             raise DeviceUnavailable(
-                f"several cameras are plugged in ({', '.join(found)}): name the serial number of the one to use"
+                f"several cameras are plugged in ({', '.join(devices)}): name the serial number of the one to use"
             )
-        self.serial = serial or next(iter(found), "")
-        if self.serial not in found:
-            wanted = f"no RealSense with serial number {serial}" if serial else "no RealSense"
+        self.serial = serial or next(iter(devices), "")
+        if self.serial not in devices:
+            problem = f"no RealSense with serial number {serial}" if serial else "no RealSense"
             raise DeviceUnavailable(
-                f"{wanted}; plugged in: {', '.join(found) or 'none'}. Check its cable and that the port is USB 3"
+                f"{problem}; plugged in: {', '.join(devices) or 'none'}. Check its cable and that the port is USB 3"
             )
-        self._device = found[self.serial]
+        self._device = devices[self.serial]
         self._sensors = tuple(self._device.query_sensors())
 
     def close(self) -> None:
@@ -93,19 +93,19 @@ class RealSenseDevice:
             self.serial, lens(colour.get_intrinsics(), "colour"), lens(depth.get_intrinsics(), "depth"), X_CD
         )
 
-    def set_colour(self, wanted: ColourSettings) -> ColourSettings:
+    def set_colour(self, settings: ColourSettings) -> ColourSettings:
         """Fix exposure, white balance and gain; return the values that the device then reports. Raises CameraError."""
         option, sensor = _sdk().option, self._profile("color")[0]
         self._set(sensor, option.enable_auto_exposure, 0, "exposure")
         self._set(sensor, option.enable_auto_white_balance, 0, "white balance")
-        self._set(sensor, option.power_line_frequency, _MAINS[wanted.mains_hz], "mains frequency")
+        self._set(sensor, option.power_line_frequency, _MAINS[settings.mains_hz], "mains frequency")
         self._exposure_us = _EXPOSURE_US * self._set(
-            sensor, option.exposure, round(wanted.exposure_us / _EXPOSURE_US), "exposure"
+            sensor, option.exposure, round(settings.exposure_us / _EXPOSURE_US), "exposure"
         )
-        self._white_balance_K = self._set(sensor, option.white_balance, wanted.white_balance_K, "white balance")
-        gain = int(sensor.get_option(option.gain)) if wanted.gain is None else wanted.gain
+        self._white_balance_K = self._set(sensor, option.white_balance, settings.white_balance_K, "white balance")
+        gain = int(sensor.get_option(option.gain)) if settings.gain is None else settings.gain
         gain = self._set(sensor, option.gain, gain, "gain")
-        return ColourSettings(self._exposure_us, self._white_balance_K, gain, wanted.mains_hz)
+        return ColourSettings(self._exposure_us, self._white_balance_K, gain, settings.mains_hz)
 
     def start(self, *, infrared: bool) -> None:
         """Colour and depth at 30 FPS. Raises CameraError."""
@@ -139,14 +139,14 @@ class RealSenseDevice:
                 return self._captured(arrived_s)
 
     def _captured(self, arrived_s: float) -> Captured:
-        seen, self._newest = self._newest, {}
-        device_s, colour = seen["color"]
+        frames, self._newest = self._newest, {}
+        device_s, colour = frames["color"]
         return Captured(
             device_s=device_s,
             arrived_s=arrived_s,
             jpeg=cv2.imencode(".jpg", colour, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes(),
-            depth_mm=seen["depth"][1],
-            infrared=seen["infrared"][1].astype(np.uint16) if "infrared" in self._wanted else None,
+            depth_mm=frames["depth"][1],
+            infrared=frames["infrared"][1].astype(np.uint16) if "infrared" in self._wanted else None,
             exposure_us=self._exposure_us,
             white_balance_K=self._white_balance_K,
         )
@@ -180,37 +180,39 @@ class RealSenseDevice:
         )
 
 
-def lens(given: Any, what: str) -> Intrinsics:
+def lens(sdk_lens: Any, what: str) -> Intrinsics:
     """The SDK's intrinsics as OpenCV's, fitted to its own lens model over the picture. Raises CameraError."""
     rs = _sdk()
-    u, v = np.meshgrid(np.linspace(0, given.width - 1, 17), np.linspace(0, given.height - 1, 13))
-    rays = np.array([rs.rs2_deproject_pixel_to_point(given, [a, b], 1.0) for a, b in zip(u.flat, v.flat, strict=True)])
+    u, v = np.meshgrid(np.linspace(0, sdk_lens.width - 1, 17), np.linspace(0, sdk_lens.height - 1, 13))
+    rays = np.array(
+        [rs.rs2_deproject_pixel_to_point(sdk_lens, [a, b], 1.0) for a, b in zip(u.flat, v.flat, strict=True)]
+    )
     off_px = float("inf")
     if np.isfinite(rays).all():
-        found = _fitted(given, u.ravel(), v.ravel(), rays)
-        off_px = float(np.abs(_projected(found, rays) - np.stack([u.ravel(), v.ravel()], axis=1)).max())
+        fitted_lens = _fitted(sdk_lens, u.ravel(), v.ravel(), rays)
+        off_px = float(np.abs(_projected(fitted_lens, rays) - np.stack([u.ravel(), v.ravel()], axis=1)).max())
     if not off_px <= MOST_OFF_PX:
         raise CameraError(
-            f"the {what} camera's lens ({given.model}) is only known to {off_px:.2f} px, limit {MOST_OFF_PX:g} px: "
+            f"the {what} camera's lens ({sdk_lens.model}) is only known to {off_px:.2f} px, limit {MOST_OFF_PX:g} px: "
             "reset it to the factory calibration with the maker's tools"
         )
-    return found
+    return fitted_lens
 
 
-def _fitted(given: Any, u: Array, v: Array, rays: Array) -> Intrinsics:
+def _fitted(sdk_lens: Any, u: Array, v: Array, rays: Array) -> Intrinsics:
     """The distortion that bends `rays` (N, 3) at depth 1 into the pixels `u`, `v` (N,): linear least squares."""
-    K = np.array([[given.fx, 0, given.ppx], [0, given.fy, given.ppy], [0, 0, 1]])
+    K = np.array([[sdk_lens.fx, 0, sdk_lens.ppx], [0, sdk_lens.fy, sdk_lens.ppy], [0, 0, 1]])
     x, y = rays[:, :2].T
     r2 = x**2 + y**2
-    bent = np.concatenate([(u - given.ppx) / given.fx - x, (v - given.ppy) / given.fy - y])
+    bent = np.concatenate([(u - sdk_lens.ppx) / sdk_lens.fx - x, (v - sdk_lens.ppy) / sdk_lens.fy - y])
     columns = [np.concatenate([axis * r2**power for axis in (x, y)]) for power in (1, 2, 3)]
     columns += [np.concatenate([2 * x * y, r2 + 2 * y**2]), np.concatenate([r2 + 2 * x**2, 2 * x * y])]
     (k1, k2, k3, p1, p2), *_ = np.linalg.lstsq(np.stack(columns, axis=1), bent, rcond=None)
-    return Intrinsics(given.width, given.height, K, np.array([k1, k2, p1, p2, k3, 0, 0, 0]))
+    return Intrinsics(sdk_lens.width, sdk_lens.height, K, np.array([k1, k2, p1, p2, k3, 0, 0, 0]))
 
 
-def _projected(found: Intrinsics, rays: Array) -> Array:
-    pixels, _ = cv2.projectPoints(rays[:, None, :], np.zeros(3), np.zeros(3), found.K, found.distortion)
+def _projected(intrinsics: Intrinsics, rays: Array) -> Array:
+    pixels, _ = cv2.projectPoints(rays[:, None, :], np.zeros(3), np.zeros(3), intrinsics.K, intrinsics.distortion)
     return np.asarray(pixels[:, 0, :])
 
 

@@ -42,7 +42,7 @@ class Device(Protocol):
     def model(self) -> CameraModel:
         """The factory calibration, for the modes in use."""
 
-    def set_colour(self, wanted: ColourSettings) -> ColourSettings:
+    def set_colour(self, settings: ColourSettings) -> ColourSettings:
         """Fix exposure, white balance and gain; return the values that the device then reports."""
 
     def start(self, *, infrared: bool) -> None:

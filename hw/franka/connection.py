@@ -154,8 +154,8 @@ class Connection:
             _configure(self._robot, self._settings, self._payload)
             self._require_taken()
         except self._errors as error:
-            found = self._failure(error)
-            raise found if found.kind == LOST else Failure(UNMOVED, f"{found.text}; nothing has moved") from error
+            outcome = self._failure(error)
+            raise outcome if outcome.kind == LOST else Failure(UNMOVED, f"{outcome.text}; nothing has moved") from error
         self._require_idle(checked_s)
 
     def drive(self, step: Step) -> None:
@@ -235,13 +235,13 @@ class Connection:
         return reading
 
     def _stopped(self, error: Exception) -> Failure:
-        said = self._failure(error)
-        if said.kind == LOST:
-            return said
+        outcome = self._failure(error)
+        if outcome.kind == LOST:
+            return outcome
         try:
             reasons = self._read(self._states.present()).reasons
         except self._errors:  # it no longer answers: use its last state
-            return said
+            return outcome
         return self._failure(error, reasons)
 
     def _failure(self, error: Exception, reasons: tuple[str, ...] = ()) -> Failure:

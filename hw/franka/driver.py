@@ -82,34 +82,34 @@ _NETWORK = re.compile(r"UDP|TCP|Net Exception|closed connection|Connection|Proto
 
 def failure(error: Exception, model: str, host: str, reasons: tuple[str, ...] = ()) -> Failure:
     """An SDK's exception in words. `reasons` are the reflexes that the arm reports, if it still answers."""
-    said = str(error).removeprefix("libfranka: ").strip() or type(error).__name__
+    text = str(error).removeprefix("libfranka: ").strip() or type(error).__name__
     who = f"{model} at {host}"
-    mismatch = versions.explain_mismatch(model, said)
+    mismatch = versions.explain_mismatch(model, text)
     if mismatch:
         return Failure(UNAVAILABLE, f"{who}: {mismatch}")
-    if "realtime" in said.lower():
-        return Failure(UNAVAILABLE, f"{who}: {said}; see the real-time set-up in docs/guide/arms.md")
-    if not reasons and (type(error).__name__ == "NetworkException" or _NETWORK.search(said)):
-        return Failure(LOST, _unreachable(who, said))
-    return Failure(FAULT, reflexes.in_words(reasons) or _refused(said))
+    if "realtime" in text.lower():
+        return Failure(UNAVAILABLE, f"{who}: {text}; see the real-time set-up in docs/guide/arms.md")
+    if not reasons and (type(error).__name__ == "NetworkException" or _NETWORK.search(text)):
+        return Failure(LOST, _unreachable(who, text))
+    return Failure(FAULT, reflexes.in_words(reasons) or _refused(text))
 
 
-def _unreachable(who: str, said: str) -> str:
-    if _FCI_OFF in said:
+def _unreachable(who: str, text: str) -> str:
+    if _FCI_OFF in text:
         return (
             f"{who} answers but refuses the connection: unlock the joints and activate FCI in Desk (on a new arm: "
-            f"install the FCI feature) ({said})"
+            f"install the FCI feature) ({text})"
         )
-    return f"{who} does not answer ({said}): check cable, address and power, unlock the joints and activate FCI in Desk"
+    return f"{who} does not answer ({text}): check cable, address and power, unlock the joints and activate FCI in Desk"
 
 
-def _refused(said: str) -> str:
+def _refused(text: str) -> str:
     """libfranka's words for a command that an arm does not take, or does not go on with."""
-    if (found := _MODE.search(said)) is not None:
-        mode = "".join(word.capitalize() for word in found[1].split()) if " " in found[1] else found[1]
-        return reflexes.of_mode(mode, busy=True) or f"the arm says: {said}"
-    words = next((words for part, words in _WORDS.items() if part in said), None)
-    return f"the arm says: {said}" if words is None else f"{words} ({said})"
+    if (mode_match := _MODE.search(text)) is not None:
+        mode = "".join(word.capitalize() for word in mode_match[1].split()) if " " in mode_match[1] else mode_match[1]
+        return reflexes.of_mode(mode, busy=True) or f"the arm says: {text}"
+    words = next((words for part, words in _WORDS.items() if part in text), None)
+    return f"the arm says: {text}" if words is None else f"{words} ({text})"
 
 
 def mode_name(mode: Any) -> str:

@@ -181,7 +181,7 @@ def way_back(
 
     Cycles lost on the way there are filled in. Raises MotionRefused.
     """
-    there = path if played.braked_from < 0 else brake(path, played.braked_from / PATH_RATE_HZ, limits)
-    back = withdrawal(there)
+    motion = path if played.braked_from < 0 else brake(path, played.braked_from / PATH_RATE_HZ, limits)
+    back = withdrawal(motion)
     check(back, None)
     return motion_of(from_held(back, q_held_rad, limits.model, check, SLOW_FADE_S), limits)

@@ -69,14 +69,14 @@ class PlayableMotion:
 def motion_of(path: JointPath, limits: MotionLimits) -> PlayableMotion:
     """Raises MotionRefused if the path has a moment at which no stop keeps the limits."""
     stops = check_braking(path, limits, STOPS_EVERY_S)
-    known = np.isfinite(stops.duration_s)
-    at = np.rint(stops.at_s[known] * PATH_RATE_HZ)
-    if not known[-1] or np.diff(at, prepend=0.0).max() > 2.0 * STOPS_EVERY_S * PATH_RATE_HZ:
+    finite = np.isfinite(stops.duration_s)
+    at = np.rint(stops.at_s[finite] * PATH_RATE_HZ)
+    if not finite[-1] or np.diff(at, prepend=0.0).max() > 2.0 * STOPS_EVERY_S * PATH_RATE_HZ:
         raise MotionRefused(
             f"{limits.model}: at some moments no stop along the path keeps the limits within "
             f"{2e3 * STOPS_EVERY_S:.0f} ms; slow the path down"
         )
-    return PlayableMotion(path, at, stops.duration_s[known], stops.path_time_s[known], limits.joints)
+    return PlayableMotion(path, at, stops.duration_s[finite], stops.path_time_s[finite], limits.joints)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ class Played:
 
 
 class Playback:
-    """`step` is the arm's cycle. `wanted` returns the reason to stop now, or ""; `detector` detects a touch.
+    """`step` is the arm's cycle. `stop_reason` returns the reason to stop now, or ""; `detector` detects a touch.
 
     `interrupted` returns, for the state of the first cycle, why the motion may no longer begin, or "". `sent_s` is when
     the program sent the motion, on the clock `awake`; None: now.
@@ -113,7 +113,7 @@ class Playback:
     def __init__(
         self,
         motion: PlayableMotion,
-        wanted: Callable[[], str],
+        stop_reason: Callable[[], str],
         clock: Callable[[], float],
         detector: Detector | None = None,
         start_s: float = START_S,
@@ -121,7 +121,7 @@ class Playback:
         interrupted: Callable[[SdkState], str] = lambda state: "",
         sent_s: float | None = None,
     ) -> None:
-        self._motion, self._wanted, self._clock, self._detector = motion, wanted, clock, detector
+        self._motion, self._wanted, self._clock, self._detector = motion, stop_reason, clock, detector
         self._start_s, self._awake, self._sent_s = start_s, awake, awake() if sent_s is None else sent_s
         self._interrupted = interrupted
         self.refused = ""  # why not even the first sample was commanded

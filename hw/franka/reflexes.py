@@ -194,11 +194,11 @@ def reason(name: str) -> Reflex:
 
 def in_words(names: Iterable[str]) -> str:
     """Names of errors -> what happened, what to check, what to do, each once; empty for no names."""
-    found = {name: reason(name) for name in names}
-    happened = [f"{one.happened} ({name})" for name, one in found.items()]
-    looks = dict.fromkeys(one.look for one in found.values())
-    does = dict.fromkeys(one.do for one in found.values())
-    return "; ".join((", and ".join(happened), *looks, *does)) if found else ""
+    explanations = {name: reason(name) for name in names}
+    happened = [f"{one.happened} ({name})" for name, one in explanations.items()]
+    looks = dict.fromkeys(one.look for one in explanations.values())
+    does = dict.fromkeys(one.do for one in explanations.values())
+    return "; ".join((", and ".join(happened), *looks, *does)) if explanations else ""
 
 
 BY_HAND = ("UserStopped", "Guiding")

@@ -74,12 +74,12 @@ class ForceSense:
             )
         change_Nm = np.abs(now.mean_Nm - others[-1].mean_Nm)
         error_Nm = np.hypot(now.error_Nm, others[-1].error_Nm)
-        if (seen := float(np.sum((change_Nm / error_Nm) ** 2))) < UNLIKELY:
+        if (ratio := float(np.sum((change_Nm / error_Nm) ** 2))) < UNLIKELY:
             apart_rad = float(np.abs(now.q_rad - others[-1].q_rad).max())
             raise MotionRefused(
                 f"{self._model}: the arm's estimate of external torques does not follow the arm: in two postures "
                 f"{apart_rad:.2f} rad apart it is the same but for its noise (the joints differ by at most "
-                f"{1e3 * change_Nm.max():.2g} mNm, together {seen:.0f} times their noise, at least {UNLIKELY:.0f}). "
+                f"{1e3 * change_Nm.max():.2g} mNm, together {ratio:.0f} times their noise, at least {UNLIKELY:.0f}). "
                 f"Nothing has moved. {_RESTART}"
             )
 

@@ -97,12 +97,12 @@ def load(package: Package) -> Any:
 
 def explain_mismatch(model: str, text: str) -> str | None:
     """libfranka's message about another interface version -> row of the matrix and remedy; None for other messages."""
-    found = _MISMATCH.search(text)
-    if found is None:
+    match = _MISMATCH.search(text)
+    if match is None:
         return None
-    server, package = int(found[1]), PACKAGES[model]
+    server, package = int(match[1]), PACKAGES[model]
     row = next((row for row in MATRIX if row.interface == server), None)
-    spoken = f"the arm speaks interface version {server}, {package.name} {package.version} speaks {found[2]}"
+    spoken = f"the arm speaks interface version {server}, {package.name} {package.version} speaks {match[2]}"
     if row is None:
         return f"{spoken}; the compatibility matrix has no row for it: update adaptsim, or ask which system the arm has"
     other = next((name for name, one in PACKAGES.items() if one.interface == server and name != model), None)

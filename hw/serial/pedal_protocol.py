@@ -68,15 +68,15 @@ class PedalState:
         return "the pedal has to be released and pressed again"
 
     def _after(self, line: bytes, t_s: float) -> PedalState:
-        said = parse(line)
-        if said is None:
+        message = parse(line)
+        if message is None:
             version = version_of(line)
             other = version if version not in ("", str(VERSION)) else self.other_version
             return replace(self, invalid=self.invalid + 1, other_version=other)
-        broken = self.last is None or t_s - self.heard_s > SILENCE_S or not _follows(self.last.counter, said.counter)
-        armed = (self.armed and not broken) or not said.pressed
-        held = said.pressed and armed
-        return replace(self, last=said, heard_s=t_s, armed=armed, held=held)
+        broken = self.last is None or t_s - self.heard_s > SILENCE_S or not _follows(self.last.counter, message.counter)
+        armed = (self.armed and not broken) or not message.pressed
+        held = message.pressed and armed
+        return replace(self, last=message, heard_s=t_s, armed=armed, held=held)
 
 
 def parse(line: bytes) -> PedalLine | None:

@@ -87,16 +87,16 @@ def starts(points_m: Array, px: Array, camera: Intrinsics) -> list[Array]:
         _, rvecs, tvecs, _ = cv2.solvePnPGeneric(points_m, px, camera.K, camera.distortion, flags=method)
     except cv2.error:
         return []
-    found = []
+    poses = []
     for r, t in zip(rvecs, tvecs, strict=True):
         X = pose(cv2.Rodrigues(r)[0], np.ravel(t))
         if np.isfinite(X).all() and X[2, 3] > 0:
-            found.append(X)
-    return found
+            poses.append(X)
+    return poses
 
 
 def _poses(points: Array, px: Array, camera: Intrinsics) -> BoardPose:
-    found = []
+    solutions = []
     for start in starts(points, px, camera):
         r, t = cv2.solvePnPRefineLM(
             points, px, camera.K, camera.distortion, cv2.Rodrigues(start[:3, :3])[0], start[:3, 3:].copy()
@@ -105,12 +105,12 @@ def _poses(points: Array, px: Array, camera: Intrinsics) -> BoardPose:
         rms = float(np.sqrt(np.mean(np.sum((again.reshape(-1, 2) - px) ** 2, axis=1))))
         X = pose(cv2.Rodrigues(r)[0], t.ravel())
         if X[2, 3] > 0:
-            found.append((rms, X))
-    if not found:
+            solutions.append((rms, X))
+    if not solutions:
         raise BoardNotFound("the corners have no pose in front of the camera: check the intrinsics")
-    found.sort(key=lambda item: item[0])
-    rms, X = found[0]
-    other_rms, other = found[1] if len(found) > 1 else (np.inf, None)
+    solutions.sort(key=lambda item: item[0])
+    rms, X = solutions[0]
+    other_rms, other = solutions[1] if len(solutions) > 1 else (np.inf, None)
     if other is not None and np.allclose(other, X, atol=1e-4):  # both starts ended in the same place
         other_rms, other = np.inf, None
     return BoardPose(X, rms, other, bool(other_rms < _AMBIGUOUS * rms))
@@ -129,16 +129,16 @@ def in_grey(image: NDArray[np.uint8] | NDArray[np.uint16]) -> Grey:
 
 def dictionary_named(name: str) -> cv2.aruco.Dictionary:
     """OpenCV's dictionary of that name, a key of DICTIONARIES."""
-    wanted = f"DICT_{name}".lower()
-    number = next(getattr(cv2.aruco, key) for key in dir(cv2.aruco) if key.lower() == wanted)
+    attribute = f"DICT_{name}".lower()
+    number = next(getattr(cv2.aruco, key) for key in dir(cv2.aruco) if key.lower() == attribute)
     return cv2.aruco.getPredefinedDictionary(number)
 
 
 def _charuco(board: Board) -> cv2.aruco.CharucoBoard:
     size = (board.squares_across, board.squares_down)
-    made = cv2.aruco.CharucoBoard(size, board.square_m, board.marker_m, dictionary_named(board.dictionary))
-    made.setLegacyPattern(board.legacy)
-    return made
+    charuco = cv2.aruco.CharucoBoard(size, board.square_m, board.marker_m, dictionary_named(board.dictionary))
+    charuco.setLegacyPattern(board.legacy)
+    return charuco
 
 
 def read_markers(
@@ -175,9 +175,9 @@ def _markers(grey: Grey, board: Board) -> tuple[Array, Array]:
             f"the board has markers 0 to {board.markers - 1}, the image shows {', '.join(map(str, strange[:6]))}:"
             " it is another board, or its stated size is wrong"
         )
-    known = (ids < board.markers) & (np.bincount(ids, minlength=1)[ids] == 1 if len(ids) else ids < 0)
+    usable = (ids < board.markers) & (np.bincount(ids, minlength=1)[ids] == 1 if len(ids) else ids < 0)
     places = np.array(_charuco(board).getObjPoints(), dtype=np.float64)  # (markers, 4, 3)
-    return places[ids[known]].reshape(-1, 3), px[known].reshape(-1, 2)
+    return places[ids[usable]].reshape(-1, 3), px[usable].reshape(-1, 2)
 
 
 def _explain(grey: Grey, board: Board, markers: int) -> None:
@@ -293,9 +293,9 @@ def _without_strays(
     for _ in range(5):
         if len(ids) < board.least:
             break
-        found = _poses(board.p_MK_m[ids], px, camera)
-        rvec = cv2.Rodrigues(found.X_VM[:3, :3])[0]
-        again, _ = cv2.projectPoints(board.p_MK_m[ids], rvec, found.X_VM[:3, 3], camera.K, camera.distortion)
+        pose = _poses(board.p_MK_m[ids], px, camera)
+        rvec = cv2.Rodrigues(pose.X_VM[:3, :3])[0]
+        again, _ = cv2.projectPoints(board.p_MK_m[ids], rvec, pose.X_VM[:3, 3], camera.K, camera.distortion)
         off = np.linalg.norm(again.reshape(-1, 2) - px, axis=1)
         limit = max(_STRAY_PX, 4.0 * float(np.median(off)))
         if off.max() <= limit:

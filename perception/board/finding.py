@@ -46,42 +46,42 @@ def _board(target: Board, image: Image, camera: Intrinsics) -> Corners:
 
 @_find.register
 def _markers(target: Markers, image: Image, camera: Intrinsics) -> Corners:
-    seen = in_grey(image)
+    grey = in_grey(image)
     others: set[int] = set()
     for scale in _SCALES:
-        found, strange = _read(seen, target, scale)
+        markers, strange = _read(grey, target, scale)
         others |= strange
-        if found:
-            ids = np.concatenate([4 * target.ids.index(n) + np.arange(4) for n in found])
-            px = np.concatenate(list(found.values()))
+        if markers:
+            ids = np.concatenate([4 * target.ids.index(n) + np.arange(4) for n in markers])
+            px = np.concatenate(list(markers.values()))
             order = np.argsort(ids)
             return Corners(ids[order], px[order])
-    wanted = ", ".join(map(str, target.ids[:6]))
+    ids_text = ", ".join(map(str, target.ids[:6]))
     instead = f", but markers {', '.join(map(str, sorted(others)[:6]))} are" if others else ""
-    raise BoardNotFound(f"marker {wanted} of {target.dictionary} is not in the picture{instead}")
+    raise BoardNotFound(f"marker {ids_text} of {target.dictionary} is not in the picture{instead}")
 
 
-def _read(seen: NDArray[np.uint8], target: Markers, scale: int) -> tuple[dict[int, Array], set[int]]:
+def _read(grey: NDArray[np.uint8], target: Markers, scale: int) -> tuple[dict[int, Array], set[int]]:
     """Corners (4, 2) by marker, for markers that appear exactly once, and the ids of other markers."""
     # along the edges, not at the corners: corners are often too close to the rim of the paper for a window
-    ids, corners = read_markers(seen, target.dictionary, scale, cv2.aruco.CORNER_REFINE_CONTOUR)
+    ids, corners = read_markers(grey, target.dictionary, scale, cv2.aruco.CORNER_REFINE_CONTOUR)
     numbers = ids.tolist()
-    found = {
-        n: along_edges(seen, px)
+    markers = {
+        n: along_edges(grey, px)
         for n, px in zip(numbers, corners, strict=True)
         if n in target.ids and numbers.count(n) == 1
     }
-    return found, set(numbers) - set(target.ids)
+    return markers, set(numbers) - set(target.ids)
 
 
-def along_edges(seen: NDArray[np.uint8], px: Array) -> Array:
+def along_edges(grey: NDArray[np.uint8], px: Array) -> Array:
     """(4, 2) rough corners of a marker, clockwise -> the intersections of lines along its four inked edges.
 
     OpenCV's own refinements are off by half a pixel and more where the rim of the paper is near: 2 % of the size of a
     marker of 25 px. Here each edge is fitted to the steepest rise of grey, at many places of a side.
     """
     for reach in _REACHES_PX:
-        lines = [_edge(seen, px[k], px[(k + 1) % 4], px.mean(axis=0), reach) for k in range(4)]
+        lines = [_edge(grey, px[k], px[(k + 1) % 4], px.mean(axis=0), reach) for k in range(4)]
         corners = []
         for k in range(4):
             (n0, c0), (n1, c1) = lines[k - 1], lines[k]
@@ -90,7 +90,7 @@ def along_edges(seen: NDArray[np.uint8], px: Array) -> Array:
     return px
 
 
-def _edge(seen: NDArray[np.uint8], start: Array, end: Array, middle: Array, reach: float) -> tuple[Array, float]:
+def _edge(image: NDArray[np.uint8], start: Array, end: Array, middle: Array, reach: float) -> tuple[Array, float]:
     """The line n p = c along the ink's edge between two rough corners."""
     length = float(np.linalg.norm(end - start))
     along = (end - start) / length
@@ -99,7 +99,7 @@ def _edge(seen: NDArray[np.uint8], start: Array, end: Array, middle: Array, reac
     steps = np.arange(-reach, reach + 1e-9, _STEP_PX)
     places = np.linspace(_CORNER_SHARE, 1 - _CORNER_SHARE, max(8, round(2 * length)))
     grid = (start + places[:, None] * (end - start))[:, None] + steps[:, None] * normal
-    grey = cv2.remap(seen, grid.astype(np.float32), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    grey = cv2.remap(image, grid.astype(np.float32), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     rise = np.maximum(np.diff(grey.astype(np.float64), axis=1), 0.0)  # from ink outwards it gets brighter
     rise *= rise > 0.3 * rise.max(axis=1, keepdims=True)
     weight = rise.sum(axis=1)

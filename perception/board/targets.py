@@ -274,14 +274,14 @@ def _symmetries(p_m: Array) -> tuple[NDArray[np.int64], ...]:
     if len(p_m) < 4 or flat[2] > _ALIKE * size:
         return ()
     xy = centred @ axes[:2].T
-    found = []
+    symmetries = []
     for quarters in (1, 2, 3):
         c, s = ((0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarters - 1]
         apart = np.linalg.norm((xy @ np.array([[c, s], [-s, c]]))[:, None] - xy, axis=-1)
         ids = apart.argmin(axis=1)
         if apart.min(axis=1).max() < _ALIKE * size and len(set(ids.tolist())) == len(ids):
-            found.append(ids.astype(np.int64))
-    return tuple(found)
+            symmetries.append(ids.astype(np.int64))
+    return tuple(symmetries)
 
 
 def _turns(across: int, down: int) -> tuple[NDArray[np.int64], ...]:

@@ -130,8 +130,8 @@ def _both(one: _Bottle, other: _Bottle) -> _Bottle:
 
 def _bottle_in(scan: Scan, raw: Raw, thing: Thing, body: Cylinder) -> _Bottle | None:
     guess = body.upright(thing.centre_m[:2])
-    seen = patch(scan, raw, guess[:3, 3], NO_ARM)
-    best = None if seen is None else place(seen, body, guess)
+    surface = patch(scan, raw, guess[:3, 3], NO_ARM)
+    best = None if surface is None else place(surface, body, guess)
     if best is None or best.fit < _BOTTLE_FIT:
         return None
     off = np.abs(distance_m(thing.points_m, best.X_BO, body))

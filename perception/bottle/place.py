@@ -93,25 +93,25 @@ def patch(scan: Scan, raw: Raw, centre_m: Array, arm: Arm) -> Patch | None:
     return Patch(view, depth, along, points[~arm.holds(points)])
 
 
-def place(seen: Patch, body: Cylinder, guess: Array) -> BottleFix | None:
+def place(surface: Patch, body: Cylinder, guess: Array) -> BottleFix | None:
     """The body near X_BO `guess` (4, 4): upright if that explains the readings, else as it leans or lies."""
-    if len(seen.points_m) < _FEWEST:
+    if len(surface.points_m) < _FEWEST:
         return None
-    few = seen.points_m[:: max(1, len(seen.points_m) // _ENOUGH)]
+    few = surface.points_m[:: max(1, len(surface.points_m) // _ENOUGH)]
     if np.rad2deg(tilt_rad(guess)) > _FALLING_DEG:  # it keeps falling, or lies
         again = fit_pose(few, guess, body)
-        fallen = appraise(seen, body, again)
+        fallen = appraise(surface, body, again)
         if _leans(again, body) and fallen.confidence > _SURE:
             return fallen
-    standing = [appraise(seen, body, X) for X in _standing(seen, body, guess)]
+    standing = [appraise(surface, body, X) for X in _standing(surface, body, guess)]
     best = BottleFix.better(standing) if standing else None
     starts = [best.X_BO] if best is not None and best.fit >= _WELL else [guess, *(p.X_BO for p in standing)]
-    leaning = [appraise(seen, body, X) for X in (fit_pose(few, X, body) for X in starts) if _leans(X, body)]
+    leaning = [appraise(surface, body, X) for X in (fit_pose(few, X, body) for X in starts) if _leans(X, body)]
     if best is None or (leaning and BottleFix.better(leaning).confidence > best.confidence - _SAME):
         best = BottleFix.better(leaning) if leaning else None
     if best is None or best.fit < _BADLY:
-        fits = (fit_pose(few, X, body) for X in _lying(seen, body))
-        lying = [appraise(seen, body, X) for X in fits if _leans(X, body)]
+        fits = (fit_pose(few, X, body) for X in _lying(surface, body))
+        lying = [appraise(surface, body, X) for X in fits if _leans(X, body)]
         best = BottleFix.better([p for p in (best, *lying) if p is not None]) if lying or best else None
     return best
 
@@ -121,19 +121,19 @@ def _leans(X_BO: Array, body: Cylinder) -> bool:
     return bool(np.rad2deg(tilt_rad(X_BO)) > _LEANS_DEG and abs(lowest_m(X_BO, body)) < _OFF_TABLE_M)
 
 
-def appraise(seen: Patch, body: Cylinder, X_BO: Array) -> BottleFix:
+def appraise(surface: Patch, body: Cylinder, X_BO: Array) -> BottleFix:
     """How well the body at X_BO agrees with the readings."""
-    camera = seen.view.camera
-    uv = project(camera, seen.view.X_VB, body.rims_m @ X_BO[:3, :3].T + X_BO[:3, 3])
+    camera = surface.view.camera
+    uv = project(camera, surface.view.X_VB, body.rims_m @ X_BO[:3, :3].T + X_BO[:3, 3])
     inside = float(((uv > 1) & (uv < np.array([camera.width, camera.height]) - 2)).all(axis=1).mean())
     nothing = BottleFix(X_BO, inside, 0.0, 0.0, 0.0)
-    corner = np.array([seen.view.columns.start, seen.view.rows.start])
-    low, high = (np.clip(x - corner, 0, seen.depth_m.shape[::-1]) for x in (uv.min(axis=0) - 1, uv.max(axis=0) + 2))
+    corner = np.array([surface.view.columns.start, surface.view.rows.start])
+    low, high = (np.clip(x - corner, 0, surface.depth_m.shape[::-1]) for x in (uv.min(axis=0) - 1, uv.max(axis=0) + 2))
     box = np.s_[int(low[1]) : int(high[1]), int(low[0]) : int(high[0])]
-    measured, along = seen.depth_m[box], seen.along[box]
+    measured, along = surface.depth_m[box], surface.along[box]
     if measured.size == 0:
         return nothing
-    front = front_m(along.reshape(-1, 3).astype(np.float64), seen.eye_m, X_BO, body).reshape(measured.shape)
+    front = front_m(along.reshape(-1, 3).astype(np.float64), surface.eye_m, X_BO, body).reshape(measured.shape)
     # readings at its rim may mix with the background: a rim of one pixel is left out
     face = cv2.erode(np.isfinite(front).astype(np.uint8), _CROSS, borderValue=0) > 0
     read = face & (measured > 0)
@@ -143,37 +143,37 @@ def appraise(seen: Patch, body: Cylinder, X_BO: Array) -> BottleFix:
         return nothing
     hidden = 1 - (agree + deeper) / len(off)
     share = len(off) / int(face.sum())
-    known = min(1.0, share / ENOUGH_READ)
-    return BottleFix(X_BO, inside, share, known * (1 - hidden) * inside, agree / (agree + deeper))
+    readability = min(1.0, share / ENOUGH_READ)
+    return BottleFix(X_BO, inside, share, readability * (1 - hidden) * inside, agree / (agree + deeper))
 
 
-def _standing(seen: Patch, body: Cylinder, guess: Array) -> list[Array]:
+def _standing(surface: Patch, body: Cylinder, guess: Array) -> list[Array]:
     """Upright poses: at its visible top, at the expected place, or behind the middle of its visible side."""
-    points = seen.points_m
+    points = surface.points_m
     height = points[:, 2]
     side = points[height < body.height_m - _TOP_M, :2]
     if len(side) < _FEWEST:
         return []
     top = points[np.abs(height - body.height_m) < _TOP_M, :2]
     middle = np.median(side, axis=0)
-    away = (middle - seen.eye_m[:2]) / max(float(np.linalg.norm(middle - seen.eye_m[:2])), 1e-9)
+    away = (middle - surface.eye_m[:2]) / max(float(np.linalg.norm(middle - surface.eye_m[:2])), 1e-9)
     starts = [guess[:2, 3], middle + 2 / np.pi * body.radius_m * away]
     if len(top) >= _FEWEST:
         starts.insert(0, np.median(top, axis=0))
     few = side[:: max(1, len(side) // _ENOUGH)]
-    found: list[Array] = []
+    centres: list[Array] = []
     for start in starts:
         circle = fit_circle(few, start, body.radius_m)
-        if all(np.linalg.norm(circle.centre_m - other) > 0.001 for other in found):
-            found.append(circle.centre_m)
+        if all(np.linalg.norm(circle.centre_m - other) > 0.001 for other in centres):
+            centres.append(circle.centre_m)
         if circle.share > _CLEAR_SHARE:
             break
-    return [body.upright(xy) for xy in found]
+    return [body.upright(xy) for xy in centres]
 
 
-def _lying(seen: Patch, body: Cylinder) -> list[Array]:
+def _lying(surface: Patch, body: Cylinder) -> list[Array]:
     """Poses on its side: along the longest direction of the points, and across it."""
-    low = seen.points_m[seen.points_m[:, 2] < 3 * body.radius_m]
+    low = surface.points_m[surface.points_m[:, 2] < 3 * body.radius_m]
     if len(low) < _FEWEST:
         return []
     middle = np.median(low[:, :2], axis=0)

@@ -103,31 +103,31 @@ def _follow(
     scan: Scan, frames: Sequence[Frame], detection: BottleDetection, arm_at: Callable[[float], Arm]
 ) -> tuple[list[BottleFix], list[_Clutter]]:
     """The bottle in each frame (confidence 0: not located), and other objects there."""
-    known = [(frames[0].t_s - 1 / 30, detection.X_BO)]
+    history = [(frames[0].t_s - 1 / 30, detection.X_BO)]
     places, clutter = [], []
     for frame in frames:
         arm, raw = arm_at(frame.t_s), scan.raw(frame)
-        best = BottleFix(known[-1][1], 0.0, 0.0, 0.0, 0.0)
-        for guess in _guesses(known, frame.t_s):
-            seen = patch(scan, raw, guess[:3, 3], arm)
-            found = None if seen is None else place(seen, detection.body, guess)
-            if found is not None:
-                best = BottleFix.better([best, found])
+        best = BottleFix(history[-1][1], 0.0, 0.0, 0.0, 0.0)
+        for guess in _guesses(history, frame.t_s):
+            surface = patch(scan, raw, guess[:3, 3], arm)
+            fix = None if surface is None else place(surface, detection.body, guess)
+            if fix is not None:
+                best = BottleFix.better([best, fix])
             if best.fit >= _FIT and best.confidence >= _SEEN:
                 break
         if best.confidence >= _SEEN:
-            known = [known[-1], (frame.t_s, best.X_BO)]
+            history = [history[-1], (frame.t_s, best.X_BO)]
         places.append(best)
-        clutter.append(_clutter(scan, raw, arm, known[-1][1], detection.body))
+        clutter.append(_clutter(scan, raw, arm, history[-1][1], detection.body))
     return places, clutter
 
 
-def _guesses(known: list[tuple[float, Array]], t_s: float) -> list[Array]:
+def _guesses(history: list[tuple[float, Array]], t_s: float) -> list[Array]:
     """Poses near which to search: it continued as before, or it stayed."""
-    t_last_s, last = known[-1]
-    if len(known) < 2:
+    t_last_s, last = history[-1]
+    if len(history) < 2:
         return [last]
-    t_before_s, before = known[-2]
+    t_before_s, before = history[-2]
     onward = last.copy()
     onward[:3, 3] += (last[:3, 3] - before[:3, 3]) * min((t_s - t_last_s) / max(t_last_s - t_before_s, 1e-3), 3.0)
     return [onward, last]
@@ -135,15 +135,15 @@ def _guesses(known: list[tuple[float, Array]], t_s: float) -> list[Array]:
 
 def _clutter(scan: Scan, raw: Raw, arm: Arm, X_BO: Array, body: Cylinder) -> _Clutter:
     """The parts of a frame that are neither table, arm nor bottle."""
-    seen = _Clutter.NONE
+    state = _Clutter.NONE
     for thing in things(scan, raw, arm, _STEP):
         away = distance_m(thing.points_m, X_BO, body)
         strange = away > _OWN_M
         if strange.mean() > _STRANGE_SHARE:
             if away[strange].min() < _NEAR_M:
                 return _Clutter.NEAR
-            seen = _Clutter.APART
-    return seen
+            state = _Clutter.APART
+    return state
 
 
 def _outcome(t_s: Array, state: Array, sure: Mask, tilt_deg: Array, area: Area) -> Outcome:
@@ -175,7 +175,7 @@ def _sight_flags(t_s: Array, places: Sequence[BottleFix], clutter: Sequence[_Clu
     visible = np.array([p.visible >= _VISIBLE for p in places])
     fits = np.array([p.fit >= _FIT for p in places])
     others = np.array(clutter)
-    seen = (
+    causes = (
         (~sure, "the bottle is not located"),
         (sure & ~inside, "the bottle is at the edge of the image"),
         (sure & inside & ~visible, "much of the bottle is hidden"),
@@ -183,7 +183,7 @@ def _sight_flags(t_s: Array, places: Sequence[BottleFix], clutter: Sequence[_Clu
         (others == _Clutter.NEAR, "a hand or another object touches or comes near the bottle"),
         (others == _Clutter.APART, "a hand or another object is in the picture"),
     )
-    return tuple(flag for which, what in seen for flag in in_frames(what, which, t_s))
+    return tuple(flag for which, what in causes for flag in in_frames(what, which, t_s))
 
 
 def _end_flags(

@@ -105,25 +105,25 @@ class _Known:
 def follow(rig: TrackingSetup, frames: Sequence[Frame], poses: Sequence[Array]) -> list[PieceFix | None]:
     """One place per frame, given the tool's poses (4, 4); None if the piece cannot be located."""
     places: list[PieceFix | None] = []
-    known: tuple[_Known, ...] = (_Known(frames[0].t_s - 1 / 30, poses[0], rig.detection.centre_m),)
+    history: tuple[_Known, ...] = (_Known(frames[0].t_s - 1 / 30, poses[0], rig.detection.centre_m),)
     others: tuple[Array, ...] = (rig.detection.table_chroma,)
     tool_chroma: Array | None = None
     for frame, X_BT in zip(frames, poses, strict=True):
         if tool_chroma is None:
-            tool_chroma = _tool_chroma(rig, frame, X_BT, known[-1].centre_m)
+            tool_chroma = _tool_chroma(rig, frame, X_BT, history[-1].centre_m)
             if tool_chroma is not None and np.linalg.norm(tool_chroma - rig.detection.piece_chroma) > _SAME_COLOUR:
                 others = (*others, tool_chroma)
-        place = _step(rig, frame, X_BT, known, others)
+        place = _step(rig, frame, X_BT, history, others)
         places.append(place)
         if place is not None:
-            known = (known[-1], _Known(frame.t_s, X_BT, place.centre_m))
+            history = (history[-1], _Known(frame.t_s, X_BT, place.centre_m))
     return places
 
 
 def _step(
-    rig: TrackingSetup, frame: Frame, X_BT: Array, known: tuple[_Known, ...], others: tuple[Array, ...]
+    rig: TrackingSetup, frame: Frame, X_BT: Array, history: tuple[_Known, ...], others: tuple[Array, ...]
 ) -> PieceFix | None:
-    guesses = _guesses(rig, frame.t_s, X_BT, known)
+    guesses = _guesses(rig, frame.t_s, X_BT, history)
     middle = np.mean(guesses, axis=0)
     spread_m = max(float(np.linalg.norm(guess - middle)) for guess in guesses)
     reach_m = float(np.linalg.norm(rig.proxy.half_m)) + _SEARCH_M + spread_m
@@ -162,12 +162,12 @@ def _refine(evidence: Evidence, rig: TrackingSetup, X_BT: Array, start_m: Array)
     return locate(evidence, rig.proxy, _rotation(X_BT, start_m), start_m, _PRIOR_STD_M)
 
 
-def _guesses(rig: TrackingSetup, t_s: float, X_BT: Array, known: tuple[_Known, ...]) -> list[Array]:
+def _guesses(rig: TrackingSetup, t_s: float, X_BT: Array, history: tuple[_Known, ...]) -> list[Array]:
     """It stayed, it moved with the tool, it continued as before."""
-    last = known[-1]
+    last = history[-1]
     guesses = [last.centre_m, transform(X_BT, transform(inverse(last.X_BT), last.centre_m))]
-    if len(known) > 1:
-        step_m = (last.centre_m - known[-2].centre_m) / (last.t_s - known[-2].t_s)
+    if len(history) > 1:
+        step_m = (last.centre_m - history[-2].centre_m) / (last.t_s - history[-2].t_s)
         guesses.append(last.centre_m + step_m * (t_s - last.t_s))
     lowest_m = 0.8 * min(rig.proxy.half_m)
     return [np.array([g[0], g[1], np.clip(g[2], lowest_m, rig.highest_m)]) for g in guesses]

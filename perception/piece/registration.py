@@ -58,10 +58,10 @@ def _one(frame: Frame, X_BT: Array, view: ImageRegion, tool: ToolMask, hidden: t
     point_m, radius_m = hidden
     away = np.linalg.norm(part.xy - part.image_point(point_m[None])[0], axis=-1)
     used = away > radius_m * part.focal_px / part.depth_of(point_m)
-    seen = _likeness(frame.colour[part.rows, part.columns], expected, used)
-    if seen is None:
+    likeness = _likeness(frame.colour[part.rows, part.columns], expected, used)
+    if likeness is None:
         return None
-    return _align(_smooth(expected.astype(np.float32)), _smooth(seen), used)
+    return _align(_smooth(expected.astype(np.float32)), _smooth(likeness), used)
 
 
 def _likeness(rgb: NDArray[np.uint8], expected: NDArray[np.bool_], used: NDArray[np.bool_]) -> Array32 | None:
@@ -83,8 +83,8 @@ def _smooth(picture: Array32) -> Array32:
     return np.asarray(cv2.GaussianBlur(picture, (0, 0), _SMOOTH_PX), dtype=np.float32)
 
 
-def _align(expected: Array32, seen: Array32, used: NDArray[np.bool_]) -> Array | None:
-    """(2,) shift of `seen` against `expected` (Lucas and Kanade's method)."""
+def _align(expected: Array32, likeness: Array32, used: NDArray[np.bool_]) -> Array | None:
+    """(2,) shift of `likeness` against `expected` (Lucas and Kanade's method)."""
     shift = np.zeros(2)
     margin = int(_FARTHEST_PX) + 1
     inner = np.zeros_like(used)
@@ -98,7 +98,7 @@ def _align(expected: Array32, seen: Array32, used: NDArray[np.bool_]) -> Array |
         A = J.T @ J
         if np.linalg.eigvalsh(A)[0] < 1.0:
             return None
-        shift = shift + np.linalg.solve(A, J.T @ (seen - moved)[inner])
+        shift = shift + np.linalg.solve(A, J.T @ (likeness - moved)[inner])
         if np.abs(shift).max() > _FARTHEST_PX:
             return None
     return shift

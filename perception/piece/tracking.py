@@ -56,8 +56,8 @@ def judge(
     """
     last = last_frames(t_s, duration_s)
     in_tool = np.array([transform(inverse(X), p) for X, p in zip(X_BT[last], state_m[last], strict=True)])
-    seen = confidence[last] >= _SEEN
-    end = np.median(in_tool[seen] if seen.any() else in_tool, axis=0)
+    visible = confidence[last] >= _SEEN
+    end = np.median(in_tool[visible] if visible.any() else in_tool, axis=0)
     centre = np.median(state_m[last], axis=0)
     if centre[2] < -max(proxy.half_m):
         return Outcome.LOST, end, ("below the table top at the end",)
@@ -178,10 +178,10 @@ def track_piece(
     confidence = np.array([0.0 if place is None else place.confidence for place in places])
     outcome, end_in_tool_m, doubts = judge(t_s, state, confidence, np.stack(poses), duration_s, detection.proxy)
     flags = (*camera_flags, *_flags(t_s, places, state, rig.detection), *doubts)
-    track, seen = ObjectTrack(t_s, state, outcome, end_in_tool_m, confidence, flags), confidence >= _SEEN
-    if seen_leaving(t_s, state[:, :2], seen, reach_of(detection)):
+    track, visible = ObjectTrack(t_s, state, outcome, end_in_tool_m, confidence, flags), confidence >= _SEEN
+    if seen_leaving(t_s, state[:, :2], visible, reach_of(detection)):
         return replace(track, outcome=Outcome.LOST, flags=(*flags, "it left the camera's view"))
-    require_seen("piece", track, seen, last_frames(t_s, duration_s))
+    require_seen("piece", track, visible, last_frames(t_s, duration_s))
     return track
 
 

@@ -97,7 +97,7 @@ def test_the_common_error_is_told_from_errors_of_the_arm() -> None:
 def test_the_better_of_two_fits_is_kept_and_named() -> None:
     choice = solve(views(0.5), SETUP, None).choice
     assert choice.held_out_px <= 1.03 * min(choice.errors_px, choice.pixels_px)
-    assert all(weights.value in choice.sentence for weights in choice.kept)
+    assert all(weights.value in choice.sentence for weights in choice.weights)
     assert f"{choice.pixels_px:.2f} px" in choice.sentence
 
 
@@ -116,7 +116,7 @@ def test_the_mean_is_taken_where_neither_fit_predicts_better(
 
     monkeypatch.setattr(estimator, "_folds", folds)
     found = solve(views(0.5), SETUP, None)
-    assert list(found.choice.kept) == kept
+    assert list(found.choice.weights) == kept
     alone = {}
     for weights in Weights:
         told.update({w: 0.1 if w is weights else 1.0 for w in Weights})

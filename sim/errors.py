@@ -72,7 +72,7 @@ class RecordingsRefused(SimError):
     """Recorded trials cannot serve as a target."""
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: str, names: Iterable[str]) -> str:
     """The most similar names as the end of a message; empty if none is similar."""
-    near = difflib.get_close_matches(name, list(known), n=3)
+    near = difflib.get_close_matches(name, list(names), n=3)
     return f"; did you mean {' or '.join(near)}?" if near else ""

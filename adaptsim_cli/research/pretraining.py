@@ -162,13 +162,13 @@ def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int],
 
     Raises CheckpointError if it is corrupt or of another task. `holds` says whether the figures hold.
     """
-    from sim.research.pretraining.verification import Figure
+    from sim.research.pretraining.verification import CardFigure
     from sim.research.pretraining.verification import verify_figures as verify
     from sim.rollouts import run_many, simulating_executor
 
     checkpoint = checkpoint_of(config)
     task = checkpoint.solver.task
-    figures: list[Figure] = []
+    figures: list[CardFigure] = []
     if rollouts:
         with simulating_executor(config.workers) as executor:
             roll = partial(run_many, task, executor=executor)
@@ -178,7 +178,17 @@ def verify_figures(config: Config, rollouts: int, progress: Callable[[int, int],
         "folder": str(checkpoint.path),
         "sha256": checkpoint.sha256,
         "holds": all(f.holds for f in figures),
-        "figures": [{**asdict(figure), "holds": figure.holds} for figure in figures],
+        "figures": [
+            {
+                "name": figure.name,
+                "card": figure.card,
+                "found": figure.measured,
+                "tolerance": figure.tolerance,
+                "better": figure.better,
+                "holds": figure.holds,
+            }
+            for figure in figures
+        ],
     }
 
 

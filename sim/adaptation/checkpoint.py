@@ -114,8 +114,10 @@ def card_of(path: Path) -> Card:
     """The card of the checkpoint in the folder `path`. Raises FileNotFoundError, CheckpointError."""
     try:
         raw = read_toml(path / CARD)
-        if (found := raw.get("format", FORMAT)) != FORMAT:
-            raise CheckpointError(f"{path} has checkpoint format {found}, this version reads {FORMAT}: pretrain again")
+        if (stored_format := raw.get("format", FORMAT)) != FORMAT:
+            raise CheckpointError(
+                f"{path} has checkpoint format {stored_format}, this version reads {FORMAT}: pretrain again"
+            )
         return Card.model_validate(raw)
     except Unreadable as error:
         raise CheckpointError(f"{path / CARD} {error}; make the checkpoint again") from error
@@ -124,11 +126,11 @@ def card_of(path: Path) -> Card:
 
 
 def _wrong(file: Path, error: ValidationError) -> CheckpointError:
-    found = {".".join(map(str, one["loc"])): one for one in error.errors()}
-    missing = ", ".join(sorted(name for name, one in found.items() if one["type"] == "missing"))
+    errors_by_key = {".".join(map(str, one["loc"])): one for one in error.errors()}
+    missing = ", ".join(sorted(name for name, one in errors_by_key.items() if one["type"] == "missing"))
     if missing:
         return CheckpointError(f"{file} has no {missing}: install or make the checkpoint again")
-    name, first = next(iter(found.items()))
+    name, first = next(iter(errors_by_key.items()))
     return CheckpointError(f"{file} has a wrong {name} ({first['msg']}): install or make the checkpoint again")
 
 
@@ -262,10 +264,10 @@ def verify_weights(path: Path, card: Card) -> None:
     model = path / MODEL
     if not model.exists():
         raise CheckpointError(f"{model} is missing: install or make the checkpoint again")
-    found = sha256(model)
-    if found != card.sha256:
+    digest = sha256(model)
+    if digest != card.sha256:
         raise CheckpointError(
-            f"{model} is damaged or was changed: its SHA-256 is {found[:12]}..., the card says "
+            f"{model} is damaged or was changed: its SHA-256 is {digest[:12]}..., the card says "
             f"{card.sha256[:12]}...; install or make the checkpoint again"
         )
 

@@ -30,19 +30,19 @@ def choose_best(task: Task, history: Sequence[Iteration]) -> Best:
     `ci95` is the 95 % interval of the expected reward; `trials` counts those within one LENGTH, which carry the
     estimate. Raises ValueError if the history has no trial.
     """
-    seen = [tried for iteration in history for tried in iteration if tried.trials]
-    if not seen:
+    candidates = [tried for iteration in history for tried in iteration if tried.trials]
+    if not candidates:
         raise ValueError("no trial has been run yet, so there is no best")
-    counts = np.array([len(s.trials) for s in seen], dtype=np.float64)
-    rewards = np.array([np.mean([t.reward for t in s.trials]) for s in seen])
-    unit = task.parameters.normalise(np.array([s.particle.mean for s in seen]))
+    counts = np.array([len(s.trials) for s in candidates], dtype=np.float64)
+    rewards = np.array([np.mean([t.reward for t in s.trials]) for s in candidates])
+    unit = task.parameters.normalise(np.array([s.particle.mean for s in candidates]))
     mean, std = _posterior(unit, rewards, task.adaptation.trial_std**2 / counts)
     best = int(np.flatnonzero(mean >= mean.max() - 1e-9)[-1])
     near = np.linalg.norm(unit - unit[best], axis=1) <= LENGTH
     estimate = float(np.clip(mean[best], 0.0, 1.0))
     half = 1.96 * float(std[best])
     return Best(
-        particle=seen[best].particle,
+        particle=candidates[best].particle,
         mean_reward=estimate,
         ci95=(max(0.0, estimate - half), min(1.0, estimate + half)),
         trials=int(counts[near].sum()),
@@ -64,7 +64,7 @@ SAME_ACTION = 0.02
 
 def repeated_trials(policy: SolvedPolicy, task: Task, history: Sequence[Iteration]) -> tuple[int, ...]:
     """The trials, numbered from 1 in the order of the history, whose action `policy` would repeat in their context."""
-    trials = [trial for iteration in history for seen in iteration for trial in seen.trials]
+    trials = [trial for iteration in history for entry in iteration for trial in entry.trials]
     if not trials:
         return ()
     actions = policy.actions(np.array([trial.context for trial in trials]))
@@ -116,21 +116,21 @@ def judge(
 
     `best` are the final parameters; `ahead` is the outlook, or None if the method makes no forecast.
     """
-    trials = [trial for iteration in history for seen in iteration for trial in seen.trials]
+    trials = [trial for iteration in history for entry in iteration for trial in entry.trials]
     limit = SLACK * misfits.expectations.misfit_limit
     strange = sum(misfits.of(t) > limit for t in trials)
-    found = [Reason.INEXPRESSIBLE] if 2 * strange > len(trials) else []
+    reasons = [Reason.INEXPRESSIBLE] if 2 * strange > len(trials) else []
     if ahead is not None and ahead.has_only_failed:
-        found.append(Reason.FAILURES)
+        reasons.append(Reason.FAILURES)
     if ahead is not None and ahead.untried and not ahead.hopeless and ahead.likely < LEAST_CHANCE:
-        found.append(Reason.UNTRIED)
+        reasons.append(Reason.UNTRIED)
     if ahead is None:
-        kind = _by_parameters(task, history, best, bool(found))
+        kind = _by_parameters(task, history, best, bool(reasons))
     else:
         kind = Kind.HOPELESS if ahead.hopeless else Kind.ENOUGH if ahead.done else Kind.GO_ON
     return Verdict(
         kind=kind,
-        reasons=tuple(found) if ahead is not None or len(trials) >= LEAST_TRIALS else (),
+        reasons=tuple(reasons) if ahead is not None or len(trials) >= LEAST_TRIALS else (),
         reward=best.mean_reward,
         ci95=best.ci95,
         trials=len(trials),
@@ -142,7 +142,7 @@ def judge(
 
 def _by_parameters(task: Task, history: Sequence[Iteration], best: Best, is_inexpressible: bool) -> Kind:
     """The kind of verdict for a method that only moves parameters."""
-    if sum(len(seen.trials) for iteration in history for seen in iteration) < LEAST_TRIALS:
+    if sum(len(entry.trials) for iteration in history for entry in iteration) < LEAST_TRIALS:
         return Kind.TOO_FEW
     if best.mean_reward < task.adaptation.threshold:
         is_stuck = len(history) >= 3 and not _improving(history)
@@ -153,7 +153,7 @@ def _by_parameters(task: Task, history: Sequence[Iteration], best: Best, is_inex
 
 
 def _iteration_rewards(history: Sequence[Iteration]) -> list[float]:
-    pooled = [[t.reward for seen in iteration for t in seen.trials] for iteration in history]
+    pooled = [[t.reward for entry in iteration for t in entry.trials] for iteration in history]
     return [float(np.mean(rewards)) for rewards in pooled if rewards]
 
 

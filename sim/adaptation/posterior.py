@@ -88,8 +88,8 @@ def predicted(expectations: Expectations, parameters: Array, context: Array, act
     """
     task, n = expectations.task, len(parameters)
     middle = task.nuisance.denormalise(np.full((n, len(task.nuisance)), 0.5))
-    there = expectations.trajectories(parameters, np.broadcast_to(action, (n, len(task.action))), middle)
-    return task.observation.denormalise(task.relocate(there, np.broadcast_to(context, (n, len(task.context)))))
+    paths = expectations.trajectories(parameters, np.broadcast_to(action, (n, len(task.action))), middle)
+    return task.observation.denormalise(task.relocate(paths, np.broadcast_to(context, (n, len(task.context)))))
 
 
 def prospect(

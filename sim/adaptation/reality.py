@@ -270,7 +270,7 @@ class Reality:
             self.parameters[None, :, None], actions[:, None, None] + drawn.error, drawn.nuisance
         )
         at = task.action.normalise(actions)
-        added = [known.drawn(at, residuals, seed) for seed, (known, residuals) in enumerate(self._added)]
+        added = [discrepancy.drawn(at, residuals, seed) for seed, (discrepancy, residuals) in enumerate(self._added)]
         chance = np.clip(success.mean(axis=0) + added[0][..., None], 0.0, 1.0)
         off = np.stack(added[1:], axis=-1) * unit
         return Outcomes(task, actions, chance, end.mean(axis=0) + off[:, :, None])
@@ -314,11 +314,11 @@ class Reality:
         """The discrepancy with the multiple of `scale` that best explains residuals (N, T) over all simulators
         (empirical Bayes).
         """
-        known = [Discrepancy(scale.times(factor), at, noise) for factor in FACTORS]
+        candidates = [Discrepancy(scale.times(factor), at, noise) for factor in FACTORS]
         paths = self._on_average.log_likelihood.sum(axis=0)
-        explained = [logsumexp(paths + one.evidence(residuals)) for one in known]
+        explained = [logsumexp(paths + one.evidence(residuals)) for one in candidates]
         before = -0.5 * (np.log(FACTORS) / FACTORS_STD) ** 2
-        return known[int(np.argmax(explained + before))]
+        return candidates[int(np.argmax(explained + before))]
 
     @cached_property
     def _on_average(self) -> _Predicted:

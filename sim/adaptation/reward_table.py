@@ -96,13 +96,13 @@ def look_ahead(
 def restore_prospects(task: Task, tensors: Tensors) -> RewardTable:
     """The stored prospects. Raises CheckpointError if the tensors are not prospects of this task."""
     try:
-        found = RewardTable(*(tensors[name].astype(np.float64) for name in ("candidates", "truths", "rewards")))
+        table = RewardTable(*(tensors[name].astype(np.float64) for name in ("candidates", "truths", "rewards")))
     except KeyError as error:
         raise CheckpointError(f"the prospects hold no {error}: pretrain again") from error
     parameters = len(task.parameters)
-    if found.candidates.shape[1] != parameters or found.truths.shape[1] != parameters:
-        raise CheckpointError(f"prospects of {found.truths.shape[1]} parameters do not fit {task.name}; pretrain again")
-    return found
+    if table.candidates.shape[1] != parameters or table.truths.shape[1] != parameters:
+        raise CheckpointError(f"prospects of {table.truths.shape[1]} parameters do not fit {task.name}; pretrain again")
+    return table
 
 
 def weighed(prospects: RewardTable, weights: Array) -> RewardTable:

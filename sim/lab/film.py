@@ -62,9 +62,9 @@ class Filming:
         """The plant moves along `motion` from `t_start_s` on. May be called again, with more of the same motion."""
         self._motions[t_start_s] = motion
         end_s = t_start_s + float(motion.t_s[-1])
-        seen = range(self._next, int(np.floor(self._number_at(end_s - EXPOSURE_S / 2))) + 1)
-        self._next = max(self._next, seen.stop)
-        for number in seen:
+        numbers = range(self._next, int(np.floor(self._number_at(end_s - EXPOSURE_S / 2))) + 1)
+        self._next = max(self._next, numbers.stop)
+        for number in numbers:
             if not self._dropped(number):
                 self._times_s.append(self._time_s(number))
                 poses = self._poses(self._times_s[-1])

@@ -39,8 +39,8 @@ def require_possible(task: Task, physics: Physics, unmodelled: Any) -> None:
 
 def effects_in(physics: Physics, unmodelled: Any) -> dict[str, Any]:
     """The unmodelled effects that a physics supports, by name, with their values."""
-    known = asdict(unmodelled)
-    return known if physics == "drake" else {k: v for k, v in known.items() if k not in _DRAKE_ONLY}
+    effects = asdict(unmodelled)
+    return effects if physics == "drake" else {k: v for k, v in effects.items() if k not in _DRAKE_ONLY}
 
 
 def in_physics(task: Task, physics: Physics) -> Task:

@@ -67,7 +67,7 @@ def as_sdf(trial: PlannedTrial, facts: Mapping[str, Any], notes: Sequence[str]) 
     end = read(stepped, course)
     motion = course.drive.trajectory
     start = {"t_s": course.start_s, "joints": course.tool[:3].tolist(), "rates": course.tool[3:].tolist()}
-    told = {
+    details = {
         "time_step_s": dt_s,
         "contact": "sap" if law == DiscreteContactApproximation.kSap else "lagged",
         "weightless": f"{SCENE}::{TOOL}",
@@ -78,7 +78,7 @@ def as_sdf(trial: PlannedTrial, facts: Mapping[str, Any], notes: Sequence[str]) 
         },
         "end": {"t_s": float(end.t_s[-1]), "body": stepped.bodies.object, "position_m": end.p_BO_m[-1].tolist()},
     }
-    return {"scene.sdf": writer.text(), **writer.meshes, "trial.json": _json(facts, told)}
+    return {"scene.sdf": writer.text(), **writer.meshes, "trial.json": _json(facts, details)}
 
 
 def as_mjcf(trial: PlannedTrial, facts: Mapping[str, Any], notes: Sequence[str]) -> dict[str, bytes]:
@@ -89,18 +89,18 @@ def as_mjcf(trial: PlannedTrial, facts: Mapping[str, Any], notes: Sequence[str])
     states = np.array([motion.value(t)[:, 0] for t in motion.get_segment_times()])
     forces = states[:, :3] * np.array(arm.stiffness) + states[:, 3:] * np.array(arm.damping)
     end = simulate_of(trial.task.name, "mujoco")(trial.parameters, trial.context, trial.action, trial.nuisance)
-    told = {
+    details = {
         "start": {"t_s": course.start_s, "keyframe": "start"},
         "motion": {"t_s": list(motion.get_segment_times()), "control": forces.tolist()},
         "end": {"t_s": float(end.t_s[-1]), "body": "object", "position_m": end.state[-1].tolist()},
     }
     head, root, rest = text.partition("<mujoco")
     comment = ElementTree.tostring(ElementTree.Comment("\n".join(["", *notes, ""])), "unicode")
-    return {"scene.xml": f"{head}{comment}\n{root}{rest}".encode(), "trial.json": _json(facts, told)}
+    return {"scene.xml": f"{head}{comment}\n{root}{rest}".encode(), "trial.json": _json(facts, details)}
 
 
-def _json(facts: Mapping[str, Any], told: Mapping[str, Any]) -> bytes:
-    return (json.dumps({"format": FORMAT, **facts, **told}, allow_nan=False) + "\n").encode()
+def _json(facts: Mapping[str, Any], details: Mapping[str, Any]) -> bytes:
+    return (json.dumps({"format": FORMAT, **facts, **details}, allow_nan=False) + "\n").encode()
 
 
 class _Sdf:
@@ -184,14 +184,14 @@ class _Sdf:
         self._properties(_add(collision, "drake:proximity_properties"), geometry)
 
     def _properties(self, element: Element, geometry: GeometryId) -> None:
-        known = self._inspector.GetProximityProperties(geometry)
+        properties = self._inspector.GetProximityProperties(geometry)
         values = {
             key: value.get_value()
-            for group in known.GetGroupNames()
-            for key, value in known.GetPropertiesInGroup(group).items()
+            for group in properties.GetGroupNames()
+            for key, value in properties.GetPropertiesInGroup(group).items()
             if key != "compliance_type"  # unknown to Python; only a compliant shape has a modulus
         }
-        if known.HasGroup("hydroelastic"):
+        if properties.HasGroup("hydroelastic"):
             soft = "hydroelastic_modulus" in values
             _add(element, "drake:compliant_hydroelastic" if soft else "drake:rigid_hydroelastic")
         for key, tag in _PROPERTIES.items():

@@ -73,10 +73,10 @@ class TouchLab:
         self.hand.__exit__(*exc)
         self.arm.__exit__(*exc)
 
-    def offer_tool(self, there: bool) -> None:
+    def offer_tool(self, present: bool) -> None:
         """The simulated person holds the tool between the open fingers (True), or takes it away."""
-        self.hand.between_m = HANDLE_M if there else None
-        self.hand.holds = self.hand.holds and there
+        self.hand.between_m = HANDLE_M if present else None
+        self.hand.holds = self.hand.holds and present
 
     def set_down(self, where: SetDown, number: int) -> None:
         """The simulated person guides the tool to a set-down of the given number, as exactly as a hand can.

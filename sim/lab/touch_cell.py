@@ -144,15 +144,15 @@ class TouchCell:
         self._slip()
         log = self._log.FindMutableLog(self._root)
         at_s, rows = np.array(log.sample_times()), np.array(log.data()).T
-        kept = at_s >= begin_s - 2.0 * STEP_S
+        inside = at_s >= begin_s - 2.0 * STEP_S
         t_s = np.arange(round(begin_s * PATH_RATE_HZ), round(to_s * PATH_RATE_HZ)) / PATH_RATE_HZ
-        return self._felt(t_s, at_s[kept], rows[kept])
+        return self._felt(t_s, at_s[inside], rows[inside])
 
     def _felt(self, t_s: Array, at_s: Array, rows: Array) -> Felt:
         """The load of the springs follows from the states; each step is pulled towards the path's place before it."""
         q, v = rows[:, self._q], rows[:, self._v]
-        wanted, after = self._commanded(at_s - STEP_S), self._commanded(at_s)
-        spring = np.array(STIFFNESS_NM_RAD) * (wanted - q) + np.array(DAMPING_NMS_RAD) * ((after - wanted) / STEP_S - v)
+        target, after = self._commanded(at_s - STEP_S), self._commanded(at_s)
+        spring = np.array(STIFFNESS_NM_RAD) * (target - q) + np.array(DAMPING_NMS_RAD) * ((after - target) / STEP_S - v)
         both = np.concatenate([q, -spring], axis=1)
         dense = np.stack([np.interp(t_s, at_s, column) for column in both.T], axis=-1)
         return Felt(t_s, self._commanded(t_s), dense[:, :7], dense[:, 7:])

@@ -155,14 +155,14 @@ def load_world(name_or_path: str, task: Task) -> World:
         if not path.is_file():
             raise UnknownName(f"there is no world file {path}: check the path")
         return _parse(path.read_bytes(), path.stem, str(path), task)
-    known = list_worlds(task)
-    if name_or_path not in known:
+    names = list_worlds(task)
+    if name_or_path not in names:
         tasks = tasks_of_world(name_or_path)
         whose = f", but for {' and '.join(tasks)} (--task {tasks[0]})" if tasks else ""
         others = [world for other in task_names() for world in _worlds(other)]
-        near = "" if tasks else did_you_mean(name_or_path, known) or did_you_mean(name_or_path, set(others))
+        near = "" if tasks else did_you_mean(name_or_path, names) or did_you_mean(name_or_path, set(others))
         raise UnknownName(
-            f"no world {name_or_path!r} for {task.name}{whose}; there are {', '.join(known) or 'none'}; "
+            f"no world {name_or_path!r} for {task.name}{whose}; there are {', '.join(names) or 'none'}; "
             f"a file of your own is named by its path, ending in .toml{near}"
         )
     name = f"{name_or_path}.toml"
@@ -235,18 +235,18 @@ def _tuples(value: Any) -> Any:
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
 
 
-def _message(error: ValidationError, table: str, known: tuple[str, ...]) -> str:
+def _message(error: ValidationError, table: str, keys: tuple[str, ...]) -> str:
     first = min(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
     where = f"[{table}]" if table else "the top level"
     key = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(key, known, n=1)
+        near = difflib.get_close_matches(key, keys, n=1)
         hint = f" (did you mean {near[0]}?)" if near else ""
-        return f"unknown key {key!r} in {where}{hint}; known are {', '.join(known) or 'none'}"
-    if first["type"] == "missing" and key not in known:
+        return f"unknown key {key!r} in {where}{hint}; known are {', '.join(keys) or 'none'}"
+    if first["type"] == "missing" and key not in keys:
         return f"{key!r} in {where} is missing: the list is too short"
     if first["type"] == "missing":
-        return f"{where} has no key {key!r}; it needs {', '.join(known)}"
+        return f"{where} has no key {key!r}; it needs {', '.join(keys)}"
     return f"{key!r} in {where} is {first['input']!r}: {first['msg'].lower()}"
 
 
@@ -340,9 +340,9 @@ def rollouts_in(world: World) -> Simulate:
 def _simulate(
     world: World, parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None
 ) -> ObjectTrack:
-    there = simulate_of(world.task, world.physics)
+    simulate = simulate_of(world.task, world.physics)
     try:
-        return there(world.parameters, context, action, world.nuisance, world.unmodelled)
+        return simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
     except SimError:
         raise
     except Exception as error:  # a task of another package may raise anything

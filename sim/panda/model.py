@@ -207,8 +207,8 @@ def _elbow(distance2: Array) -> Array:
 
 def _wrist(q4: Array, along_x6: Array, along_y6: Array) -> Array:
     """The two joints 6 (..., 2) for which the forearm makes the right angle with the line to the shoulder."""
-    wanted = _along_y4(np.cos(q4), np.sin(q4))
-    spread = np.arccos(wanted / np.hypot(along_x6, along_y6))
+    goal = _along_y4(np.cos(q4), np.sin(q4))
+    spread = np.arccos(goal / np.hypot(along_x6, along_y6))
     middle = np.arctan2(along_x6, along_y6)
     return np.stack([middle - spread, middle + spread], axis=-1)
 

@@ -137,17 +137,17 @@ def _way(q_from: Array, q_to: Array, cell: Workcell) -> list[Array] | None:
     vias = _postures(cell.arm.name)
     nodes = np.concatenate([[q_from, q_to], vias[_clear(vias, cell, ROOM_M, TIP_M)]])
     ways = _neighbours(nodes)
-    known: dict[tuple[int, int], bool] = {}
-    while (found := _shortest(ways)) is not None:
-        for a, b in pairwise(found):
+    free: dict[tuple[int, int], bool] = {}
+    while (route := _shortest(ways)) is not None:
+        for a, b in pairwise(route):
             key = (min(a, b), max(a, b))
-            if key not in known:
-                known[key] = _piece(nodes[a], nodes[b], cell)
-            if not known[key]:
+            if key not in free:
+                free[key] = _piece(nodes[a], nodes[b], cell)
+            if not free[key]:
                 del ways[a][b], ways[b][a]
                 break
         else:
-            return _shortened([nodes[i] for i in found], cell)
+            return _shortened([nodes[i] for i in route], cell)
     return None
 
 

@@ -112,8 +112,8 @@ def trial_paths(
             refused = error
     if best is None:
         raise refused or NotExecutable(f"{cell.arm.name}: no task path; choose another action")
-    there, task, back = (cell.arm.reported(path) for path in best[1])
-    return there, task, back
+    approach, task, back = (cell.arm.reported(path) for path in best[1])
+    return approach, task, back
 
 
 Paths = tuple[JointPath, JointPath, JointPath]

@@ -129,15 +129,15 @@ def _starts(grid: _Grid, q_seed_rad: Array | None) -> list[Profile]:
     worst[jumps] = _UNREACHABLE  # a joint would pass the seam of its range
     if q_seed_rad is not None:
         worst = worst + 0.02 * np.nan_to_num(np.abs(q[1, 0] - q_seed_rad).max(axis=-1), nan=0.0)
-    found: list[tuple[int, int]] = []
+    starts: list[tuple[int, int]] = []
     for flat in np.argsort(worst, axis=None):
         k, branch = divmod(int(flat), BRANCHES)
-        if worst[k, branch] >= _UNREACHABLE or len(found) == _STARTS:
+        if worst[k, branch] >= _UNREACHABLE or len(starts) == _STARTS:
             break
-        if all(branch // 2 != b // 2 or abs(middle[k] - middle[j]) > _APART_RAD for j, b in found):
-            found.append((k, branch))
+        if all(branch // 2 != b // 2 or abs(middle[k] - middle[j]) > _APART_RAD for j, b in starts):
+            starts.append((k, branch))
     place = np.linspace(-0.5, 0.5, grid.count) if grid.count > 1 else np.zeros(1)
-    return [Profile(duration_s, middle[k] + swing[k] * place, b, float(worst[k, b])) for k, b in found]
+    return [Profile(duration_s, middle[k] + swing[k] * place, b, float(worst[k, b])) for k, b in starts]
 
 
 def _refine(grid: _Grid, start: Profile, to_beat: float) -> Profile:

@@ -28,12 +28,12 @@ def postures(X_BF: Array, cell: Workcell, q_near_rad: ArrayLike) -> list[Array |
     """For each flange pose (N, 4, 4) the posture (7,) nearest to `q_near_rad` that keeps the clearance, else None."""
     arm, true = cell.arm, cell.in_true_joints()
     limits, near = true.arm.limits, arm.true_rad(frozen_array(q_near_rad, (7,), "q_near_rad"))
-    found: list[Array | None] = []
+    choices: list[Array | None] = []
     for X in X_BF:
         q = model.postures(X, limits, _Q7, _USE)
         q = q[_room(q, true)] if len(q) else q
-        found.append(arm.reported_rad(q[np.linalg.norm(q - near, axis=1).argmin()]) if len(q) else None)
-    return found
+        choices.append(arm.reported_rad(q[np.linalg.norm(q - near, axis=1).argmin()]) if len(q) else None)
+    return choices
 
 
 def nearest_first(q_rad: Array, q_start_rad: ArrayLike) -> list[int]:

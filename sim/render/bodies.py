@@ -143,8 +143,8 @@ class Latest(Generic[Known]):
 
         `key` holds everything that the result depends on.
         """
-        known = self._known.get(what)
-        if known is None or known[0] != key:
-            known = key, make()
-            self._known[what] = known
-        return known[1]
+        entry = self._known.get(what)
+        if entry is None or entry[0] != key:
+            entry = key, make()
+            self._known[what] = entry
+        return entry[1]

@@ -107,8 +107,8 @@ class ColourView:
         scene = self._painted(self._bare, (), resting, everything)
         return scene, scene.picture(everything)
 
-    def _painted(self, base: _Scene, there: Posed, coming: Posed, region: Rectangle) -> _Scene:
-        """`base`, which already shows the bodies `there`, cut to `region`, with the bodies `coming` painted on it."""
+    def _painted(self, base: _Scene, bodies: Posed, coming: Posed, region: Rectangle) -> _Scene:
+        """`base`, which already shows `bodies`, cut to `region`, with the bodies `coming` painted on it."""
         scene = base.copy(region)
         corner = region[0].start, region[1].start
         for k in range(SAMPLES):
@@ -121,7 +121,7 @@ class ColourView:
         changed = (scene.t[_SHADOWED] != base.t[_SHADOWED][region])[some, some]
         scene.dark[coarser(region, _STRIDE)][changed] = 0
         self._darken(scene, region, coming, lit)
-        self._darken(scene, region, there, lit & changed)
+        self._darken(scene, region, bodies, lit & changed)
         return scene
 
     def _still_sample(self, world: Body, rays: Array32) -> tuple[Array32, Array32, NDArray[np.bool_]]:
@@ -146,14 +146,14 @@ class ColourView:
 
     def _layer(self, body: Body, X_BO: Array, k: int) -> Layer:
         """A body at poses (samples, 4, 4), in sample k."""
-        seen = self._outlines.get(body, X_BO.tobytes(), partial(self._outline, body, X_BO))
+        pixels = self._outlines.get(body, X_BO.tobytes(), partial(self._outline, body, X_BO))
         X_OC = inverse(X_BO[k]) @ self._X_BC
-        hits = body.cast(X_OC, self._rays[k][seen])
+        hits = body.cast(X_OC, self._rays[k][pixels])
         normal = body.normals(X_OC[:3, 3]) @ X_BO[k, :3, :3].T.astype(np.float32)
         values: tuple[NDArray[np.generic], ...] = (hits.albedo * shading.light(normal)[hits.triangle],)
         if k == _SHADOWED:
             values = (*values, shading.lit_by_key(normal)[hits.triangle])
-        return Layer(seen[0][hits.index], seen[1][hits.index], hits.t, values)
+        return Layer(pixels[0][hits.index], pixels[1][hits.index], hits.t, values)
 
     def _outline(self, body: Body, X_BO: Array) -> Pixels:
         """The pixels that a body at poses (samples, 4, 4) can cover during the exposure."""
@@ -185,11 +185,11 @@ class ColourView:
         dark = scene.dark[coarser(region, _STRIDE)]
         for body, X in bodies:
             part = coarser(within(self._shaded(body, X), region), _STRIDE)
-            asked = lit[part] & (dark[part] < 1)
+            candidates = lit[part] & (dark[part] < 1)
             X_OB = inverse(X[_SHADOWED])
-            points = self._points(rays[part][asked], t[part][asked])
+            points = self._points(rays[part][candidates], t[part][candidates])
             local: Array32 = points @ X_OB[:3, :3].T.astype(np.float32) + X_OB[:3, 3].astype(np.float32)
-            dark[part][asked] = body.occludes(local, X_OB[:3, :3] @ shading.KEY_LIGHT)
+            dark[part][candidates] = body.occludes(local, X_OB[:3, :3] @ shading.KEY_LIGHT)
 
     def _points(self, rays: Array32, t: Array32) -> Array32:
         """(n, 3) in the base frame."""

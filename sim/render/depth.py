@@ -45,11 +45,11 @@ class DepthView:
         points_m = body.points_m @ X_DO[:3, :3].T + X_DO[:3, 3]
         return self._layer(body, inverse(X_DO), outline(points_m[None], body.parts, self._camera, self._fov))
 
-    def _layer(self, body: Body, X_OD: Array, seen: Pixels) -> Layer:
-        along = self._rays[seen]
+    def _layer(self, body: Body, X_OD: Array, pixels: Pixels) -> Layer:
+        along = self._rays[pixels]
         hits = body.cast(X_OD, along)
         cosine = cosines(hits, body, X_OD, along)
-        return Layer(seen[0][hits.index], seen[1][hits.index], hits.t, (cosine, hits.albedo.mean(axis=1)))
+        return Layer(pixels[0][hits.index], pixels[1][hits.index], hits.t, (cosine, hits.albedo.mean(axis=1)))
 
 
 def cosines(hits: Hits, body: Body, X_OD: Array, along: Array32) -> Array32:

@@ -48,17 +48,17 @@ class Renderer:
         `noise` both are exact up to rounding. Raises ValueError if the pose of a body is missing.
         """
         spread = (np.arange(SAMPLES) + 0.5) / SAMPLES
-        given = self._given(poses)
-        colour = self._colour.render([(body, within_exposure(X, spread)) for body, X in given])
-        depth = self._depth.render([(body, within_exposure(X, np.array([0.5]))[0]) for body, X in given])
+        placed_bodies = self._given(poses)
+        colour = self._colour.render([(body, within_exposure(X, spread)) for body, X in placed_bodies])
+        depth = self._depth.render([(body, within_exposure(X, np.array([0.5]))[0]) for body, X in placed_bodies])
         return sense_colour(colour, noise, rng), sense_depth(*depth, noise, rng)
 
     def render_infrared(
         self, poses: Mapping[str, Array], noise: SensorNoise | None, rng: np.random.Generator
     ) -> NDArray[np.uint16]:
         """The depth camera's own picture (Hd, Wd) at the middle of the exposure; `poses` as for `render`."""
-        given = [(body, within_exposure(X, np.array([0.5]))[0]) for body, X in self._given(poses)]
-        return sense_infrared(self._infrared.render(given), noise, rng)
+        placed_bodies = [(body, within_exposure(X, np.array([0.5]))[0]) for body, X in self._given(poses)]
+        return sense_infrared(self._infrared.render(placed_bodies), noise, rng)
 
     @cached_property
     def _infrared(self) -> InfraredView:

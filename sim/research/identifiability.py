@@ -50,10 +50,10 @@ def _trials(
     success, end = (values.mean(axis=0) for values in solver.outcomes(where, executed, drawn.nuisance))
     paths = solver.trajectories(where, executed, drawn.nuisance)
     paths = paths + solver.residual_std * rng.standard_normal(paths.shape)
-    seen = task.observation.with_noise(task.relocate(paths, contexts), rng)
+    observations = task.observation.with_noise(task.relocate(paths, contexts), rng)
     ends = [e if rng.random() < chance else None for e, chance in zip(end, success, strict=True)]
     earned = [0.0 if e is None else float(task.reward_of_success(e, c)) for e, c in zip(ends, contexts, strict=True)]
-    rows = zip(contexts, actions, seen, earned, ends, strict=True)
+    rows = zip(contexts, actions, observations, earned, ends, strict=True)
     return tuple(Trial(c, a, o, r, e) for c, a, o, r, e in rows)
 
 

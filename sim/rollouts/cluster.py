@@ -82,11 +82,11 @@ def versions() -> Mapping[str, str | None]:
     return here
 
 
-def _require_versions(worker: str, there: Mapping[str, str | None], here: Mapping[str, str | None]) -> None:
+def _require_versions(worker: str, remote: Mapping[str, str | None], here: Mapping[str, str | None]) -> None:
     different = [
-        f"{name} {there[name] or 'missing'} (here {here[name] or 'missing'})"
+        f"{name} {remote[name] or 'missing'} (here {here[name] or 'missing'})"
         for name in here
-        if there[name] != here[name]
+        if remote[name] != here[name]
     ]
     if different:
         raise ClusterUnavailable(

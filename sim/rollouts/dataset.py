@@ -225,10 +225,10 @@ def _agree_on_manifest(task: Task, folder: Path, size: int, more: int, seed: int
     probe = run_many(task, _probe_requests(task), executor).observation
     manifest = _read_manifest(folder)
     if manifest is not None:
-        for key, wanted in (("task", task.name), ("interface", fingerprint(task)), ("seed", seed)):
-            if manifest[key] != wanted:
+        for key, expected in (("task", task.name), ("interface", fingerprint(task)), ("seed", seed)):
+            if manifest[key] != expected:
                 raise DatasetError(
-                    f"the dataset in {folder} has {key} = {manifest[key]}, wanted {wanted}: use a new folder"
+                    f"the dataset in {folder} has {key} = {manifest[key]}, wanted {expected}: use a new folder"
                 )
         stored = np.asarray(manifest["probe"], dtype=np.float64)
         if stored.shape != probe.shape or np.abs(stored - probe).max() > PROBE_TOLERANCE:
@@ -242,8 +242,8 @@ def _agree_on_manifest(task: Task, folder: Path, size: int, more: int, seed: int
                 f"the dataset in {folder} has {have[0]} rollouts and {have[1]} chosen by those; wanted "
                 f"{size} and {more}: use a new folder"
             )
-    made = {"task": task.name, "interface": fingerprint(task), "seed": seed, "size": size, "denser": more}
-    write_toml(folder / MANIFEST, {**made, "probe": probe.tolist()})
+    plan = {"task": task.name, "interface": fingerprint(task), "seed": seed, "size": size, "denser": more}
+    write_toml(folder / MANIFEST, {**plan, "probe": probe.tolist()})
 
 
 def _probe_requests(task: Task) -> Requests:

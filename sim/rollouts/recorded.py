@@ -82,10 +82,10 @@ class RecordedTrials:
         """
         order = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0x5EC0,))).permutation(len(self))
         count = round(held_out * len(self))
-        for found, what in ((len(self) - count, "for the session"), (count, "to be held out")):
-            if found < LEAST // 2 and (found or what == "for the session"):
+        for rest, what in ((len(self) - count, "for the session"), (count, "to be held out")):
+            if rest < LEAST // 2 and (rest or what == "for the session"):
                 raise RecordingsRefused(
-                    f"of {len(self)} trials, {found} are left {what}, and {LEAST // 2} are needed: record more, or "
+                    f"of {len(self)} trials, {rest} are left {what}, and {LEAST // 2} are needed: record more, or "
                     "choose another --held-out"
                 )
         return self.some(np.sort(order[count:])), self.some(np.sort(order[:count]))
@@ -96,9 +96,9 @@ class RecordedTrials:
         contexts = None if self.contexts is None else self.contexts[order]
         return RecordedTrials(self.task, self.names, contexts, self.actions, tuple(self.tracks[i] for i in order))
 
-    def context_of(self, row: int, wanted: Array) -> Array:
-        """(c,) the context of a trial, if `wanted` is asked for: that one if a context only scores, else its own."""
-        return wanted if self.contexts is None or scores_only(self.task) else self.contexts[row]
+    def context_of(self, row: int, context: Array) -> Array:
+        """(c,) the context of a trial, if `context` is asked for: that one if a context only scores, else its own."""
+        return context if self.contexts is None or scores_only(self.task) else self.contexts[row]
 
     def rewards(self, rows: Iterable[int], contexts: Array) -> Array:
         """(N,) rewards of trials in contexts (N, c)."""
@@ -202,11 +202,11 @@ class RecordedTrials:
         return None if self.contexts is None or scores_only(self.task) else self.contexts[i, :2]
 
     def _check_duplicates(self) -> None:
-        seen = dict[bytes, str]()
+        names = dict[bytes, str]()
         for name, action in zip(self.names, self.actions, strict=True):
-            if name in seen.values():
+            if name in names.values():
                 raise RecordingsRefused(f"trial {name} is there twice: remove one of them")
-            if (other := seen.setdefault(action.tobytes(), name)) != name:
+            if (other := names.setdefault(action.tobytes(), name)) != name:
                 raise RecordingsRefused(f"trials {other} and {name} have the same action: remove one of them")
 
 

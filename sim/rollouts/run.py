@@ -170,12 +170,12 @@ def _spread(
     finished: list[dict[int, Rollouts]] = [{} for _ in parts]
     try:
         for number, part in enumerate(parts):
-            found = finished[number]
-            while sum(map(len, found.values())) < len(part):
+            chunks = finished[number]
+            while sum(map(len, chunks.values())) < len(part):
                 for chunk in itertools.islice(waiting, IN_FLIGHT - len(running)):
                     try:
-                        there = parts[chunk.part][chunk.start : chunk.end]
-                        running[executor.submit(_run_chunk, source, there)] = chunk
+                        requests = parts[chunk.part][chunk.start : chunk.end]
+                        running[executor.submit(_run_chunk, source, requests)] = chunk
                     except BrokenExecutor as broken:
                         raise _failure(parts, [chunk], broken) from broken
                 ready, _ = wait(running, return_when=FIRST_COMPLETED)
@@ -184,11 +184,11 @@ def _spread(
                     chunk = running.pop(future)
                     finished[chunk.part][chunk.start] = rollouts
                     done += len(rollouts)
-                    if sum(map(len, found.values())) == len(part):
+                    if sum(map(len, chunks.values())) == len(part):
                         break  # handed on before anything that fails later
                 progress(done, total)
-            yield concatenate(found[start] for start in sorted(found))
-            found.clear()
+            yield concatenate(chunks[start] for start in sorted(chunks))
+            chunks.clear()
     finally:
         for future in running:
             future.cancel()

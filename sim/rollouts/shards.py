@@ -60,10 +60,10 @@ def write_rollouts(path: Path, requests: Requests, results: Rollouts) -> None:
 
 def read_rollouts(path: Path, requests: Requests) -> Rollouts | None:
     """The results in a shard, or None if it is missing, damaged, or for other requests."""
-    found = read_shard(path)
-    if found is None:
+    contents = read_shard(path)
+    if contents is None:
         return None
-    stored, results = found
+    stored, results = contents
     same = all(np.array_equal(getattr(stored, name), getattr(requests, name)) for name in _REQUEST_FIELDS)
     return results if same else None
 
@@ -94,16 +94,16 @@ def simulate_missing(task: Task, shards: Mapping[Path, Requests], executor: Exec
 
     `progress` counts the stored ones too. Raises as `run_parts`.
     """
-    there = {path: read_rollouts(path, part) for path, part in shards.items()}
-    missing = {path: part for path, part in shards.items() if there[path] is None}
+    by_path = {path: read_rollouts(path, part) for path, part in shards.items()}
+    missing = {path: part for path, part in shards.items() if by_path[path] is None}
     total = sum(map(len, shards.values()))
     stored = total - sum(map(len, missing.values()))
     progress(stored, total)
     simulated = run_parts(task, list(missing.values()), executor, lambda done, _: progress(stored + done, total))
     for path, rollouts in zip(missing, simulated, strict=True):
         write_rollouts(path, missing[path], rollouts)
-        there[path] = rollouts
-    return concatenate(rollouts for rollouts in there.values() if rollouts is not None)
+        by_path[path] = rollouts
+    return concatenate(rollouts for rollouts in by_path.values() if rollouts is not None)
 
 
 def simulate_share(

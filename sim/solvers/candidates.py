@@ -152,8 +152,8 @@ class ScenarioPolicy(CandidatePolicy):
     def outcomes(self, actions: Array) -> Outcomes:
         """Success (M, A, S) and end state (M, A, S, k)."""
         executed = actions[:, None, :] + self.drawn.error
-        found = self.expectations.outcomes(self.parameters, executed, self.drawn.nuisance)
-        return Outcomes(self.expectations.task, actions, *found)
+        values = self.expectations.outcomes(self.parameters, executed, self.drawn.nuisance)
+        return Outcomes(self.expectations.task, actions, *values)
 
     def worth(self, outcomes: Outcomes, context: Array) -> Array:
         """(A,) lower ends over the ensemble."""

@@ -63,8 +63,8 @@ class GridSolver(FromOutcomes):
             np.broadcast_to(a, (*lead, a.shape[-1])).reshape(math.prod(lead), -1 if a.shape[-1] else 0)
             for a in (parameters, action, nuisance)
         )
-        found = self._looked_up(*rows)
-        return found.success.reshape(1, *lead), found.end.reshape(1, *lead, -1)
+        lookup = self._looked_up(*rows)
+        return lookup.success.reshape(1, *lead), lookup.end.reshape(1, *lead, -1)
 
     @cached_property
     def residual_std(self) -> Array:
@@ -95,39 +95,39 @@ class GridSolver(FromOutcomes):
         pairs = np.ascontiguousarray(np.concatenate([action, nuisance], axis=1))
         _, first, which = np.unique(pairs.view(f"V{pairs[0].nbytes}")[:, 0], return_index=True, return_inverse=True)
         a, rows, order = action.shape[1], len(at), np.argsort(which, kind="stable")
-        found: _Known | None = None
+        table: _Known | None = None
         for one, here in zip(first, np.split(order, np.cumsum(np.bincount(which))[:-1]), strict=True):
-            known = self._at(pairs[one, :a], pairs[one, a:], at[here])
-            if found is None:
-                k, size = known.end.shape[1], known.observation.shape[1]
-                found = _Known(np.ones(rows, dtype=bool), np.zeros(rows), np.zeros((rows, k)), np.zeros((rows, size)))
-            found.success[here] = known.success[at[here]]
-            found.end[here] = known.end[at[here]]
-            found.observation[here] = known.observation[at[here]]
-        if found is None:
+            entry = self._at(pairs[one, :a], pairs[one, a:], at[here])
+            if table is None:
+                k, size = entry.end.shape[1], entry.observation.shape[1]
+                table = _Known(np.ones(rows, dtype=bool), np.zeros(rows), np.zeros((rows, k)), np.zeros((rows, size)))
+            table.success[here] = entry.success[at[here]]
+            table.end[here] = entry.end[at[here]]
+            table.observation[here] = entry.observation[at[here]]
+        if table is None:
             raise ValueError("no rollouts were asked for")
-        return found
+        return table
 
     def _at(self, action: Array, nuisance: Array, points: NDArray[np.intp]) -> _Known:
         """All that is known of an action, at least at `points`."""
         task, key, count = self.task, _key(action, nuisance), len(self.points)
-        known = self._known.get(key)
-        missing = np.unique(points if known is None else points[~known.done[points]])
+        entry = self._known.get(key)
+        missing = np.unique(points if entry is None else points[~entry.done[points]])
         if len(missing):
             context = np.asarray(task.reference_context, dtype=np.float64)
             rolled = observed(task, [task.simulate(p, context, action, nuisance) for p in self.points[missing]])
-            if known is None:
+            if entry is None:
                 k, size = rolled.end_state.shape[1], rolled.observation.shape[1]
-                known = _Known(
+                entry = _Known(
                     np.zeros(count, dtype=bool), np.zeros(count), np.zeros((count, k)), np.zeros((count, size))
                 )
-                self._known[key] = known
-            known.done[missing] = True
-            known.success[missing] = rolled.succeeded
-            known.end[missing] = np.where(rolled.succeeded[:, None], rolled.end_state, 0.0)
-            known.observation[missing] = rolled.observation
-        assert known is not None
-        return known
+                self._known[key] = entry
+            entry.done[missing] = True
+            entry.success[missing] = rolled.succeeded
+            entry.end[missing] = np.where(rolled.succeeded[:, None], rolled.end_state, 0.0)
+            entry.observation[missing] = rolled.observation
+        assert entry is not None
+        return entry
 
     def _nearest(self, parameters: Array) -> NDArray[np.intp]:
         _, at = self._tree.query(self.task.margin.normalise(parameters))

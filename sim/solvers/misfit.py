@@ -38,16 +38,16 @@ def misfit(expectations: Expectations, context: Array, action: Array, observatio
 
 def squares(expectations: Expectations, context: Array, observation: Array, paths: Array) -> Array:
     """(...,) mean squares of that distance to expected trajectories (..., size) at the task's reference context."""
-    task, seen = expectations.task, expectations.task.observation
-    there = task.relocate(paths, np.broadcast_to(context, (*paths.shape[:-1], len(context))))
-    expected = seen.normalise(seen.denormalise(there) + seen.noise_mean)
+    task, sight = expectations.task, expectations.task.observation
+    local_paths = task.relocate(paths, np.broadcast_to(context, (*paths.shape[:-1], len(context))))
+    expected = sight.normalise(sight.denormalise(local_paths) + sight.noise_mean)
     return np.asarray((((expected - observation) / tolerance(expectations)) ** 2).mean(axis=-1))
 
 
 def tolerance(expectations: Expectations) -> Array:
     """(size,) standard deviation of camera noise and emulator error together, normalised."""
-    seen = expectations.task.observation
-    camera = np.tile(seen.noise_std / (seen.high - seen.low), len(seen.times_s))
+    observation = expectations.task.observation
+    camera = np.tile(observation.noise_std / (observation.high - observation.low), len(observation.times_s))
     return np.sqrt(camera**2 + expectations.residual_std**2 + LEAST_STD**2)
 
 

@@ -23,7 +23,7 @@ def describe(space: Space) -> list[dict[str, Any]]:
 
 def interface(task: Task) -> dict[str, Any]:
     """Every property of a task that decides the meaning of the numbers in a dataset or a network."""
-    seen = task.observation
+    observation = task.observation
     effects = {} if task.scene is None else asdict(task.scene)
     scene = {"scene": {k: v for k, v in json.loads(json.dumps(effects)).items() if v is not None}} if effects else {}
     return scene | {
@@ -36,10 +36,10 @@ def interface(task: Task) -> dict[str, Any]:
         "action_noise": np.asarray(task.action_noise, dtype=float).tolist(),
         "reference_context": np.asarray(task.reference_context, dtype=float).tolist(),
         "observation": {
-            "times_s": np.asarray(seen.times_s, dtype=float).tolist(),
-            "columns": list(seen.columns),
-            "low": np.asarray(seen.low, dtype=float).tolist(),
-            "high": np.asarray(seen.high, dtype=float).tolist(),
+            "times_s": np.asarray(observation.times_s, dtype=float).tolist(),
+            "columns": list(observation.columns),
+            "low": np.asarray(observation.low, dtype=float).tolist(),
+            "high": np.asarray(observation.high, dtype=float).tolist(),
         },
     }
 
@@ -69,6 +69,6 @@ def scene_key(task: Task) -> str:
     for rows in zip(*(space.denormalise(part) for space, part in zip(spaces, parts, strict=True)), strict=True):
         parameters, action, nuisance = rows
         track = task.simulate(parameters, task.reference_context, action, nuisance)
-        seen = np.concatenate([track.at(task.observation.times_s), track.state[-1:]])
-        total.update(np.round(seen, 6).tobytes() + track.outcome.value.encode())
+        samples = np.concatenate([track.at(task.observation.times_s), track.state[-1:]])
+        total.update(np.round(samples, 6).tobytes() + track.outcome.value.encode())
     return total.hexdigest()[:16]

@@ -91,11 +91,11 @@ def as_toml(task: Task, own: OwnObject) -> str:
     """The file of an object, whole: with unit and meaning of every quantity."""
     lines = [f'task = "{own.task}"', f'name = "{own.name}"']
     lines += [] if own.mass_kg is None else [f"mass_kg = {own.mass_kg!r}"]
-    for table, given, space in (("ranges", own.ranges, task.parameters), ("sizes", own.sizes, task.nuisance)):
-        lines += ["", f"[{table}]"] if given else []
+    for table, values, space in (("ranges", own.ranges, task.parameters), ("sizes", own.sizes, task.nuisance)):
+        lines += ["", f"[{table}]"] if values else []
         for d in space.dimensions:
-            if d.name in given:
-                lines.append(f"{d.name} = {[*given[d.name]]}  # {d.unit + ', ' if d.unit else ''}{d.meaning}")
+            if d.name in values:
+                lines.append(f"{d.name} = {[*values[d.name]]}  # {d.unit + ', ' if d.unit else ''}{d.meaning}")
     lines += ["", "[effects]"] if own.effects else []
     lines += [f"{key} = {[*value] if isinstance(value, tuple) else value}" for key, value in own.effects.items()]
     return "\n".join(lines) + "\n"
@@ -127,13 +127,13 @@ def with_ranges(task: Task, own: OwnObject) -> Task:
     return _in_scene(replace(changed, object_name=own.name), task.unmodelled(**effects))
 
 
-def _require_known(own: OwnObject, given: Mapping[str, Any], known: Sequence[str], what: str) -> None:
-    for key in given:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
+def _require_known(own: OwnObject, entries: Mapping[str, Any], names: Sequence[str], what: str) -> None:
+    for key in entries:
+        if key not in names:
+            near = difflib.get_close_matches(key, names, n=1)
             hint = f", did you mean {near[0]}?" if near else ";"
-            there = ", ".join(known) or "none"
-            raise ObjectError(f"the object {own.name}: {own.task} has no {what} {key!r}{hint} There are: {there}")
+            listing = ", ".join(names) or "none"
+            raise ObjectError(f"the object {own.name}: {own.task} has no {what} {key!r}{hint} There are: {listing}")
 
 
 def _sized(usual: Dimension, own: OwnObject) -> Dimension:
@@ -179,10 +179,10 @@ def _require_tried(task: Task, own: OwnObject, effects: Mapping[str, Any]) -> No
 
 def _with_effects(function: Callable[..., Any], effects: Any, *arguments: Any, **named: Any) -> Any:
     """A function of a task, called so that no unmodelled effects mean those of an object."""
-    given = inspect.signature(function).bind(*arguments, **named)
-    if given.arguments.get("unmodelled") is None:
-        given.arguments["unmodelled"] = effects
-    return function(*given.args, **given.kwargs)
+    bound = inspect.signature(function).bind(*arguments, **named)
+    if bound.arguments.get("unmodelled") is None:
+        bound.arguments["unmodelled"] = effects
+    return function(*bound.args, **bound.kwargs)
 
 
 def _in_scene(task: Task, effects: Any) -> Task:

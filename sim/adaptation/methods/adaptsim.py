@@ -71,10 +71,10 @@ class AdaptSim:
         reality, leading = self.reality(history), self._particles(history, 1)[0]
         if not reality.trials:
             raise ValueError("no trial has been run yet, so there is no best")
-        found = outlook_after(
+        outlook = outlook_after(
             reality, policy_for(self.simulators.solver, leading.samples), len(history), len(history[-1])
         )
-        return Best(leading, found.reward, found.ci95, len(reality.trials)), found
+        return Best(leading, outlook.reward, outlook.ci95, len(reality.trials)), outlook
 
     def reality(self, history: Sequence[Iteration]) -> Reality:
         """The knowledge from the trials of `history`; cached per set of trials."""

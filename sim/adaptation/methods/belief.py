@@ -66,13 +66,13 @@ class Belief:
 
     def weights_after_each(self, history: Sequence[Iteration]) -> list[Array]:
         """The same before the first iteration, and after each."""
-        log, found = np.zeros(len(self.prospects.truths)), list[Array]()
+        log, weights = np.zeros(len(self.prospects.truths)), list[Array]()
         for iteration in ((), *history):
-            for trial in (t for seen in iteration for t in seen.trials):
+            for trial in (t for entry in iteration for t in entry.trials):
                 log = log + self._log_likelihood(trial)
             likely = np.exp(log - log.max())
-            found.append(np.asarray(likely / likely.sum()))
-        return found
+            weights.append(np.asarray(likely / likely.sum()))
+        return weights
 
     def estimate(self, history: Sequence[Iteration]) -> tuple[Array, Array]:
         """(C,) mean and (C,) standard deviation of the real reward of each candidate E: Rasmussen & Williams 2006,
@@ -81,7 +81,7 @@ class Belief:
         weights, earned = self.weights(history), self.prospects.rewards
         task, mean = self.expectations.task, earned @ weights
         off = earned - mean[:, None]
-        tried = [(seen.particle, [t.reward for t in seen.trials]) for it in history for seen in it if seen.trials]
+        tried = [(entry.particle, [t.reward for t in entry.trials]) for it in history for entry in it if entry.trials]
         at = np.array([self.prospects.nearest(task, particle) for particle, _ in tried], dtype=np.intp)
         unit = task.parameters.normalise(self.prospects.candidates)
         squared = ((unit[:, None] - unit[at][None]) ** 2).sum(axis=-1)

@@ -47,4 +47,4 @@ class Udr:
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         """The same as before."""
-        return tuple(seen.particle for seen in history[-1])
+        return tuple(entry.particle for entry in history[-1])

@@ -98,7 +98,7 @@ def run_job(job: Job, trials: TrialSource | None = None) -> Row:
     assert job.world is not None, "a job has a world or recorded trials"
     began, checkpoint = time.perf_counter(), _loaded(job.task, job.checkpoint)
     solver, conditions = checkpoint.solver, job.conditions
-    task, seen = solver.task, None
+    task, shown_reward = solver.task, None
     simulated = SimulatedTrials(solver, job.world)
     place: TrialSource = simulated if job.table is None else Tabled(task, job.table)
 
@@ -112,14 +112,14 @@ def run_job(job: Job, trials: TrialSource | None = None) -> Row:
     if job.method == UDR:
         policies = udr_policies(solver, job.seed)
         last = mean_of([final(policy.actions, len(policies)) for policy in policies])
-        seen = sum(shown(task, p.actions, place, conditions.judged, job.seed) for p in policies) / len(policies)
-        return _row(job, checkpoint, last, None, began, seen)
+        shown_reward = sum(shown(task, p.actions, place, conditions.judged, job.seed) for p in policies) / len(policies)
+        return _row(job, checkpoint, last, None, began, shown_reward)
     if job.method in LIMITS:
         act: Commands = place.best_actions
         if job.method == ORACLE:
-            best, seen = choose_oracle(solver, place, conditions, job.seed)
+            best, shown_reward = choose_oracle(solver, place, conditions, job.seed)
             act = best.actions
-        return _row(job, checkpoint, final(act), None, began, seen)
+        return _row(job, checkpoint, final(act), None, began, shown_reward)
     method = make_method(job.method, task, checkpoint)
     lived = trials or (simulated if conditions.fresh else place)
     chosen = run_session(solver, method, lived, conditions, job.seed)
@@ -150,7 +150,12 @@ def _run_recorded(job: Job, recorded: RecordedTrials) -> Row:
 
 
 def _row(
-    job: Job, checkpoint: Checkpoint, last: Estimate, curve: Sequence[Estimate] | None, began: float, seen: float | None
+    job: Job,
+    checkpoint: Checkpoint,
+    last: Estimate,
+    curve: Sequence[Estimate] | None,
+    began: float,
+    shown_reward: float | None,
 ) -> Row:
     """`curve` is None without trials: the reward stays the same."""
     adaptation = checkpoint.solver.task.adaptation
@@ -168,7 +173,7 @@ def _row(
         simulations=simulations(job.method, checkpoint),
         wall_s=time.perf_counter() - began,
         curve=tuple((each * (k + 1), judged.mean) for k, judged in enumerate(curve)),
-        shown=seen,
+        shown=shown_reward,
     )
 
 

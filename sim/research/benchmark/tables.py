@@ -187,10 +187,10 @@ def _read(folder: Path, world: World, size: int) -> WorldTable:
     actions, parts, total = [], [], hashlib.sha256()
     for start in range(0, size, SHARD):
         path = _shard(folder, start // SHARD)
-        found = read_shard(path)
-        if found is None:
+        contents = read_shard(path)
+        if contents is None:
             raise DatasetError(f"{path} is missing or damaged: run `adaptsim world-tables` again, which makes it again")
-        requests, results = found
+        requests, results = contents
         actions.append(requests.action)
         parts.append(results)
         for column in (requests.action, results.observation, results.end_state, results.succeeded):

@@ -65,8 +65,8 @@ class SimulatedTrials:
         """See `TrialSource`: true rollouts."""
         task, tracks = self.solver.task, self._rolled(contexts, actions, rng)
         shown = np.stack([task.observation(track) for track in tracks])
-        seen = task.observation.with_noise(shown, rng)
-        return trials_of_rows(contexts, actions, seen, self._scores(tracks, contexts), map(task.end_of, tracks))
+        observations = task.observation.with_noise(shown, rng)
+        return trials_of_rows(contexts, actions, observations, self._scores(tracks, contexts), map(task.end_of, tracks))
 
     def take(self, action: Array) -> None:
         """See `TrialSource`: any number of times."""
@@ -82,9 +82,9 @@ class SimulatedTrials:
 
     def _rolled(self, contexts: Array, actions: Array, rng: np.random.Generator) -> list[ObjectTrack]:
         where = np.tile(self.world.parameters, (len(contexts), 1))
-        asked, there = trial_requests(self.solver.task, where, contexts, actions, rng), rollouts_in(self.world)
-        rows = zip(asked.parameters, asked.context, asked.action, asked.nuisance, strict=True)
-        return [there(*row) for row in rows]
+        requests, roll = trial_requests(self.solver.task, where, contexts, actions, rng), rollouts_in(self.world)
+        rows = zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
+        return [roll(*row) for row in rows]
 
     def _scores(self, tracks: Sequence[ObjectTrack], contexts: Array) -> Array:
         return np.array([self.solver.task.score(track, c) for track, c in zip(tracks, contexts, strict=True)])
@@ -102,28 +102,28 @@ class Tabled:
         """See `TrialSource`: from the half of the table for trials."""
         task, (_, results) = self.task, self._for_trials
         rows = self._nearest(self._for_trials[0], self._executed(actions, rng))
-        found = results[rows]
-        seen = task.observation.with_noise(task.relocate(found.observation, contexts), rng)
-        return trials_of_rows(contexts, actions, seen, found.rewards(task, contexts), found.ends())
+        rollouts = results[rows]
+        observations = task.observation.with_noise(task.relocate(rollouts.observation, contexts), rng)
+        return trials_of_rows(contexts, actions, observations, rollouts.rewards(task, contexts), rollouts.ends())
 
     def take(self, action: Array) -> None:
         """See `TrialSource`: any number of times."""
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `TrialSource`: from the half of the table for scores."""
-        known, results = self._for_scores
-        return results[self._nearest(known, self._executed(actions, rng))].rewards(self.task, contexts)
+        table_actions, results = self._for_scores
+        return results[self._nearest(table_actions, self._executed(actions, rng))].rewards(self.task, contexts)
 
     def best_actions(self, contexts: Array) -> Array:
         """The best of the table's own actions, each valued by the mean over its nearest ones."""
-        known, results = self._for_trials
-        unit = self.task.action.normalise(known)
+        table_actions, results = self._for_trials
+        unit = self.task.action.normalise(table_actions)
         together = np.argsort(np.linalg.norm(unit[:, None] - unit[None], axis=-1), axis=1)[:, :SMOOTHED]
         best = []
         for context in contexts:
-            earned = results.rewards(self.task, np.tile(context, (len(known), 1)))
+            earned = results.rewards(self.task, np.tile(context, (len(table_actions), 1)))
             best.append(int(np.argmax(earned[together].mean(axis=1))))
-        return known[best]
+        return table_actions[best]
 
     @cached_property
     def _for_trials(self) -> tuple[Array, Rollouts]:
@@ -136,9 +136,9 @@ class Tabled:
     def _executed(self, actions: Array, rng: np.random.Generator) -> Array:
         return np.asarray(actions + rng.uniform(-1.0, 1.0, actions.shape) * self.task.action_noise)
 
-    def _nearest(self, known: Array, executed: Array) -> NDArray[np.intp]:
+    def _nearest(self, table_actions: Array, executed: Array) -> NDArray[np.intp]:
         space = self.task.action
-        gaps = space.normalise(executed)[:, None] - space.normalise(known)[None]
+        gaps = space.normalise(executed)[:, None] - space.normalise(table_actions)[None]
         return np.asarray(np.linalg.norm(gaps, axis=-1).argmin(axis=1), dtype=np.intp)
 
 
@@ -165,9 +165,13 @@ class FromRecordings:
         if (rows < 0).any():
             raise ValueError("an action was asked for that nobody recorded")
         tracks = [self.shown.tracks[row] for row in rows]
-        there = np.stack([self.shown.context_of(row, context) for row, context in zip(rows, contexts, strict=True)])
-        seen = np.stack([task.observation(track) for track in tracks])
-        return trials_of_rows(there, actions, seen, self.shown.rewards(rows, contexts), map(task.end_of, tracks))
+        own_contexts = np.stack(
+            [self.shown.context_of(row, context) for row, context in zip(rows, contexts, strict=True)]
+        )
+        observations = np.stack([task.observation(track) for track in tracks])
+        return trials_of_rows(
+            own_contexts, actions, observations, self.shown.rewards(rows, contexts), map(task.end_of, tracks)
+        )
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `TrialSource`: of the recordings held out."""

@@ -46,13 +46,13 @@ SETS: dict[str, Callable[[Task], tuple[World, ...]]] = {
 
 def targets_of(task: Task, names: Sequence[str]) -> tuple[BenchmarkWorld, ...]:
     """The worlds of `names` (sets, names of worlds, files), each once, in order. Raises UnknownName, WorldError."""
-    found: dict[str, BenchmarkWorld] = {}
+    targets: dict[str, BenchmarkWorld] = {}
     for name in names:
         for target in _meant(task, name):
-            found.setdefault(target.name, target)
-    if not found:
+            targets.setdefault(target.name, target)
+    if not targets:
         raise UnknownName(f"no target was given: give names of worlds, or {', '.join(SETS)}")
-    return tuple(found.values())
+    return tuple(targets.values())
 
 
 def _meant(task: Task, name: str) -> tuple[BenchmarkWorld, ...]:

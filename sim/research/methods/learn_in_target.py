@@ -126,9 +126,9 @@ class LearntPolicy:
         prior = _kernel(points, points)
         if len(self.rewards) == 0:
             return np.full(len(points), PRIOR_MEAN), prior
-        known = _kernel(self.at, self.at) + self.task.adaptation.trial_std**2 * np.eye(len(self.at))
+        covariance = _kernel(self.at, self.at) + self.task.adaptation.trial_std**2 * np.eye(len(self.at))
         shared = _kernel(points, self.at)
-        gain = np.linalg.solve(known, shared.T).T
+        gain = np.linalg.solve(covariance, shared.T).T
         return PRIOR_MEAN + gain @ (self.rewards - PRIOR_MEAN), prior - gain @ shared.T
 
 

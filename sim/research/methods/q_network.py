@@ -40,22 +40,22 @@ class _Chain:
 
     def __call__(self, x: Weights) -> list[Weights]:
         """x (..., inputs) and what each layer makes of it."""
-        made = [x]
+        activations = [x]
         for i, (weight, bias) in enumerate(self.layers):
-            y = made[-1] @ weight
+            y = activations[-1] @ weight
             y += bias
             if self.rectified or i + 1 < len(self.layers):
                 np.maximum(y, 0.0, out=y)
-            made.append(y)
-        return made
+            activations.append(y)
+        return activations
 
-    def back(self, made: Sequence[Weights], slope: Weights, into: _Chain) -> Weights:
+    def back(self, activations: Sequence[Weights], slope: Weights, into: _Chain) -> Weights:
         """Put the slopes of the weights into the chain `into`, from `slope` of the output; return that of the input."""
         for i in reversed(range(len(self.layers))):
             if self.rectified or i + 1 < len(self.layers):
-                slope = slope * (made[i + 1] > 0.0)
+                slope = slope * (activations[i + 1] > 0.0)
             weight, bias = into.layers[i]
-            np.matmul(made[i].T, slope, out=weight)
+            np.matmul(activations[i].T, slope, out=weight)
             np.sum(slope, axis=0, out=bias)
             slope = slope @ self.layers[i][0].T
         return slope
@@ -124,10 +124,10 @@ class QNetwork:
         slots = read = pooled = None
         if parts.reader is not None:
             slots = x.reshape(-1, self.slots, self.inputs)
-            there = slots[..., -1:]
+            present = slots[..., -1:]
             read = parts.reader(slots.reshape(-1, self.inputs))
-            pooled = read[-1].reshape(*slots.shape[:2], READ) * there
-            mean = pooled.sum(axis=1) / np.maximum(there.sum(axis=1), 1.0)
+            pooled = read[-1].reshape(*slots.shape[:2], READ) * present
+            mean = pooled.sum(axis=1) / np.maximum(present.sum(axis=1), 1.0)
             x = np.concatenate([pooled[:, 0], mean, pooled.max(axis=1)], axis=-1)
         trunk = parts.trunk(x)
         value, advantage = parts.value(trunk[-1]), parts.advantage(trunk[-1])
@@ -135,23 +135,23 @@ class QNetwork:
         q = value[-1][:, :, None] + three - three.mean(axis=-1, keepdims=True)
         return q, _Pass(slots, read, pooled, trunk, value, advantage)
 
-    def slopes(self, made: _Pass, slope: Weights) -> Weights:
+    def slopes(self, forward: _Pass, slope: Weights) -> Weights:
         """(n,) slopes of all weights, from `slope` (B, branches, 3) of the action values; valid until the next call."""
         parts, into = self._parts, self._into
         three = slope - slope.mean(axis=-1, keepdims=True)
         of_value = slope.sum(axis=(1, 2))[:, None]
-        of_trunk = parts.value.back(made.value, of_value, into.value)
-        of_trunk += parts.advantage.back(made.advantage, three.reshape(len(slope), -1), into.advantage)
-        of_pooled = parts.trunk.back(made.trunk, of_trunk, into.trunk)
-        if made.slots is not None and made.read is not None and made.pooled is not None:
+        of_trunk = parts.value.back(forward.value, of_value, into.value)
+        of_trunk += parts.advantage.back(forward.advantage, three.reshape(len(slope), -1), into.advantage)
+        of_pooled = parts.trunk.back(forward.trunk, of_trunk, into.trunk)
+        if forward.slots is not None and forward.read is not None and forward.pooled is not None:
             assert parts.reader is not None and into.reader is not None
-            there = made.slots[..., -1:]
+            present = forward.slots[..., -1:]
             first, mean, most = np.split(of_pooled, 3, axis=-1)
-            of_slots = np.repeat((mean / np.maximum(there.sum(axis=1), 1.0))[:, None], self.slots, axis=1)
+            of_slots = np.repeat((mean / np.maximum(present.sum(axis=1), 1.0))[:, None], self.slots, axis=1)
             of_slots[:, 0] += first
-            where = made.pooled.argmax(axis=1)[:, None]
+            where = forward.pooled.argmax(axis=1)[:, None]
             np.put_along_axis(of_slots, where, np.take_along_axis(of_slots, where, axis=1) + most[:, None], axis=1)
-            parts.reader.back(made.read, (of_slots * there).reshape(-1, READ), into.reader)
+            parts.reader.back(forward.read, (of_slots * present).reshape(-1, READ), into.reader)
         return self._slopes
 
     @property
@@ -179,10 +179,10 @@ def restore_network(inputs: int, branches: int, tensors: Tensors, slots: int = 1
     """The stored network. Raises CheckpointError if the tensors do not fit."""
     network = QNetwork(inputs, branches, slots)
     weights = network._parts.tensors
-    wanted = {name: t.shape for name, t in weights.items()}
-    found = {name: tuple(t.shape) for name, t in tensors.items()}
-    if wanted != found:
-        wrong = sorted(n for n in wanted.keys() | found.keys() if wanted.get(n) != found.get(n))
+    expected = {name: t.shape for name, t in weights.items()}
+    shapes = {name: tuple(t.shape) for name, t in tensors.items()}
+    if expected != shapes:
+        wrong = sorted(n for n in expected.keys() | shapes.keys() if expected.get(n) != shapes.get(n))
         raise CheckpointError(f"the adaptation policy does not fit the task: {', '.join(wrong[:3])}; pretrain it again")
     for name, tensor in weights.items():
         tensor[...] = tensors[name]

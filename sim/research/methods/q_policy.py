@@ -53,8 +53,8 @@ def inputs(task: Task, memory: MemoryName) -> tuple[int, int]:
     """(slots, numbers in a slot) of the state of a policy with this memory."""
     if memory == "history":
         return SLOTS, entries(task) + 1
-    seen = _end(task) if memory == "state" else task.observation.size
-    return 1, len(task.parameters) + task.adaptation.trials_per_iteration * (seen + _goal(task))
+    size = _end(task) if memory == "state" else task.observation.size
+    return 1, len(task.parameters) + task.adaptation.trials_per_iteration * (size + _goal(task))
 
 
 def _end(task: Task) -> int:
@@ -90,19 +90,19 @@ def networks_of(checkpoint: Checkpoint) -> dict[MemoryName, QNetwork]:
     return {memory: restore_policy(checkpoint.solver.task, memory, part) for memory, part in parts.items() if part}
 
 
-def encode(task: Task, memory: MemoryName, seen: PastIterations) -> Array:
+def encode(task: Task, memory: MemoryName, past: PastIterations) -> Array:
     """(B, slots * numbers): the network's input."""
-    means = task.parameters.normalise(seen.means)
-    goals = seen.contexts[..., : task.adaptation.trials_per_iteration * _goal(task)]
+    means = task.parameters.normalise(past.means)
+    goals = past.contexts[..., : task.adaptation.trials_per_iteration * _goal(task)]
     if memory == "iteration":
-        return np.concatenate([means[:, 0], seen.observations[:, 0], goals[:, 0]], axis=-1)
+        return np.concatenate([means[:, 0], past.observations[:, 0], goals[:, 0]], axis=-1)
     if memory == "state":
-        trials = seen.observations[:, 0].reshape(len(means), task.adaptation.trials_per_iteration, -1)
+        trials = past.observations[:, 0].reshape(len(means), task.adaptation.trials_per_iteration, -1)
         ends = trials[..., -_end(task) :].reshape(len(means), -1)
         return np.concatenate([means[:, 0], ends, goals[:, 0]], axis=-1)
-    there = (seen.age >= 0.0)[..., None]
-    rest = [seen.own[..., None], seen.age[..., None] / 8.0, there]
-    full = np.where(there, np.concatenate([means, seen.observations, goals, seen.rewards, *rest], axis=-1), 0.0)
+    filled = (past.age >= 0.0)[..., None]
+    rest = [past.own[..., None], past.age[..., None] / 8.0, filled]
+    full = np.where(filled, np.concatenate([means, past.observations, goals, past.rewards, *rest], axis=-1), 0.0)
     padded = np.zeros((len(full), SLOTS, full.shape[-1]))
     padded[:, : full.shape[1]] = full[:, :SLOTS]
     return padded.reshape(len(full), -1)
@@ -117,11 +117,11 @@ def look_back(means: Array, observations: Array, contexts: Array, rewards: Array
         for column, values in zip(columns, (means, observations, contexts, rewards), strict=True):
             newest_first = values[:, order, ::-1]
             column.append(newest_first.reshape(episodes, particles * n, -1))
-    seen = [np.stack(column, axis=1).reshape(episodes * particles, particles * n, -1) for column in columns]
+    stacked = [np.stack(column, axis=1).reshape(episodes * particles, particles * n, -1) for column in columns]
     own = np.zeros((episodes * particles, particles * n))
     own[:, :n] = 1.0
     age = np.tile(np.arange(n, dtype=np.float64), (episodes * particles, particles))
-    return PastIterations(seen[0], seen[1], seen[2], seen[3], own, age)
+    return PastIterations(stacked[0], stacked[1], stacked[2], stacked[3], own, age)
 
 
 def seen_in_session(task: Task, history: Sequence[Iteration], particle: int) -> PastIterations:
@@ -129,7 +129,7 @@ def seen_in_session(task: Task, history: Sequence[Iteration], particle: int) -> 
 
     Of more than `trials_per_iteration` trials only the last ones count; fewer are repeated.
     """
-    wanted, latest = task.adaptation.trials_per_iteration, len(history) - 1
+    count, latest = task.adaptation.trials_per_iteration, len(history) - 1
     if not history or not history[-1][particle].trials:
         raise ValueError("adaptation needs at least one trial of this iteration")
     others = [i for i in range(len(history[-1])) if i != particle]
@@ -138,10 +138,10 @@ def seen_in_session(task: Task, history: Sequence[Iteration], particle: int) -> 
         for k in range(latest, -1, -1):
             if i >= len(history[k]) or not (trials := history[k][i].trials):
                 continue
-            taken = [trials[-wanted:][t % min(wanted, len(trials))] for t in range(wanted)]
-            observed = np.concatenate([t.observation for t in taken])
-            contexts = np.concatenate([task.context.normalise(t.context) for t in taken])
-            reward = np.array([t.reward for t in taken])
+            sample = [trials[-count:][t % min(count, len(trials))] for t in range(count)]
+            observed = np.concatenate([t.observation for t in sample])
+            contexts = np.concatenate([task.context.normalise(t.context) for t in sample])
+            reward = np.array([t.reward for t in sample])
             mean, own = history[k][i].particle.mean, float(i == particle)
             rows.append((mean, observed, contexts, reward, own, float(latest - k)))
     return PastIterations(*(np.array(column)[None] for column in zip(*rows, strict=True)))
@@ -189,8 +189,8 @@ class QPolicy:
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         """Deterministic. A particle without trials in the last iteration stays."""
         return tuple(
-            Particle(self._moved(history, i)[None]) if seen.trials else seen.particle
-            for i, seen in enumerate(history[-1])
+            Particle(self._moved(history, i)[None]) if entry.trials else entry.particle
+            for i, entry in enumerate(history[-1])
         )
 
     def _moved(self, history: Sequence[Iteration], particle: int) -> Array:

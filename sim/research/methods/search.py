@@ -47,7 +47,7 @@ class RandomSearch:
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         """Particles far from all tried ones, whatever those earned."""
-        tried = np.array([seen.particle.mean for iteration in history for seen in iteration])
+        tried = np.array([entry.particle.mean for iteration in history for entry in iteration])
         return self._farthest(self.task.parameters.normalise(tried), len(history[-1]), rng)
 
     def _farthest(self, tried: Array, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
@@ -86,10 +86,10 @@ class BayesianOptimisation:
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         """The particles with the largest joint expected improvement."""
         space, n = self.task.parameters, len(history[-1])
-        seen = [(tried.particle.mean, t.reward) for it in history for tried in it for t in tried.trials]
-        if not seen:
+        points = [(tried.particle.mean, t.reward) for it in history for tried in it for t in tried.trials]
+        if not points:
             return tuple(tried.particle for tried in history[-1])
-        tried, rewards = space.normalise(np.array([mean for mean, _ in seen])), np.array([r for _, r in seen])
+        tried, rewards = space.normalise(np.array([mean for mean, _ in points])), np.array([r for _, r in points])
         means = cover(space, CANDIDATES, rng)
         chosen = _maximise(
             tried, rewards, self.task.adaptation.trial_std, space.normalise(means), n, int(rng.integers(2**31))
@@ -148,12 +148,14 @@ class BoPrior:
         rewards = self.prospects.rewards
         mean, odd = rewards.mean(axis=1), ODD_STD**2 * np.eye(len(rewards))
         covariance = np.cov(rewards) + LEVEL_STD**2 + odd
-        seen = [(tried.particle, [t.reward for t in tried.trials]) for it in history for tried in it if tried.trials]
-        if not seen:
+        evidence = [
+            (tried.particle, [t.reward for t in tried.trials]) for it in history for tried in it if tried.trials
+        ]
+        if not evidence:
             return mean, covariance
-        at = np.array([self.prospects.nearest(self.task, particle) for particle, _ in seen], dtype=np.intp)
-        noise = self.task.adaptation.trial_std**2 / np.array([len(r) for _, r in seen])
-        return _condition(mean, covariance, at, np.array([np.mean(r) for _, r in seen]), noise)
+        at = np.array([self.prospects.nearest(self.task, particle) for particle, _ in evidence], dtype=np.intp)
+        noise = self.task.adaptation.trial_std**2 / np.array([len(r) for _, r in evidence])
+        return _condition(mean, covariance, at, np.array([np.mean(r) for _, r in evidence]), noise)
 
     def _chosen(self, history: Sequence[Iteration], n: int) -> tuple[Particle, ...]:
         """The E with the best mean, then those with the largest expected improvement, each treated as tried."""

@@ -90,14 +90,14 @@ class SysId:
     def posterior(self, history: Sequence[Iteration]) -> Array:
         """(SIMULATED, p) draws in [0, 1) of each range, for `sim.types.Space.spread`."""
         believed = sobol(SIMULATED, len(self.solver.task.parameters), np.random.default_rng(0))
-        seen = hashlib.sha256()
+        digest = hashlib.sha256()
         for iteration in history:
             trials = [trial for tried in iteration for trial in tried.trials]
             if not trials:
                 continue
             for trial in trials:
-                seen.update(trial.key)
-            key = seen.digest()
+                digest.update(trial.key)
+            key = digest.digest()
             if key not in self._known:
                 self._known[key] = self._updated(believed, trials, int.from_bytes(key[:4], "big"))
             believed = self._known[key]
@@ -123,10 +123,10 @@ class SysId:
         task, n = self.solver.task, len(unit)
         executed = trial.action + rng.uniform(-1.0, 1.0, (n, len(trial.action))) * task.action_noise
         nuisance = task.nuisance.spread(rng.random((n, len(task.nuisance))))
-        there = self.solver.trajectories(task.parameters.spread(unit), executed, nuisance)
-        there = task.relocate(there, np.tile(trial.context, (n, 1)))
+        paths = self.solver.trajectories(task.parameters.spread(unit), executed, nuisance)
+        paths = task.relocate(paths, np.tile(trial.context, (n, 1)))
         std = np.sqrt(self.solver.residual_std**2 + LEAST_STD**2)
-        shown = task.observation.with_noise(there + std * rng.standard_normal(there.shape), rng)
+        shown = task.observation.with_noise(paths + std * rng.standard_normal(paths.shape), rng)
         return self._seen(shown)
 
     def _seen(self, observation: Array) -> Array:
@@ -138,8 +138,8 @@ class SysId:
 def _within(drawn: Array) -> Array:
     """Those of `drawn` (n, p) inside the ranges; if there are none, all of them, moved to the nearest edge."""
     drawn = drawn[np.isfinite(drawn).all(axis=1)]
-    kept = drawn[((drawn >= 0.0) & (drawn < 1.0)).all(axis=1)]
-    return kept if len(kept) else np.clip(drawn, 0.0, 1.0 - 1e-9)
+    inside = drawn[((drawn >= 0.0) & (drawn < 1.0)).all(axis=1)]
+    return inside if len(inside) else np.clip(drawn, 0.0, 1.0 - 1e-9)
 
 
 def _infer(parameters: Array, simulated: Array, observed: Array, seed: int) -> Array:

@@ -63,10 +63,10 @@ def plan_training(record: tuple[PolicyRecord, ...], mean: Array, rules: ReuseRul
         return TrainingPlan(None, rules.first_budget, (*record, fresh))
     before = record[donor]
     j = before.distributions + 1
-    wanted = max(rules.least_budget, round(rules.discount ** (j - 1) * rules.first_budget))
-    budget = max(0, min(wanted, rules.max_budget - before.budget))
-    kept = tuple(replace(p, donated=True) if i == donor else p for i, p in enumerate(record))
-    return TrainingPlan(donor, budget, (*kept, PolicyRecord(mean, before.budget + budget, j)))
+    target = max(rules.least_budget, round(rules.discount ** (j - 1) * rules.first_budget))
+    budget = max(0, min(target, rules.max_budget - before.budget))
+    records = tuple(replace(p, donated=True) if i == donor else p for i, p in enumerate(record))
+    return TrainingPlan(donor, budget, (*records, PolicyRecord(mean, before.budget + budget, j)))
 
 
 RECORD = "record.toml"
@@ -146,7 +146,7 @@ class NafMemory:
     def _restore(self, path: Path) -> None:
         try:
             stored = read_toml(path)
-            found, rows = stored["fingerprint"], stored["policies"]
+            stored_fingerprint, rows = stored["fingerprint"], stored["policies"]
             self.record = tuple(
                 PolicyRecord(
                     np.array(r["features"], dtype=np.float64),
@@ -162,7 +162,7 @@ class NafMemory:
             raise CheckpointError(
                 f"{path} is damaged ({error}): remove its folder; the policies are then trained again"
             ) from error
-        if found != fingerprint(self.task):
+        if stored_fingerprint != fingerprint(self.task):
             raise CheckpointError(
                 f"the policies in {path.parent} were trained with other ranges of {self.task.name}: remove the folder, "
                 "or begin another session"

@@ -126,19 +126,19 @@ Training = Generator[Requests, Rollouts, NafPolicy]
 def train_together(trainings: Sequence[Training], roll: Roll) -> tuple[NafPolicy, ...]:
     """Run several trainings at once, to keep many workers busy; the results do not depend on it."""
     policies: dict[int, NafPolicy] = {}
-    asked: dict[int, Requests] = {}
+    requests: dict[int, Requests] = {}
 
     def go_on(i: int, answer: Rollouts | None) -> None:
         try:
-            asked[i] = trainings[i].send(answer) if answer is not None else next(trainings[i])
+            requests[i] = trainings[i].send(answer) if answer is not None else next(trainings[i])
         except StopIteration as finished:
             policies[i] = finished.value
 
     for i in range(len(trainings)):
         go_on(i, None)
-    while asked:
-        now = dict(sorted(asked.items()))
-        asked.clear()
+    while requests:
+        now = dict(sorted(requests.items()))
+        requests.clear()
         parts = [[getattr(requests, f.name) for requests in now.values()] for f in fields(Requests)]
         results = roll(Requests(*map(np.concatenate, parts)))
         ends = np.cumsum([len(requests) for requests in now.values()])

@@ -62,11 +62,11 @@ class NafSolver:
         """
         seeds = [int(s) for s in rng.integers(2**31, size=len(samples))]
         keys = [policy_key(s, seed) for s, seed in zip(samples, seeds, strict=True)]
-        known = {key: policy for key in keys if (policy := self.memory.find(key)) is not None}
-        new = [i for i, key in enumerate(keys) if key not in known]
-        known |= self._train([(keys[i], samples[i], seeds[i]) for i in new])
+        by_key = {key: policy for key in keys if (policy := self.memory.find(key)) is not None}
+        new = [i for i, key in enumerate(keys) if key not in by_key]
+        by_key |= self._train([(keys[i], samples[i], seeds[i]) for i in new])
         attempts = (settings or SolverSettings()).attempts
-        return tuple(replace(known[key], executable=executable, attempts=attempts) for key in keys)
+        return tuple(replace(by_key[key], executable=executable, attempts=attempts) for key in keys)
 
     def expected_rewards(
         self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
@@ -112,7 +112,7 @@ class NafSolver:
         """(size,) zero: the trajectories are the simulator's own."""
         return np.zeros(self.task.observation.size)
 
-    def _train(self, wanted: list[tuple[str, Array, int]]) -> dict[str, NafPolicy]:
+    def _train(self, jobs: list[tuple[str, Array, int]]) -> dict[str, NafPolicy]:
         """(key, samples, seed) of each -> its policy.
 
         Plans first, then trains in rounds every policy whose donor is ready.
@@ -120,25 +120,25 @@ class NafSolver:
         plans: list[TrainingPlan] = []
         record = self.memory.record
         first = len(record)
-        for _, samples, _ in wanted:
+        for _, samples, _ in jobs:
             plans.append(plan_training(record, features(self.task.parameters.normalise(samples)), self.rules))
             record = plans[-1].record
         policies: dict[int, NafPolicy] = {}
-        while len(policies) < len(wanted):
+        while len(policies) < len(jobs):
             ready = [i for i, p in enumerate(plans) if i not in policies and _has_donor(p, first, policies)]
-            trained = train_together([self._training(wanted[i], plans[i], first, policies) for i in ready], self.roll)
+            trained = train_together([self._training(jobs[i], plans[i], first, policies) for i in ready], self.roll)
             policies |= dict(zip(ready, trained, strict=True))
-        for i, (key, _, _) in enumerate(wanted):
+        for i, (key, _, _) in enumerate(jobs):
             self.memory.add(plans[i].record, key, policies[i])
-        return {key: policies[i] for i, (key, _, _) in enumerate(wanted)}
+        return {key: policies[i] for i, (key, _, _) in enumerate(jobs)}
 
     def _training(
-        self, wanted: tuple[str, Array, int], plan: TrainingPlan, first: int, policies: dict[int, NafPolicy]
+        self, job: tuple[str, Array, int], plan: TrainingPlan, first: int, policies: dict[int, NafPolicy]
     ) -> Training:
         donor = None
         if plan.donor is not None:
             donor = policies[plan.donor - first] if plan.donor >= first else self.memory.policy(plan.donor)
-        return naf_training(self.task, wanted[1], plan.budget, wanted[2], donor, self.settings)
+        return naf_training(self.task, job[1], plan.budget, job[2], donor, self.settings)
 
 
 def _has_donor(plan: TrainingPlan, first: int, policies: dict[int, NafPolicy]) -> bool:
@@ -174,11 +174,11 @@ def in_session(task: Task, facts: Mapping[str, Any] | None, workers: int, folder
     them, CheckpointError if `folder` holds other data.
     """
     with process_pool(workers or None) as crew:
-        roll, kept = CachedRollouts(task, folder / "rollouts", crew), folder / "policies"
+        roll, policy_folder = CachedRollouts(task, folder / "rollouts", crew), folder / "policies"
         if facts is None:
-            yield NafSolver(task, roll, rules_of(task), NafMemory(task, kept))
+            yield NafSolver(task, roll, rules_of(task), NafMemory(task, policy_folder))
         else:
-            yield _restored(task, facts, roll, kept)
+            yield _restored(task, facts, roll, policy_folder)
 
 
 def _restored(task: Task, facts: Mapping[str, Any], roll: Roll, folder: Path | None) -> NafSolver:
@@ -192,6 +192,6 @@ def measure_misfit_limit(solver: NafSolver, rng: np.random.Generator, trials: in
     parameters, actions = task.parameters.sample(rng, trials), task.action.sample(rng, trials)
     contexts = at_reference(task, trials)
     requests = trial_requests(task, parameters, contexts, actions, rng)
-    seen = task.observation.with_noise(solver.roll(requests).observation, rng)
-    values = [misfit(solver, c, a, o) for c, a, o in zip(contexts, actions, seen, strict=True)]
+    observations = task.observation.with_noise(solver.roll(requests).observation, rng)
+    values = [misfit(solver, c, a, o) for c, a, o in zip(contexts, actions, observations, strict=True)]
     return float(np.quantile(values, 0.95))

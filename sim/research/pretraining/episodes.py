@@ -148,10 +148,10 @@ def visit(simulator: Simulator, means: Array, targets: Array, rng: np.random.Gen
         task, np.repeat(targets, trials, axis=0), own, actions[:, :trials].reshape(count * trials, -1), rng
     )
     rollouts = simulator.roll(requests)
-    seen = task.observation.with_noise(rollouts.observation, rng)
+    observations = task.observation.with_noise(rollouts.observation, rng)
     return Visit(
         contexts=task.context.normalise(own).reshape(count, -1),
-        observations=seen.reshape(count, -1),
+        observations=observations.reshape(count, -1),
         trial_rewards=rollouts.rewards(task, own).reshape(count, -1),
         rewards=solver.expected_rewards(targets, contexts, actions, rng, DRAWS),
     )
@@ -245,5 +245,5 @@ def simulated_trials(
     contexts = task.context.sample(rng, n)
     actions = np.stack([policy(c) for c in contexts])
     results = roll(trial_requests(task, np.tile(target, (n, 1)), contexts, actions, rng))
-    seen = task.observation.with_noise(results.observation, rng)
-    return trials_of_rows(contexts, actions, seen, results.rewards(task, contexts), results.ends())
+    observations = task.observation.with_noise(results.observation, rng)
+    return trials_of_rows(contexts, actions, observations, results.rewards(task, contexts), results.ends())

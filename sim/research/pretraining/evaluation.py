@@ -141,11 +141,11 @@ def _judge(
     contexts = task.context.sample(rng, n)
     seed = int(rng.integers(2**31))
     distinct = list({id(policy): policy for policy in policies}.values())
-    asked = [
+    parts = [
         trial_requests(task, np.tile(target, (n, 1)), contexts, policy.actions(contexts), np.random.default_rng(seed))
         for policy in distinct
     ]
-    everything = reduce(Requests.followed_by, asked)
+    everything = reduce(Requests.followed_by, parts)
     everywhere = np.tile(contexts, (len(distinct), 1))
     true = roll(everything).rewards(task, everywhere)
     expected = solver.trial_rewards(everything.parameters, everywhere, everything.action, everything.nuisance)

@@ -44,12 +44,12 @@ class HeldOut:
 
 def is_inside(task: Task, shipped: Task) -> bool:
     """Whether all rollouts of an object are among those that the shipped emulator learnt from."""
-    known = all(
+    covered = all(
         space.contains(values)
         for ours, space in ((task.margin, shipped.margin), (task.nuisance, shipped.nuisance))
         for values in (ours.low, ours.high)
     )
-    return task.scene is None and known
+    return task.scene is None and covered
 
 
 def make_ready(
@@ -68,15 +68,15 @@ def make_ready(
     The error is None for a task that is solved exactly. Raises CheckpointError if the shipped checkpoint has no
     emulator for it, DatasetError.
     """
-    draws, emulator, found = stage_seeds(seed), None, None
+    draws, emulator, accuracy = stage_seeds(seed), None, None
     facts: dict[str, Any] = {"seed": seed, "start": shipped.sha256}
     if task.exact is None:
         emulator = _learnt(task, shipped, folder, draws, executor, progress, rollouts)
-        found = judge(emulator, held_out, draws[3], executor, progress)
-        facts["held_out"] = {name: value for name, value in asdict(found).items() if value is not None}
+        accuracy = judge(emulator, held_out, draws[3], executor, progress)
+        facts["held_out"] = {name: value for name, value in asdict(accuracy).items() if value is not None}
     solver = emulator or _exact(task)
     ahead = look_ahead(solver, draws[2], prospects, _stage("prospects", progress))
-    return save_checkpoint(task, folder / "checkpoint", emulator, {}, facts, ahead), found
+    return save_checkpoint(task, folder / "checkpoint", emulator, {}, facts, ahead), accuracy
 
 
 def _exact(task: Task) -> Solver:

@@ -121,7 +121,7 @@ class PretrainBudget:
         """The same budget, trained and judged on this kind of targets."""
         return replace(self, meta=replace(self.meta, targets=kind), evaluation=replace(self.evaluation, kind=kind))
 
-    def uncached(self, task: Task, wanted: Wanted = EVERYTHING) -> int:
+    def uncached(self, task: Task, stages: Wanted = EVERYTHING) -> int:
         """Rollouts of training and evaluation without a counter; an upper bound for the evaluation, because policies
         repeat.
         """
@@ -130,7 +130,7 @@ class PretrainBudget:
         judged = self.evaluation.rollouts * (UDR_POLICIES + 1 + COMPARED * self.evaluation.iterations)
         evaluated = self.evaluation.targets * (COMPARED * session + PROPOSED * SCREENING + judged)
         trained = len(MEMORIES) * (self.meta.visits(task) + gate_visits(task)) * trials
-        return wanted.policies * trained + wanted.evaluation * evaluated
+        return stages.policies * trained + stages.evaluation * evaluated
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,11 +159,11 @@ def pretrain(
     executor: Executor,
     progress: StageProgress,
     solver: str = "emulator",
-    wanted: Wanted = EVERYTHING,
+    stages: Wanted = EVERYTHING,
 ) -> Path:
     """Make the checkpoint of `task` in `folder` and return its path, for `load_checkpoint`.
 
-    Without the `wanted` stages it has only the parts for inference. Raises DatasetError if the folder holds another
+    Without the `stages` it has only the parts for inference. Raises DatasetError if the folder holds another
     plan, RolloutError if the first rollouts show that the task is not sound. It may be stopped at any time; the same
     call continues.
     """
@@ -172,7 +172,7 @@ def pretrain(
     draws, progress = stage_seeds(seed), Stopwatch(folder, progress)
     if task.exact:
         progress(EXACT, 1, 1)
-        means = _exact(task, task.exact(task), budget, executor, wanted)
+        means = _exact(task, task.exact(task), budget, executor, stages)
     elif solver == "naf":
         progress("dataset and emulator: not needed, NAF asks the simulator", 1, 1)
         means = _by_naf(task, folder, budget, draws[0], executor)
@@ -182,11 +182,11 @@ def pretrain(
     ahead = _prospects(folder, means, budget.prospects, draws[2], progress) if task.exact or means.emulator else None
     networks: dict[MemoryName, QNetwork] = {}
     facts: dict[str, Any] = {"seed": seed}
-    if wanted.policies or ahead is None or policy_files(folder, MEMORIES[0])[1].exists():
+    if stages.policies or ahead is None or policy_files(folder, MEMORIES[0])[1].exists():
         networks = _policies(folder, means, budget.meta, draws[2], progress)
         facts["policy"] = {memory: read_report(policy_files(folder, memory)[1]) for memory in networks}
-    if wanted.evaluation or (folder / "evaluation.toml").exists():
-        results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress, anew=wanted.evaluation)
+    if stages.evaluation or (folder / "evaluation.toml").exists():
+        results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress, anew=stages.evaluation)
         facts["evaluation"] = results
     path = folder / "checkpoint"
     stored = read_report(path / CARD) if (path / CARD).exists() else {}
@@ -234,10 +234,10 @@ def stage_seeds(seed: int) -> tuple[int, ...]:
     return tuple(int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4))
 
 
-def _exact(task: Task, solver: Solver, budget: PretrainBudget, executor: Executor, wanted: Wanted) -> _Means:
+def _exact(task: Task, solver: Solver, budget: PretrainBudget, executor: Executor, stages: Wanted) -> _Means:
     facts = {"budget": {"meta": asdict(budget.meta), "evaluation": asdict(budget.evaluation)}}
     roll = partial(run_many, task, executor=executor)
-    return _Means(task, lambda: solver, None, roll, partial(budget.uncached, task, wanted), facts)
+    return _Means(task, lambda: solver, None, roll, partial(budget.uncached, task, stages), facts)
 
 
 def _by_naf(task: Task, folder: Path, budget: PretrainBudget, seed: int, executor: Executor) -> _Means:
@@ -321,13 +321,13 @@ def _policies(
             of_training, of_trials = np.random.SeedSequence(seed, spawn_key=(MEMORIES.index(memory),)).generate_state(2)
             simulator = _simulator(means, acting, int(of_trials))
             log = curve_file(folder / f"policy-{memory}.csv", CURVE)
-            network, curve, seen = train_adaptation(
+            network, curve, visits = train_adaptation(
                 simulator, settings, int(of_training), memory, _after(memory, means, settings, progress), log
             )
             gate = learning_gate(simulator, network, memory, int(of_training) + 1, settings.targets)
             weights, report = policy_files(folder, memory)
             if memory == MEMORIES[0]:
-                save_tensors(episodes, {f.name: getattr(seen, f.name) for f in fields(Episodes)})
+                save_tensors(episodes, {f.name: getattr(visits, f.name) for f in fields(Episodes)})
             save_tensors(weights, network.tensors)
             write_toml(report, _summary(curve, gate))
     progress(STAGES[3], 1, 1)

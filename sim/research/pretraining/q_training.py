@@ -74,12 +74,12 @@ class DoubleQLearner:
 
     def _update(self, batch: Transitions) -> float:
         target = branching_target(self.online, self._target, batch.reward, batch.next_state, self._discount)
-        q, made = self.online.values(batch.state)
+        q, activations = self.online.values(batch.state)
         choice = batch.directions[..., None] + 1
         error = np.take_along_axis(q, choice, axis=-1) - target[:, None, None]
         slope = np.zeros_like(q)
         np.put_along_axis(slope, choice, error * (2.0 / error.size), axis=-1)
-        self._step(self.online.slopes(made, slope))
+        self._step(self.online.slopes(activations, slope))
         self._target.flat += self._polyak * (self.online.flat - self._target.flat)
         return float((error**2).mean())
 

@@ -46,24 +46,26 @@ Better = Literal["more", "less", "neither"]
 
 
 @dataclass(frozen=True)
-class Figure:
+class CardFigure:
     """One figure of the card beside the present one."""
 
     name: str
     card: float
-    found: float
+    measured: float
     tolerance: float  # largest acceptable deterioration
     better: Better
 
     @property
     def holds(self) -> bool:
         """Whether it is not worse than the card's by more than the tolerance."""
-        gap = self.found - self.card
+        gap = self.measured - self.card
         worse = {"more": -gap, "less": gap, "neither": abs(gap)}[self.better]
         return bool(worse <= self.tolerance)
 
 
-def verify_figures(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int, progress: Progress) -> list[Figure]:
+def verify_figures(
+    checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int, progress: Progress
+) -> list[CardFigure]:
     """The figures of the card that about `rollouts` true rollouts can test.
 
     If rollouts are nearly free, whole sessions are run; more requested rollouts give more targets. Empty if the
@@ -87,7 +89,7 @@ def verify_figures(checkpoint: Checkpoint, roll: Roll, rollouts: int, seed: int,
 
 def _emulator(
     emulator: Emulator, stated: EmulatorReport | None, roll: Roll, count: int, rng: np.random.Generator
-) -> list[Figure]:
+) -> list[CardFigure]:
     """Held-out errors of the emulator on `count` draws over the margin, as in its report; none without a report."""
     if stated is None or not stated.held_out:
         return []
@@ -100,13 +102,13 @@ def _emulator(
         "end_state_error_median": ("less", _median),
     }
     return [
-        _figure(f"emulator: {name.replace('_', ' ')}", said, stated.held_out, errors[name], better, statistic, rng)
+        _figure(f"emulator: {name.replace('_', ' ')}", claim, stated.held_out, errors[name], better, statistic, rng)
         for name, (better, statistic) in figures.items()
-        if math.isfinite(said := getattr(stated, name)) and len(errors[name]) > 1
+        if math.isfinite(claim := getattr(stated, name)) and len(errors[name]) > 1
     ]
 
 
-def _policies(solver: Solver, card: Card, roll: Roll, count: int, rng: np.random.Generator) -> list[Figure]:
+def _policies(solver: Solver, card: Card, roll: Roll, count: int, rng: np.random.Generator) -> list[CardFigure]:
     """Rewards of the policy for all of Omega in `count` random targets, and the emulator's errors about them."""
     task, stated = solver.task, card.evaluation
     targets = sample_targets(task, card.budget.evaluation.kind, count, rng)
@@ -117,10 +119,10 @@ def _policies(solver: Solver, card: Card, roll: Roll, count: int, rng: np.random
         for j, policy in enumerate((udr[i % len(udr)], own[i])):
             contexts = task.context.sample(rng, PER_TARGET)
             where = np.tile(target, (PER_TARGET, 1))
-            asked = trial_requests(task, where, contexts, policy.actions(contexts), rng)
-            rewards = roll(asked).rewards(task, contexts)
-            said = solver.trial_rewards(asked.parameters, contexts, asked.action, asked.nuisance)
-            earned[i, j], bias[i, j] = rewards.mean(), (said - rewards).mean()
+            requests = trial_requests(task, where, contexts, policy.actions(contexts), rng)
+            rewards = roll(requests).rewards(task, contexts)
+            predictions = solver.trial_rewards(requests.parameters, contexts, requests.action, requests.nuisance)
+            earned[i, j], bias[i, j] = rewards.mean(), (predictions - rewards).mean()
     if stated is None:
         return []
     of_all, added = "mean reward of the policy for all ranges", "reward that the emulator adds"
@@ -142,7 +144,7 @@ def _best(stated: EvaluationReport | None) -> str:
 
 def _sessions(
     checkpoint: Checkpoint, roll: Roll, count: int, rng: np.random.Generator, progress: Progress
-) -> list[Figure]:
+) -> list[CardFigure]:
     """Whole sessions in `count` fresh targets, for a task with nearly free rollouts."""
     solver, card = checkpoint.solver, checkpoint.card
     task, judging, stated = solver.task, card.budget.evaluation, card.evaluation
@@ -157,11 +159,11 @@ def _sessions(
         progress(i + 1, count)
     if stated is None:
         return []
-    said = {score.name: score.reward[-1] for score in stated.methods} | {"udr": stated.udr}
+    claims = {score.name: score.reward[-1] for score in stated.methods} | {"udr": stated.udr}
     return [
-        _figure(f"mean reward of {of}", said[of], stated.targets, np.array(values), "more", _mean, rng)
+        _figure(f"mean reward of {of}", claims[of], stated.targets, np.array(values), "more", _mean, rng)
         for of, values in earned.items()
-        if of in said
+        if of in claims
     ]
 
 
@@ -180,12 +182,12 @@ def _figure(
     better: Better,
     statistic: Callable[[Array], float],
     rng: np.random.Generator,
-) -> Figure:
+) -> CardFigure:
     """`behind` is the number of values behind the card's figure; their spread is assumed to be that of `values`."""
     drawn = values[rng.integers(len(values), size=(1000, len(values)))]
     error = float(np.std([statistic(row) for row in drawn]))
     both = error * float(np.sqrt(1.0 + len(values) / behind))
-    return Figure(name, card, statistic(values), max(ROUNDING, SIGMAS * both), better)
+    return CardFigure(name, card, statistic(values), max(ROUNDING, SIGMAS * both), better)
 
 
 def _mean(values: Array) -> float:

@@ -206,10 +206,10 @@ def predictions(emulator: Emulator) -> list[float]:
     spaces = (task.margin, task.action, task.nuisance)
     drawn = [space.denormalise(rng.uniform(0.0, 1.0, (INPUTS, len(space)))) for space in spaces]
     try:
-        found = emulator.predict(*drawn)
+        prediction = emulator.predict(*drawn)
     except (ValueError, IndexError, KeyError) as error:
         raise CheckpointError(f"the emulator's weights do not fit one another ({error}): pretrain again") from error
-    parts = (found.observation, found.success, found.end_state)
+    parts = (prediction.observation, prediction.success, prediction.end_state)
     return [round(float(value), 7) for part in parts for value in np.ravel(part)]
 
 

@@ -34,16 +34,16 @@ def with_mirror_images(task: Task, dataset: Dataset) -> Dataset:
     mirror = task.mirror
     if mirror is None:
         return dataset
-    asked, done = dataset.requests, dataset.rollouts
+    requests, done = dataset.requests, dataset.rollouts
     mirrored = Requests(
-        asked.parameters * mirror.parameters,
-        asked.context,
-        asked.action * mirror.action,
-        asked.nuisance * mirror.nuisance,
+        requests.parameters * mirror.parameters,
+        requests.context,
+        requests.action * mirror.action,
+        requests.nuisance * mirror.nuisance,
     )
     observed = task.observation.normalise(task.observation.denormalise(done.observation) * mirror.observed)
     again = replace(done, observation=observed, end_state=done.end_state * mirror.end_state)
-    return replace(dataset, requests=asked.followed_by(mirrored), rollouts=concatenate([done, again]))
+    return replace(dataset, requests=requests.followed_by(mirrored), rollouts=concatenate([done, again]))
 
 
 Rows = NDArray[np.intp]
@@ -93,16 +93,16 @@ def train_emulator(
     calibrate, judge, train = split(dataset, rng, settings)
     learnt = with_mirror_images(task, dataset)
     rows = np.concatenate([train + first for first in range(0, len(learnt), len(dataset))])
-    y, known = _targets(task, learnt)
+    y, mask = _targets(task, learnt)
     before = None if start is None else start.tensors
     if before is None:
-        y_mean, y_std = _scaling(y[rows], known[rows])
+        y_mean, y_std = _scaling(y[rows], mask[rows])
     else:
         y_mean, y_std = (before[name][:-1].astype(np.float64) for name in ("y_mean", "y_std"))
     data = _Data(
         x=torch.from_numpy(encode(task, *_inputs(learnt.requests))),
-        y=torch.from_numpy(np.where(known, (y - y_mean) / y_std, 0.0)).float(),
-        known=torch.from_numpy(known).float(),
+        y=torch.from_numpy(np.where(mask, (y - y_mean) / y_std, 0.0)).float(),
+        mask=torch.from_numpy(mask).float(),
         success=torch.from_numpy(learnt.rollouts.succeeded.copy()).float(),
     )
     with one_thread():
@@ -118,7 +118,7 @@ def train_emulator(
     }
     tensors["temperature"] = np.array(_temperature(Emulator(task, tensors), dataset, calibrate), dtype=np.float32)
     predicted = Emulator(task, tensors).predict(*_inputs(dataset.requests[calibrate]))
-    residual = np.abs(predicted.observation - dataset.rollouts.observation[calibrate])[known[calibrate, 0]]
+    residual = np.abs(predicted.observation - dataset.rollouts.observation[calibrate])[mask[calibrate, 0]]
     # From the median, as for a Gaussian: a few outliers must not widen the tolerance.
     tensors["residual_std"] = (np.median(residual, axis=0) / 0.6745 + 1e-4).astype(np.float32)
     limit = _misfit_limit(Emulator(task, tensors), task, dataset, calibrate, rng)
@@ -146,22 +146,22 @@ def outcome_variance(task: Task, seed: int, dataset: Dataset, candidates: Reques
 class _Data:
     x: Tensor  # (N, f)
     y: Tensor  # (N, size + k) standardised
-    known: Tensor  # (N, size + k)
+    mask: Tensor  # (N, size + k)
     success: Tensor  # (N,)
 
 
 def _targets(task: Task, dataset: Dataset) -> tuple[Array, Array]:
-    """Outputs (N, size + k), and which are known: an end state only after a success, nothing after a solver failure."""
+    """Outputs (N, size + k), and the mask of known ones: no end state before a success, none after a failed solver."""
     done = dataset.rollouts
     size, k = task.observation.size, done.end_state.shape[1]
     solved = done.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
-    known = np.repeat(solved[:, None], size + k, axis=1)
-    known[:, size:] = done.succeeded[:, None]
-    return np.concatenate([done.observation, np.nan_to_num(done.end_state)], axis=1), known
+    mask = np.repeat(solved[:, None], size + k, axis=1)
+    mask[:, size:] = done.succeeded[:, None]
+    return np.concatenate([done.observation, np.nan_to_num(done.end_state)], axis=1), mask
 
 
-def _scaling(y: Array, known: Array) -> tuple[Array, Array]:
-    weight = known / np.maximum(known.sum(axis=0), 1.0)
+def _scaling(y: Array, mask: Array) -> tuple[Array, Array]:
+    weight = mask / np.maximum(mask.sum(axis=0), 1.0)
     mean = (weight * y).sum(axis=0)
     std = np.sqrt((weight * (y - mean) ** 2).sum(axis=0))
     # Constant outputs, such as the start of the object, must stay constant: their errors are scaled down.
@@ -232,8 +232,8 @@ def _network(tensors: dict[str, Tensor], w: str, b: str, depth: int, x: Tensor) 
 
 def _loss(tensors: dict[str, Tensor], depth: int, data: _Data, rows: Tensor) -> Tensor:
     raw = forward(tensors, depth, data.x[rows])
-    known = data.known[rows]
-    squared = (known * (raw[..., :-1] - data.y[rows]) ** 2).sum() / known.sum().clamp(min=1.0)
+    mask = data.mask[rows]
+    squared = (mask * (raw[..., :-1] - data.y[rows]) ** 2).sum() / mask.sum().clamp(min=1.0)
     return squared + binary_cross_entropy_with_logits(raw[..., -1], data.success[rows])
 
 
@@ -260,8 +260,8 @@ def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, 
     if len(inside) < 10:
         return 3.0
     context = np.asarray(task.reference_context, dtype=np.float64)
-    actions, seen = dataset.requests.action, dataset.rollouts.observation
-    values = [misfit(emulator, context, actions[i], task.observation.with_noise(seen[i], rng)) for i in inside]
+    actions, observations = dataset.requests.action, dataset.rollouts.observation
+    values = [misfit(emulator, context, actions[i], task.observation.with_noise(observations[i], rng)) for i in inside]
     return float(np.quantile(values, 0.95))
 
 
@@ -270,15 +270,15 @@ def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> d
 
     Positions only if the simulator found a solution, end states only for successes.
     """
-    seen = emulator.task.observation
-    said = emulator.predict(*_inputs(requests))
+    observation = emulator.task.observation
+    prediction = emulator.predict(*_inputs(requests))
     solved = true.outcome != OUTCOMES.index(Outcome.SOLVER_FAILED)
-    apart = seen.denormalise(said.observation)[:, -1] - seen.denormalise(true.observation)[:, -1]
+    apart = observation.denormalise(prediction.observation)[:, -1] - observation.denormalise(true.observation)[:, -1]
     return {
-        "accuracy": ((said.success > 0.5) == true.succeeded).astype(np.float64),
-        "brier": (said.success - true.succeeded) ** 2,
+        "accuracy": ((prediction.success > 0.5) == true.succeeded).astype(np.float64),
+        "brier": (prediction.success - true.succeeded) ** 2,
         "position_error_median": np.linalg.norm(apart, axis=-1)[solved],
-        "end_state_error_median": np.linalg.norm((said.end_state - true.end_state)[true.succeeded], axis=-1),
+        "end_state_error_median": np.linalg.norm((prediction.end_state - true.end_state)[true.succeeded], axis=-1),
     }
 
 
@@ -286,14 +286,14 @@ def _judge(emulator: Emulator, dataset: Dataset, rows: Rows, trained: int) -> Em
     requests, true = dataset.select(rows)
     errors = held_out_errors(emulator, requests, true)
     position, end = errors["position_error_median"], errors["end_state_error_median"]
-    said = emulator.predict(*_inputs(requests)).success
+    probability = emulator.predict(*_inputs(requests)).success
     return EmulatorReport(
         rollouts=trained,
         held_out=len(rows),
         base_rate=float(true.succeeded.mean()),
         accuracy=float(errors["accuracy"].mean()),
         brier=float(errors["brier"].mean()),
-        calibration_error=_calibration_error(said, true.succeeded),
+        calibration_error=_calibration_error(probability, true.succeeded),
         position_error_median=float(np.median(position)) if len(position) else math.nan,
         position_error_p90=float(np.quantile(position, 0.9)) if len(position) else math.nan,
         end_state_error_median=float(np.median(end)) if len(end) else math.nan,

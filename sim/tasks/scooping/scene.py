@@ -91,8 +91,8 @@ def build_scene(
         corner = relaxing(material(0.0, effects.edge_stiffness_N_m), EDGE_RELAXATION_S)
         plant.RegisterCollisionGeometry(turner, RigidTransform(p_T_m), Sphere(CORNER_M), name, corner)
     piece = piece_of(parameters, nuisance, effects)
-    seen = Visual(OBJECT, piece.vertices_m, piece.triangles, effects.colour)
-    visuals = (table_visual(), seen, *spatula_visuals(TOOL, handle.name(), effects.lip_m))
+    visual = Visual(OBJECT, piece.vertices_m, piece.triangles, effects.colour)
+    visuals = (table_visual(), visual, *spatula_visuals(TOOL, handle.name(), effects.lip_m))
     return SceneBodies(TOOL, OBJECT, visuals, apart=((face, table), (neck, table)))
 
 

@@ -96,7 +96,7 @@ def test_its_checkpoint_holds_the_ranges_and_serves_no_others(tmp_path):
     usual = get_task("pendulum")
     heavy = with_ranges(usual, OwnObject("pendulum", "heavy pendulum", {"m1": (1.6, 2.0), "m2": (2.0, 2.6)}))
     with serial_executor() as executor:
-        path = pretrain(heavy, tmp_path / "work", TINY, 0, executor, lambda *_: None, wanted=Wanted(False, False))
+        path = pretrain(heavy, tmp_path / "work", TINY, 0, executor, lambda *_: None, stages=Wanted(False, False))
     checkpoint = load_checkpoint(heavy, str(path))
     assert checkpoint.card.object == "heavy pendulum"
     assert [(d["low"], d["high"]) for d in checkpoint.card.interface["parameters"][:2]] == [(1.6, 2.0), (2.0, 2.6)]

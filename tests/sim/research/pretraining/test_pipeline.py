@@ -51,7 +51,7 @@ def run(folder, task=TOY, budget=TINY, seed=0, wanted=EVERYTHING):
             seed,
             executor,
             lambda stage, done, total: seen.append((stage, done, total)),
-            wanted=wanted,
+            stages=wanted,
         )
     return path, seen
 

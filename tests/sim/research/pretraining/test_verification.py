@@ -12,7 +12,7 @@ from sim.research.methods.q_policy import MemoryName, new_policy, tensors_of
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, naf_facts, rules_of
 from sim.research.pretraining.evaluation import EvaluationSettings
-from sim.research.pretraining.verification import Figure, verify_figures
+from sim.research.pretraining.verification import CardFigure, verify_figures
 from sim.rollouts import run_many, serial_executor
 
 EVALUATION = EvaluationReport(
@@ -106,7 +106,7 @@ def test_policies_that_sessions_train_anew_have_no_figures(tmp_path):
     ],
 )
 def test_only_what_is_worse_offends(better, found, holds):
-    assert Figure("x", 0.8, found, 0.1, better).holds is holds
+    assert CardFigure("x", 0.8, found, 0.1, better).holds is holds
 
 
 def test_settings_of_the_card_are_used(tmp_path):

@@ -71,8 +71,8 @@ _QUICK = frozenset(("-h", "--help", "--version"))
 """Options that load nothing else."""
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(flag: bool) -> None:
+    if flag:
         from importlib.metadata import version
 
         typer.echo(f"adaptsim {version('adaptsim')}")
@@ -93,11 +93,11 @@ def options(
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code. A defect of the program itself raises with its traceback."""
-    given = sys.argv[1:] if arguments is None else arguments
+    words = sys.argv[1:] if arguments is None else arguments
     for size in ("COLUMNS", "LINES"):  # of a terminal; 0 would print nothing
         if not os.environ.get(size, "1").strip("0").isdigit():
             del os.environ[size]
-    if given and not _QUICK.intersection(given):
+    if words and not _QUICK.intersection(words):
         loading.say()
     try:
         code = app(arguments, standalone_mode=False, prog_name="adaptsim")
@@ -128,8 +128,8 @@ def foreign_packages() -> str:
     """A message if another project's package of the same name hides one of this program's; "" if not."""
     own = Path(__file__).parents[1]
     for name in ("sim", "perception", "hw", "calib"):
-        found = find_spec(name)
-        origin = Path(found.origin).parent if found is not None and found.origin else None
+        spec = find_spec(name)
+        origin = Path(spec.origin).parent if spec is not None and spec.origin else None
         if origin is None or origin.resolve() != (own / name).resolve():
             return (
                 f"the package {name!r} is {'missing' if origin is None else f'another one, in {origin}'}; adaptsim's "
@@ -211,8 +211,8 @@ def _example(error: typer.TyperException) -> str:
     """A line with the example from the command's help; "" if it has none."""
     context = getattr(error, "ctx", None)
     text = (context.command.help if context is not None else None) or ""
-    _, found, example = text.partition("Example: ")
-    return f"\nExample: {example.splitlines()[0]}" if found else ""
+    _, separator, example = text.partition("Example: ")
+    return f"\nExample: {example.splitlines()[0]}" if separator else ""
 
 
 def _say(message: str) -> None:

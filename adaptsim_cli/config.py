@@ -174,9 +174,9 @@ def places(env: Mapping[str, str] | None = None, project: Path | None = None) ->
     project = Path.cwd() if project is None else project
     if home := env.get("ADAPTSIM_HOME"):
         root = Path(home).expanduser().absolute()
-        there = next(folder for folder in (root, *root.parents) if folder.exists())
-        if not there.is_dir():
-            raise UsageError(f"ADAPTSIM_HOME = {home}: {there} is not a folder; name one of yours, or unset it")
+        ancestor = next(folder for folder in (root, *root.parents) if folder.exists())
+        if not ancestor.is_dir():
+            raise UsageError(f"ADAPTSIM_HOME = {home}: {ancestor} is not a folder; name one of yours, or unset it")
         return Places(root / "data", root / "config.toml", project / PROJECT_FILE)
     data = Path(platformdirs.user_data_dir("adaptsim", appauthor=False))
     config = Path(platformdirs.user_config_dir("adaptsim", appauthor=False))
@@ -236,9 +236,9 @@ def _checked(layer: Mapping[str, Any], source: str, *, strict: bool) -> dict[str
 def _message(error: ValidationError) -> str:
     first = error.errors(include_url=False)[0]
     key = place(first["loc"])
-    known = tuple(Config.model_fields)
+    keys = tuple(Config.model_fields)
     if first["type"] == "extra_forbidden":
-        return unknown(key, key, known, "Known keys")
+        return unknown(key, key, keys, "Known keys")
     if first["type"] == "literal_error":
         return f"{key} = {first['input']!r}: choose one of {', '.join(get_args(Hardware))}"
     return (

@@ -37,19 +37,19 @@ def checks(
     predicted = of.board_poses(solution, good, setup, forward)
     poses = dict(zip([view.name for view in good], predicted, strict=True))
     X_CD, alignment = of.infrared_board(solution, views, setup, forward)
-    found = [of.square_size(solution), of.joint_offsets(solution), of.variety(solution), of.mirror_poses(solution)]
-    found += [of.weights(solution)]
+    all_checks = [of.square_size(solution), of.joint_offsets(solution), of.variety(solution), of.mirror_poses(solution)]
+    all_checks += [of.weights(solution)]
     if stored.setup.X_HM is not None:
-        found += [of.mounting_of_board(solution, np.array(stored.setup.X_HM))]
-    found += [_depth(stored, setup, poses, X_CD), alignment, _table(stored, setup, solution, X_CD)]
-    found += [_timing(folder, setup, solution, forward), _touched(folder, setup, solution, forward)]
-    return [*found, of.warm_up(readings(stored, "camera"))]
+        all_checks += [of.mounting_of_board(solution, np.array(stored.setup.X_HM))]
+    all_checks += [_depth(stored, setup, poses, X_CD), alignment, _table(stored, setup, solution, X_CD)]
+    all_checks += [_timing(folder, setup, solution, forward), _touched(folder, setup, solution, forward)]
+    return [*all_checks, of.warm_up(readings(stored, "camera"))]
 
 
 def readings(stored: files.Folder, device: str) -> list[float]:
     """The device's temperatures in °C, in the order of the views that state it."""
-    found = (view.record.temperatures_C.get(device) for view in stored.views)
-    return [value for value in found if value is not None]
+    values = (view.record.temperatures_C.get(device) for view in stored.views)
+    return [value for value in values if value is not None]
 
 
 def _depth(stored: files.Folder, setup: Setup, poses: dict[str, Array], X_CD: Array | None) -> Check:

@@ -44,14 +44,14 @@ def residuals(views: Sequence[ViewFit]) -> str:
     for i, view in enumerate(views):
         if i % step == 0:
             canvas.text(x(i), bottom + 16, view.name, anchor="middle")
-        told = f"view {view.name}: {_px(view.rms_px)}, by itself {_px(view.own_rms_px)}"
+        tooltip = f"view {view.name}: {_px(view.rms_px)}, by itself {_px(view.own_rms_px)}"
         if not view.used:
             canvas.line(x(i), bottom, x(i), top, "band")
             canvas.text(x(i), top + 10, "×", "bad-mark", "middle")
             continue
         canvas.line(x(i), y(view.own_rms_px or 0.0), x(i), y(view.rms_px or 0.0), "mean")
-        canvas.dot(x(i), y(view.own_rms_px or 0.0), 3, "dot open c0", told)
-        canvas.dot(x(i), y(view.rms_px or 0.0), 4, "dot c0", told)
+        canvas.dot(x(i), y(view.own_rms_px or 0.0), 3, "dot open c0", tooltip)
+        canvas.dot(x(i), y(view.rms_px or 0.0), 4, "dot c0", tooltip)
         if view.held_out_px is not None:
             canvas.dot(x(i), y(view.held_out_px), 4, "dot c1", f"view {view.name} held out: {_px(view.held_out_px)}")
     canvas.text((left + right) / 2, bottom + 34, "view", anchor="middle")
@@ -85,11 +85,11 @@ def work_volume(uncertainty: UncertaintyRecord, camera_m: tuple[float, float]) -
     canvas.rect(x(box[0][0]), y(box[1][1]), x(box[1][0]) - x(box[0][0]), y(box[0][1]) - y(box[1][1]), "area", 2)
     for place in np.unique(points[:, :2], axis=0):
         here = np.flatnonzero((np.abs(points[:, :2] - place) < 1e-9).all(axis=1))
-        told = [f"{uncertainty.work_95_mm[i]:.2f} mm at z = {points[i, 2]:.2f}" for i in here]
+        lines = [f"{uncertainty.work_95_mm[i]:.2f} mm at z = {points[i, 2]:.2f}" for i in here]
         worst = max(uncertainty.work_95_mm[i] for i in here)
-        canvas.dot(x(place[0]), y(place[1]), float(np.clip(4 * worst, 3, 40)), "dot c0 faint", ", ".join(told))
-        outwards = 20.0 if place[1] < points[:, 1].mean() else -12.0 - 14 * (len(told) - 1)
-        for row, text in enumerate(told):
+        canvas.dot(x(place[0]), y(place[1]), float(np.clip(4 * worst, 3, 40)), "dot c0 faint", ", ".join(lines))
+        outwards = 20.0 if place[1] < points[:, 1].mean() else -12.0 - 14 * (len(lines) - 1)
+        for row, text in enumerate(lines):
             canvas.text(x(place[0]), y(place[1]) + outwards + 14 * row, text, "ink", "middle")
     canvas.dot(x(0), y(0), 5, "dot c3", "the arm's base")
     canvas.text(x(0) + 8, y(0) + 4, "arm")

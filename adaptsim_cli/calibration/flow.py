@@ -88,7 +88,7 @@ def calibrate(
     return solved, conclude(solved, store, series.folder, screen)
 
 
-def check(rig: CalibrationRig, known: SavedCalibration, visits: Visits, screen: Screen) -> Drift:
+def check(rig: CalibrationRig, calibration: SavedCalibration, visits: Visits, screen: Screen) -> Drift:
     """`calibrate check`: take three views and compare them with the calibration in use.
 
     Stores nothing. Raises TooFewViews, HardwareError, PerceptionError, StoppedByOperator.
@@ -103,18 +103,18 @@ def check(rig: CalibrationRig, known: SavedCalibration, visits: Visits, screen: 
         if visits.go(number, None) is not Arrival.THERE:
             continue
         try:
-            seen = look(rig)
-            corners = detect(seen.frame.colour, rig.board, camera)
+            shot = look(rig)
+            corners = detect(shot.frame.colour, rig.board, camera)
         except (ViewRefused, BoardNotFound, WrongBoard, BoardMirrored) as error:
             screen.note(f"  place {number + 1} left out: {error}")
             continue
-        views.append(View(f"{number + 1:03d}", corners, q_rad=seen.q_rad))
+        views.append(View(f"{number + 1:03d}", corners, q_rad=shot.q_rad))
         screen.show(f"  {len(views)} of {MIN_VIEWS}  {len(corners)} of {rig.board.corners} corners")
         if len(views) == MIN_VIEWS:
             break
     visits.end(lambda: None)
-    joint_rad = float("nan") if known.joint_rad is None else known.joint_rad
-    was = Unknowns(np.array(known.X_AC)[None], np.array(known.X_HM), known.offsets_rad())
+    joint_rad = float("nan") if calibration.joint_rad is None else calibration.joint_rad
+    was = Unknowns(np.array(calibration.X_AC)[None], np.array(calibration.X_HM), calibration.offsets_rad())
     return drift(views, setup, forward, was, joint_rad)
 
 
@@ -154,18 +154,18 @@ def _warm(rig: CalibrationRig) -> Readiness:
 
 def visit_all(rig: CalibrationRig, series: Series, visits: Visits, screen: Screen, sights: Sights) -> Sights:
     """Visit all places without a view. Raises the error that stops it; every view taken is stored."""
-    taken = {int(name) - 1 for name in sights.names}
-    left = visits.numbers(taken)
+    done_numbers = {int(name) - 1 for name in sights.names}
+    left = visits.numbers(done_numbers)
     if left or not series.has_motion:
         visits.begin()
     if not left and not series.has_motion:
-        visits.go(max(taken), None)  # a place with the board in view, for the missing film of the swing
+        visits.go(max(done_numbers), None)  # a place with the board in view, for the missing film of the swing
     for number in left:
         arrival = visits.go(number, sights.coverage(rig))
         if arrival is Arrival.ENOUGH:
             break
         if arrival is Arrival.THERE:
-            sights = _view(rig, series, screen, sights, number, len(taken) + len(left))
+            sights = _view(rig, series, screen, sights, number, len(done_numbers) + len(left))
     if left or not series.has_motion:
         visits.end(lambda: record_motion(rig, series, screen))
     return sights
@@ -177,8 +177,8 @@ def _view(rig: CalibrationRig, series: Series, screen: Screen, sights: Sights, n
 
     name, camera = f"{number + 1:03d}", rig.camera.model().colour
     try:
-        seen = _look_again(rig, screen)
-        corners = detect(seen.frame.colour, rig.board, camera)
+        shot = _look_again(rig, screen)
+        corners = detect(shot.frame.colour, rig.board, camera)
         pose = locate(corners, rig.board, camera)
     except (ViewRefused, BoardNotFound, WrongBoard, BoardMirrored) as error:
         if isinstance(error, WrongBoard | BoardMirrored) and not sights.names:
@@ -186,12 +186,12 @@ def _view(rig: CalibrationRig, series: Series, screen: Screen, sights: Sights, n
         screen.note(f"  view {name} left out: {error}")
         return sights
     if not sights.names:
-        checks = camera_check.at_board(seen.frame, corners)
+        checks = camera_check.at_board(shot.frame, corners)
         screen.checks(checks)
         if problem := failures(checks):
             raise PreflightFailed(f"the camera cannot calibrate like this: {problem}")
-    series.add(files.view_files(name, seen.frame, seen.q_rad, seen.t_arm_s, number, rig.temperatures_C()))
-    path = _picture(rig, series, sights, name, seen.frame.colour, corners, pose.X_VM)
+    series.add(files.view_files(name, shot.frame, shot.q_rad, shot.t_arm_s, number, rig.temperatures_C()))
+    path = _picture(rig, series, sights, name, shot.frame.colour, corners, pose.X_VM)
     sights = sights.with_view(name, corners, pose.X_VM)
     so_far = sights.coverage(rig)
     assert so_far is not None

@@ -60,5 +60,5 @@ class CalibrationRig:
     def temperatures_C(self) -> dict[str, float]:
         """Temperatures in °C of "arm" and "camera", if reported."""
         devices = {"arm": self.arm, "camera": self.camera}
-        told = {name: getattr(device, "temperature_C", None) for name, device in devices.items()}
-        return {name: value for name, value in told.items() if value is not None}
+        temperatures = {name: getattr(device, "temperature_C", None) for name, device in devices.items()}
+        return {name: value for name, value in temperatures.items() if value is not None}

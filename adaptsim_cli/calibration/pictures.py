@@ -51,31 +51,31 @@ class ArmPictures:
     @property
     def sentence(self) -> str:
         """The measure in words."""
-        found = self.fit
-        if found is None:
+        match = self.fit
+        if match is None:
             return (
                 "The fit of the hand's outline was not measured: "
                 "too few pictures show enough of the hand before the background"
             )
         verdict = "fits" if self.fits else "does not fit"
         return (
-            f"The hand's outline {verdict}: it would fit best {found.shift_px[0]:+.0f}, {found.shift_px[1]:+.0f} px "
-            f"from where it is drawn, {1e3 * found.shift_m:.0f} mm at the hand (limit {1e3 * LIMIT_M:.0f}); "
-            f"{found.off_px:.0f} px in the median of {found.pictures} pictures. It also measures how the drawn hand "
+            f"The hand's outline {verdict}: it would fit best {match.shift_px[0]:+.0f}, {match.shift_px[1]:+.0f} px "
+            f"from where it is drawn, {1e3 * match.shift_m:.0f} mm at the hand (limit {1e3 * LIMIT_M:.0f}); "
+            f"{match.off_px:.0f} px in the median of {match.pictures} pictures. It also measures how the drawn hand "
             "differs from the real one, so a few millimetres say nothing; a wrong frame or arm shows as centimetres"
         )
 
     def as_json(self) -> dict[str, Any] | None:
         """The measurement for JSON; None if not measured."""
-        found = self.fit
-        if found is None:
+        match = self.fit
+        if match is None:
             return None
         return {
             "fits": self.fits,
-            "shift_px": found.shift_px.tolist(),
-            "shift_mm": 1e3 * found.shift_m,
-            "middle_view_px": found.off_px,
-            "pictures": found.pictures,
+            "shift_px": match.shift_px.tolist(),
+            "shift_mm": 1e3 * match.shift_m,
+            "middle_view_px": match.off_px,
+            "pictures": match.pictures,
         }
 
     def sheet(self) -> bytes:
@@ -101,7 +101,7 @@ def draw_arm(solved: Solved) -> ArmPictures:
     X_CB, offsets_rad = inverse(np.array(record.X_AC)), record.offsets_rad()
     X_FM, outline_m = np.array(record.X_HM), solved.setup.board.outline_m
     board = transform(X_FM, outline_m)
-    seen, pictures = [], {}
+    views, pictures = [], {}
     for view in solved.views:
         picture = _picture(solved, view, camera)
         if picture is None:
@@ -109,12 +109,12 @@ def draw_arm(solved: Solved) -> ArmPictures:
         X_CF = X_CB @ _flange(view, offsets_rad)
         hand = tuple(transform(X_CF, part) for part in HAND_BODY)
         around = (*FINGERS, _ball(np.array([0.0, 0.0, -0.16])), np.concatenate([board, FINGERS[0]]))
-        seen.append(OutlineView(picture, hand, tuple(transform(X_CF, part) for part in around)))
+        views.append(OutlineView(picture, hand, tuple(transform(X_CF, part) for part in around)))
         wrist = tuple(transform(X_CF, part) for part in (*LINK7, *FINGERS))
         pictures[view.name] = _drawn(picture, camera, (*hand, *wrist), _links(view, offsets_rad, X_CB))
     if not pictures:
         raise UnusableViews("the views have no pictures to draw into")
-    return ArmPictures(fit(seen, camera), pictures)
+    return ArmPictures(fit(views, camera), pictures)
 
 
 def jpeg(image: NDArray[np.uint8]) -> bytes:
@@ -199,8 +199,8 @@ def draw_view(
     scale = max(1, round(camera.height / _OVERLAY_HEIGHT_PX))
     image = np.ascontiguousarray(colour[..., ::-1])
     faint = image.copy()
-    for seen in before:
-        for u, v in seen.px:
+    for earlier in before:
+        for u, v in earlier.px:
             cv2.circle(faint, (round(u), round(v)), 2 * scale, (200, 160, 60), -1, cv2.LINE_AA)
     image = cv2.addWeighted(faint, 0.45, image, 0.55, 0)
     for number, (u, v) in zip(corners.ids, corners.px, strict=True):

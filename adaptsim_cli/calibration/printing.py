@@ -68,12 +68,12 @@ def page(board: Board, paper: str, kind: str) -> bytes:
     _ruler(axes, left, bottom - 8.5)
     square, marker = 1e3 * board.square_m, 1e3 * board.marker_m
     what = f"{board.squares_across} × {board.squares_down} squares of {square:g} mm, markers {marker:g} mm"
-    told = (
+    lines = (
         f"adaptsim board: {what}, {board.dictionary}. Print at 100 %, not fitted to the page.",
         f"The {board.squares_across} squares of a row must be {across:g} mm wide together: measure, and enter the "
         "width in adaptsim.",
     )
-    for line, text in enumerate(told):
+    for line, text in enumerate(lines):
         axes.text(left + across, bottom - 3.0 - 4.0 * line, text, fontsize=7, ha="right", va="top")
     file = io.BytesIO()
     metadata = {"Creator": None} if kind == ".pdf" else None
@@ -102,10 +102,12 @@ def remember(data: Path, board: Board, width_mm: float | None) -> PrintedBoard:
             "to the page"
         )
     scaled = replace(board, square_m=1e-3 * side, marker_m=board.marker_m * side / nominal)
-    kept = PrintedBoard(board=BoardRecord.from_board(scaled), nominal_square_mm=nominal, measured=width_mm is not None)
+    record = PrintedBoard(
+        board=BoardRecord.from_board(scaled), nominal_square_mm=nominal, measured=width_mm is not None
+    )
     durable.make_folder(data)
-    durable.replace_file(data / BOARD_FILE, tomli_w.dumps(kept.model_dump()).encode())
-    return kept
+    durable.replace_file(data / BOARD_FILE, tomli_w.dumps(record.model_dump()).encode())
+    return record
 
 
 def known(data: Path) -> PrintedBoard | None:

@@ -86,10 +86,10 @@ def check(
 ) -> None:
     """Compare three views with the calibration in use. Raises CalibrationMissing without a calibration."""
     _unattended(resolved, yes=yes, guide=guide)
-    config, known = resolved.config, store.current()
-    if known is None:
+    config, calibration = resolved.config, store.current()
+    if calibration is None:
         raise CalibrationMissing("there is no calibration of this rig to check; make one: adaptsim calibrate")
-    board = known.board.board()
+    board = calibration.board.board()
     if not isinstance(board, Board):
         raise UsageError(
             f"this rig was calibrated with a {board.name}; a check needs adaptsim's own board: adaptsim calibrate"
@@ -97,16 +97,16 @@ def check(
     with (
         store.locked(),
         _continued("adaptsim calibrate check"),
-        open_rig(config, board, known) as connected,
+        open_rig(config, board, calibration) as connected,
     ):
         rig = _guided(connected, screen) if guide else connected
         screen.show(badge(rig.name, rig.title))
-        found = flow.check(rig, known, _visits(rig, screen, None if guide else CHECK_PLACES, yes=yes), screen)
-    screen.show(Text(found.message, style="bold red" if found.moved else "green"))
+        drift = flow.check(rig, calibration, _visits(rig, screen, None if guide else CHECK_PLACES, yes=yes), screen)
+    screen.show(Text(drift.message, style="bold red" if drift.moved else "green"))
     where = config.same_lab
     again = (f"adaptsim calibrate {where}", "finds the camera's new pose")
-    screen.next(again if found.moved else (f"adaptsim run-iteration {where}", "the calibration is still valid"))
-    screen.data("calibrate check", asdict(found) | {"X_BC_now": found.X_BC_now.tolist()})
+    screen.next(again if drift.moved else (f"adaptsim run-iteration {where}", "the calibration is still valid"))
+    screen.data("calibrate check", asdict(drift) | {"X_BC_now": drift.X_BC_now.tolist()})
 
 
 def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> None:
@@ -183,17 +183,17 @@ def solve_cameras(
     """
     screen = Screen(as_json=as_json)
     with screen.busy("Finding the target and solving"):
-        found = together.solve([folder.absolute() for folder in folders], exchange)
-    screen.show(together.show(found))
+        solution = together.solve([folder.absolute() for folder in folders], exchange)
+    screen.show(together.show(solution))
     path = out.absolute()
     durable.make_folder(path.parent)
-    durable.replace_file(path, together.content(found))
+    durable.replace_file(path, together.content(solution))
     screen.plain(f"Written: {path}")
-    if found.accepted:
+    if solution.accepted:
         screen.next((f"adaptsim calibrate solve {folders[0]}", "one camera alone, with every check and a report"))
-    screen.data("calibrate together", together.as_json(found) | {"file": str(path)})
-    if not found.accepted:
-        raise together.rejected(found, path)
+    screen.data("calibrate together", together.as_json(solution) | {"file": str(path)})
+    if not solution.accepted:
+        raise together.rejected(solution, path)
 
 
 def board(
@@ -213,7 +213,7 @@ def board(
     with screen.busy("Drawing the board"):
         durable.replace_file(path, printing.page(printed, paper, out.suffix))
     screen.plain(f"Written: {path}")
-    kept = printing.remember(resolved.places.data, printed, width_mm)
+    record = printing.remember(resolved.places.data, printed, width_mm)
     if width_mm is None:
         screen.note(
             "Print at 100 %, glue it to something stiff and flat, measure all squares of a row together, and run this "
@@ -222,26 +222,26 @@ def board(
     measured = f"adaptsim calibrate board --paper {paper} --out {out} --width-mm WIDTH"
     step = (measured, "with the width that you measured") if width_mm is None else ("adaptsim calibrate", "with it")
     screen.next(step)
-    screen.data("calibrate board", {"file": str(path), "paper": paper, **kept.model_dump()})
+    screen.data("calibrate board", {"file": str(path), "paper": paper, **record.model_dump()})
 
 
 def board_in_use(resolved: Resolved, screen: Screen, *, yes: bool) -> Board:
     """The board in use, with its measured size; asks for the size if a person is there."""
-    known = printing.known(resolved.places.data)
-    if known is None:
+    record = printing.known(resolved.places.data)
+    if record is None:
         if not resolved.config.is_simulated:
             raise UsageError("no board is known yet. Print one: adaptsim calibrate board")
         return Board()
-    if known.measured or yes:
-        return known.board.board()
-    across = known.board.squares_across
-    planned_mm = across * known.nominal_square_mm
+    if record.measured or yes:
+        return record.board.board()
+    across = record.board.squares_across
+    planned_mm = across * record.nominal_square_mm
     width_mm = screen.length(
         f"How wide are all {across} squares of a row together on the print, in mm? (Enter: {planned_mm:g}, as planned; "
         "q stops):",
         planned_mm,
     )
-    return printing.remember(resolved.places.data, known.board.board(), width_mm).board.board()
+    return printing.remember(resolved.places.data, record.board.board(), width_mm).board.board()
 
 
 def _guided(rig: CalibrationRig, screen: Screen) -> CalibrationRig:

@@ -36,17 +36,17 @@ def look(stored: files.Folder) -> Looked:
     A picture without it is left out and named. Raises PerceptionError if no picture shows it, UnusableViews if poses
     can be read in two ways.
     """
-    setup, said = _with_pattern(stored, files.as_setup(stored.setup))
-    found: list[tuple[files.StoredView, Corners]] = []
+    setup, pattern_notes = _with_pattern(stored, files.as_setup(stored.setup))
+    view_corners: list[tuple[files.StoredView, Corners]] = []
     failed: list[tuple[str, PerceptionError]] = []
     for view in stored.views:
         try:
-            found.append((view, corners_of(view, stored, setup.board)))
+            view_corners.append((view, corners_of(view, stored, setup.board)))
         except PerceptionError as error:
             failed.append((view.name, error))
-    if not found:
+    if not view_corners:
         _give_up(failed)
-    how, told = _convention(stored, setup, found)
+    how, convention_notes = _convention(stored, setup, view_corners)
     views = [
         View(
             name=view.name,
@@ -57,12 +57,12 @@ def look(stored: files.Folder) -> Looked:
             t_camera_s=view.record.t_camera_s,
             t_arm_s=view.record.t_arm_s,
         )
-        for view, corners in found
+        for view, corners in view_corners
     ]
     left_out = tuple(f"view {name}: {error}" for name, error in failed)
     if stored.setup.work_box_m is None:
         setup = replace(setup, work_points_m=where_the_target_was(views, setup, stored.forward))
-    return Looked(setup, told_apart(views, setup, stored.forward), left_out, (*said, *told))
+    return Looked(setup, told_apart(views, setup, stored.forward), left_out, (*pattern_notes, *convention_notes))
 
 
 def corners_of(view: files.StoredView, stored: files.Folder, target: CalibrationTarget) -> Corners:
@@ -95,8 +95,8 @@ def _with_pattern(stored: files.Folder, setup: Setup) -> tuple[Setup, tuple[str,
             return setup, ()
         if _shows(view, stored, other):
             which = "legacy pattern (OpenCV before 4.6)" if other.legacy else "pattern of OpenCV 4.6 and later"
-            said = f"the board is of the {which}, not as stated; used so (legacy = {str(other.legacy).lower()})"
-            return replace(setup, board=other), (said,)
+            note = f"the board is of the {which}, not as stated; used so (legacy = {str(other.legacy).lower()})"
+            return replace(setup, board=other), (note,)
     return setup, ()
 
 
@@ -109,18 +109,18 @@ def _shows(view: files.StoredView, stored: files.Folder, board: Board) -> bool:
 
 
 def _convention(
-    stored: files.Folder, setup: Setup, found: Sequence[tuple[files.StoredView, Corners]]
+    stored: files.Folder, setup: Setup, view_corners: Sequence[tuple[files.StoredView, Corners]]
 ) -> tuple[Convention, tuple[str, ...]]:
     """The convention of the poses: stated by the keys or by `[poses]`, or recognised from the pictures."""
-    told = {key: value for key, value in stored.setup.poses if value is not None}
-    asked = frozenset[str]().union(*(view.record.questions() for view, _ in found))
-    if asked <= set(told):
-        return replace(Convention(), **told), ()
-    good = [(v, c) for v, c in found if not unusable(c, setup.board, setup.colour)]
+    stated = {key: value for key, value in stored.setup.poses if value is not None}
+    questions = frozenset[str]().union(*(view.record.questions() for view, _ in view_corners))
+    if questions <= set(stated):
+        return replace(Convention(), **stated), ()
+    good = [(v, c) for v, c in view_corners if not unusable(c, setup.board, setup.colour)]
     if len(good) < MIN_TO_RECOGNISE:
         raise TooFewViews(
             f"{len(good)} usable views are too few to recognise the convention of the poses: state in [poses] of"
-            f" {files.SETUP} {', '.join(sorted(asked - set(told)))}"
+            f" {files.SETUP} {', '.join(sorted(questions - set(stated)))}"
         )
     names = [(view.name, corners) for view, corners in good]
     return recognise(names, [view.record for view, _ in good], stored.setup.poses, setup, stored.forward)

@@ -67,12 +67,12 @@ def solve_folder(folder: Path, *, hw: str = "recorded", created: str = "", wishe
     created = created or datetime.now(UTC).isoformat(timespec="seconds")
     stored = files.read_folder(folder, any_arm)
     looked = sights.look(stored)
-    seen, forward = _as_wished(looked.views, looked.setup, stored.forward, wishes), stored.forward
-    solution, setup, tried = _solution(seen, looked.setup, forward, refine=wishes.refine_intrinsics)
+    views, forward = _as_wished(looked.views, looked.setup, stored.forward, wishes), stored.forward
+    solution, setup, tried = _solution(views, looked.setup, forward, refine=wishes.refine_intrinsics)
     refined = wishes.refine_intrinsics and tried is not None and len(tried.used) >= TO_REFINE
-    wrong = pairing.faults(seen, setup, forward, solution)
-    left = residuals(seen, setup, solution, forward)
-    checks = checking.checks(folder, stored, setup, seen, solution, forward)
+    wrong = pairing.faults(views, setup, forward, solution)
+    left = residuals(views, setup, solution, forward)
+    checks = checking.checks(folder, stored, setup, views, solution, forward)
     checks.append(intrinsics_check(tried, refined=refined))
     record = record_calibration(
         solution,
@@ -89,13 +89,14 @@ def solve_folder(folder: Path, *, hw: str = "recorded", created: str = "", wishe
         board=stored.setup.board.scaled(setup.board.spacing_m / looked.setup.board.spacing_m),
         refined_intrinsics=IntrinsicsRecord.from_camera(setup.colour) if refined else None,
         temperatures_C={
-            device: median(found) if (found := checking.readings(stored, device)) else None for device in DEVICES
+            device: median(temperatures) if (temperatures := checking.readings(stored, device)) else None
+            for device in DEVICES
         },
         versions=versions(),
     )
     images = {view.name: folder / view.record.image for view in stored.views if view.record.image is not None}
     return Solved(
-        record, setup, seen, images, (*stored.damaged, *looked.left_out), looked.recognised, wrong, left,
+        record, setup, views, images, (*stored.damaged, *looked.left_out), looked.recognised, wrong, left,
         solution.worth, _advice(record, wrong, tried, refined=refined),
     )  # fmt: skip
 

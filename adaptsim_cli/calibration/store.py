@@ -95,11 +95,11 @@ class CalibrationStore(NumberedRecords[SavedCalibration]):
     def locked(self) -> Iterator[None]:
         """Lock this rig against other calibrations and checks. Raises UsageError if one is running."""
         durable.make_folder(self.folder)
-        taken = (
+        refusal = (
             f"another calibration of this rig ({self.folder.name}) is running; wait until it has ended, or stop it: "
             "its views are kept"
         )
-        with locked(self.folder, taken):
+        with locked(self.folder, refusal):
             durable.remove_leftovers(self.folder)
             yield
 
@@ -108,9 +108,9 @@ class CalibrationStore(NumberedRecords[SavedCalibration]):
 
         A new one if `fresh`, if the last one has given a calibration, or if the setup has changed since.
         """
-        found = self._series.all()
-        if found and not fresh and not self._finished(found[-1]) and _same(found[-1], setup):
-            return Series(found[-1]), True
+        folders = self._series.all()
+        if folders and not fresh and not self._finished(folders[-1]) and _same(folders[-1], setup):
+            return Series(folders[-1]), True
         path = self._series.next()
         durable.make_folder(self.folder)
         durable.write_folder(path, {files.SETUP: files.setup_file(setup)})

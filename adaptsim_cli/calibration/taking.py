@@ -102,13 +102,13 @@ def _swing(rig: CalibrationRig) -> JointPath | None:
 def _as_json(rig: CalibrationRig, played: Execution, frames: Sequence[Frame]) -> dict[str, Any]:
     from perception.board import detect
 
-    seen: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
     for frame in frames:
         try:
             corners = detect(frame.colour, rig.board, rig.camera.model().colour)
         except PerceptionError:
             continue  # the board is blurred or half hidden in this frame
-        seen.append({"t_s": frame.t_s, "ids": corners.ids.tolist(), "px": corners.px.tolist()})
+        rows.append({"t_s": frame.t_s, "ids": corners.ids.tolist(), "px": corners.px.tolist()})
     every = max(1, round(ARM_PERIOD_S / float(played.t_s[1] - played.t_s[0])))
     t_s: Array = played.t_start_s + played.t_s[::every]
-    return {"frames": seen, "arm_t_s": t_s.tolist(), "q_rad": played.q_measured_rad[::every].tolist()}
+    return {"frames": rows, "arm_t_s": t_s.tolist(), "q_rad": played.q_measured_rad[::every].tolist()}

@@ -105,20 +105,20 @@ def summary(record: SavedCalibration) -> dict[str, Any]:
     }
 
 
-def show(screen: Screen, known: SavedCalibration, path: Path) -> None:
+def show(screen: Screen, record: SavedCalibration, path: Path) -> None:
     """Show one."""
-    screen.show(calibration(known))
+    screen.show(calibration(record))
     screen.plain(f"Report: {path / REPORT}")
 
 
-def told(known: SavedCalibration, path: Path) -> dict[str, Any]:
+def told(record: SavedCalibration, path: Path) -> dict[str, Any]:
     """What a list says of one, for JSON."""
     report = path / REPORT
     return {
-        "camera_m": [row[3] for row in known.X_AC[:3]],
-        "sigma_mm": known.uncertainty.sigma_mm,
-        "sigma_deg": known.uncertainty.sigma_deg,
-        "views": sum(view.used for view in known.views),
+        "camera_m": [row[3] for row in record.X_AC[:3]],
+        "sigma_mm": record.uncertainty.sigma_mm,
+        "sigma_deg": record.uncertainty.sigma_deg,
+        "views": sum(view.used for view in record.views),
         "report": str(report) if report.is_file() else "",
     }
 
@@ -142,13 +142,13 @@ def compared(a: SavedCalibration, b: SavedCalibration) -> dict[str, Any]:
     }
 
 
-def comparison(found: dict[str, Any]) -> str:
+def comparison(row: dict[str, Any]) -> str:
     """A comparison in words: a difference of more than three standard deviations means a moved camera."""
-    apart = found["distance_mm"] > 3.0 * found["known_to_mm"] or found["turned_deg"] > 3.0 * found["known_to_deg"]
+    apart = row["distance_mm"] > 3.0 * row["known_to_mm"] or row["turned_deg"] > 3.0 * row["known_to_deg"]
     same = "the difference lies within their uncertainty, so the camera has not moved"
-    said = "the camera has moved" if apart else same
+    conclusion = "the camera has moved" if apart else same
     return (
-        f"{found['second']} has the camera {found['distance_mm']:.2f} mm and {found['turned_deg']:.3f}° from "
-        f"{found['first']}; the two together are known to {found['known_to_mm']:.2f} mm and "
-        f"{found['known_to_deg']:.3f}°: {said}"
+        f"{row['second']} has the camera {row['distance_mm']:.2f} mm and {row['turned_deg']:.3f}° from "
+        f"{row['first']}; the two together are known to {row['known_to_mm']:.2f} mm and "
+        f"{row['known_to_deg']:.3f}°: {conclusion}"
     )

@@ -44,7 +44,7 @@ def _camera(folder: Path, pairs: Sequence[tuple[str, str]]) -> CameraViews:
     return CameraViews(folder.name, views, looked.setup, stored.forward)
 
 
-def show(found: Together) -> RenderableType:
+def show(solution: Together) -> RenderableType:
     """A table with one row per camera."""
     head = ("camera", "at, m in the base", "views", "held out", "alone", "work volume", "alone")
     rows = [
@@ -57,24 +57,24 @@ def show(found: Together) -> RenderableType:
             f"{c.worst_95_mm:.1f} mm",
             f"{c.alone_worst_95_mm:.1f} mm",
         )
-        for c in found.cameras
+        for c in solution.cameras
     ]
-    size = f", its size found to ± {100 * found.size_sigma:.2f} %" if found.size_sigma else ""
+    size = f", its size found to ± {100 * solution.size_sigma:.2f} %" if solution.size_sigma else ""
     return Group(
-        Text(f"{len(found.cameras)} cameras, one {found.target}{size}", style="bold"),
-        Text(f"Held-out views are predicted to {found.held_out_px:.2f} px"),
+        Text(f"{len(solution.cameras)} cameras, one {solution.target}{size}", style="bold"),
+        Text(f"Held-out views are predicted to {solution.held_out_px:.2f} px"),
         views.rows(head, rows),
         Text("work volume: 95 % of calibrations are better than this at its worst corner"),
-        Text(found.choice.sentence),
-        *(Text(f"  {line}", style="yellow") for line in _notes(found)),
-        Text("Accepted", style="bold green") if found.accepted else Text("Not accepted", style="bold red"),
+        Text(solution.choice.sentence),
+        *(Text(f"  {line}", style="yellow") for line in _notes(solution)),
+        Text("Accepted", style="bold green") if solution.accepted else Text("Not accepted", style="bold red"),
     )
 
 
-def _notes(found: Together) -> list[str]:
+def _notes(solution: Together) -> list[str]:
     """Views left out, and their faults."""
     lines = []
-    for camera in found.cameras:
+    for camera in solution.cameras:
         lines += [f"{camera.name}: view {view.name} not used: {view.reason}" for view in camera.rejected]
         lines += [f"{camera.name}: {fault.sentence}{_option(camera.name, fault)}" for fault in camera.faults]
     return lines
@@ -86,28 +86,28 @@ def _option(camera: str, fault: Fault) -> str:
     return f". To use them so: --exchange {camera}:{':'.join(fault.views)}"
 
 
-def rejected(found: Together, path: Path) -> CalibrationRejected:
+def rejected(solution: Together, path: Path) -> CalibrationRejected:
     """The error with every reason, and the remedy."""
-    why = [f"{c.name}: {reason}" for c in found.cameras for reason in reasons(c.gates)]
+    why = [f"{c.name}: {reason}" for c in solution.cameras for reason in reasons(c.gates)]
     error = CalibrationRejected(f"not accepted: {'; '.join(why)}")
-    swaps = [_option(c.name, fault).removeprefix(". ") for c in found.cameras for fault in c.faults]
+    swaps = [_option(c.name, fault).removeprefix(". ") for c in solution.cameras for fault in c.faults]
     step = next((swap for swap in swaps if swap), "")
-    first = next(c.name for c in found.cameras if reasons(c.gates))
+    first = next(c.name for c in solution.cameras if reasons(c.gates))
     error.add_note(
         f"Written: {path}\nNext: {step or f'adaptsim calibrate solve {first} names the problem of that camera'}"
     )
     return error
 
 
-def as_json(found: Together) -> dict[str, Any]:
+def as_json(solution: Together) -> dict[str, Any]:
     """The result for JSON."""
     return {
-        "target": found.target,
-        "size_sigma": found.size_sigma,
-        "held_out_px": found.held_out_px,
-        "accepted": found.accepted,
-        "weights": found.choice.sentence,
-        "X_FM": found.X_FM.tolist(),
+        "target": solution.target,
+        "size_sigma": solution.size_sigma,
+        "held_out_px": solution.held_out_px,
+        "accepted": solution.accepted,
+        "weights": solution.choice.sentence,
+        "X_FM": solution.X_FM.tolist(),
         "cameras": [
             {
                 "name": c.name,
@@ -125,11 +125,11 @@ def as_json(found: Together) -> dict[str, Any]:
                 "worst_95_alone_mm": c.alone_worst_95_mm,
                 "from_alone_mm": c.from_alone_mm,
             }
-            for c in found.cameras
+            for c in solution.cameras
         ],
     }
 
 
-def content(found: Together) -> bytes:
+def content(solution: Together) -> bytes:
     """The content of together.json."""
-    return (json.dumps(as_json(found), indent=1, allow_nan=False) + "\n").encode()
+    return (json.dumps(as_json(solution), indent=1, allow_nan=False) + "\n").encode()

@@ -92,8 +92,8 @@ class _Asking:
             if self.rig.hands is not None:
                 self.rig.hands.lay_board()
             try:
-                seen = look(self.rig)
-                return seen.frame.colour, detect(seen.frame.colour, self.rig.board, self.rig.camera.model().colour)
+                shot = look(self.rig)
+                return shot.frame.colour, detect(shot.frame.colour, self.rig.board, self.rig.camera.model().colour)
             except (ViewRefused, BoardNotFound) as error:
                 self.screen.note(f"  try again: {error}")
         return None
@@ -101,13 +101,13 @@ class _Asking:
     def touches(self, corner: int) -> Array | None:
         """(N, 7) reported joints, repeated if they disagree; None if skipped."""
         for attempt in range(TRIES):
-            found: list[Array] = []
+            postures: list[Array] = []
             for i in range(MIN_TOUCHES):
                 q = self._touch(corner, attempt * MIN_TOUCHES + i)
                 if q is None:
                     return None
-                found.append(q)
-            q_rad = np.array(found)
+                postures.append(q)
+            q_rad = np.array(postures)
             scatter_m = pivot(forward(q_rad)).scatter_m
             self.screen.show(f"  {MIN_TOUCHES} touches agree to {1e3 * scatter_m:.2f} mm")
             if scatter_m <= LIMIT_SCATTER_M:

@@ -36,8 +36,8 @@ class Arrival(Enum):
 class Visits(Protocol):
     """The visits of a series, one place after another."""
 
-    def numbers(self, taken: Set[int]) -> Sequence[int]:
-        """The places to visit, in order; `taken` are those with a view."""
+    def numbers(self, done: Set[int]) -> Sequence[int]:
+        """The places to visit, in order; `done` are those with a view."""
         ...
 
     def begin(self) -> None:
@@ -63,9 +63,9 @@ class Automatic:
     home_rad: Array  # (7,) the arm's first posture
     unattended: bool
 
-    def numbers(self, taken: Set[int]) -> Sequence[int]:
+    def numbers(self, done: Set[int]) -> Sequence[int]:
         """The planned postures that have no view yet."""
-        return [number for number in range(len(self.q_rad)) if number not in taken]
+        return [number for number in range(len(self.q_rad)) if number not in done]
 
     def begin(self) -> None:
         """Announce the motions: the first one is watched, then one answer releases the others. Raises UsageError."""
@@ -105,9 +105,9 @@ class HandGuided:
 
     screen: Screen
 
-    def numbers(self, taken: Set[int]) -> Sequence[int]:
+    def numbers(self, done: Set[int]) -> Sequence[int]:
         """Numbers of further views, as many as a person may take."""
-        first = max(taken, default=-1) + 1
+        first = max(done, default=-1) + 1
         return range(first, first + GUIDED)
 
     def begin(self) -> None:
@@ -146,8 +146,8 @@ def plan(rig: CalibrationRig, count: int) -> Array:
         raise PreflightFailed("the camera pose is still unknown, so no motion can be planned: add --guide")
     camera = rig.camera.model().colour
     X_CM = poses.candidates(camera, rig.board, CANDIDATES, DISTANCE_M)
-    found = rig.ways.postures(rig.rough_X_BC @ X_CM @ np.linalg.inv(rig.X_FM))
-    able = [i for i, q in enumerate(found) if q is not None]
+    postures = rig.ways.postures(rig.rough_X_BC @ X_CM @ np.linalg.inv(rig.X_FM))
+    able = [i for i, q in enumerate(postures) if q is not None]
     if len(able) < FEWEST:
         raise PreflightFailed(
             f"the arm can hold the board at {len(able)} of {len(X_CM)} places before the camera, {FEWEST} are needed: "
@@ -155,5 +155,5 @@ def plan(rig: CalibrationRig, count: int) -> Array:
             "add --guide"
         )
     chosen = [able[i] for i in poses.spread(X_CM[able], rig.board, count)]
-    q_rad = np.array([found[i] for i in chosen])
+    q_rad = np.array([postures[i] for i in chosen])
     return np.asarray(q_rad[list(nearest_first(q_rad, q_rad.mean(axis=0)))])

@@ -83,8 +83,8 @@ def schema(
     name = " ".join(command or ()).removeprefix("adaptsim ").strip()
     if name and name not in catalogue.OUTPUTS:
         near = difflib.get_close_matches(name, catalogue.OUTPUTS, n=3)
-        meant = f"; did you mean {' or '.join(near)}?" if near else ""
-        raise UsageError(f"no command {name!r} takes --json{meant} `adaptsim schema` lists those that do")
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise UsageError(f"no command {name!r} takes --json{hint} `adaptsim schema` lists those that do")
     screen = console.Screen(as_json=as_json)
     names = [name] if name else list(catalogue.OUTPUTS)
     if screen.data("schema", {"schemas": {one: catalogue.schema(one) for one in names}}):

@@ -61,28 +61,28 @@ def compare(
 
     names = tuple(dict.fromkeys(sessions))
     stores = [options.stored(name) for name in names]
-    found, beliefs = comparison.compared(stores), believed(stores)
+    rows, beliefs = comparison.compared(stores), believed(stores)
     digest = hashlib.sha256("\n".join(names).encode()).hexdigest()[:8]
-    name = f"{found[0].facts.task}-{len(found)}-sessions-{digest}"
+    name = f"{rows[0].facts.task}-{len(rows)}-sessions-{digest}"
     folder = out or config.load().places.data / "comparisons" / name
-    path = comparison.write(found, folder.absolute(), beliefs)
+    path = comparison.write(rows, folder.absolute(), beliefs)
     screen = console.Screen(as_json=as_json)
-    told = {
-        "task": found[0].facts.task,
-        "sessions": [c.as_row() for c in found],
-        "methods": comparison.by_method(found),
+    data = {
+        "task": rows[0].facts.task,
+        "sessions": [c.as_row() for c in rows],
+        "methods": comparison.by_method(rows),
         "posteriors": beliefs,
         "page": str(path),
         "tables": [str(path.with_name(name)) for name in (comparison.SESSIONS, comparison.TRIALS)],
     }
-    if screen.data("compare", told):
+    if screen.data("compare", data):
         return
     body = [
-        (c.facts.name, f"{c.iterations[0].mean:.2f}", f"{c.iterations[-1].mean:.2f}", str(len(c.trials))) for c in found
+        (c.facts.name, f"{c.iterations[0].mean:.2f}", f"{c.iterations[-1].mean:.2f}", str(len(c.trials))) for c in rows
     ]
     screen.show(views.rows(("session", "first", "last", "trials"), body, right=(1, 2, 3)))
     screen.plain("First and last: mean reward of the first and of the last iteration.")
-    for sentence in (*comparison.conclusions(found), *comparison.disagreements(beliefs)):
+    for sentence in (*comparison.conclusions(rows), *comparison.disagreements(beliefs)):
         screen.plain(sentence)
     screen.plain(f"Page: {path}")
     screen.next((f"xdg-open {path}", "the page, in the browser"))
@@ -150,12 +150,12 @@ def replay(
     if opened.facts.curves:
         raise UsageError(f"the task {opened.facts.task} has no recordings; adaptsim report {session} shows its curves")
     with screen.busy("Reading the recording"):
-        found = replaying.open_trial(opened, record)
+        stored_trial = replaying.open_trial(opened, record)
     with screen.busy("Writing the Rerun file" if rerun else "Drawing the video"):
-        path = out or Path(f"{found.title}-replay{'.rrd' if rerun else replaying.VIDEO}")
-        written(path, (replaying.rerun_file if rerun else replaying.video)(found))
-    told = {"session": session, "trial": trial, "recording": str(found.file), "written": str(path.absolute())}
-    if not screen.data("replay", told):
+        path = out or Path(f"{stored_trial.title}-replay{'.rrd' if rerun else replaying.VIDEO}")
+        written(path, (replaying.rerun_file if rerun else replaying.video)(stored_trial))
+    data = {"session": session, "trial": trial, "recording": str(stored_trial.file), "written": str(path.absolute())}
+    if not screen.data("replay", data):
         screen.plain(str(path))
         other = (f"adaptsim sessions amend {session} {trial}", "if tracking has the wrong outcome")
         screen.next((f"{sys.executable} -m rerun {path}" if rerun else f"xdg-open {path}", "watch it"), other)
@@ -220,8 +220,8 @@ def retrack(
     task = get_task(opened.facts.task)
     retracking.require_camera(task)
     with screen.busy("Tracking"):
-        found = tuple(retracking.retrack(opened, task, tracker_of(task), trial))
-    if not screen.data("retrack", {"session": session, "units": opened.facts.units, "trials": found}):
-        screen.show(views.rows(retracking.HEAD, retracking.rows(found), right=(0, 3, 4, 5, 6)))
-        screen.next(*retracking.next_steps(session, found))
-    retracking.require_tracked(found)
+        rows = tuple(retracking.retrack(opened, task, tracker_of(task), trial))
+    if not screen.data("retrack", {"session": session, "units": opened.facts.units, "trials": rows}):
+        screen.show(views.rows(retracking.HEAD, retracking.rows(rows), right=(0, 3, 4, 5, 6)))
+        screen.next(*retracking.next_steps(session, rows))
+    retracking.require_tracked(rows)

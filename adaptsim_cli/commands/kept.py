@@ -74,9 +74,9 @@ def add_to(app: typer.Typer, kind: Kind) -> None:
         resolved, screen = _rig(task, world, seed, hw), console.Screen(as_json=as_json)
         store = kind.store(resolved)
         path = store.numbered.named(name)
-        known, views = store.read(path), kind.views()
-        if not screen.data(f"{kind.command} show", views.summary(known) | {"folder": str(path)}):
-            views.show(screen, known, path)
+        record, views = store.read(path), kind.views()
+        if not screen.data(f"{kind.command} show", views.summary(record) | {"folder": str(path)}):
+            views.show(screen, record, path)
         screen.next(again(path.name, resolved, "puts it in use again"))
 
     @app.command(
@@ -106,8 +106,8 @@ def add_to(app: typer.Typer, kind: Kind) -> None:
         screen.resting(f"the {noun} in use", sessions)
         with locked(store.folder, f"another command uses the {noun}s of this rig: wait until it has ended"):
             path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
-        told = {"in_use": path.name, "restored_from": source.name, "folder": str(path)}
-        if not screen.data(f"{kind.command} restore", told):
+        data = {"in_use": path.name, "restored_from": source.name, "folder": str(path)}
+        if not screen.data(f"{kind.command} restore", data):
             screen.plain(f"In use from now on: {path}")
             command, why = kind.then
             screen.next((f"{command} {resolved.config.same_lab}", why))
@@ -132,9 +132,9 @@ def add_to(app: typer.Typer, kind: Kind) -> None:
         store, views = kind.store(resolved), kind.views()
         paths = [store.numbered.named(name) for name in (first, second)]
         names = {"first": paths[0].name, "second": paths[1].name}
-        found = names | views.compared(*map(store.read, paths))
-        if not screen.data(f"{kind.command} compare", found):
-            screen.show(views.comparison(found))
+        data = names | views.compared(*map(store.read, paths))
+        if not screen.data(f"{kind.command} compare", data):
+            screen.show(views.comparison(data))
         screen.next(again(paths[0].name, resolved, "puts the first in use again"))
 
 
@@ -144,7 +144,7 @@ def _list(kind: Kind, screen: Screen, store: NumberedRecords[Any], sessions: Seq
     from adaptsim_cli.storage.numbered import remark
 
     kinds = kind.views()
-    found = store.listed(lambda known, path: {"created": known.created} | kinds.told(known, path))
+    entries = store.listed(lambda record, path: {"created": record.created} | kinds.told(record, path))
 
     def row(one: dict[str, Any]) -> tuple[str, ...]:
         if "error" in one:
@@ -157,18 +157,18 @@ def _list(kind: Kind, screen: Screen, store: NumberedRecords[Any], sessions: Seq
         )
 
     listed = f"{kind.noun.replace('-', '_')}s"
-    told = {"rig": store.folder.name, listed: found, "open_sessions": list(sessions)}
-    if screen.data(f"{kind.command} list", told):
+    data = {"rig": store.folder.name, listed: entries, "open_sessions": list(sessions)}
+    if screen.data(f"{kind.command} list", data):
         return
-    if found:
-        screen.show(views.rows((kind.noun, "made", *kinds.COLUMNS, ""), [row(one) for one in found]))
+    if entries:
+        screen.show(views.rows((kind.noun, "made", *kinds.COLUMNS, ""), [row(one) for one in entries]))
     else:
         screen.plain(f"No {kind.noun}s yet in {store.folder}")
     if sessions:
         screen.show(f"Open sessions that use the current one: {', '.join(sessions)}")
     called = f"adaptsim {kind.command}"
-    if len(found) > 1:
-        names = f"{found[-2]['name']} {found[-1]['name']}"
+    if len(entries) > 1:
+        names = f"{entries[-2]['name']} {entries[-1]['name']}"
         screen.next((f"{called} compare {names}", "with the same --task, --world or --hw"))
     else:
         screen.next((called, "makes one, with the same --task, --world or --hw"))

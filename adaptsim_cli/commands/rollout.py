@@ -79,10 +79,10 @@ def rollout(
     if session is not None:
         if param or task:
             raise UsageError("--best takes task and parameters from the session: leave out --task and --param")
-        found = best_of(SessionStore.open(resolved.places.sessions, session), settings)
-        if found.config.recorded:
+        policy = best_of(SessionStore.open(resolved.places.sessions, session), settings)
+        if policy.config.recorded:
             raise UsageError(f"session {session} ran on recorded trials, to which none is added: see its report")
-        param, settings, history = found.as_typed(), found.config, found.history
+        param, settings, history = policy.as_typed(), policy.config, policy.history
         changed = {key: getattr(resolved.config, key) for key in named if named[key] is not None}
         settings = settings.model_copy(update=changed)
     task_meant = get_task(settings.task)
@@ -100,13 +100,13 @@ def rollout(
         if view or view_port is not None:
             what = f"rollout {folder.name}"
             watcher = stack.enter_context(live_view(screen, parts, folder.name, what, settings.hw, view_port))
-        made = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes, watcher=watcher)
-    _print(screen, made, chosen)
+        store = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes, watcher=watcher)
+    _print(screen, store, chosen)
     lab = same_lab(settings.task, settings.hw, settings.world)
     if session is None:
         screen.next((f"adaptsim run-iteration {lab}", "adapts in about twenty such trials"))
     else:
-        _measured(screen, session, [record.reward for record in trials_of(made)])
+        _measured(screen, session, [record.reward for record in trials_of(store)])
 
 
 def _require_together(best_of_session: bool, trials_alone: bool) -> None:
@@ -118,17 +118,17 @@ def _require_together(best_of_session: bool, trials_alone: bool) -> None:
         raise UsageError("--trials draws the contexts itself: adaptsim rollout --session NAME --best --trials 5")
 
 
-def _print(screen: Screen, made: SessionStore, chosen: Chosen) -> None:
+def _print(screen: Screen, store: SessionStore, chosen: Chosen) -> None:
     """Print the trials of a rollout, and draw its page."""
     from adaptsim_cli.report.page import write
     from adaptsim_cli.session import single
     from adaptsim_cli.session.store import trials_of
 
-    for record in trials_of(made):
-        screen.data("rollout", single.shown(made, record, chosen))
-    screen.plain(f"Stored: {made.folder}")
+    for record in trials_of(store):
+        screen.data("rollout", single.shown(store, record, chosen))
+    screen.plain(f"Stored: {store.folder}")
     with screen.busy("Drawing its page", "reporting"):
-        page = write(made)
+        page = write(store)
     screen.plain(f"Report: {page}")
 
 

@@ -63,15 +63,15 @@ def run_iteration(
     from adaptsim_cli.wiring.hindsight import Reports
 
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
-    said = {"recorded": recorded, "held_out": held_out, "start_from": start_from}
-    said |= {"realtime": realtime or None, "pace": pace, "operator": operator}
-    resolved = settings.load({**flags, **said})
-    given = frozenset(key for key, source in resolved.sources.items() if source.startswith(("flag", "world ")))
+    options = {"recorded": recorded, "held_out": held_out, "start_from": start_from}
+    options |= {"realtime": realtime or None, "pace": pace, "operator": operator}
+    resolved = settings.load({**flags, **options})
+    flag_keys = frozenset(key for key, source in resolved.sources.items() if source.startswith(("flag", "world ")))
     most = iterations or (None if until_done else 1)
-    request = running.SessionRequest(session, given, most, yes, until_done)
+    request = running.SessionRequest(session, flag_keys, most, yes, until_done)
     looking_on = wiring.beside(view_port) if view or view_port is not None else running.terminal_alone
     begun = running.facts_of(resolved, request) if own_calibration else None
     screen = Screen(as_json=as_json)
-    asked = None if resolved.config.unattended(yes) else screen
-    opener = partial(wiring.open_parts, own=begun, screen=asked)
+    prompt_screen = None if resolved.config.unattended(yes) else screen
+    opener = partial(wiring.open_parts, own=begun, screen=prompt_screen)
     running.run_session(resolved, request, opener, Reports().draw, screen, looking_on)

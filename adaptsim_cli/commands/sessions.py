@@ -31,20 +31,20 @@ def list_sessions(
     from adaptsim_cli.session import store, summary, terminal_views
 
     root = config.load().places.sessions
-    found = [summary.overview_or_damage(root, name) for name in store.names(root)]
+    rows = [summary.overview_or_damage(root, name) for name in store.names(root)]
     if task is not None:
-        found = [one for one in found if isinstance(one, Damaged) or one.task == task]
+        rows = [one for one in rows if isinstance(one, Damaged) or one.task == task]
     screen = console.Screen(as_json=as_json)
     if note := store.stray_note(root):
         screen.note(note)
-    if screen.data("sessions list", {"sessions": found}):
+    if screen.data("sessions list", {"sessions": rows}):
         return
-    if not found:
+    if not rows:
         chosen = " that match" if task is not None else ""
         screen.plain(f"No sessions{chosen} in {root}. Begin one: adaptsim run-iteration --task scooping")
         return
-    screen.show(terminal_views.sessions(found))
-    for name in [one.session for one in found if not isinstance(one, Damaged)][-1:]:
+    screen.show(terminal_views.sessions(rows))
+    for name in [one.session for one in rows if not isinstance(one, Damaged)][-1:]:
         screen.next(
             (f"adaptsim sessions show {name}", "every trial of the newest"),
             (f"adaptsim run-iteration --session {name}", "goes on with it"),

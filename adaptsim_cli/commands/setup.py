@@ -73,10 +73,10 @@ def doctor(
         risks.write(resolved, assessment, screen)
         return
     with screen.busy(f"Looking at everything that hw = {resolved.config.hw} needs"):
-        found = tuple(checks.examine(resolved))
-    table.show(found, resolved.config, screen)
-    screen.data("doctor", table.as_json(found, resolved.config))
-    table.require(found)
+        findings = tuple(checks.examine(resolved))
+    table.show(findings, resolved.config, screen)
+    screen.data("doctor", table.as_json(findings, resolved.config))
+    table.require(findings)
 
 
 if TYPE_CHECKING:
@@ -103,21 +103,21 @@ def parts(
     if out.exists():
         raise UsageError(f"{out} exists already: give another folder with --out")
     with screen.busy("Building the solids"):
-        made = all_parts()
-        solids = [part for part in made if not part.flat]
+        pieces = all_parts()
+        solids = [part for part in pieces if not part.flat]
         files = {f"{part.name}.stl": bytes(sheet.printed(part).export(file_type="stl")) for part in solids}
-        files["parts.pdf"] = sheet.pdf(made)
+        files["parts.pdf"] = sheet.pdf(pieces)
     durable.write_folder(out, files)
-    for part in made:
+    for part in pieces:
         for line in sheet.lines(part):
             screen.plain(line)
         screen.plain("")
     screen.plain(f"Written: {out / 'parts.pdf'}")
-    told = [
+    rows = [
         {"file": str(out / f"{part.name}.stl"), "count": part.count, "notes": list(sheet.lines(part))}
         for part in solids
     ]
-    screen.data("parts", {"sheet": str(out / "parts.pdf"), "parts": told})
+    screen.data("parts", {"sheet": str(out / "parts.pdf"), "parts": rows})
 
 
 def all_parts() -> tuple[Part, ...]:

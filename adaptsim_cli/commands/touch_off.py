@@ -74,8 +74,8 @@ def touch_off(
     if not (automatic or resolved.config.is_simulated or yes):
         raise UsageError(flow.UNSEEN)
     grasp = Grasp(1e-3 * handle_mm, grasp_force_N)
-    asked = None if resolved.config.unattended(yes) else screen
-    flow.run(resolved, grasp, store, sessions, partial(wiring.open_touch_rig, screen=asked), screen, yes=yes)
+    prompt_screen = None if resolved.config.unattended(yes) else screen
+    flow.run(resolved, grasp, store, sessions, partial(wiring.open_touch_rig, screen=prompt_screen), screen, yes=yes)
 
 
 def _store(resolved: Resolved) -> TouchOffStore:

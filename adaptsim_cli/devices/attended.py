@@ -126,15 +126,17 @@ class PersonBeside:
 
     def facts(self) -> RigFacts:
         """See `Attendant`."""
-        said = self.camera.facts() if isinstance(self.camera, _Telling) else None
+        camera_facts = self.camera.facts() if isinstance(self.camera, _Telling) else None
         return (self.scales.facts if self.scales else RigFacts()).model_copy(
             update={
-                "camera": said,
+                "camera": camera_facts,
                 "instruments": {} if self.instruments is None else self.instruments.values(),
                 "pedal": self.arm.pedal,
                 "operator": self.arm.consent.operator,
-                "consent": self.arm.consent.given,
-                "stop_button": "" if self.arm.consent.known is None else self.arm.consent.known.read().stop_button,
+                "consent": self.arm.consent.given_at,
+                "stop_button": ""
+                if self.arm.consent.known_arm is None
+                else self.arm.consent.known_arm.read().stop_button,
                 "waivers": tuple(
                     WaiverRecord(**asdict(one), until=one.until.isoformat()) for one in self.arm.consent.waivers
                 ),

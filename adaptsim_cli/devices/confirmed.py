@@ -115,18 +115,18 @@ class ConfirmedArm(AroundArm[RealArm]):
         self.await_pedal()
         self._before()
         self.release.begun()
-        known = self.consent.known
-        with nullcontext() if known is None else known.moving():
+        known_arm = self.consent.known_arm
+        with nullcontext() if known_arm is None else known_arm.moving():
             yield
 
     def _say_rate(self, rate: float) -> None:
         """Warn of a low success rate after a motion."""
-        told = f"{100.0 * rate:.1f} % of the commands reached the arm in time"
+        sentence = f"{100.0 * rate:.1f} % of the commands reached the arm in time"
         if rate >= LEAST_RATE:
-            self._screen.plain(f"  {told}")
-            self._screen.tell_listeners(told)
+            self._screen.plain(f"  {sentence}")
+            self._screen.tell_listeners(sentence)
             return
         self._screen.note(
-            f"  Only {told} (at least {100.0 * LEAST_RATE:g} %): the computer or its network was too slow, and the "
+            f"  Only {sentence} (at least {100.0 * LEAST_RATE:g} %): the computer or its network was too slow, and the "
             f"motion may have been rough. End other programs; adaptsim doctor --hw {self.model} checks both"
         )

@@ -35,16 +35,16 @@ class Consent:
     pace: float = 1.0
     waivers: tuple[WaiverPart, ...] = ()  # those of the rig file that count
     each: Each = "command"
-    known: KnownArm | None = None  # None: an arm that nothing is remembered of
+    known_arm: KnownArm | None = None  # None: an arm that nothing is remembered of
     setup: SetUp = field(default_factory=SetUp)  # `known_arm.setup_of`
-    given: str | None = field(default=None, init=False)  # ISO 8601: when the arm's model was typed
+    given_at: str | None = field(default=None, init=False)  # ISO 8601: when the arm's model was typed
     _slow_ended: bool = field(default=False, init=False)
 
     def once(self, arm: Arm) -> None:
         """Before the first motion of a command: name, stop button, slow start, and the typed model."""
-        if self.given is not None:
+        if self.given_at is not None:
             return
-        if (unended := self.known.unended() if self.known else None) is not None:
+        if (unended := self.known_arm.unended() if self.known_arm else None) is not None:
             self.screen.note(unended)
         self._name()
         self.stop_button(arm)
@@ -54,12 +54,12 @@ class Consent:
         self.screen.note(before_first(f"THE REAL ROBOT, {self.where},", self.table, self.pedal))
         agreed = Key(arm.model, "to confirm", "The arm may move; the program still asks before it does.")
         require_word(self.screen, "Have you checked all of this?", agreed)
-        self.given = datetime.now(UTC).isoformat(timespec="seconds")
+        self.given_at = datetime.now(UTC).isoformat(timespec="seconds")
 
     def completed(self) -> None:
         """The task's own motion, or a whole series, came to its end: a slow one makes its set-up known."""
-        if self.known is not None and self.pace <= SLOW_PACE and not self._slow_ended:
-            self.known.moved_slowly(self.setup)
+        if self.known_arm is not None and self.pace <= SLOW_PACE and not self._slow_ended:
+            self.known_arm.moved_slowly(self.setup)
             self._slow_ended = True
 
     def _waives(self, what: Waivable) -> bool:
@@ -75,9 +75,9 @@ class Consent:
 
     def stop_button(self, arm: Arm) -> None:
         """If it is due: have the stop button pressed, see that the arm says so, have it released, recover."""
-        if self.known is None or self._waives("stop_button"):
+        if self.known_arm is None or self._waives("stop_button"):
             return
-        if not self.known.read().stop_button_is_due(datetime.now(UTC)):
+        if not self.known_arm.read().stop_button_is_due(datetime.now(UTC)):
             return
         self.screen.note(
             f"The arm's stop button was not checked in the last {24 * STOP_BUTTON_DAYS} hours. It is the safety device "
@@ -89,7 +89,7 @@ class Consent:
         ):
             while True:
                 then = "Reads the arm's state. Nothing moves."
-                self.screen.go_on(question, "when done", then=then, kept="nothing has moved")
+                self.screen.go_on(question, "when done", then=then, assurance="nothing has moved")
                 state = arm.state()
                 if state.by_hand == pressed and (pressed or state.fault is None):
                     break
@@ -99,14 +99,14 @@ class Consent:
                         break
                     raise StoppedByOperator(NOBODY)
                 self.screen.note(f"  The arm reports: {state.fault or 'ready to move'}")
-        self.known.stop_button_checked(self.operator)
+        self.known_arm.stop_button_checked(self.operator)
         self.screen.note("  The stop button stops this arm.")
 
     def _slow_start(self) -> None:
         """A set-up that has never moved this arm begins slowly, or a person takes it on by name."""
-        if self.known is None or self._waives("slow_start") or self.pace <= SLOW_PACE:
+        if self.known_arm is None or self._waives("slow_start") or self.pace <= SLOW_PACE:
             return
-        facts = self.known.read()
+        facts = self.known_arm.read()
         if facts.slow_motion(self.setup):
             return
         self.screen.note(

@@ -101,7 +101,7 @@ class ArmFacts:
             ("calibration", setup.calibration, {one.calibration for one in like}),
             ("rig file", setup.rig, {one.rig for one in like}),
         )
-        changed = [name for name, value, known in parts if value not in known] if like else []
+        changed = [name for name, value, earlier in parts if value not in earlier] if like else []
         if changed:
             return f"Since {setup.kind} last moved slowly the {' and the '.join(changed)} changed, and this has"
         return f"With this rig file, tool and calibration {setup.kind or 'this task'} has"
@@ -122,12 +122,12 @@ class KnownArm:
     def read(self) -> ArmFacts:
         """The content; empty without a file."""
         try:
-            found = read_table(self.folder / "known.json")
-            known = TypeAdapter(ArmFacts).validate_python(found)
-            known.stop_button_is_due(datetime.now(UTC))
+            table = read_table(self.folder / "known.json")
+            facts = TypeAdapter(ArmFacts).validate_python(table)
+            facts.stop_button_is_due(datetime.now(UTC))
         except (FileNotFoundError, Unreadable, TypeError, ValueError):
             return ArmFacts()
-        return known if {*found, "stop"} == asdict(known).keys() else ArmFacts()  # older files have no stop
+        return facts if {*table, "stop"} == asdict(facts).keys() else ArmFacts()  # older files have no stop
 
     def stop_button_checked(self, operator: str) -> None:
         """Remember that it stopped the arm just now. Raises SessionError."""
@@ -139,17 +139,17 @@ class KnownArm:
 
     def moved_slowly(self, setup: SetUp) -> None:
         """Remember that the own motion of this set-up came to its end slowly. Raises SessionError."""
-        known = self.read()
-        others = tuple(motion for motion in known.slow_motions if motion.setup != setup)
-        self._write(replace(known, slow_motions=(*others, SlowMotion(setup, _now()))))
+        facts = self.read()
+        others = tuple(motion for motion in facts.slow_motions if motion.setup != setup)
+        self._write(replace(facts, slow_motions=(*others, SlowMotion(setup, _now()))))
 
     def set_up(self, steps: Sequence[str]) -> None:
         """Remember that these steps of a setup are done, and no others. Raises SessionError."""
         self._write(replace(self.read(), steps=tuple(steps)))
 
-    def _write(self, known: ArmFacts) -> None:
+    def _write(self, facts: ArmFacts) -> None:
         durable.make_folder(self.folder)
-        durable.replace_file(self.folder / "known.json", (json.dumps(asdict(known), indent=1) + "\n").encode())
+        durable.replace_file(self.folder / "known.json", (json.dumps(asdict(facts), indent=1) + "\n").encode())
 
     @contextmanager
     def moving(self) -> Iterator[None]:
@@ -173,13 +173,13 @@ class KnownArm:
     def unended(self) -> str | None:
         """A sentence about the last motion for a person; None if the motion finished."""
         try:
-            said = read_table(self._note)
+            note = read_table(self._note)
         except FileNotFoundError:
             return None
         except Unreadable as error:
             return f"The last motion of this arm did not come to its end ({self._note} {error}). {CHECK}"
-        why = str(said.get("stopped") or _KILLED)
-        return f"The last motion of this arm, begun {said.get('began')}, did not come to its end: {why}. {CHECK}"
+        why = str(note.get("stopped") or _KILLED)
+        return f"The last motion of this arm, begun {note.get('began')}, did not come to its end: {why}. {CHECK}"
 
     def _note_motion(self, began: str, stopped: str) -> None:
         durable.replace_file(self._note, json.dumps({"began": began, "stopped": stopped}).encode())

@@ -66,7 +66,7 @@ class Lab(Protocol):
     def note(self, message: str) -> None:
         """Show a message to the person beside the arm, if there is one."""
 
-    def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
+    def for_trials(self, mounted_task: MountedTask, hand_eye: HandEye, days: int) -> Rig:
         """Devices for trials.
 
         `hand_eye` is the camera's pose over the table; a calibration older than `days` gives a warning.
@@ -81,7 +81,7 @@ class Lab(Protocol):
     def for_guided_touch_off(self, cell: Workcell) -> GuidedDevices:
         """`cell` is with the tool. Nothing moves by itself."""
 
-    def measure_stop(self, there: MountedTask) -> StopMeasurement:
+    def measure_stop(self, mounted_task: MountedTask) -> StopMeasurement:
         """Have the stop button pressed during a slow swing, and keep time and way until rest beside the worst case.
 
         Raises StoppedByOperator, MotionRefused, HardwareError.

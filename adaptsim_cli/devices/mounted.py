@@ -100,12 +100,12 @@ def mounted(
     from sim.panda.tool import tool_of
 
     shipped, part = task.require_hardware(), rig.tool(task.name)
-    found = correction or written(rig, task.name)
-    X_FT = frozen_array(found.X_FT(part.designed(shipped.X_FT)), (4, 4), "X_FT")
+    placement = correction or written(rig, task.name)
+    X_FT = frozen_array(placement.X_FT(part.designed(shipped.X_FT)), (4, 4), "X_FT")
     hardware = replace(shipped, X_FT=X_FT)
-    cell = workcell(rig, zeros_rad, weighed(tool_of(hardware), part), keep_out, found.table)
+    cell = workcell(rig, zeros_rad, weighed(tool_of(hardware), part), keep_out, placement.table)
     home_rad = home(X_FT, cell, hardware.home_pitch_rad)
-    return MountedTask(replace(task, hardware=hardware), hardware, cell, home_rad, found, rig.table)
+    return MountedTask(replace(task, hardware=hardware), hardware, cell, home_rad, placement, rig.table)
 
 
 def mounted_as_shipped(task: Task, model: Model) -> MountedTask:

@@ -68,7 +68,7 @@ def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | 
     from adaptsim_cli.devices.rig_file.reading import gaps, in_words, rig_of, tasks_with_tools
 
     rig = rig_of(config, tasks_with_tools())
-    if found := gaps(rig, task.name):
-        raise UsageError(f"{config.rig}: nothing has moved, because {in_words(found)}")
+    if open_gaps := gaps(rig, task.name):
+        raise UsageError(f"{config.rig}: nothing has moved, because {in_words(open_gaps)}")
     console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
     return RealLab(task, rig, drivers or makers_drivers(), stack, screen or Screen(as_json=True), config)

@@ -67,19 +67,19 @@ class RealLab:
         """Show it on the screen."""
         self._screen.note(message)
 
-    def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
+    def for_trials(self, mounted_task: MountedTask, hand_eye: HandEye, days: int) -> Rig:
         """See `Lab`."""
         self._require_payload(self._task.name)
         watch = self._watch()
         table, X_BC = "nothing on the table but the object", hand_eye.X_BC
-        arm = self._arm(there.cell, self._task.name, table, self._task.name, watch, X_BC)
+        arm = self._arm(mounted_task.cell, self._task.name, table, self._task.name, watch, X_BC)
         camera, scales, instruments = self._camera(infrared=False), self._scales(), self._instruments()
         self._stack.enter_context(arm)
-        beside = PersonBeside(arm, camera, there, self._screen, scales, watch, instruments)
+        beside = PersonBeside(arm, camera, mounted_task, self._screen, scales, watch, instruments)
         return Rig(
             self.rig.arm.model,
             self.title,
-            PacedArm[Arm](arm, there.cell, self._pace),
+            PacedArm[Arm](arm, mounted_task.cell, self._pace),
             camera,
             Person(),
             hand_eye,
@@ -109,8 +109,8 @@ class RealLab:
         arm = self._arm(cell, self._task.name, "nothing on the table", "touch-off")
         hand = ReleasedHand(self._hand(), arm.release, arm.await_pedal)
 
-        def tool_there(there: bool) -> None:
-            arm.carry(loaded if there else cell.tool, self.rig.tool(self._task.name).held() if there else Payload())
+        def tool_there(in_hand: bool) -> None:
+            arm.carry(loaded if in_hand else cell.tool, self.rig.tool(self._task.name).held() if in_hand else Payload())
 
         self._connect(arm)
         return PacedArm(arm, cell.holding(loaded), self._pace), hand, tool_there, arm.release
@@ -122,12 +122,12 @@ class RealLab:
         self._connect(arm)
         return arm, time.sleep, None
 
-    def measure_stop(self, there: MountedTask) -> StopMeasurement:
+    def measure_stop(self, mounted_task: MountedTask) -> StopMeasurement:
         """See `Lab`."""
         self._require_payload(self._task.name)
-        arm = self._arm(there.cell, self._task.name, "nothing on the table", "the stop's measurement")
+        arm = self._arm(mounted_task.cell, self._task.name, "nothing on the table", "the stop's measurement")
         self._connect(arm)
-        check = StopCheck(self._screen, arm, arm, there.cell, KnownArm(self._folder), arm.release)
+        check = StopCheck(self._screen, arm, arm, mounted_task.cell, KnownArm(self._folder), arm.release)
         return check.measure(lambda: arm.consent.operator)
 
     def check_stop_button(self, cell: Workcell) -> None:
@@ -153,9 +153,9 @@ class RealLab:
         bare = self._drivers.arm(cell, self.rig.arm.settings(self.rig.tool(tool).held()), pedal)
         where = f"{self.rig.arm.model} at {self.rig.arm.address}"
         before = (lambda: None) if watch is None else watch.require
-        known = KnownArm(self._folder)
+        known_arm = KnownArm(self._folder)
         setup = setup_of(self.rig, cell, kind, X_BC)
-        watched = self.rig.waives("slow_start") or bool(known.read().slow_motion(setup))
+        watched = self.rig.waives("slow_start") or bool(known_arm.read().slow_motion(setup))
         each: Each = self.rig.consent if self.rig.consent and watched else "motion"
         consent = Consent(
             self._screen,
@@ -166,15 +166,15 @@ class RealLab:
             self._pace,
             self.rig.in_force(),
             each,
-            known,
+            known_arm,
             setup,
         )
         return ConfirmedArm(bare, consent, pedal, before=before)
 
     def _require_payload(self, tool: str) -> None:
         """Raises UsageError if the rig file neither states nor waives what this tool weighs."""
-        if found := tuple(gap for gap in gaps(self.rig, tool) if gap.what == "payload"):
-            raise UsageError(f"nothing has moved, because of the rig file: {in_words(found)}")
+        if open_gaps := tuple(gap for gap in gaps(self.rig, tool) if gap.what == "payload"):
+            raise UsageError(f"nothing has moved, because of the rig file: {in_words(open_gaps)}")
 
     @cached_property
     def _pedal(self) -> Pedal | None:
@@ -186,8 +186,8 @@ class RealLab:
 
     def _hand(self) -> Hand:
         """The arm's hand, connected."""
-        made = self._drivers.hand(self.rig.arm.model, self.rig.arm.address, self._pedal)
-        return self._stack.enter_context(made)
+        hand = self._drivers.hand(self.rig.arm.model, self.rig.arm.address, self._pedal)
+        return self._stack.enter_context(hand)
 
     def _watch(self) -> ToolWatch | None:
         """The watch over the tool; None if no hand holds it."""

@@ -19,7 +19,7 @@ def offer_recovery(arm: Arm, screen: Screen) -> None:
         screen.note(f"The arm reports: {state.fault}")
         if state.by_hand:
             then = "Reads the arm's state again. Nothing moves."
-            screen.go_on("Resolve this first (nothing moves).", "when done", then=then, kept="nothing has moved")
+            screen.go_on("Resolve this first (nothing moves).", "when done", then=then, assurance="nothing has moved")
             continue
         clear = Key("recover", "to clear it", "Clears the arm's fault. Nothing moves.")
         leave = enter("to leave it", "Keeps the fault; the command ends before anything moves.")

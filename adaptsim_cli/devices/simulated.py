@@ -71,14 +71,14 @@ class SimulatedLab:
     def note(self, message: str) -> None:
         """Does nothing: nobody stands beside the arm."""
 
-    def for_trials(self, there: MountedTask, hand_eye: HandEye, days: int) -> Rig:
+    def for_trials(self, mounted_task: MountedTask, hand_eye: HandEye, days: int) -> Rig:
         """See `Lab`."""
         from sim.lab.simulated import SimulatedLab
 
-        lab = SimulatedLab(self._task, self._world, self._seed, there.cell, home_q_rad=there.home_rad)
+        lab = SimulatedLab(self._task, self._world, self._seed, mounted_task.cell, home_q_rad=mounted_task.home_rad)
         self._stack.enter_context(lab)
         release = self._release("nothing on the table but the object")
-        arm = PacedArm[Arm](ReleasedArm[Arm](lab.arm, release), there.cell, self._pace, realtime=self._realtime)
+        arm = PacedArm[Arm](ReleasedArm[Arm](lab.arm, release), mounted_task.cell, self._pace, realtime=self._realtime)
         return Rig(
             SIMULATED, self.title, arm, lab.camera, lab.bench, hand_eye, days,
             await_enabled=release.motion, pace=self._pace, release=release,
@@ -105,24 +105,24 @@ class SimulatedLab:
         arm = PacedArm(ReleasedArm(lab.arm, release), cell.holding(loaded), self._pace, realtime=self._realtime)
         return arm, ReleasedHand(lab.hand, release), lab.offer_tool, release
 
-    def measure_stop(self, there: MountedTask) -> StopMeasurement:
+    def measure_stop(self, mounted_task: MountedTask) -> StopMeasurement:
         """See `Lab`. A stand-in presses the button at a moment of its own; the arm brakes along its path."""
         from sim.lab.simulated import SimulatedLab
 
-        lab = SimulatedLab(self._task, self._world, self._seed, there.cell, home_q_rad=there.home_rad)
+        lab = SimulatedLab(self._task, self._world, self._seed, mounted_task.cell, home_q_rad=mounted_task.home_rad)
         self._stack.enter_context(lab)
         release = self._release("nothing on the table")
-        path = swing(lab.arm.state().q_rad, there.cell)
+        path = swing(lab.arm.state().q_rad, mounted_task.cell)
         press_s = float(np.random.default_rng(self._seed).uniform(0.2, 0.8)) * path.duration_s
         release.one(swinging(path), "The arm swings until a stand-in presses the stop button.")
-        played = ReleasedArm[Arm](lab.arm, release).execute(brake(path, press_s, there.cell.motion))
+        played = ReleasedArm[Arm](lab.arm, release).execute(brake(path, press_s, mounted_task.cell.motion))
         after = played.t_s >= press_s
-        flange_m = forward(there.cell.arm.true_rad(played.q_measured_rad[after]))[:, :3, 3]
+        flange_m = forward(mounted_task.cell.arm.true_rad(played.q_measured_rad[after]))[:, :3, 3]
         way_m = float(np.linalg.norm(np.diff(flange_m, axis=0), axis=1).sum())
         stopped = StopReport(BUTTON, press_s, 0.0, float(played.t_s[-1]) - press_s, way_m, 0.0)
-        found = measurement(stopped, path, there.cell, "a stand-in")
-        KnownArm(folder_of(places(), self.rig)).stop_measured(found)
-        return found
+        stop = measurement(stopped, path, mounted_task.cell, "a stand-in")
+        KnownArm(folder_of(places(), self.rig)).stop_measured(stop)
+        return stop
 
     def _release(self, table: str) -> Release:
         """The questions to whoever practises here."""

@@ -98,7 +98,7 @@ class StopCheck:
     arm: Arm
     reporting: Reporting
     cell: Workcell
-    known: KnownArm
+    known_arm: KnownArm
     release: Release
 
     def measure(self, operator: Callable[[], str]) -> StopMeasurement:
@@ -113,10 +113,10 @@ class StopCheck:
             if (stopped := self._swung(path)) is not None:
                 break
             self.screen.note("  The arm came to the end of its swing: the stop button was not pressed.")
-        found = measurement(stopped, path, self.cell, operator())
-        self.known.stop_measured(found)
+        stop = measurement(stopped, path, self.cell, operator())
+        self.known_arm.stop_measured(stop)
         offer_recovery(self.arm, self.screen)
-        return found
+        return stop
 
     def _swung(self, path: JointPath) -> StopReport | None:
         try:

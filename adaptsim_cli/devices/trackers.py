@@ -68,7 +68,9 @@ def _piece(task: Task) -> Tracker:
 
     return Tracker(
         find=lambda frame, model, X_BC: piece.find_piece(frame, model, X_BC, centres),
-        overlay=lambda frame, model, X_BC, found, drawn: overlay_piece(frame, model, X_BC, found, area, drawn[:2]),
+        overlay=lambda frame, model, X_BC, detection, drawn: overlay_piece(
+            frame, model, X_BC, detection, area, drawn[:2]
+        ),
         track=track,
         placement=lambda drawn: drawn,
         context=lambda drawn, detection: detection.near_m,
@@ -118,8 +120,8 @@ def _bottle(task: Task) -> Tracker:
 
     return Tracker(
         find=lambda frame, model, X_BC: bottle.find_bottle(frame, model, X_BC, body, BOTTLE_AREA, mark_m),
-        overlay=lambda frame, model, X_BC, found, drawn: overlay_bottle(
-            frame, model, X_BC, found, body, mark_m, goal_m(drawn)
+        overlay=lambda frame, model, X_BC, detection, drawn: overlay_bottle(
+            frame, model, X_BC, detection, body, mark_m, goal_m(drawn)
         ),
         track=track,
         placement=lambda drawn: np.array(mark_m),

@@ -68,34 +68,39 @@ class Motions:
         return self.speed_m_s * IMPACT_NS_M
 
 
-def motions_of(there: MountedTask, actions: Sequence[Sequence[JointPath]], rig: RigDescription) -> Motions:
+def motions_of(mounted_task: MountedTask, actions: Sequence[Sequence[JointPath]], rig: RigDescription) -> Motions:
     """Speeds, stops and forces of the planned paths (in reported joints) of each action."""
     paths = [path for one in actions for path in one]
-    arm, X_FT = there.cell.arm, there.hardware.X_FT
+    arm, X_FT = mounted_task.cell.arm, mounted_task.hardware.X_FT
     return Motions(
         len(actions),
         top_speed_m_s(paths, lambda q_rad: forward(arm.true_rad(q_rad)) @ X_FT),
-        worst_stop(there.cell, paths),
+        worst_stop(mounted_task.cell, paths),
         max((path.contact.force_N for path in paths if path.contact is not None), default=0.0),
-        None if rig.person is None else nearest_m(rig.person.box(), there.cell, paths),
+        None if rig.person is None else nearest_m(rig.person.box(), mounted_task.cell, paths),
     )
 
 
 def page(
-    there: MountedTask, rig: RigDescription, moves: Motions, known: ArmFacts, identity: dict[str, str], setup: SetUp
+    mounted_task: MountedTask,
+    rig: RigDescription,
+    moves: Motions,
+    facts: ArmFacts,
+    identity: dict[str, str],
+    setup: SetUp,
 ) -> str:
     """The assessment as HTML, three sides of A4; `identity` names rig file, arm and program version."""
-    payload, cell = rig.tool(there.task.name).payload, there.cell
+    payload, cell = rig.tool(mounted_task.task.name).payload, mounted_task.cell
     accepted, reach_m = worst_stop(cell), REACH_M + tool_reach_m(cell.tool)
     apart_m = separation_m(accepted.time_s)
-    regions = judged(rig.arm.model, moves.speed_m_s, rig.arm.stops_at_N, cell.tool.mass, there.hardware.edge_m)
+    regions = judged(rig.arm.model, moves.speed_m_s, rig.arm.stops_at_N, cell.tool.mass, mounted_task.hardware.edge_m)
     side = None
     if rig.person is not None and moves.nearest_m is not None:
         side = SideDistance(rig.person.from_m, moves.nearest_m, apart_m)
     return fill(
         "assessment.html.j2",
         rig=rig,
-        task=there.task,
+        task=mounted_task.task,
         moves=moves,
         identity=identity,
         payload_kg=None if payload is None else payload.mass_kg,
@@ -110,12 +115,12 @@ def page(
         intrusion_m=INTRUSION_M,
         regions=regions,
         failing=list(dict.fromkeys(limit for one in regions for limit in one.broken)),
-        edge_mm=1e3 * there.hardware.edge_m,
+        edge_mm=1e3 * mounted_task.hardware.edge_m,
         flange_m_s=FLANGE[rig.arm.model].m_s,
         allowed_N=contact_limit_N(rig.arm.stops_at_N),
-        moved=known.slow_motion(setup) or "never",
-        stop_button=f"{known.stop_button} by {known.stop_button_by}" if known.stop_button else "never",
-        measured=str(known.stop) if known.stop else "never: adaptsim setup --hw " + rig.arm.model + " --from stop",
+        moved=facts.slow_motion(setup) or "never",
+        stop_button=f"{facts.stop_button} by {facts.stop_button_by}" if facts.stop_button else "never",
+        measured=str(facts.stop) if facts.stop else "never: adaptsim setup --hw " + rig.arm.model + " --from stop",
         accepted=accepted,
         silence_s=SILENCE_S,
         guarded_m_s=SPEED_M_S,
@@ -128,17 +133,17 @@ def _corner(p_m: np.ndarray) -> str:
     return ", ".join(f"{value:.2f}" for value in p_m)
 
 
-def planned_actions(there: MountedTask) -> list[Sequence[JointPath]]:
+def planned_actions(mounted_task: MountedTask) -> list[Sequence[JointPath]]:
     """The middle action, which must be executable, and those at the ends of all ranges that are."""
-    found: list[Sequence[JointPath]] = [planned(there, (), ()).paths]
-    space = there.task.action
+    plans: list[Sequence[JointPath]] = [planned(mounted_task, (), ()).paths]
+    space = mounted_task.task.action
     for ends in product(*zip(space.low.tolist(), space.high.tolist(), strict=True)):
         typed = [f"{name}={value!r}" for name, value in zip(space.names, ends, strict=True)]
         try:
-            found.append(planned(there, (), typed).paths)
+            plans.append(planned(mounted_task, (), typed).paths)
         except (NotExecutable, MotionRefused):
             continue
-    return found
+    return plans
 
 
 def write(resolved: Resolved, path: Path, screen: Screen) -> None:
@@ -151,18 +156,18 @@ def write(resolved: Resolved, path: Path, screen: Screen) -> None:
     if path.exists():
         raise UsageError(f"{path} exists already: name a new file")
     config, places = resolved.config, resolved.places
-    rig, there = rig_of(config, tasks_with_tools()), mounted_for(resolved, None)
+    rig, mounted_task = rig_of(config, tasks_with_tools()), mounted_for(resolved, None)
     calibrated = current_calibration(config, places)
     X_BC = None if calibrated is None else calibrated.hand_eye().X_BC
-    setup = setup_of(rig, there.cell, there.task.name, X_BC)
+    setup = setup_of(rig, mounted_task.cell, mounted_task.task.name, X_BC)
     identity = {
         "date": f"{datetime.now(UTC):%Y-%m-%d}",
         "program": f"adaptsim {metadata.version('adaptsim')}",
         "set-up": " ".join((setup.kind, setup.tool[:8], setup.calibration[:8], setup.rig[:8])),
         "calibration": "none yet: no box around the camera" if calibrated is None else calibrated.created[:10],
     }
-    with screen.busy(f"Planning {there.task.name} with {rig.name}"):
-        moves = motions_of(there, planned_actions(there), rig)
-    text = page(there, rig, moves, KnownArm(folder_of(places, rig)).read(), identity, setup)
+    with screen.busy(f"Planning {mounted_task.task.name} with {rig.name}"):
+        moves = motions_of(mounted_task, planned_actions(mounted_task), rig)
+    text = page(mounted_task, rig, moves, KnownArm(folder_of(places, rig)).read(), identity, setup)
     durable.write_file(path.absolute(), text.encode())
     screen.plain(f"Written: {path}. Print it, complete it, decide, and sign it")

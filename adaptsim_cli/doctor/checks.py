@@ -77,8 +77,8 @@ LIBRARIES = {
 
 @check(PROGRAM, "python", "make PYTHON=python3.11, in a new checkout")
 def _python(lab: Examined) -> Finding:
-    version, wanted = platform.python_version(), importlib.metadata.metadata("adaptsim")["Requires-Python"]
-    return ok(version) if SpecifierSet(wanted).contains(version) else missing(f"{version}, needed {wanted}")
+    version, specifier = platform.python_version(), importlib.metadata.metadata("adaptsim")["Requires-Python"]
+    return ok(version) if SpecifierSet(specifier).contains(version) else missing(f"{version}, needed {specifier}")
 
 
 @check(PROGRAM, "packages", "make setup (or pip install -r requirements.lock)")
@@ -141,15 +141,15 @@ def _plugins(lab: Examined) -> Finding:
 @check(PROGRAM, "driver", when=real)
 def _driver(lab: Examined) -> Finding:
     """The vendor's package for an arm, with its row of the compatibility matrix."""
-    wanted = PACKAGES[lab.config.hw]
-    row = next(row for row in MATRIX if row.interface == wanted.interface)
-    version = readings.installed(wanted.name)
+    package = PACKAGES[lab.config.hw]
+    row = next(row for row in MATRIX if row.interface == package.interface)
+    version = readings.installed(package.name)
     if version is None:
-        return missing(f"{wanted.name} is not installed; it speaks {row}", wanted.install)
-    if version != wanted.version:
-        told = f"{wanted.name} {version} is installed, tested is {wanted.version}, which speaks {row}"
-        return missing(told, wanted.install)
-    return ok(f"{wanted.name} {version} speaks {row}")
+        return missing(f"{package.name} is not installed; it speaks {row}", package.install)
+    if version != package.version:
+        message = f"{package.name} {version} is installed, tested is {package.version}, which speaks {row}"
+        return missing(message, package.install)
+    return ok(f"{package.name} {version} speaks {row}")
 
 
 SLOW_MB_S, SLOW_FLUSH_S = 20.0, 0.2
@@ -175,10 +175,10 @@ def _disk_speed(lab: Examined) -> Finding:
     except OSError as error:
         problem = error.strerror or str(error)
         return missing(f"{folder} cannot be written to: {problem}", f"sudo chown -R $USER {folder}")
-    told = f"{mb_s:.0f} MB/s, a record is safe after {1e3 * flush_s:.0f} ms"
+    message = f"{mb_s:.0f} MB/s, a record is safe after {1e3 * flush_s:.0f} ms"
     if mb_s < SLOW_MB_S or flush_s > SLOW_FLUSH_S:
-        return advice(f"{told}; recommended: {SLOW_MB_S:g} MB/s, {1e3 * SLOW_FLUSH_S:g} ms")
-    return ok(told)
+        return advice(f"{message}; recommended: {SLOW_MB_S:g} MB/s, {1e3 * SLOW_FLUSH_S:g} ms")
+    return ok(message)
 
 
 _RT_KERNEL = "sudo apt-get install -y linux-image-rt-amd64, then boot it (Ubuntu: sudo pro enable realtime-kernel)"
@@ -210,8 +210,8 @@ def _clock_frequency(lab: Examined) -> Finding:
     governors = readings.governors()
     slow = [name for name in governors if name != "performance"]
     if slow:
-        told = f"governor {slow[0]} on {len(slow)} of {len(governors)} cores"
-        return advice(f"{told}: cycles come late while it speeds up")
+        message = f"governor {slow[0]} on {len(slow)} of {len(governors)} cores"
+        return advice(f"{message}: cycles come late while it speeds up")
     return ok("governor performance on every core" if governors else "this machine has no frequency governor")
 
 
@@ -223,13 +223,13 @@ def _rig_file(lab: Examined) -> Finding:
 @check(DEVICES, "safeguards", when=described)
 def _safeguards(lab: Examined) -> Finding:
     """What the rig file must state or waive before the arm moves."""
-    if found := gaps(lab.rig, lab.config.task):
-        lacking = "; ".join(gap.message for gap in found)
-        return missing(f"{lacking}, and the arm does not move", "; ".join(gap.remedy for gap in found))
-    told = [waiver.sentence for waiver in lab.rig.in_force()]
-    told += [f"{one.safeguard} is not waived any more, since {one.until}" for one in lab.rig.lapsed()]
-    if told:
-        return advice("; ".join(told), "state them in the rig file: docs/guide/rig.md")
+    if open_gaps := gaps(lab.rig, lab.config.task):
+        lacking = "; ".join(gap.message for gap in open_gaps)
+        return missing(f"{lacking}, and the arm does not move", "; ".join(gap.remedy for gap in open_gaps))
+    sentences = [waiver.sentence for waiver in lab.rig.in_force()]
+    sentences += [f"{one.safeguard} is not waived any more, since {one.until}" for one in lab.rig.lapsed()]
+    if sentences:
+        return advice("; ".join(sentences), "state them in the rig file: docs/guide/rig.md")
     return ok("the rig file states all of them")
 
 
@@ -249,12 +249,12 @@ def _sides(lab: Examined) -> Finding:
     open_ = open_sides(lab.rig.boxes(), reach_m)
     if not open_:
         return ok(f"every side is closed by a box beyond {SIDE_M:g} m")
-    told = f"no box closes {', '.join(open_)} beyond {SIDE_M:g} m: the arm may reach a person there"
+    text = f"no box closes {', '.join(open_)} beyond {SIDE_M:g} m: the arm may reach a person there"
     if lab.rig.person is None or lab.rig.person.side in open_:
-        return advice(f"{told}, and the rig file does not keep the arm off the operator's own side")
+        return advice(f"{text}, and the rig file does not keep the arm off the operator's own side")
     apart_m = separation_m(WORST_STOP_S)
     return ok(
-        f"the operator's side ({lab.rig.person.side}) is closed from {lab.rig.person.from_m:g} m; {told}. Separation "
+        f"the operator's side ({lab.rig.person.side}) is closed from {lab.rig.person.from_m:g} m; {text}. Separation "
         f"distance {apart_m:.2f} m (ISO 13855)"
     )
 
@@ -264,20 +264,20 @@ MEASURE = "adaptsim setup --hw {hw} --from stop"
 
 @check(DEVICES, "stop button", "the next command that moves the arm leads you through the check", with_rig)
 def _stop_button(lab: Examined) -> Finding:
-    known = KnownArm(folder_of(lab.resolved.places, lab.rig)).read()
+    facts = KnownArm(folder_of(lab.resolved.places, lab.rig)).read()
     if lab.rig.waives("stop_button"):
         return advice("its check is waived by the rig file", "check it by hand every day")
-    if not known.stop_button:
+    if not facts.stop_button:
         return advice("it was never checked with this computer")
-    told = f"stopped the arm on {known.stop_button} ({known.stop_button_by})"
-    if known.stop_button_is_due(datetime.now(UTC)):
-        return advice(f"{told}: more than a day ago")
-    if known.stop is not None and not known.stop.is_within:
+    message = f"stopped the arm on {facts.stop_button} ({facts.stop_button_by})"
+    if facts.stop_button_is_due(datetime.now(UTC)):
+        return advice(f"{message}: more than a day ago")
+    if facts.stop is not None and not facts.stop.is_within:
         return missing(
-            f"{told}; {known.stop}", f"have the arm's brakes looked at; {MEASURE}".format(**vars(lab.config))
+            f"{message}; {facts.stop}", f"have the arm's brakes looked at; {MEASURE}".format(**vars(lab.config))
         )
-    measured = f"; {known.stop}" if known.stop else f"; its stop was never measured: {MEASURE}"
-    return ok(told + measured.format(**vars(lab.config)))
+    measured = f"; {facts.stop}" if facts.stop else f"; its stop was never measured: {MEASURE}"
+    return ok(message + measured.format(**vars(lab.config)))
 
 
 MOST_RTT_MS = 0.5
@@ -296,10 +296,10 @@ def _network(lab: Examined) -> Finding:
         fix = "check that the arm is on, the cable in its control box, and this machine's address in the same network"
         return missing(f"{address} does not answer: {problem}", f"{fix}: ping {address}")
     worst, usual = max(times_ms), median(times_ms)
-    told = f"{address} answers in {usual:.2f} ms, {worst:.2f} ms at worst"
+    message = f"{address} answers in {usual:.2f} ms, {worst:.2f} ms at worst"
     if lost or worst > MOST_RTT_MS:
-        return advice(f"{told}, {lost} of {len(times_ms) + lost} lost; recommended: {MOST_RTT_MS:g} ms, 0 lost")
-    return ok(told)
+        return advice(f"{message}, {lost} of {len(times_ms) + lost} lost; recommended: {MOST_RTT_MS:g} ms, 0 lost")
+    return ok(message)
 
 
 @check(DEVICES, "arm", "unlock the joints and activate FCI in Desk; docs/guide/arms.md", after("network"))
@@ -308,18 +308,18 @@ def _arm(lab: Examined) -> Finding:
     reading, rhythm, notes = readings.arm(lab.rig.arm.model, lab.rig.arm.settings())
     served = "" if rhythm.interface is None else f", interface {rhythm.interface}"
     joints = " ".join(f"{q:.2f}" for q in reading.q_rad)
-    told = (
+    message = (
         f"{lab.rig.arm.model} answers over FCI{served}, mode {reading.mode}, joints {joints} rad, external torques of "
         f"up to {max(map(abs, reading.external_Nm)):.1f} Nm at rest; {rhythm.states} states at 1 kHz, "
         f"{rhythm.missed} missed, longest gap {1e3 * rhythm.longest_gap_s:.1f} ms"
     )
     if reading.unwilling is not None:
         fix = "follow the message; every command that moves the arm also leads you through it"
-        return missing(f"{told}; it would not move: {reading.unwilling}", fix)
+        return missing(f"{message}; it would not move: {reading.unwilling}", fix)
     if rhythm.missed > MOST_MISSED * rhythm.states or rhythm.longest_gap_s > LONGEST_GAP_S:
         fix = "use one cable without a switch, a real-time kernel, governor performance, and end other programs"
-        return advice(f"{told} (at most {100 * MOST_MISSED:g} % and {1e3 * LONGEST_GAP_S:g} ms)", fix)
-    return advice(told, "; ".join(notes)) if notes else ok(told)
+        return advice(f"{message} (at most {100 * MOST_MISSED:g} % and {1e3 * LONGEST_GAP_S:g} ms)", fix)
+    return advice(message, "; ".join(notes)) if notes else ok(message)
 
 
 WITHDRAWN = "1.1.1"
@@ -343,11 +343,11 @@ def _camera(lab: Examined) -> Finding:
         fix = "install libdepthengine.so.2.0 beside the library; docs/guide/cameras.md"
         return missing(f"{report.library} has no depth engine, so there would be no depth", fix)
     which = next(device for device in report.devices if device.serial == (serial or report.serials[0]))
-    told = f"{which.serial}, firmware {which.firmware or '(not reported)'}"
-    told += f", {report.maker} library {report.version or '(version unknown)'}"
+    message = f"{which.serial}, firmware {which.firmware or '(not reported)'}"
+    message += f", {report.maker} library {report.version or '(version unknown)'}"
     if report.maker == "Orbbec" and WITHDRAWN in re.split(r"[ ,]+", which.firmware):
-        return missing(f"{told}; its maker withdrew {WITHDRAWN}, whose time stamps overflow", UPDATE)
-    return ok(told)
+        return missing(f"{message}; its maker withdrew {WITHDRAWN}, whose time stamps overflow", UPDATE)
+    return ok(message)
 
 
 @check(DEVICES, "camera images", "docs/guide/cameras.md: USB, power, display", after("camera"))
@@ -359,27 +359,27 @@ def _camera_images(lab: Examined) -> Finding:
         camera.stop_recording()
         film = camera.facts().get("recording") or {}
     frames, dropped = int(film.get("frames", 0)), int(film.get("dropped", 0))
-    told = f"{frames} synchronised frames in {STREAM_S:.1f} s, {dropped} dropped"
+    message = f"{frames} synchronised frames in {STREAM_S:.1f} s, {dropped} dropped"
     own = "give it a USB 3 controller and a power supply of its own, and end other programs; docs/guide/cameras.md"
     if frames < LEAST_FRAMES:
-        return missing(f"{told}; at least {LEAST_FRAMES} are needed", own)
-    return advice(told, own) if dropped else ok(told)
+        return missing(f"{message}; at least {LEAST_FRAMES} are needed", own)
+    return advice(message, own) if dropped else ok(message)
 
 
 @check(DEVICES, "calibration", "adaptsim calibrate --hw {hw}, ten minutes", described)
 def _calibration(lab: Examined) -> Finding:
-    known, days = current_calibration(lab.config, lab.resolved.places), lab.config.calibration_days
-    if known is None:
+    calibration, days = current_calibration(lab.config, lab.resolved.places), lab.config.calibration_days
+    if calibration is None:
         return missing("this rig has no calibration: the camera pose is unknown")
-    u, age = known.uncertainty, (datetime.now(UTC) - datetime.fromisoformat(known.created)).days
-    told, count = f"± {u.sigma_mm:.1f} mm, ± {u.sigma_deg:.2f}°", f"{abs(age)} day{'s' if abs(age) != 1 else ''}"
+    u, age = calibration.uncertainty, (datetime.now(UTC) - datetime.fromisoformat(calibration.created)).days
+    message, count = f"± {u.sigma_mm:.1f} mm, ± {u.sigma_deg:.2f}°", f"{abs(age)} day{'s' if abs(age) != 1 else ''}"
     if age < 0:
         fix = "timedatectl set-ntp true: the clock of this computer is wrong"
-        return advice(f"{told}, made {count} in the future", fix)
+        return advice(f"{message}, made {count} in the future", fix)
     if age >= days:
         fix = f"has the camera moved? adaptsim calibrate check --hw {lab.config.hw}, one minute"
-        return advice(f"{told}, {count} old (calibration_days {days})", fix)
-    return ok(f"{told}, {count} old")
+        return advice(f"{message}, {count} old (calibration_days {days})", fix)
+    return ok(f"{message}, {count} old")
 
 
 def _port_problem(lab: Examined, path: str) -> Finding | None:
@@ -430,8 +430,8 @@ def _instruments(lab: Examined) -> Finding:
 def _checkpoint(lab: Examined) -> Finding:
     from adaptsim_cli.wiring.settings import checkpoint_of
 
-    found = checkpoint_of(lab.config)
-    return ok(f"{lab.config.task}/{found.path.name} fits, sha256 {found.sha256[:12]}")
+    checkpoint = checkpoint_of(lab.config)
+    return ok(f"{lab.config.task}/{checkpoint.path.name} fits, sha256 {checkpoint.sha256[:12]}")
 
 
 @check(TASK, "world", "adaptsim lab list --task {task}", lambda lab: "" if lab.config.lab_world else "trials need none")
@@ -447,9 +447,9 @@ def _motion(lab: Examined) -> Finding:
     """Whether the task is possible in the session's workcell: the middle action at the reference context."""
     from adaptsim_cli.wiring.motion import mounted_for, planned
 
-    made = planned(mounted_for(lab.resolved, None), (), ())
-    used = 100 * max(report.worst.ratio for report in made.reports)
-    stop = worst_stop(made.there.cell, made.paths)
+    motion = planned(mounted_for(lab.resolved, None), (), ())
+    used = 100 * max(report.worst.ratio for report in motion.reports)
+    stop = worst_stop(motion.mounted_task.cell, motion.paths)
     return ok(
         f"{lab.config.task} can be done with this tool and these boxes, {used:.0f} % of the tightest limit; from "
         f"the wish to stop to rest {stop}"
@@ -463,5 +463,5 @@ def examine(resolved: Resolved, names: Collection[str] = tuple(CHECKS)) -> Itera
     """
     lab = Examined(resolved)
     for name in names:
-        lab.found[name] = CHECKS[name](lab)
-        yield lab.found[name]
+        lab.findings[name] = CHECKS[name](lab)
+        yield lab.findings[name]

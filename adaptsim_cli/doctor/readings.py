@@ -146,8 +146,8 @@ def serial_ports(dev: Path) -> tuple[str, ...]:
     """Serial ports of USB devices in `dev`: by their lasting name, else by the system's number."""
     named = sorted((dev / "serial/by-id").glob("*"))
     numbered = [port for kind in ("ttyACM*", "ttyUSB*") for port in sorted(dev.glob(kind))]
-    known = {link.resolve() for link in named}
-    return tuple(map(str, [*named, *(port for port in numbered if port.resolve() not in known)]))
+    targets = {link.resolve() for link in named}
+    return tuple(map(str, [*named, *(port for port in numbered if port.resolve() not in targets)]))
 
 
 def like(ports: Sequence[str], words: Sequence[str]) -> str:

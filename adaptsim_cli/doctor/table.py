@@ -54,7 +54,7 @@ class Examined:
     """The lab of some settings, and what was found so far."""
 
     resolved: Resolved
-    found: dict[str, Finding] = field(default_factory=dict)
+    findings: dict[str, Finding] = field(default_factory=dict)
 
     @property
     def config(self) -> Config:
@@ -68,7 +68,7 @@ class Examined:
 
     def works(self, name: str) -> bool:
         """Whether this check was made, and nothing is missing."""
-        return name in self.found and self.found[name].verdict in (Severity.OK, Severity.ADVICE)
+        return name in self.findings and self.findings[name].verdict in (Severity.OK, Severity.ADVICE)
 
 
 Probe = Callable[[Examined], Finding]
@@ -89,15 +89,15 @@ class Check:
     def __call__(self, lab: Examined) -> Finding:
         """Make the check."""
         if why := self.when(lab):
-            found = skipped(why)
+            finding = skipped(why)
         else:
             try:
-                found = self.probe(lab)
+                finding = self.probe(lab)
             except NO_ANSWER as error:
-                found = missing(str(error))
-        needs_remedy = found.verdict in (Severity.ADVICE, Severity.MISSING)
-        fix = found.fix or self.fix.format(hw=lab.config.hw, task=lab.config.task)
-        return replace(found, fix=fix if needs_remedy else "", group=self.group, name=self.name)
+                finding = missing(str(error))
+        needs_remedy = finding.verdict in (Severity.ADVICE, Severity.MISSING)
+        fix = finding.fix or self.fix.format(hw=lab.config.hw, task=lab.config.task)
+        return replace(finding, fix=fix if needs_remedy else "", group=self.group, name=self.name)
 
 
 def add_check(
@@ -134,52 +134,52 @@ def after(name: str) -> When:
 _MARKS = {Severity.OK: ("✓", "green"), Severity.ADVICE: ("!", "yellow"), Severity.MISSING: ("✗", "bold red")}
 
 
-def show(found: Sequence[Finding], config: Config, screen: Screen) -> None:
+def show(findings: Sequence[Finding], config: Config, screen: Screen) -> None:
     """Show everything, and the next command if nothing is missing."""
     screen.show(views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw))
-    show_table(found, screen)
-    if not missing_in(found):
+    show_table(findings, screen)
+    if not missing_in(findings):
         screen.plain("\nReady")
         screen.next((f"adaptsim run-iteration {same_lab(config.task, config.hw, config.world)}", "the first trials"))
 
 
-def show_table(found: Sequence[Finding], screen: Screen, *, grouped: bool = True) -> None:
+def show_table(results: Sequence[Finding], screen: Screen, *, grouped: bool = True) -> None:
     """Show the table, the checks left out, then each remedy on a line that is not wrapped, to be copied."""
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
     table.add_column(width=1)
     table.add_column(min_width=17)
     table.add_column(overflow="fold")
-    made = [finding for finding in found if finding.verdict in _MARKS]
-    for group, findings in groupby(made, key=lambda finding: finding.group):
+    rows = [finding for finding in results if finding.verdict in _MARKS]
+    for group, findings in groupby(rows, key=lambda finding: finding.group):
         if grouped:
             table.add_row("", Text(group, style="bold"), "")
         for finding in findings:
             table.add_row(Text(*_MARKS[finding.verdict]), finding.name, Text(finding.detail))
     screen.show(table)
-    left_out = [finding for finding in found if finding.verdict not in _MARKS]
+    left_out = [finding for finding in results if finding.verdict not in _MARKS]
     for why in dict.fromkeys(finding.detail for finding in left_out):
         names = ", ".join(finding.name for finding in left_out if finding.detail == why)
         screen.show(Text(f"– not checked: {names}; {why}", style="dim"))
     for verdict, head in ((Severity.MISSING, "Missing:"), (Severity.ADVICE, "Recommended:")):
-        remedies = [finding for finding in found if finding.verdict is verdict]
+        remedies = [finding for finding in results if finding.verdict is verdict]
         if remedies:
             screen.show(Text(f"\n{head}", style="bold"))
         for finding in remedies:
             screen.plain(f"  {finding.name}: {finding.fix}")
 
 
-def as_json(found: Sequence[Finding], config: Config) -> dict[str, Any]:
+def as_json(findings: Sequence[Finding], config: Config) -> dict[str, Any]:
     """The checklist for `doctor --json`."""
-    told = [{**asdict(finding), "verdict": finding.verdict.value} for finding in found]
-    return {"ready": not missing_in(found), "hw": config.hw, "task": config.task, "checks": told}
+    rows = [{**asdict(finding), "verdict": finding.verdict.value} for finding in findings]
+    return {"ready": not missing_in(findings), "hw": config.hw, "task": config.task, "checks": rows}
 
 
-def require(found: Sequence[Finding]) -> None:
+def require(findings: Sequence[Finding]) -> None:
     """Raises PreflightFailed naming what is missing."""
-    if names := missing_in(found):
+    if names := missing_in(findings):
         raise PreflightFailed(f'not ready: {", ".join(names)}. Each remedy is listed above, and under "fix" in --json')
 
 
-def missing_in(found: Sequence[Finding]) -> list[str]:
+def missing_in(findings: Sequence[Finding]) -> list[str]:
     """The names of the failed checks."""
-    return [finding.name for finding in found if finding.verdict is Severity.MISSING]
+    return [finding.name for finding in findings if finding.verdict is Severity.MISSING]

@@ -79,10 +79,10 @@ def output(command: str, value: Mapping[str, Any] | BaseModel) -> dict[str, Any]
 
 def schema(command: str) -> dict[str, Any]:
     """JSON schema of the output of `command`. A field gets the unit that its name ends with."""
-    found = OUTPUTS[command].model_json_schema(mode="serialization")
-    found["title"] = f"adaptsim {command} --json"
-    for part in (found, *found.get("$defs", {}).values()):
+    document = OUTPUTS[command].model_json_schema(mode="serialization")
+    document["title"] = f"adaptsim {command} --json"
+    for part in (document, *document.get("$defs", {}).values()):
         for name, field in part.get("properties", {}).items():
             if unit := unit_of(name):
                 field["unit"] = unit
-    return found
+    return document

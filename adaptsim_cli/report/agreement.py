@@ -66,8 +66,8 @@ class Agreement:
 
     def median(self, which: str) -> float | None:
         """Median of the errors `before` or `after`; None if there are none."""
-        found = [value for row in self.rows if (value := getattr(row, which)) is not None]
-        return float(np.median(found)) if found else None
+        values = [value for row in self.rows if (value := getattr(row, which)) is not None]
+        return float(np.median(values)) if values else None
 
 
 def agreement(
@@ -93,9 +93,9 @@ def end_error(observed: Array, expected: Array, unit: str) -> float:
 def _row(trial: TrialRecord, prediction: Prediction | None, unit: str) -> Row:
     before = after = None
     if prediction is not None:
-        seen = trial.track.track().at(prediction.t_s[-1:])[0, list(prediction.columns)]
-        before = end_error(seen, prediction.guess[-1:], unit)
-        after = end_error(seen, prediction.likely[:, -1], unit)
+        end = trial.track.track().at(prediction.t_s[-1:])[0, list(prediction.columns)]
+        before = end_error(end, prediction.guess[-1:], unit)
+        after = end_error(end, prediction.likely[:, -1], unit)
     return Row(
         trial.trial, trial.predicted_reward, trial.predicted_low, trial.predicted_high, trial.reward, before, after
     )

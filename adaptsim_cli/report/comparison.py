@@ -109,13 +109,13 @@ def compared(stores: Sequence[SessionStore]) -> tuple[Compared, ...]:
     return tuple(_compared(store) for store in stores)
 
 
-def by_method(found: Sequence[Compared]) -> tuple[ComparedMethod, ...]:
+def by_method(sessions: Sequence[Compared]) -> tuple[ComparedMethod, ...]:
     """The sessions of each method, pooled, and paired with the first method by world and seed."""
-    methods = tuple(dict.fromkeys(c.facts.method for c in found))
-    ends = {m: {c.pair: c.iterations[-1].mean for c in found if c.facts.method == m} for m in methods}
+    methods = tuple(dict.fromkeys(c.facts.method for c in sessions))
+    ends = {m: {c.pair: c.iterations[-1].mean for c in sessions if c.facts.method == m} for m in methods}
     result = []
     for method in methods:
-        values = [c.iterations[-1].mean for c in found if c.facts.method == method]
+        values = [c.iterations[-1].mean for c in sessions if c.facts.method == method]
         shared = [pair for pair in ends[method] if pair in ends[methods[0]]]
         apart = [ends[method][pair] - ends[methods[0]][pair] for pair in shared] if method != methods[0] else []
         last, above = _interval(values), _interval(apart)
@@ -133,19 +133,19 @@ def by_method(found: Sequence[Compared]) -> tuple[ComparedMethod, ...]:
     return tuple(result)
 
 
-def conclusions(found: Sequence[Compared]) -> tuple[str, ...]:
+def conclusions(sessions: Sequence[Compared]) -> tuple[str, ...]:
     """A sentence for each session that has a UDR session in the same world with the same seed."""
-    udr = {c.pair: c for c in found if c.facts.method == UDR}
-    told = []
-    for c in found:
+    udr = {c.pair: c for c in sessions if c.facts.method == UDR}
+    sentences = []
+    for c in sessions:
         if c.pair in udr and c.facts.method != UDR:
             count = len(c.iterations)
             last = f", after {count} iterations {c.iterations[-1].mean:.2f}" if count > 1 else ""
-            told.append(
+            sentences.append(
                 f"{c.place[:1].upper()}{c.place[1:]}: UDR {udr[c.pair].iterations[-1].mean:.2f}, first policies of "
                 f"{c.facts.method} {c.iterations[0].mean:.2f}{last} (mean rewards)."
             )
-    return tuple(told)
+    return tuple(sentences)
 
 
 def within(belief: ParameterBelief) -> str:
@@ -153,51 +153,51 @@ def within(belief: ParameterBelief) -> str:
     return f"{plain(belief.low)} to {plain(belief.high)} {belief.unit}".rstrip()
 
 
-def disagreements(found: Sequence[ParameterBelief]) -> tuple[str, ...]:
+def disagreements(beliefs: Sequence[ParameterBelief]) -> tuple[str, ...]:
     """One sentence for each parameter whose 90 % intervals in two sessions do not overlap, or one if all overlap."""
-    told = []
-    for parameter in dict.fromkeys(one.parameter for one in found):
-        mine = [one for one in found if one.parameter == parameter]
+    sentences = []
+    for parameter in dict.fromkeys(one.parameter for one in beliefs):
+        mine = [one for one in beliefs if one.parameter == parameter]
         apart = [(a, b) for a, b in itertools.combinations(mine, 2) if a.high < b.low or b.high < a.low]
         if apart:
             a, b = max(apart, key=lambda pair: max(pair[0].low - pair[1].high, pair[1].low - pair[0].high))
             count = f"; {len(apart)} pairs in all" if len(apart) > 1 else ""
-            told.append(
+            sentences.append(
                 f"The posteriors disagree in {parameter}: {a.session} has {within(a)}, {b.session} {within(b)} "
                 f"(90 %){count}."
             )
-    if len({one.session for one in found}) < 2:
+    if len({one.session for one in beliefs}) < 2:
         return ()
-    return tuple(told) or ("The posteriors disagree in no parameter: all 90 % intervals overlap.",)
+    return tuple(sentences) or ("The posteriors disagree in no parameter: all 90 % intervals overlap.",)
 
 
-def write(found: Sequence[Compared], folder: Path, beliefs: Sequence[ParameterBelief] = ()) -> Path:
+def write(sessions: Sequence[Compared], folder: Path, beliefs: Sequence[ParameterBelief] = ()) -> Path:
     """Write page and tables into `folder` and return the page's path. Raises SessionError, DiskFull."""
     durable.make_folder(folder)
-    durable.replace_file(folder / SESSIONS, as_csv([c.as_row() for c in found]).encode())
-    durable.replace_file(folder / TRIALS, as_csv([row for c in found for row in c.table]).encode())
-    durable.replace_file(folder / PAGE, render(found, beliefs).encode())
+    durable.replace_file(folder / SESSIONS, as_csv([c.as_row() for c in sessions]).encode())
+    durable.replace_file(folder / TRIALS, as_csv([row for c in sessions for row in c.table]).encode())
+    durable.replace_file(folder / PAGE, render(sessions, beliefs).encode())
     return folder / PAGE
 
 
-def render(found: Sequence[Compared], beliefs: Sequence[ParameterBelief] = ()) -> str:
+def render(sessions: Sequence[Compared], beliefs: Sequence[ParameterBelief] = ()) -> str:
     """The page as HTML."""
-    methods = by_method(found)
+    methods = by_method(sessions)
     colours = {row.method: f"c{index % 6}" for index, row in enumerate(methods)}
-    bars = [level for c in found for level in _levels(c, colours[c.facts.method])]
+    bars = [level for c in sessions for level in _levels(c, colours[c.facts.method])]
     lines = [
         [Level(c.facts.name, "", "", m.mean, m.low, m.high, colours[c.facts.method]) for m in c.iterations]
-        for c in found
+        for c in sessions
     ]
-    title = found[0].facts.title
+    title = sessions[0].facts.title
     return fill(
         "comparison.html.j2",
-        found=found,
+        sessions=sessions,
         title=title[:1].upper() + title[1:],
         methods=methods,
         colours=colours,
-        worlds=sorted({c.place for c in found}),
-        days=sorted({c.day for c in found}),
+        worlds=sorted({c.place for c in sessions}),
+        days=sorted({c.day for c in sessions}),
         figure_levels=both(lambda width: figures.levels(bars, width)),
         figure_lines=both(lambda width: figures.lines(lines, width)),
         beliefs=[(one, within(one)) for one in sorted(beliefs, key=lambda one: one.parameter)],
@@ -234,9 +234,9 @@ def _levels(c: Compared, colour: str) -> tuple[Level, ...]:
     ]
     if c.result is not None and c.facts.method != "udr":
         best, kind = c.result.best, "predicted" if c.result.outlook else "estimated"
-        told = f"adapted policy, {kind} from {best.trials} trial{'s' * (best.trials != 1)}"
-        told += f", {where}" if (where := tried_in(best)) else ""
-        rows.append(Level(c.title, kind, told, best.mean_reward, *best.ci95, colour, is_open=True))
+        detail = f"adapted policy, {kind} from {best.trials} trial{'s' * (best.trials != 1)}"
+        detail += f", {where}" if (where := tried_in(best)) else ""
+        rows.append(Level(c.title, kind, detail, best.mean_reward, *best.ci95, colour, is_open=True))
     return tuple(rows)
 
 

@@ -125,8 +125,8 @@ def parameter(
         canvas.text(left - 6, y(tick) + 4, plain(tick), anchor="end")
     count = max(*(len(path) for path in paths), len(posteriors))
     x = Scale(0.0, max(count - 1.0, 1.0), left + 22, right - 22)
-    for i, known in enumerate(posteriors):
-        _belief(canvas, known, index, x(i), y, whole=whole)
+    for i, posterior in enumerate(posteriors):
+        _belief(canvas, posterior, index, x(i), y, whole=whole)
     for i in range(count):
         last = i == count - 1 and count > 1
         canvas.text(x(i), bottom + 18, "next" if last else str(i + 1), anchor="middle")
@@ -148,17 +148,17 @@ def _seen(dimension: DimensionRecord, posteriors: Sequence[Posterior], index: in
     )
 
 
-def _belief(canvas: Canvas, known: Posterior, index: int, x: float, y: Scale, *, whole: bool) -> None:
+def _belief(canvas: Canvas, posterior: Posterior, index: int, x: float, y: Scale, *, whole: bool) -> None:
     if whole:
-        for value in np.unique(known.samples[:, index]):
-            share = float(known.weights[known.samples[:, index] == value].sum())
+        for value in np.unique(posterior.samples[:, index]):
+            share = float(posterior.weights[posterior.samples[:, index] == value].sum())
             if share > 0.005 and y.low <= value <= y.high:
                 canvas.dot(x, y(value), 16.0 * share**0.5, "likely", f"{plain(float(value))}: {100 * share:.0f} %")
         return
-    low, lower, upper, high = (float(v) for v in known.quantiles(LEVELS)[:, index])
-    told = f"90 % between {plain(float(f'{low:.3g}'))} and {plain(float(f'{high:.3g}'))}"
+    low, lower, upper, high = (float(v) for v in posterior.quantiles(LEVELS)[:, index])
+    tooltip = f"90 % between {plain(float(f'{low:.3g}'))} and {plain(float(f'{high:.3g}'))}"
     for bottom, top in ((low, high), (lower, upper)):
-        canvas.rect(x - 14, y(top), 28, max(y(bottom) - y(top), 2.0), "likely", 4, told)
+        canvas.rect(x - 14, y(top), 28, max(y(bottom) - y(top), 2.0), "likely", 4, tooltip)
 
 
 @dataclass(frozen=True)
@@ -191,8 +191,8 @@ def levels(rows: Sequence[Level], width: float = WIDE) -> str:
         if wide:
             canvas.text(0.0, y + 11.0, row.detail)
         canvas.line(x(row.low), y, x(row.high), y, f"interval {css}")
-        told = f"{row.label}: {row.mean:.2f}, {row.low:.2f} to {row.high:.2f}, {row.detail}"
-        canvas.dot(x(row.mean), y, 5.5, f"dot {'open ' if row.is_open else ''}{css}", told)
+        tooltip = f"{row.label}: {row.mean:.2f}, {row.low:.2f} to {row.high:.2f}, {row.detail}"
+        canvas.dot(x(row.mean), y, 5.5, f"dot {'open ' if row.is_open else ''}{css}", tooltip)
         canvas.text(right + 10, y + 4, f"{row.mean:.2f}", "row")
     return canvas.svg()
 
@@ -254,11 +254,11 @@ def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] =
 
     On the table from above, or against time for quantities with names (`curves`), one panel each.
     """
-    seen, css = np.array(trial.track.state)[:, list(expected.columns)], f"c{trial.particle - 1}"
+    course, css = np.array(trial.track.state)[:, list(expected.columns)], f"c{trial.particle - 1}"
     if not curves:
         goal = np.array([] if trial.goal_m is None else [trial.goal_m]).reshape(-1, 2)
-        likely = expected.likely.reshape(-1, seen.shape[1])
-        points = np.concatenate([*(states[:, :2] for states in (seen, expected.guess, likely)), goal])
+        likely = expected.likely.reshape(-1, course.shape[1])
+        points = np.concatenate([*(states[:, :2] for states in (course, expected.guess, likely)), goal])
         label = f"Trial {trial.trial}, observed and predicted path, seen from above"
         canvas, x, y = _from_above(points, label, NARROW)
         for path in expected.likely:
@@ -266,21 +266,21 @@ def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] =
             canvas.dot(x(path[-1, 0]), y(path[-1, 1]), 2, "later-end")
         canvas.curve(_pixels(x, y, expected.guess[:, 0], expected.guess[:, 1]), "before")
         canvas.dot(x(expected.guess[-1, 0]), y(expected.guess[-1, 1]), 4, "before-end", "predicted end")
-        _path(canvas, x, y, seen, trial.goal_m, css, "observed", is_success=trial.reward > 0)
+        _path(canvas, x, y, course, trial.goal_m, css, "observed", is_success=trial.reward > 0)
         return canvas.svg()
     canvas = Canvas(400, 150 * len(curves) + 14, f"Trial {trial.trial}, observed and predicted")
     t_s = np.array(trial.track.t_s)
     x = Scale(0.0, float(max(t_s[-1], expected.t_s[-1])), 52.0, 392.0)
     for row, label in enumerate(curves):
         top = 150.0 * row + 16.0
-        lines = [seen[:, row], expected.guess[:, row], *expected.likely[..., row]]
+        lines = [course[:, row], expected.guess[:, row], *expected.likely[..., row]]
         y = Scale(*_limits(np.concatenate(lines)), top + 108.0, top)
         canvas.grid(x, y)
         canvas.text(52.0, top - 4, f"{label} over time in s")
         for path in expected.likely[..., row]:
             canvas.curve(_pixels(x, y, expected.t_s, path), "later")
         canvas.curve(_pixels(x, y, expected.t_s, expected.guess[:, row]), "before")
-        canvas.curve(_pixels(x, y, t_s, seen[:, row]), f"track {css}", "observed")
+        canvas.curve(_pixels(x, y, t_s, course[:, row]), f"track {css}", "observed")
     return canvas.svg()
 
 
@@ -321,7 +321,7 @@ def _path(
     path_m: Array,
     goal_m: Sequence[float] | None,
     css: str,
-    told: str,
+    label: str,
     *,
     is_success: bool,
 ) -> None:
@@ -330,10 +330,10 @@ def _path(
     if goal_m is not None:
         gx, gy = x(goal_m[0]), y(goal_m[1])
         for rise in (-5.0, 5.0):
-            canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], f"track {css}", f"goal of {told}")
-    canvas.curve(pixels, f"track {css}", told)
-    canvas.dot(*pixels[0], 3, f"dot open {css}", told)
-    canvas.dot(*pixels[-1], 4.5, f"dot {css}" if is_success else f"dot open {css}", told)
+            canvas.curve([(gx - 5.0, gy - rise), (gx + 5.0, gy + rise)], f"track {css}", f"goal of {label}")
+    canvas.curve(pixels, f"track {css}", label)
+    canvas.dot(*pixels[0], 3, f"dot open {css}", label)
+    canvas.dot(*pixels[-1], 4.5, f"dot {css}" if is_success else f"dot open {css}", label)
 
 
 def _over_time(curves: Sequence[tuple[Array, Array, str, str]], label: str, width: float) -> str:
@@ -343,8 +343,8 @@ def _over_time(curves: Sequence[tuple[Array, Array, str, str]], label: str, widt
     y = Scale(*_limits(np.concatenate([values for _, values, *_ in curves])), 196.0, 12.0)
     canvas.grid(x, y)
     canvas.text((40.0 + width) / 2, 232.0, "time in s", anchor="middle")
-    for t_s, values, css, told in curves:
-        canvas.curve(_pixels(x, y, t_s, values), f"track {css}", told)
+    for t_s, values, css, tooltip in curves:
+        canvas.curve(_pixels(x, y, t_s, values), f"track {css}", tooltip)
     return canvas.svg()
 
 

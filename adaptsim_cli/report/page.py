@@ -101,14 +101,16 @@ def render(
     confirmed: Sequence[float] = (),
 ) -> str:
     """The page as HTML. Raises SessionError if a record is corrupt."""
-    facts, known = store.facts, None if isinstance(judgement, str) else judgement
+    facts, assessment = store.facts, None if isinstance(judgement, str) else judgement
     rejected = store.rejections()
-    views = tuple(view for i in range(store.iterations()) if (view := _iteration(store, i, known, rejected)).trials)
+    views = tuple(
+        view for i in range(store.iterations()) if (view := _iteration(store, i, assessment, rejected)).trials
+    )
     trials = sorted((t.record for view in views for t in view.trials), key=lambda trial: trial.trial)
     results = [view.result for view in views if view.result is not None]
     newest = trials[-1].iteration if trials else 1
     curves = facts.curves.items() if trials else ()
-    rows = levels(facts, trials, results, known, reference, confirmed)
+    rows = levels(facts, trials, results, assessment, reference, confirmed)
     return fill(
         "page.html.j2",
         facts=facts,
@@ -125,14 +127,17 @@ def render(
         if trials
         else "",
         figure_parameters=[
-            (d, figures.parameter(record, paths, known.posteriors if known else (), index))
+            (d, figures.parameter(record, paths, assessment.posteriors if assessment else (), index))
             for index, (d, record, paths) in enumerate(
                 zip(_described(facts, facts.parameters), facts.parameters, means_of(store, results).T, strict=True)
             )
         ],
-        known=known,
+        known=assessment,
         agreement=agreement(
-            trials, known.predictions if known else None, known.unit if known else "", trial_std(facts.task)
+            trials,
+            assessment.predictions if assessment else None,
+            assessment.unit if assessment else "",
+            trial_std(facts.task),
         ),
         measured_udr=reference is not None,
         waivers=sorted({(w.safeguard, w.reason, w.by, w.on, w.until) for rig in store.rigs() for w in rig.waivers}),
@@ -182,7 +187,7 @@ def levels(
     facts: Facts,
     trials: Sequence[TrialRecord],
     results: Sequence[ResultRecord],
-    known: Judgement | None,
+    judgement: Judgement | None,
     reference: Reference | None,
     confirmed: Sequence[float],
 ) -> tuple[Level, ...]:
@@ -202,9 +207,9 @@ def levels(
             rows.append(_measured("Adapted policy", pooled, "at its parameters and near by", _ADAPTED))
         else:
             is_open = best.tried == () and not confirmed
-            told = f"predicted from {best.trials} trials" + (", not yet tried" if is_open else "")
+            detail = f"predicted from {best.trials} trials" + (", not yet tried" if is_open else "")
             rows.append(
-                Level("Adapted policy", "predicted", told, best.mean_reward, *best.ci95, _ADAPTED, is_open=True)
+                Level("Adapted policy", "predicted", detail, best.mean_reward, *best.ci95, _ADAPTED, is_open=True)
             )
         if best.tried:
             repeated = mean_of([t.reward for n, t in enumerate(trials, start=1) if n in best.tried], std)
@@ -214,18 +219,20 @@ def levels(
     if reference is not None:
         of_udr = mean_of(reference.rewards, std)
         rows.append(_measured("UDR", of_udr, f"session {reference.session}", _UDR))
-    if known is not None:
-        expected = (("First policy", known.first, _FIRST), ("Adapted policy", known.adapted, _ADAPTED))
-        for label, earned, colour in (*expected, ("UDR", known.udr, _UDR)):
+    if judgement is not None:
+        expected = (("First policy", judgement.first, _FIRST), ("Adapted policy", judgement.adapted, _ADAPTED))
+        for label, earned, colour in (*expected, ("UDR", judgement.udr, _UDR)):
             if earned is not None:
-                told = "predicted by the simulator alone"
-                rows.append(Level(label, "simulator", told, earned.mean, earned.low, earned.high, colour, is_open=True))
+                detail = "predicted by the simulator alone"
+                rows.append(
+                    Level(label, "simulator", detail, earned.mean, earned.low, earned.high, colour, is_open=True)
+                )
     return tuple(rows)
 
 
-def _measured(label: str, found: Measured, detail: str, colour: str) -> Level:
-    told = f"{found.trials} trial{'s' * (found.trials != 1)} {detail}"
-    return Level(label, "measured", told, found.mean, found.low, found.high, colour)
+def _measured(label: str, measurement: Measured, detail: str, colour: str) -> Level:
+    text = f"{measurement.trials} trial{'s' * (measurement.trials != 1)} {detail}"
+    return Level(label, "measured", text, measurement.mean, measurement.low, measurement.high, colour)
 
 
 def _curve(trials: Sequence[TrialRecord], label: str, column: int, newest: int) -> Callable[[float], str]:
@@ -233,13 +240,13 @@ def _curve(trials: Sequence[TrialRecord], label: str, column: int, newest: int) 
 
 
 def _iteration(
-    store: SessionStore, iteration: int, known: Judgement | None, rejections: Sequence[Change]
+    store: SessionStore, iteration: int, judgement: Judgement | None, rejections: Sequence[Change]
 ) -> IterationView:
     parameters, result = _described(store.facts, store.facts.parameters), store.result(iteration)
     now = [_quantities(parameters, particle.mean) for particle in particles_of(store, iteration)]
     then = [_quantities(parameters, np.mean(samples, axis=0)) for samples in result.next_particles] if result else []
     pairs = tuple(zip(now, then or [""] * len(now), strict=True))
-    trials = tuple(_trial(store, record, known) for record in reversed(store.trials(iteration)))
+    trials = tuple(_trial(store, record, judgement) for record in reversed(store.trials(iteration)))
     rejected = tuple(
         f"Trial {one.key.number}, attempt {one.key.attempt + 1}: {one.note.text}"
         for one in rejections
@@ -248,23 +255,23 @@ def _iteration(
     return IterationView(iteration + 1, pairs, trials, rejected, result)
 
 
-def _trial(store: SessionStore, record: TrialRecord, known: Judgement | None) -> TrialView:
+def _trial(store: SessionStore, record: TrialRecord, judgement: Judgement | None) -> TrialView:
     folder = store.trial_folder(*record.place)
     strip = tuple((moment, picture(folder / moment.file)) for moment in record.moments)
     overlay = picture(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
     facts = store.facts
     context = _quantities(_described(facts, facts.context), tuple(record.context.values()))
     action = _quantities(_described(facts, facts.action), tuple(record.action.values()))
-    drawn = figures.prediction(record, known.predictions[record.trial], tuple(facts.curves)) if known else ""
+    drawn = figures.prediction(record, judgement.predictions[record.trial], tuple(facts.curves)) if judgement else ""
     film = picture(folder / FILM) if FILM in record.files else ""
-    over = figures.over_film(record, known.predictions[record.trial]) if known and not facts.curves else ""
+    over = figures.over_film(record, judgement.predictions[record.trial]) if judgement and not facts.curves else ""
     return TrialView(record, strip, film, over, overlay, context, action, drawn)
 
 
 def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:
     """The stages of the times, the total last."""
-    found = dict.fromkeys(kind for result in results for kind in result.timing_s)
-    return (*(kind for kind in found if kind != "total"), *(kind for kind in found if kind == "total"))
+    kinds = dict.fromkeys(kind for result in results for kind in result.timing_s)
+    return (*(kind for kind in kinds if kind != "total"), *(kind for kind in kinds if kind == "total"))
 
 
 def _quantities(dimensions: Sequence[Dimension], values: Iterable[float]) -> str:
@@ -279,9 +286,9 @@ def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dime
     """The stored dimensions, with plain names and meanings if the task is known."""
     task = get_task(facts.task) if facts.task in TASKS else None
     spaces = (task.parameters, task.context, task.action) if task is not None else ()
-    known = {(d.name, d.unit): d for space in spaces for d in space.dimensions}
+    dimensions = {(d.name, d.unit): d for space in spaces for d in space.dimensions}
     return tuple(
-        replace(known.get((r.name, r.unit), bare), low=r.low, high=r.high, scale=r.scale)
+        replace(dimensions.get((r.name, r.unit), bare), low=r.low, high=r.high, scale=r.scale)
         for r in records
         for bare in (Dimension(r.name, r.unit, r.low, r.high),)
     )
@@ -291,8 +298,8 @@ def _correction(facts: Facts, outlook: OutlookRecord | None) -> str:
     """The correction of the simulator's action, in words."""
     if outlook is None:
         return ""
-    told = outlook.noticeable(_described(facts, facts.action))
-    signed = [f"{d.plain_name} {'+' if off > 0 else '−'}{abs(off):.2g} {d.unit}".rstrip() for d, off in told]
+    terms = outlook.noticeable(_described(facts, facts.action))
+    signed = [f"{d.plain_name} {'+' if off > 0 else '−'}{abs(off):.2g} {d.unit}".rstrip() for d, off in terms]
     return ", ".join(signed) or "none"
 
 

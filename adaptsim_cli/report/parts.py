@@ -55,24 +55,24 @@ def lines(part: Part) -> tuple[str, ...]:
     size = printed(part).extents
     if part.flat:
         return (f"{part.name}: an outline of {size[0]:.1f} x {size[1]:.1f} mm on the sheet", *part.notes)
-    told = [
+    rows = [
         f"{part.name}.stl, {part.count} x: {' x '.join(f'{side:.1f}' for side in size)} mm, "
         f"{1e6 * part.solid.volume:.1f} cm3"
     ]
     if part.held_m is not None:
-        told.append(f"between the fingers {1e3 * part.held_m:.0f} mm (the hand opens {1e3 * OPENING_M:.0f} mm)")
+        rows.append(f"between the fingers {1e3 * part.held_m:.0f} mm (the hand opens {1e3 * OPENING_M:.0f} mm)")
     if part.mass is not None:
         x, y, z = 1e3 * part.mass.com_m
-        told.append(
+        rows.append(
             f"the scene has {1e3 * part.mass.kg:.0f} g: {100 * (infill(part) or 0.0):.0f} % of solid PLA, walls "
             f"included; centre of mass ({x:.1f}, {y:.1f}, {z:.1f}) mm in the tool's frame"
         )
-    return (*told, *part.notes)
+    return (*rows, *part.notes)
 
 
 def _text(parts: Sequence[Part]) -> Figure:
     figure = Figure(figsize=A4_INCH)
-    told = [
+    rows = [
         "Parts to print",
         "",
         "PLA or PETG, layers of 0.2 mm. Weigh each tool and write the mass into the rig file.",
@@ -80,11 +80,11 @@ def _text(parts: Sequence[Part]) -> Figure:
     ]
     for part in parts:
         first, *others = lines(part)
-        told += [first, *(f"    {line}" for line in others), ""]
-    told += [
+        rows += [first, *(f"    {line}" for line in others), ""]
+    rows += [
         "The calibration board: adaptsim calibrate board. Print outlines at 100 %, and measure their ruler.",
     ]
-    figure.text(0.08, 0.95, "\n".join(told), va="top", wrap=True, linespacing=1.5)
+    figure.text(0.08, 0.95, "\n".join(rows), va="top", wrap=True, linespacing=1.5)
     return figure
 
 
@@ -122,8 +122,8 @@ def _outline(part: Part) -> Figure:
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [half_u, half_v] + [u, v]
     axis.plot(*corners.T, color="black", linewidth=0.8)
     axis.plot([u - 5, u + 5], [v, v], [u, u], [v - 5, v + 5], color="black", linewidth=0.5)
-    told = f"{part.name}, {2 * half_u:.0f} x {2 * half_v:.0f} mm: cut the material along this line"
-    axis.text(u, v + half_v + 8, told, ha="center")
+    caption = f"{part.name}, {2 * half_u:.0f} x {2 * half_v:.0f} mm: cut the material along this line"
+    axis.text(u, v + half_v + 8, caption, ha="center")
     axis.text(u, v - half_v - 10, "; ".join(part.notes), ha="center")
     start = u - 50
     axis.plot([start, start + 100], [40, 40], color="black", linewidth=0.8)

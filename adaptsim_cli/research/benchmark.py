@@ -54,21 +54,21 @@ def benchmark(
 
     resolved = config.load({"task": task, "workers": workers, "recorded": recorded, "held_out": held_out})
     screen = console.Screen(as_json=as_json)
-    asked = wiring.asked(resolved, targets, methods, budget, fresh, seeds, checkpoints, out, in_lab=lab)
-    for name, why in asked.left_out:
+    request = wiring.asked(resolved, targets, methods, budget, fresh, seeds, checkpoints, out, in_lab=lab)
+    for name, why in request.left_out:
         screen.note(f"{name} is left out: {why}")
     part = share_of(share, as_json=as_json)
     with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
-        found = wiring.benchmark(asked, crew, progress, part)
+        result = wiring.benchmark(request, crew, progress, part)
     if part is not None:
-        show_share(screen, part, f"{len(found.rows)} sessions", asked.folder)
+        show_share(screen, part, f"{len(result.rows)} sessions", request.folder)
         return
-    document = page.write(found)
-    for table in page.tables(found.summaries):
+    document = page.write(result)
+    for table in page.tables(result.summaries):
         screen.show(table)
     screen.plain(f"Report: {document}")
     screen.next((f"xdg-open {document}", "the page, in the browser; the same command with more methods adds to it"))
-    screen.data("benchmark", found.as_json())
+    screen.data("benchmark", result.as_json())
 
 
 def world_tables(
@@ -102,8 +102,8 @@ def world_tables(
         show_share(screen, part, f"{files} files of tables", wiring.tables_folder(resolved))
         return
     with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
-        made = wiring.make_tables(resolved, targets, rollouts, crew, progress)
-    screen.plain(f"{len(made)} tables of {resolved.config.task}: {wiring.tables_folder(resolved)}")
+        tables = wiring.make_tables(resolved, targets, rollouts, crew, progress)
+    screen.plain(f"{len(tables)} tables of {resolved.config.task}: {wiring.tables_folder(resolved)}")
     command = f"adaptsim benchmark --task {resolved.config.task} --targets {targets}"
     screen.next((command, "compares methods in these worlds"))
-    screen.data("world-tables", {"task": resolved.config.task, "tables": made})
+    screen.data("world-tables", {"task": resolved.config.task, "tables": tables})

@@ -24,27 +24,27 @@ COLUMNS = ("task", "set", "target", "method", "seed", "reward", "ci95_low", "ci9
 """Columns of the CSV, before `wall_s`."""
 
 
-def write(found: Comparison) -> Path:
+def write(comparison: Comparison) -> Path:
     """Write page, CSV and JSON into the folder and return the path of the page. Raises SessionError."""
-    folder, content = found.asked.folder, json.dumps(found.as_json(), allow_nan=False, indent=1) + "\n"
-    durable.replace_file(folder / TABLE, table(found).encode())
+    folder, content = comparison.request.folder, json.dumps(comparison.as_json(), allow_nan=False, indent=1) + "\n"
+    durable.replace_file(folder / TABLE, table(comparison).encode())
     durable.replace_file(folder / DATA, content.encode())
-    durable.replace_file(folder / PAGE, render(found).encode())
+    durable.replace_file(folder / PAGE, render(comparison).encode())
     return folder / PAGE
 
 
-def table(found: Comparison) -> str:
+def table(comparison: Comparison) -> str:
     """The rows as CSV."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*COLUMNS, "wall_s"])
-    for row in found.rows:
+    for row in comparison.rows:
         start = [row.task, row.set, row.target, row.method, row.seed, row.reward]
         writer.writerow([*start, *row.ci95, row.real_trials, row.simulations, round(row.wall_s, 3)])
     return text.getvalue()
 
 
-def render(found: Comparison) -> str:
+def render(comparison: Comparison) -> str:
     """The page as HTML."""
     from jinja2 import Environment, StrictUndefined
 
@@ -52,10 +52,10 @@ def render(found: Comparison) -> str:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     template = environment.from_string((folder / "benchmark.html.j2").read_text(encoding="utf-8"))
     return template.render(
-        found=found,
-        plan=found.asked.plan,
+        comparison=comparison,
+        plan=comparison.request.plan,
         style=(shared / "style.css").read_text(encoding="utf-8"),
-        sets=[_view(summary) for summary in found.summaries],
+        sets=[_view(summary) for summary in comparison.summaries],
         least_gap=LEAST_GAP,
         worse_by=WORSE_BY,
         udr_policies=DRAWS,
@@ -96,16 +96,16 @@ def curve(method: MethodSummary, levels: Mapping[str, float]) -> str:
 
 def differences(methods: Sequence[MethodSummary]) -> str:
     """Mean paired difference of each method to UDR, with its interval; far below, the number alone."""
-    told = [(m, m.above_udr, m.above_udr_ci95) for m in methods]
-    known = [(m, mean, ci) for m, mean, ci in told if mean is not None and ci is not None]
-    height = 26.0 * len(known)
+    candidates = [(m, m.above_udr, m.above_udr_ci95) for m in methods]
+    rows = [(m, mean, ci) for m, mean, ci in candidates if mean is not None and ci is not None]
+    height = 26.0 * len(rows)
     canvas = Canvas(760, height + 40.0, "Difference of every method to UDR, paired by world, seed and contexts")
-    ends = [end for _, _, ci in known for end in ci]
+    ends = [end for _, _, ci in rows for end in ci]
     x = Scale(max(FAR_BELOW, min(-0.05, *ends)), max(0.05, *ends), 170.0, 740.0)
     for tick in x.ticks(7):
         canvas.line(x(tick), 4.0, x(tick), height + 8.0, "mean" if abs(tick) < 1e-9 else "grid")
         canvas.text(x(tick), height + 26.0, f"{tick:+.2f}" if tick else "0", anchor="middle")
-    for i, (method, mean, (low, high)) in enumerate(known):
+    for i, (method, mean, (low, high)) in enumerate(rows):
         middle = 20.0 + 26.0 * i
         canvas.text(160.0, middle + 4.0, method.method, anchor="end")
         if mean < x.low:

@@ -83,7 +83,7 @@ class Asked:
 class Comparison:
     """A comparison and its results."""
 
-    asked: Asked
+    request: Asked
     tabled: bool  # whether trials were looked up in world tables
     rows: tuple[Row, ...]
 
@@ -103,13 +103,13 @@ class Comparison:
         """The whole comparison, with one row per world, method and seed."""
         return {
             "trials": "tables" if self.tabled else "simulated",
-            **self.asked.plan,
+            **self.request.plan,
             "targets": list(self.targets),
-            "seeds": self.asked.seeds,
-            "left_out": dict(self.asked.left_out),
+            "seeds": self.request.seeds,
+            "left_out": dict(self.request.left_out),
             "rows": [asdict(row) for row in self.rows],
             "summary": [asdict(summary) for summary in self.summaries],
-            "report": str(self.asked.folder / PAGE),
+            "report": str(self.request.folder / PAGE),
         }
 
 
@@ -160,38 +160,38 @@ def asked(
     chosen = tuple(name for name in chosen if name not in left_out)
     conditions = Conditions(budget, config.particles, fresh=fresh)
     conditions.iterations(task)
-    found: tuple[BenchmarkWorld, ...] = ()
+    worlds: tuple[BenchmarkWorld, ...] = ()
     trials = None
     if config.recorded:
         if in_lab or fresh:
             raise UsageError("--recorded: trials are neither simulated nor run in the lab; leave out --lab and --fresh")
         trials = read_recorded(task, Path(config.recorded))
     else:
-        found = targets_of(task, _words(targets))
+        worlds = targets_of(task, _words(targets))
         if in_lab:
-            _require_lab(task, found)
+            _require_lab(task, worlds)
     rest = tuple(left_out.items())
-    return Asked(resolved, task, found, chosen, conditions, seeds, loaded, out, in_lab, trials, rest)
+    return Asked(resolved, task, worlds, chosen, conditions, seeds, loaded, out, in_lab, trials, rest)
 
 
-def benchmark(asked: Asked, executor: Executor, progress: StageProgress, share: Share | None = None) -> Comparison:
+def benchmark(request: Asked, executor: Executor, progress: StageProgress, share: Share | None = None) -> Comparison:
     """Run the missing sessions, or a share's. Raises DatasetError if a table is missing, SimError, SessionError."""
     from sim.research.benchmark.run import Results, run_jobs
     from sim.rollouts.executors import serial_executor
 
-    tables = _tables(asked)
-    jobs = _jobs(asked, tables) if asked.recorded is None else _recorded_jobs(asked, asked.recorded)
+    tables = _tables(request)
+    jobs = _jobs(request, tables) if request.recorded is None else _recorded_jobs(request, request.recorded)
     jobs = jobs if share is None else share.of(jobs)
     with (
-        working_in(asked.folder, "another benchmark is running in {}: wait for it, or give another --out", share),
+        working_in(request.folder, "another benchmark is running in {}: wait for it, or give another --out", share),
         serial_executor() as here,
     ):
-        results = Results(asked.folder)
-        results.agree(asked.plan)
+        results = Results(request.folder)
+        results.agree(request.plan)
         # A recording is read once, and its sessions cost little: all run in this process.
-        crew = executor if asked.recorded is None else here
-        rows = run_jobs(jobs, results, crew, lambda done, total: progress("sessions", done, total), _runner(asked))
-    return Comparison(asked, any(table is not None for table in tables), tuple(rows))
+        crew = executor if request.recorded is None else here
+        rows = run_jobs(jobs, results, crew, lambda done, total: progress("sessions", done, total), _runner(request))
+    return Comparison(request, any(table is not None for table in tables), tuple(rows))
 
 
 def tables_folder(resolved: Resolved) -> Path:
@@ -211,12 +211,12 @@ def make_tables(
     """
     from sim.research.benchmark.tables import build_table
 
-    tables, made = _planned(resolved, targets, rollouts), list[dict[str, Any]]()
+    tables, rows = _planned(resolved, targets, rollouts), list[dict[str, Any]]()
     with working_in(tables_folder(resolved), TABLES_BUSY):
         for i, table in enumerate(tables):
             show = partial(_report, progress, i * rollouts, len(tables) * rollouts)
             built = build_table(*table.made_of, executor, show)
-            made.append(
+            rows.append(
                 {
                     "set": table.target.set,
                     "world": table.target.name,
@@ -225,7 +225,7 @@ def make_tables(
                     "folder": str(table.folder),
                 }
             )
-    return made
+    return rows
 
 
 def make_tables_share(
@@ -282,9 +282,9 @@ def _report(progress: StageProgress, before: int, total: int, done: int, _: int)
     progress("rollouts", before + done, total)
 
 
-def _runner(asked: Asked) -> Callable[[Job], Row]:
+def _runner(request: Asked) -> Callable[[Job], Row]:
     """The function that runs one job; the lab is imported only if trials run in it."""
-    if asked.in_lab:
+    if request.in_lab:
         from adaptsim_cli.research.lab_place import run_in_lab
 
         return run_in_lab
@@ -303,14 +303,16 @@ def _require_lab(task: Task, targets: Sequence[BenchmarkWorld]) -> None:
         )
 
 
-def _tables(asked: Asked) -> list[WorldTable | None]:
+def _tables(request: Asked) -> list[WorldTable | None]:
     """The table of each target; None for a task that simulates its worlds."""
     from sim.research.benchmark.tables import load_table
 
-    if asked.task.exact:
-        return [None] * len(asked.targets)
-    scenes, folder = _scenes(asked.task, asked.targets), tables_folder(asked.resolved)
-    return [load_table(asked.task, t.world, scenes[t.world.physics], folder / t.set / t.name) for t in asked.targets]
+    if request.task.exact:
+        return [None] * len(request.targets)
+    scenes, folder = _scenes(request.task, request.targets), tables_folder(request.resolved)
+    return [
+        load_table(request.task, t.world, scenes[t.world.physics], folder / t.set / t.name) for t in request.targets
+    ]
 
 
 def _scenes(task: Task, targets: Sequence[BenchmarkWorld]) -> dict[Physics, str]:
@@ -321,54 +323,54 @@ def _scenes(task: Task, targets: Sequence[BenchmarkWorld]) -> dict[Physics, str]
     return {physics: scene_key(in_physics(task, physics)) for physics in {t.world.physics for t in targets}}
 
 
-def _jobs(asked: Asked, tables: Sequence[WorldTable | None]) -> list[Job]:
+def _jobs(request: Asked, tables: Sequence[WorldTable | None]) -> list[Job]:
     """The jobs world by world, so that partial results are complete worlds."""
     from sim.research.benchmark.jobs import Job
     from sim.research.benchmark.tables import world_digest
 
     answers = [
-        world_digest(asked.task, target.world) if table is None else table.digest
-        for target, table in zip(asked.targets, tables, strict=True)
+        world_digest(request.task, target.world) if table is None else table.digest
+        for target, table in zip(request.targets, tables, strict=True)
     ]
     return [
         Job(
-            task=asked.task.name,
-            checkpoint=_found_again(*asked.checkpoints[seed % len(asked.checkpoints)]),
+            task=request.task.name,
+            checkpoint=_found_again(*request.checkpoints[seed % len(request.checkpoints)]),
             set=target.set,
             target=target.name,
             answers=answer,
             method=method,
             seed=seed,
-            conditions=asked.conditions,
+            conditions=request.conditions,
             world=target.world,
             table=table,
         )
-        for target, table, answer in zip(asked.targets, tables, answers, strict=True)
-        for method in asked.methods
-        for seed in range(asked.seeds)
+        for target, table, answer in zip(request.targets, tables, answers, strict=True)
+        for method in request.methods
+        for seed in range(request.seeds)
     ]
 
 
-def _recorded_jobs(asked: Asked, trials: RecordedTrials) -> list[Job]:
+def _recorded_jobs(request: Asked, trials: RecordedTrials) -> list[Job]:
     from adaptsim_cli.wiring.recorded.folder import digest
     from sim.research.benchmark.jobs import Job
 
-    config, answers = asked.resolved.config, digest(trials)[:16]
+    config, answers = request.resolved.config, digest(trials)[:16]
     return [
         Job(
-            task=asked.task.name,
-            checkpoint=_found_again(*asked.checkpoints[seed % len(asked.checkpoints)]),
+            task=request.task.name,
+            checkpoint=_found_again(*request.checkpoints[seed % len(request.checkpoints)]),
             set="recorded",
             target=Path(config.recorded).absolute().name,
             answers=f"{answers}-{config.held_out:g}",
             method=method,
             seed=seed,
-            conditions=asked.conditions,
+            conditions=request.conditions,
             recorded=trials,
             held_out=config.held_out,
         )
-        for method in asked.methods
-        for seed in range(asked.seeds)
+        for method in request.methods
+        for seed in range(request.seeds)
     ]
 
 

@@ -20,10 +20,10 @@ def list_checkpoints(as_json: options.Json = False) -> None:
     from adaptsim_cli.screen import console, views
     from adaptsim_cli.wiring import settings as wiring
 
-    found = wiring.list_checkpoints()
+    rows = wiring.list_checkpoints()
     screen = console.Screen(as_json=as_json)
-    if not screen.data("checkpoints list", {"checkpoints": found}):
-        body = [(c["task"], c["name"], c["created"], c["folder"]) for c in found]
+    if not screen.data("checkpoints list", {"checkpoints": rows}):
+        body = [(c["task"], c["name"], c["created"], c["folder"]) for c in rows]
         screen.show(views.rows(("task", "name", "created", "folder"), body))
         screen.next(("adaptsim checkpoints verify FOLDER", "are the figures on its card still right?"))
 
@@ -60,31 +60,31 @@ def verify(
         raise UsageError("--quick and --rollouts contradict each other: give one of them")
     flags = {"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed, "workers": workers}
     settings = config.load(flags).config
-    wanted = rollouts if rollouts is not None else pretraining.ROLLOUTS
+    count = rollouts if rollouts is not None else pretraining.ROLLOUTS
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress:
-        found = pretraining.verify_figures(
+        result = pretraining.verify_figures(
             settings,
-            pretraining.QUICK if quick else wanted,
+            pretraining.QUICK if quick else count,
             lambda done, total: progress("rollouts", done, total),
         )
-    screen.plain(f"{found['folder']} is intact: task {found['task']}, sha256 {found['sha256'][:12]}")
-    if found["figures"]:
+    screen.plain(f"{result['folder']} is intact: task {result['task']}, sha256 {result['sha256'][:12]}")
+    if result["figures"]:
         columns = ("", "figure", "card", "now", "may be worse by")
         body = [
             ("\N{CHECK MARK}" if f["holds"] else "\N{BALLOT X}", f["name"], *map(views.number, _numbers(f)))
-            for f in found["figures"]
+            for f in result["figures"]
         ]
         screen.show(views.rows(columns, body))
-    elif wanted:
+    elif count:
         screen.note("Every session trains its own task policies, so the card has no figures to compare with rollouts.")
-    screen.data("checkpoints verify", found)
-    if found["holds"]:
-        screen.next((f"adaptsim run-iteration --task {found['task']}", "a session with it, if the settings name it"))
+    screen.data("checkpoints verify", result)
+    if result["holds"]:
+        screen.next((f"adaptsim run-iteration --task {result['task']}", "a session with it, if the settings name it"))
     else:
-        worse = ", ".join(f["name"] for f in found["figures"] if not f["holds"])
+        worse = ", ".join(f["name"] for f in result["figures"] if not f["holds"])
         raise CheckpointError(
-            f"fresh rollouts are worse than the card of {found['folder']} says: {worse}. The simulation has changed "
+            f"fresh rollouts are worse than the card of {result['folder']} says: {worse}. The simulation has changed "
             "since the checkpoint was made, or the card is wrong: try another --seed with more --rollouts, then "
             "`adaptsim pretrain` again"
         )
@@ -109,13 +109,13 @@ def parameters(
     settings = config.load({"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed}).config
     screen = console.Screen(as_json=as_json)
     with screen.progress() as progress:
-        found = pretraining.tell_parameters(settings, lambda done, total: progress("sessions", done, total))
-    if screen.data("checkpoints parameters", found):
+        result = pretraining.tell_parameters(settings, lambda done, total: progress("sessions", done, total))
+    if screen.data("checkpoints parameters", result):
         return
-    body = [(p["title"], views.number(p["left"]), p["words"]) for p in found["parameters"]]
+    body = [(p["title"], views.number(p["left"]), p["words"]) for p in result["parameters"]]
     screen.show(views.rows(("parameter", "error left", ""), body, right=(1,)))
     screen.plain(
-        f"{found['sessions']} simulated targets, {found['trials']} trials each. 1: trials say nothing about it."
+        f"{result['sessions']} simulated targets, {result['trials']} trials each. 1: trials say nothing about it."
     )
     screen.next(
         (f"adaptsim run-iteration --task {settings.task}", "a session; the report says what its trials settled")

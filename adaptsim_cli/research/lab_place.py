@@ -121,7 +121,7 @@ def in_lab(job: Job) -> Iterator[InLab]:
 @contextmanager
 def rig_in_lab(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, RigTarget]]:
     """A lab in `world` and its rig, with the default arm and the nominal calibration."""
-    there = mounted_as_shipped(task, "panda")
-    with SimulatedLab(task, world, seed, there.cell, home_q_rad=there.home_rad) as lab:
+    mounted_task = mounted_as_shipped(task, "panda")
+    with SimulatedLab(task, world, seed, mounted_task.cell, home_q_rad=mounted_task.home_rad) as lab:
         devices = Rig("fake", lab.title, lab.arm, lab.camera, lab.bench, nominal_hand_eye(world, seed))
-        yield lab, RigTarget(there.task, devices, tracker_of(there.task), there.planner())
+        yield lab, RigTarget(mounted_task.task, devices, tracker_of(mounted_task.task), mounted_task.planner())

@@ -60,11 +60,11 @@ def own_object(
     resolved = config.load({"task": task, "seed": seed, "workers": workers})
     screen, usual = console.Screen(as_json=as_json), get_task(resolved.config.task)
     file, picture = Path(f"{name}.toml"), Path(f"{name}.png")
-    given = any((ranges, sizes, mass, effect))
-    if file.exists() and not given:
+    is_typed = any((ranges, sizes, mass, effect))
+    if file.exists() and not is_typed:
         own = load_object(file)
     else:
-        own = _typed(name, usual, ranges, sizes, mass, effect) if given else _asked(screen, name, usual)
+        own = _typed(name, usual, ranges, sizes, mass, effect) if is_typed else _asked(screen, name, usual)
         with_ranges(usual, own)  # raises before anything is written
         if not file.exists():
             durable.write_file(file.absolute(), as_toml(usual, own).encode())
@@ -80,17 +80,17 @@ def own_object(
             durable.replace_file(picture.absolute(), _png(own_task))
     with screen.progress() as progress, simulations(chosen, workers, scheduler) as crew:
         ready = object_ready(resolved, chosen, rollouts, crew, progress)
-    told = {"object": name, "file": str(file), "picture": str(picture) if drawn else None, **ready}
-    if screen.data("object", told):
+    data = {"object": name, "file": str(file), "picture": str(picture) if drawn else None, **ready}
+    if screen.data("object", data):
         return
     screen.plain(f"Object: {file}" + (f", picture: {picture}" if drawn else ""))
     body = [(p["title"], views.number(p["left"]), p["words"]) for p in ready["parameters"]]
     screen.show(views.rows(("parameter", "share of error left", "after a session of 8 trials"), body, right=(1,)))
     screen.plain("Inside the margin: nothing to learn." if ready["inside"] else "Another scene: learnt.")
-    if (found := ready["held_out"]) is not None:
+    if (held_out := ready["held_out"]) is not None:
         screen.plain(
-            f"On {found['rollouts']} fresh rollouts: {100 * found['accuracy']:.0f} % of outcomes right, "
-            f"last position {1e3 * found['position_error_median']:.1f} mm off (median)."
+            f"On {held_out['rollouts']} fresh rollouts: {100 * held_out['accuracy']:.0f} % of outcomes right, "
+            f"last position {1e3 * held_out['position_error_median']:.1f} mm off (median)."
         )
     run = f"adaptsim run-iteration --task {own.task} --object {file}"
     screen.next((run, "a session with it"), (f"xdg-open {picture}" if drawn else f"cat {file}", "is it your object?"))
@@ -99,15 +99,17 @@ def own_object(
 def _typed(name: str, task: Task, ranges: _Ranges, sizes: _Ranges, mass: float | None, effects: _Ranges) -> OwnObject:
     from sim.tasks.own_object import OwnObject
 
-    parameters, nuisance = ({key: _range(key, text) for key, text in _split(given or ())} for given in (ranges, sizes))
+    parameters, nuisance = (
+        {key: _range(key, text) for key, text in _split(options or ())} for options in (ranges, sizes)
+    )
     scene = {key: _numbers(key, text) for key, text in _split(effects or ())}
     return OwnObject(task.name, name, parameters, nuisance, mass, scene)
 
 
-def _split(given: Iterable[str]) -> Iterable[tuple[str, str]]:
+def _split(options: Iterable[str]) -> Iterable[tuple[str, str]]:
     from adaptsim_cli.errors import UsageError
 
-    for text in given:
+    for text in options:
         key, equals, value = text.partition("=")
         if not equals:
             raise UsageError(f"{text}: write name=low:high, for example h=2.0:2.6")
@@ -156,15 +158,15 @@ def _mass(screen: Screen) -> float | None:
 def _answers(screen: Screen, space: Space) -> Mapping[str, tuple[float, float]]:
     from adaptsim_cli.errors import UsageError
 
-    found = dict[str, tuple[float, float]]()
+    ranges = dict[str, tuple[float, float]]()
     for d in space.dimensions:
         while answer := screen.ask(f"{d.title}, low:high (Enter: {d.low:g}:{d.high:g})?"):
             try:
-                found[d.name] = _range(d.name, answer)
+                ranges[d.name] = _range(d.name, answer)
                 break
             except UsageError as error:
                 screen.note(f"  {error}")
-    return found
+    return ranges
 
 
 def _png(task: Task) -> bytes:

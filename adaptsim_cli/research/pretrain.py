@@ -82,8 +82,8 @@ def pretrain(
             screen.plain("Once all shares are, the same command simulates this share of the denser part.")
         return
     with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
-        wanted = Wanted(policies=methods, evaluation=evaluate)
-        folder = pretraining.pretrain(request, crew, progress, wanted)
+        stages = Wanted(policies=methods, evaluation=evaluate)
+        folder = pretraining.pretrain(request, crew, progress, stages)
     screen.plain(f"Checkpoint: {folder}")
     chosen = resolved.config
     whose = f" --object {chosen.object}" if chosen.object else ""

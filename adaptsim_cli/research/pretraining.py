@@ -49,17 +49,17 @@ class Sizes:
     @property
     def label(self) -> str:
         """Part of the folder's name; empty if no size was requested."""
-        asked = {
+        sizes = {
             "": self.rollouts,
             "denser": self.denser,
             "episodes": self.episodes,
             "judged": self.judged,
         }
-        return "-".join(f"{what}{size}" for what, size in asked.items() if size is not None)
+        return "-".join(f"{what}{size}" for what, size in sizes.items() if size is not None)
 
 
-def _either(asked: int | None, usual: int) -> int:
-    return usual if asked is None else asked
+def _either(size: int | None, usual: int) -> int:
+    return usual if size is None else size
 
 
 @dataclass(frozen=True)
@@ -76,13 +76,13 @@ class Request:
 BUSY = "another pretraining is running in {}: wait for it, or give another --out"
 
 
-def pretrain(request: Request, executor: Executor, progress: StageProgress, wanted: Wanted) -> Path:
+def pretrain(request: Request, executor: Executor, progress: StageProgress, stages: Wanted) -> Path:
     """Run Phase 1; return the checkpoint's folder. Resumes a run in the request's. Raises SimError, SessionError."""
     from sim.research.pretraining.pipeline import pretrain
 
     with working_in(request.folder, BUSY):
         return pretrain(
-            request.task, request.folder, request.budget, request.seed, executor, progress, request.solver, wanted
+            request.task, request.folder, request.budget, request.seed, executor, progress, request.solver, stages
         )
 
 
@@ -116,7 +116,7 @@ def checked(resolved: Resolved, out: Path | None, budget: str, targets: str, siz
     solver = config.solver or SOLVERS[0]
     if solver not in SOLVERS:
         raise UsageError(f"--solver {solver}: choose one of {', '.join(SOLVERS)}")
-    kind = next((known for known in TARGETS if known == targets), None)
+    kind = next((one for one in TARGETS if one == targets), None)
     if kind is None:
         raise UsageError(f"--targets {targets}: choose one of {', '.join(TARGETS)}")
     task = task_of(config)
@@ -147,13 +147,13 @@ def object_ready(
     task, usual = task_of(config), get_task(config.task)
     folder = (resolved.places.pretraining / f"{task.name}-{Path(config.object).stem}-object").absolute()
     with working_in(folder, "another command works on this object in {}: wait for it"):
-        path, found = make_ready(task, load_checkpoint(usual), folder, config.seed, executor, progress, rollouts)
-    told = tell_parameters(config, lambda done, total: progress("sessions", done, total))
+        path, held_out = make_ready(task, load_checkpoint(usual), folder, config.seed, executor, progress, rollouts)
+    parameters = tell_parameters(config, lambda done, total: progress("sessions", done, total))
     return {
         "inside": is_inside(task, usual),
         "checkpoint": str(path),
-        "held_out": None if found is None else asdict(found),
-        "parameters": told["parameters"],
+        "held_out": None if held_out is None else asdict(held_out),
+        "parameters": parameters["parameters"],
     }
 
 

@@ -146,11 +146,11 @@ class Screen:
         does: str = "to go on",
         *,
         then: str,
-        kept: str = "everything completed is stored",
+        assurance: str = "everything completed is stored",
     ) -> None:
-        """Wait for Enter; `then` describes its effect, `kept` the state after q. Raises StoppedByOperator at q."""
-        if self.choose(question, enter(does, then), stop(f"The command ends; {kept}.")) == "q":
-            raise StoppedByOperator(f"stopped by the operator; {kept}")
+        """Wait for Enter; `then` describes its effect, `assurance` the state after q. Raises StoppedByOperator at q."""
+        if self.choose(question, enter(does, then), stop(f"The command ends; {assurance}.")) == "q":
+            raise StoppedByOperator(f"stopped by the operator; {assurance}")
 
     def words(self, question: str, explain: str = "Type the answer and press Enter; q leaves.") -> str | None:
         """Ask for a sentence; "" if it is empty, None at q, `explain` at `?`. Raises StoppedByOperator."""
@@ -231,14 +231,14 @@ class Screen:
 
                 yield draw
         else:
-            said: set[tuple[str, int]] = set()
+            shown_tenths: set[tuple[str, int]] = set()
             began: dict[str, tuple[float, int]] = {}  # start time of each stage, and its count then
 
             def say(stage: str, done: int, total: int) -> None:
                 tenth = 10 * done // max(total, 1)
                 since, before = began.setdefault(stage, (time.monotonic(), done))
-                if (stage, tenth) not in said:
-                    said.add((stage, tenth))
+                if (stage, tenth) not in shown_tenths:
+                    shown_tenths.add((stage, tenth))
                     left = _left(time.monotonic() - since, done - before, total - done)
                     self.show(Text(f"  {stage}: {10 * tenth} % ({done} of {total}){left}"))
 
@@ -262,9 +262,9 @@ class Screen:
         self.plain("Once it is replaced, each can continue only with its own, if the camera has not moved:")
         self.plain(f"  adaptsim run-iteration --session {sessions[0]} --own-calibration")
 
-    def checks(self, found: Sequence[Readiness]) -> None:
+    def checks(self, readiness: Sequence[Readiness]) -> None:
         """Print which checks passed, and the remedy for each that did not."""
-        self.show(views.checks(found))
+        self.show(views.checks(readiness))
 
 
 def _left(spent_s: float, done: int, missing: int) -> str:
@@ -318,7 +318,7 @@ class CleanConsole(Console):
 
 def clean(text: str) -> str:
     """The text with every control character but the line break made visible, as \\x1b."""
-    return _COMMANDS.sub(lambda found: found.group().encode("unicode_escape").decode(), text)
+    return _COMMANDS.sub(lambda match: match.group().encode("unicode_escape").decode(), text)
 
 
 _WORTH_CONTINUING = (

@@ -31,10 +31,10 @@ class NotAtRest(Exception):
 class GuidedArm(AroundArm[Arm]):
     """`hw.ports.Arm` while a person guides it: a lost connection is a question, not the end of the command."""
 
-    def __init__(self, arm: Arm, screen: Screen, kept: str) -> None:
-        """`kept` tells the person what is not lost."""
+    def __init__(self, arm: Arm, screen: Screen, assurance: str) -> None:
+        """`assurance` tells the person what is not lost."""
         super().__init__(arm)
-        self._screen, self._kept = screen, kept
+        self._screen, self._kept = screen, assurance
 
     def state(self) -> ArmState:
         """The state, once the arm answers. Raises StoppedByOperator."""

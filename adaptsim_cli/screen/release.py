@@ -21,10 +21,10 @@ NOTHING_MOVED = "nothing has moved"
 ONE = "One motion begins. Ctrl-C stops it along its path; Enter lets nothing move."
 
 
-def require_word(screen: Screen, question: str, word: Key, kept: str = NOTHING_MOVED) -> None:
+def require_word(screen: Screen, question: str, word: Key, assurance: str = NOTHING_MOVED) -> None:
     """Ask until `word` is typed; Enter does nothing. Raises StoppedByOperator at q."""
-    if screen.choose(question, word, stop(f"The command ends; {kept}.")) == "q":
-        raise StoppedByOperator(f"stopped by the operator; {kept}")
+    if screen.choose(question, word, stop(f"The command ends; {assurance}.")) == "q":
+        raise StoppedByOperator(f"stopped by the operator; {assurance}")
 
 
 def before_first(robot: str, table: str, pedal: bool) -> str:
@@ -65,26 +65,26 @@ class Release:
             self.first()
             self._started = True
 
-    def one(self, question: str, then: str = ONE, kept: str = NOTHING_MOVED) -> None:
+    def one(self, question: str, then: str = ONE, assurance: str = NOTHING_MOVED) -> None:
         """Ask for `y`; the next motion may begin."""
         if self.screen is not None:
             self.start()
-            require_word(self.screen, question, Key("y", "to start", then), kept)
+            require_word(self.screen, question, Key("y", "to start", then), assurance)
             self._left = 1
 
-    def several(self, question: str, then: str, kept: str = NOTHING_MOVED) -> None:
+    def several(self, question: str, then: str, assurance: str = NOTHING_MOVED) -> None:
         """Ask for the arm's model; motions may begin until the announced run is over."""
         if self.screen is not None:
             self.start()
-            require_word(self.screen, question, Key(self.model, "to let it move", then), kept)
+            require_word(self.screen, question, Key(self.model, "to let it move", then), assurance)
             self._left = inf if self._run else 0
 
-    def announced(self, question: str, then: str, kept: str) -> None:
+    def announced(self, question: str, then: str, assurance: str) -> None:
         """A question about a trial: it releases the first motion, or where the rig file says so all of them."""
         if self.each == "motion" or not self.model:
-            self.one(question, then, kept)
+            self.one(question, then, assurance)
         else:
-            self.several(question, then, kept)
+            self.several(question, then, assurance)
 
     def motion(self, what: str = "makes its next motion", duration_s: float | None = None) -> None:
         """Returns once the next motion, which does `what`, may begin."""
@@ -97,7 +97,7 @@ class Release:
         elif self._run is not None:
             self.one(clear_to_move(self.real, self._run[0], duration_s) + ".")
         elif self.each == "motion":
-            self.one(clear_to_move(self.real, what, duration_s) + ".", kept="this motion has not begun")
+            self.one(clear_to_move(self.real, what, duration_s) + ".", assurance="this motion has not begun")
         else:
             self.start()
 

@@ -38,13 +38,13 @@ def failures(checks: Sequence[Readiness]) -> str:
     return "; ".join(f"{check.name}: {check.detail}" for check in checks if not check.ok)
 
 
-def point(space: Space, given: Sequence[str], otherwise: Array, what: str) -> Array:
-    """(n,) in units: `given` as name=value, missing ones from `otherwise` (n,).
+def point(space: Space, words: Sequence[str], otherwise: Array, what: str) -> Array:
+    """(n,) in units: `words` as name=value, missing ones from `otherwise` (n,).
 
     Raises UsageError for a wrong name, number or range, naming the right ones.
     """
     values = dict(zip(space.names, np.asarray(otherwise, dtype=float), strict=True))
-    for text in given:
+    for text in words:
         name, sign, number = text.partition("=")
         if not sign or name not in values:
             near = difflib.get_close_matches(name, space.names, n=1)
@@ -134,10 +134,10 @@ def mark(hw: str) -> Text:
     return Text(" SIMULATED ", "black on cyan") if is_simulated(hw) else Text(" REAL ROBOT ", "white on red")
 
 
-def checks(found: Sequence[Readiness]) -> RenderableType:
+def checks(readiness: Sequence[Readiness]) -> RenderableType:
     """The checklist before a session, one row per check."""
     table = _table()
-    for check in found:
+    for check in readiness:
         table.add_row(Text("ok", "green") if check.ok else Text("FAILED", "bold red"), check.name, check.detail)
     return indent(table)
 
@@ -194,8 +194,8 @@ def clear_to_move(real: bool, what: str, duration_s: float | None = None, speed_
     who = "THE REAL ROBOT" if real else "The simulated robot"
     parts = [f"{duration_s:.0f} s in all" if duration_s is not None and duration_s >= 1.0 else ""]
     parts.append(f"the tool at up to {speed_m_s:.2f} m/s" if speed_m_s is not None else "")
-    told = ", ".join(part for part in parts if part)
-    return f"Is the work area clear, nobody within reach? {who} then {what}" + (f": {told}" if told else "")
+    details = ", ".join(part for part in parts if part)
+    return f"Is the work area clear, nobody within reach? {who} then {what}" + (f": {details}" if details else "")
 
 
 def top_speed_m_s(paths: Sequence[JointPath], pose: Callable[[Array], Array]) -> float:
@@ -204,6 +204,6 @@ def top_speed_m_s(paths: Sequence[JointPath], pose: Callable[[Array], Array]) ->
 
 
 def _speed_m_s(path: JointPath, pose: Callable[[Array], Array]) -> float:
-    kept = np.unique(np.append(np.arange(0, len(path.t_s), _EVERY), len(path.t_s) - 1))
-    p_m = np.array([pose(q)[:3, 3] for q in path.q_rad[kept]])
-    return float((np.linalg.norm(np.diff(p_m, axis=0), axis=1) / np.diff(path.t_s[kept])).max())
+    indices = np.unique(np.append(np.arange(0, len(path.t_s), _EVERY), len(path.t_s) - 1))
+    p_m = np.array([pose(q)[:3, 3] for q in path.q_rad[indices]])
+    return float((np.linalg.norm(np.diff(p_m, axis=0), axis=1) / np.diff(path.t_s[indices])).max())

@@ -32,27 +32,27 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "") -> str:
         return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, at least {LEAST_TRIALS} are needed."
     kind = "estimated" if verdict.gain is None else "predicted"
     reward = f"{kind} reward {verdict.reward:.2f} (95 % {verdict.ci95[0]:.2f} to {verdict.ci95[1]:.2f})"
-    told = [f"{HEADLINES[verdict.kind]}: {reward}{_worth(verdict)}."]
+    sentences = [f"{HEADLINES[verdict.kind]}: {reward}{_worth(verdict)}."]
     if Reason.FAILURES in verdict.reasons:
-        told.append("The latest trials all failed.")
+        sentences.append("The latest trials all failed.")
     if verdict.kind is Kind.HOPELESS:
-        told.append(
+        sentences.append(
             f"Stop here, and check the columns, units and clocks of {recordings}."
             if recordings
             else "Stop here, and check how the tool is mounted, the object, and the calibration of the camera."
         )
     if verdict.is_inexpressible:
-        told.append(
+        sentences.append(
             f"The simulator cannot express this {object_name}: {verdict.strange} of {verdict.trials} trajectories lie "
             "outside of what any parameters in the ranges predict."
             + (f" Check the columns, units and clocks of {recordings} first." if recordings else "")
         )
     elif verdict.kind is Kind.STAYS_LOW:
-        told.append(
+        sentences.append(
             "The trajectories look like simulated ones, but no parameters in the ranges seem to give an action that "
             f"suits this {object_name}."
         )
-    return " ".join(told)
+    return " ".join(sentences)
 
 
 def _worth(verdict: Verdict) -> str:
@@ -61,10 +61,10 @@ def _worth(verdict: Verdict) -> str:
         return ""
     if Reason.UNTRIED in verdict.reasons:
         return "; it rests on the first iteration alone, and the next one checks it"
-    told = [f"another iteration is predicted to gain {verdict.gain:.2f}"] if verdict.gain >= 0.005 else []
+    clauses = [f"another iteration is predicted to gain {verdict.gain:.2f}"] if verdict.gain >= 0.005 else []
     if verdict.kind is not Kind.ENOUGH:
-        told.append(f"with a chance of {100.0 * verdict.likely:.0f} % there is more than {WORTHWHILE:.2f} to gain")
-    return f"; {', and '.join(told) or 'another iteration is predicted to gain nothing'}"
+        clauses.append(f"with a chance of {100.0 * verdict.likely:.0f} % there is more than {WORTHWHILE:.2f} to gain")
+    return f"; {', and '.join(clauses) or 'another iteration is predicted to gain nothing'}"
 
 
 def tried_in(best: BestRecord) -> str:

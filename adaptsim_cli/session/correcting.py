@@ -43,8 +43,10 @@ def restore(store: SessionStore, number: int, attempt: int | None, reason: str) 
             )
         key = able[-1] if attempt is None else TrialKey(number, attempt)
         if key not in able:
-            known = ", ".join(str(k.attempt + 1) for k in able)
-            raise UsageError(f"--attempt {key.attempt + 1}: attempts of trial {number} that can be restored: {known}")
+            attempts = ", ".join(str(k.attempt + 1) for k in able)
+            raise UsageError(
+                f"--attempt {key.attempt + 1}: attempts of trial {number} that can be restored: {attempts}"
+            )
         now = _now(store)
         began = existing.started | existing.recorded | existing.completed
         others = sorted(other for other in began - existing.rejected if other.number == number)
@@ -94,7 +96,7 @@ def amend(
         record = completed(store, number)
         if record.outcome == outcome:
             raise UsageError(f"trial {number} of {store.facts.name} counts as {words(outcome.value)} already")
-        seen = replace(record.track.track(), outcome=outcome)
+        track = replace(record.track.track(), outcome=outcome)
         amendment = Amendment(
             at=_now(store),
             text=reason,
@@ -102,7 +104,7 @@ def amend(
             outcome_before=record.outcome,
             reward=reward,
             reward_before=record.reward,
-            observation=as_row(task.observation(seen)),
+            observation=as_row(task.observation(track)),
         )
         store.amend(*record.place, amendment)
         return _told(store, record.place[1], amended_words(number, amendment))
@@ -116,16 +118,16 @@ def amended_words(number: int, by: Amendment) -> str:
     )
 
 
-def sentences(store: SessionStore, until: int, known: int) -> tuple[str, ...]:
-    """The amendments and restorations in the iterations up to `until`, without the first `known`, in words."""
-    found = sorted(
+def sentences(store: SessionStore, until: int, count: int) -> tuple[str, ...]:
+    """The amendments and restorations in the iterations up to `until`, without the first `count`, in words."""
+    changes = sorted(
         (change for iteration in range(until + 1) for change in store.changes(iteration)), key=lambda c: c.note.at
     )
     return tuple(
         amended_words(change.key.number, change.note)
         if isinstance(change.note, Amendment)
         else f"attempt {change.key.attempt + 1} of trial {change.key.number} counts again: {change.note.text}"
-        for change in found[known:]
+        for change in changes[count:]
     )
 
 
@@ -147,9 +149,9 @@ def _told(store: SessionStore, key: TrialKey, what: str) -> tuple[Amended, str]:
 
 def _now(store: SessionStore) -> str:
     """The time of a change: later than every earlier change, even if the clock went backwards."""
-    made = [change.note.at for iteration in range(store.iterations()) for change in store.changes(iteration)]
+    times = [change.note.at for iteration in range(store.iterations()) for change in store.changes(iteration)]
     now = datetime.now(UTC).replace(microsecond=0)
-    earliest = max((datetime.fromisoformat(at) for at in made), default=now - _STEP) + _STEP
+    earliest = max((datetime.fromisoformat(at) for at in times), default=now - _STEP) + _STEP
     return max(now, earliest).isoformat(timespec="seconds")
 
 

@@ -178,17 +178,22 @@ def _episodes(title: str, columns: Sequence[Mapping[str, NDArray[Any]]]) -> dict
         "meta/episodes/file_index": [0 for _ in numbers],
     }
     for name in columns[0]:
-        found = [_statistics(values[name], name) for values in columns]
-        table |= {f"stats/{name}/{kind}": [one[kind] for one in found] for kind in found[0]}
+        statistics = [_statistics(values[name], name) for values in columns]
+        table |= {f"stats/{name}/{kind}": [one[kind] for one in statistics] for kind in statistics[0]}
     return table
 
 
 def _statistics(values: NDArray[Any], name: str) -> dict[str, Any]:
     """The statistics of a column in LeRobot's form; those of an image are (3, 1, 1), from 0 to 1."""
     table = values.reshape(len(values), -1).astype(np.float64)
-    found = {"min": table.min(axis=0), "max": table.max(axis=0), "mean": table.mean(axis=0), "std": table.std(axis=0)}
+    extremes = {
+        "min": table.min(axis=0),
+        "max": table.max(axis=0),
+        "mean": table.mean(axis=0),
+        "std": table.std(axis=0),
+    }
     shape = (3, 1, 1) if name == IMAGE else (-1,)
-    return {kind: value.reshape(shape).tolist() for kind, value in found.items()} | {"count": [len(values)]}
+    return {kind: value.reshape(shape).tolist() for kind, value in extremes.items()} | {"count": [len(values)]}
 
 
 def _pixels(images: Sequence[bytes]) -> NDArray[np.float64]:

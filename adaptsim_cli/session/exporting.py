@@ -59,14 +59,14 @@ def export(
         raise UsageError(f"the task {store.facts.task} has no recordings: export it as csv, parquet or lerobot")
     from adaptsim_cli.session import replaying
 
-    made, (suffix, encode) = [], ("rrd", replaying.rerun_file) if kind == "rerun" else ("mcap", replaying.encode)
+    files, (suffix, encode) = [], ("rrd", replaying.rerun_file) if kind == "rerun" else ("mcap", replaying.encode)
     for done, record in enumerate(records):
         progress("trials", done + 1, len(records))
         trial = replaying.open_trial(store, record)
-        made.append(written(out / f"{trial.title}.{suffix}", encode(trial)))
+        files.append(written(out / f"{trial.title}.{suffix}", encode(trial)))
     if kind == "mcap":
-        made.append(written(out / LAYOUT, layout()))
-    return made
+        files.append(written(out / LAYOUT, layout()))
+    return files
 
 
 def _scene(folder: Path, kind: str, files: Mapping[str, bytes]) -> list[Path]:
@@ -105,8 +105,8 @@ def _parquet(store: SessionStore) -> bytes:
     from adaptsim_cli.session.episodes import as_parquet
 
     table = rows(store)
-    told = {f"unit of {name}": unit for name, unit in units(store).items()}
-    return as_parquet({name: [row[name] for row in table] for name in table[0]}, told)
+    metadata = {f"unit of {name}": unit for name, unit in units(store).items()}
+    return as_parquet({name: [row[name] for row in table] for name in table[0]}, metadata)
 
 
 def written(path: Path, content: bytes) -> Path:
@@ -128,12 +128,12 @@ def rows(store: SessionStore) -> list[Row]:
 def units(store: SessionStore) -> dict[str, str]:
     """The unit of every column that has one. Rewards (0 to 1) have none."""
     facts = store.facts
-    found = {
+    by_name = {
         f"{kind}_{d.name}": d.unit
         for kind, space in (("parameter", facts.parameters), ("context", facts.context), ("action", facts.action))
         for d in space
     }
-    return {name: unit for name, unit in found.items() if unit} | {"duration_s": "s"}
+    return {name: unit for name, unit in by_name.items() if unit} | {"duration_s": "s"}
 
 
 def as_csv(table: Sequence[Mapping[str, Cell]]) -> str:

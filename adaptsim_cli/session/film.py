@@ -50,14 +50,14 @@ class Filmed:
     found_m: Array  # (2,) the object before the motion, in the base frame
     goal_m: Array | None  # (2,) where it should come to rest
 
-    def moments(self, wanted: Sequence[tuple[str, float]]) -> tuple[tuple[KeyMoment, ...], dict[str, bytes]]:
-        """The frames nearest to the `wanted` moments, cut around the object's path -> (records, name -> JPEG)."""
-        kept, files, window = [], dict[str, bytes](), self._window()
-        for label, t_s in wanted if self.frames else ():
+    def moments(self, instants: Sequence[tuple[str, float]]) -> tuple[tuple[KeyMoment, ...], dict[str, bytes]]:
+        """The frames nearest to the moments at `instants`, cut around the object's path -> (records, name -> JPEG)."""
+        moments, files, window = [], dict[str, bytes](), self._window()
+        for label, t_s in instants if self.frames else ():
             frame, name = self._nearest(t_s), f"moment-{label}.jpg"
             files[name] = encode_jpeg(self._picture(frame, window, _MOMENT_PX), _QUALITY)
-            kept.append(KeyMoment(label=label, t_s=frame.t_s - self.t_start_s, file=name))
-        return tuple(kept), files
+            moments.append(KeyMoment(label=label, t_s=frame.t_s - self.t_start_s, file=name))
+        return tuple(moments), files
 
     def sheet(self) -> tuple[Film | None, dict[str, bytes]]:
         """The whole trial in small pictures, evenly in time, with the goal in sight -> (record, name -> JPEG)."""

@@ -183,9 +183,9 @@ def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Mot
 
 def _say_drift(session: RunningSession) -> None:
     """Tell the operator if the camera's picture differs from that of the session's first motion."""
-    seen = list(session.store.rigs())
-    if seen and (said := drift(seen[0], seen[-1])) is not None:
-        session.screen.note(said)
+    rigs = list(session.store.rigs())
+    if rigs and (note := drift(rigs[0], rigs[-1])) is not None:
+        session.screen.note(note)
 
 
 def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> None:
@@ -201,22 +201,22 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> 
             recorded = target.read(folder, motion.context_array, motion.action_array)
     undecided: OutcomeUndecided | None = None
     try:
-        seen = recorded.track(session.screen.busy)
+        tracked_trial = recorded.track(session.screen.busy)
     except OutcomeUndecided as error:
-        undecided, seen = error, error.tracked
+        undecided, tracked_trial = error, error.tracked
     except PerceptionError as error:
         _reject(session, stage, str(error))
         if operator.try_again(stage):
             return
         raise
-    record = trial_record(task, motion, seen)
+    record = trial_record(task, motion, tracked_trial)
     if undecided is None:
         session.screen.show(terminal_views.tracked(record))
-    if seen.film is not None:
-        durable.replace_file(folder / FILM, seen.files[FILM])
+    if tracked_trial.film is not None:
+        durable.replace_file(folder / FILM, tracked_trial.files[FILM])
         session.screen.plain(f"  Film: {folder / FILM}")
-    session.watcher.tracked(record, seen)
-    choices = choices_of(task, target.outcomes, seen.track, motion.context_array)
+    session.watcher.tracked(record, tracked_trial)
+    choices = choices_of(task, target.outcomes, tracked_trial.track, motion.context_array)
     review = operator.review(record, choices) if undecided is None else operator.decide(str(undecided), record, choices)
     if review.rejected:
         _reject(session, stage, review.rejected)
@@ -227,7 +227,7 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> 
         if review.outcome is not None:
             record = overruled(task, record, review.outcome)
         record = record.model_copy(update={"timing_s": added(motion.timing_s, session.screen.lap_s())})
-        store.save_trial(record, seen.files)
+        store.save_trial(record, tracked_trial.files)
     tell(session)
     if review.outcome is not None:
         session.screen.show(f"  Counts as {record.outcome_words}, reward {record.reward:.2f}.")
@@ -235,7 +235,7 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> 
 
 def _mean_reward(history: Sequence[LearntIteration], trials: tuple[int, ...]) -> float | None:
     """The mean reward of the trials with these numbers, counted from 1; None for no trials."""
-    rewards = [trial.reward for iteration in history for seen in iteration for trial in seen.trials]
+    rewards = [trial.reward for iteration in history for entry in iteration for trial in entry.trials]
     return float(np.mean([rewards[number - 1] for number in trials])) if trials else None
 
 
@@ -245,7 +245,7 @@ def keep_particles(
     """Judge the trials, train the next task policies and store the result of an iteration."""
     store, learner = session.store, session.parts.learner
     with session.screen.busy("Judging the trials", "adapting"):
-        found = learner.judge(history)
+        judgement = learner.judge(history)
     for index, particle in enumerate(particles):
         train(session, stage.iteration + 1, index, particle, history)
 
@@ -253,26 +253,28 @@ def keep_particles(
     timing_s = added(*(record.timing_s for record in records), session.overhead_s, lap_s)
     names = session.parts.task.parameters.names
     changes = changes_until(store.existing(), stage.iteration)
-    known = max((one.changes for i in range(stage.iteration + 1) if (one := store.result(i)) is not None), default=0)
+    change_count = max(
+        (one.changes for i in range(stage.iteration + 1) if (one := store.result(i)) is not None), default=0
+    )
     result = ResultRecord(
         iteration=stage.iteration + 1,
         trials=tuple((key.number, key.attempt + 1) for key in stage.keys),
         next_particles=tuple(rows_of(particle) for particle in particles),
         best=BestRecord(
-            params=named(names, found.best.particle.mean),
-            mean_reward=found.best.mean_reward,
-            trials=found.best.trials,
-            ci95=found.best.ci95,
-            tried=found.tried,
-            tried_reward=_mean_reward(history, found.tried),
+            params=named(names, judgement.best.particle.mean),
+            mean_reward=judgement.best.mean_reward,
+            trials=judgement.best.trials,
+            ci95=judgement.best.ci95,
+            tried=judgement.tried,
+            tried_reward=_mean_reward(history, judgement.tried),
         ),
-        verdict=found.verdict,
-        outlook=None if found.outlook is None else OutlookRecord.of(found.outlook),
+        verdict=judgement.verdict,
+        outlook=None if judgement.outlook is None else OutlookRecord.of(judgement.outlook),
         suspicion=_suspicion(session),
         timing_s={**timing_s, TOTAL: sum(timing_s.values())},
         proposal_s=sum(lap_s.values()) + sum(records[-1].timing_s.get(name, 0.0) for name in ("tracking", "storing")),
         changes=changes,
-        amended=correcting.sentences(store, stage.iteration, known),
+        amended=correcting.sentences(store, stage.iteration, change_count),
     )
     shown = summary(store, result).model_dump(mode="json")
     store.save_result(result, json.dumps(shown, allow_nan=False).encode())
@@ -338,8 +340,8 @@ def _left_s(store: SessionStore, stage: RunTrial) -> float:
     """How long the rest of the iteration takes, answers aside, if each trial takes as long as those of this iteration
     or the one before; 0 without any.
     """
-    known = store.trials(stage.iteration) or (store.trials(stage.iteration - 1) if stage.iteration else ())
-    took_s = [sum(spent for name, spent in one.timing_s.items() if name != ANSWERING) for one in known]
+    trials = store.trials(stage.iteration) or (store.trials(stage.iteration - 1) if stage.iteration else ())
+    took_s = [sum(spent for name, spent in one.timing_s.items() if name != ANSWERING) for one in trials]
     missing = store.facts.particles * store.facts.trials - stage.particle * store.facts.trials - stage.trial
     return missing * sum(took_s) / len(took_s) if took_s else 0.0
 
@@ -381,23 +383,23 @@ def show_proposal(task: Task, proposal: Proposal, planned: Placement, screen: Sc
     watcher.proposed(proposal, planned.preview)
 
 
-def motion_record(made: Proposal, started: str, motion: Motion, timing_s: dict[str, float]) -> MotionRecord:
+def motion_record(proposal: Proposal, started: str, motion: Motion, timing_s: dict[str, float]) -> MotionRecord:
     """The record of a finished motion."""
     stopped = None if motion.stopped is None else str(motion.stopped)
-    return made.trial.model_copy(update={"started": started, "stopped": stopped, "timing_s": timing_s})
+    return proposal.trial.model_copy(update={"started": started, "stopped": stopped, "timing_s": timing_s})
 
 
-def trial_record(task: Task, motion: MotionRecord, seen: TrackedTrial) -> TrialRecord:
+def trial_record(task: Task, motion: MotionRecord, tracked_trial: TrackedTrial) -> TrialRecord:
     """The record of a tracked trial."""
     return TrialRecord(
         **dict(motion),
-        observation=as_row(task.observation(seen.track)),
-        reward=task.score(seen.track, motion.context_array),
-        outcome=seen.track.outcome,
-        track=TrackRecord.from_track(seen.track),
-        moments=seen.moments,
-        film=seen.film,
-        control_success_rate=seen.control_success_rate,
+        observation=as_row(task.observation(tracked_trial.track)),
+        reward=task.score(tracked_trial.track, motion.context_array),
+        outcome=tracked_trial.track.outcome,
+        track=TrackRecord.from_track(tracked_trial.track),
+        moments=tracked_trial.moments,
+        film=tracked_trial.film,
+        control_success_rate=tracked_trial.control_success_rate,
     )
 
 

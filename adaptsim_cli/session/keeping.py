@@ -112,8 +112,8 @@ class _Examination:
             self._files(folder, checksums | derived)
 
     def _files(self, folder: Path, checksums: Mapping[str, str], *, is_complete: bool = True) -> None:
-        there = {entry.name for entry in entries(folder)} - {MOTION, TRIAL, RESULT, PRUNED}
-        for name in sorted(there | set(checksums)):
+        names = {entry.name for entry in entries(folder)} - {MOTION, TRIAL, RESULT, PRUNED}
+        for name in sorted(names | set(checksums)):
             if name in checksums or is_complete:
                 self.files += 1
                 self._look(self._require_same, folder / name, checksums.get(name))
@@ -197,9 +197,9 @@ def delete(root: Path, name: str) -> None:
 
 def prunable(store: SessionStore, *, rejected_only: bool = False) -> PrunedRecordings:
     """The room that `prune` would make. Raises SessionError."""
-    found = [recorded for _, recorded in _recordings(store, rejected_only=rejected_only)]
-    sizes = [path.stat().st_size for recorded in found for path in recorded]
-    return PrunedRecordings(session=store.facts.name, files=len(sizes), trials=len(found), size_bytes=sum(sizes))
+    recordings = [recorded for _, recorded in _recordings(store, rejected_only=rejected_only)]
+    sizes = [path.stat().st_size for recorded in recordings for path in recorded]
+    return PrunedRecordings(session=store.facts.name, files=len(sizes), trials=len(recordings), size_bytes=sum(sizes))
 
 
 def prune(store: SessionStore, *, rejected_only: bool = False) -> PrunedRecordings:
@@ -227,7 +227,7 @@ def size_bytes(folder: Path) -> int:
 
 def _recordings(store: SessionStore, *, rejected_only: bool) -> list[tuple[Path, list[Path]]]:
     """(folder, its recordings) of every trial that does not need its recording to continue."""
-    found = []
+    recordings = []
     existing = store.existing()
     for iteration in range(store.iterations()):
         for folder in entries(store.iteration_folder(iteration)):
@@ -236,8 +236,8 @@ def _recordings(store: SessionStore, *, rejected_only: bool) -> list[tuple[Path,
             is_rejected = any(store.trial_folder(iteration, key) == folder for key in existing.rejected)
             if is_rejected or ((folder / TRIAL).exists() and not rejected_only):
                 recorded = [path for path in entries(folder) if path.suffix in RECORDED]
-                found += [(folder, recorded)] if recorded else []
-    return found
+                recordings += [(folder, recorded)] if recorded else []
+    return recordings
 
 
 def _held(folder: Path) -> AbstractContextManager[None]:

@@ -182,9 +182,9 @@ def choose_amendment(
     Raises UsageError for a name that is not a choice, StoppedByOperator if nothing should change.
     """
     if named is not None:
-        known = {outcome.value: outcome for outcome in choices}
-        if (outcome := known.get(named.replace(" ", "_"))) is None:
-            raise UsageError(f"--outcome {named}: trial {record.trial} can have ended as one of {', '.join(known)}")
+        outcomes = {outcome.value: outcome for outcome in choices}
+        if (outcome := outcomes.get(named.replace(" ", "_"))) is None:
+            raise UsageError(f"--outcome {named}: trial {record.trial} can have ended as one of {', '.join(outcomes)}")
         return outcome
     folder = store.trial_folder(*record.place)
     screen.show(f"Trial {record.trial} counts as {record.outcome_words}, reward {record.reward:.2f}.")

@@ -28,20 +28,20 @@ def brightness(rgb: NDArray[np.uint8]) -> float:
 def drift(first: RigFacts, now: RigFacts) -> str | None:
     """A message for the operator if the camera's picture differs from the first trial; None: it does not."""
     before, after = _exposed(first), _exposed(now)
-    said = []
+    changes = []
     if before and after and before != after:
-        said.append(f"exposure and white balance are {_words(after)}, {_words(before)} in the first trial")
+        changes.append(f"exposure and white balance are {_words(after)}, {_words(before)} in the first trial")
     if first.brightness and now.brightness is not None:
         share = now.brightness / first.brightness - 1.0
         if abs(share) > MOST_BRIGHTER:
             how = "brighter" if share > 0.0 else "darker"
-            said.append(
+            changes.append(
                 f"the picture is {abs(share):.0%} {how} than in the first trial ({first.brightness:.0f} then, "
                 f"{now.brightness:.0f} of 255 now; at most {MOST_BRIGHTER:.0%})"
             )
-    if not said:
+    if not changes:
         return None
-    return f"The camera's picture has changed: {'; '.join(said)}. Restore the light: tracking needs the same colours"
+    return f"The camera's picture has changed: {'; '.join(changes)}. Restore the light: tracking needs the same colours"
 
 
 def _exposed(facts: RigFacts) -> list[tuple[int, int]]:
@@ -50,8 +50,8 @@ def _exposed(facts: RigFacts) -> list[tuple[int, int]]:
     return sorted((int(e), int(w)) for e, w in film.get("exposure_us_and_white_balance_K", ()))
 
 
-def _words(seen: list[tuple[int, int]]) -> str:
-    return ", ".join(f"{exposure_us} µs and {balance_K} K" for exposure_us, balance_K in seen)
+def _words(settings: list[tuple[int, int]]) -> str:
+    return ", ".join(f"{exposure_us} µs and {balance_K} K" for exposure_us, balance_K in settings)
 
 
 def preflight(target: Target, facts: Facts, folder: Path, min_free_mb: int) -> tuple[Readiness, ...]:

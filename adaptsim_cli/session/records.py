@@ -346,9 +346,9 @@ def _table(path: Path, *, is_sealed: bool) -> dict[str, Any]:
 
 def require_size(path: Path, size: int) -> None:
     """Raises SessionError unless there is a file of `size` bytes."""
-    found = path.stat().st_size if path.is_file() else None
-    if found != size:
-        raise corrupt(path, "it is missing" if found is None else f"{found} bytes instead of {size}")
+    actual_size = path.stat().st_size if path.is_file() else None
+    if actual_size != size:
+        raise corrupt(path, "it is missing" if actual_size is None else f"{actual_size} bytes instead of {size}")
 
 
 def corrupt(path: Path, why: str) -> SessionError:

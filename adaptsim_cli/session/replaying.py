@@ -128,20 +128,22 @@ def encode(trial: WholeTrial) -> bytes:
 
 def jpegs(trial: WholeTrial) -> list[tuple[float, bytes]]:
     """(arm clock in s, JPEG) of every image of the motion, as it is stored. Raises SessionError."""
-    found = []
+    pictures = []
     for t_ns, topic, message in _colours(trial.file):
         if topic == recording.COLOURS[0]:
             fields = topics.Reader(message)
             fields.header(), fields.string()
-            found.append((1e-9 * t_ns, bytes(fields.blob())))
-    return found
+            pictures.append((1e-9 * t_ns, bytes(fields.blob())))
+    return pictures
 
 
 def _colours(file: Path) -> list[topics.Message]:
     """The colour images as they are stored."""
     with recording.opened(file) as reader:
-        found = reader.iter_messages(topics=list(recording.COLOURS))
-        return [(topics.Reader(message.data).header()[0], channel.topic, message.data) for _, channel, message in found]
+        messages = reader.iter_messages(topics=list(recording.COLOURS))
+        return [
+            (topics.Reader(message.data).header()[0], channel.topic, message.data) for _, channel, message in messages
+        ]
 
 
 TIMELINE = "arm_clock"
@@ -258,7 +260,7 @@ def video(trial: WholeTrial) -> bytes:
 
 
 def _pictures(trial: WholeTrial, size: tuple[int, int]) -> list[Image]:
-    found, stored, track = list[Image](), trial.stored, trial.record.track.track()
+    images, stored, track = list[Image](), trial.stored, trial.record.track.track()
     scale = size[1] / stored.frames[0].colour.shape[0]
     for frame in stored.frames:
         picture = np.array(cv2.resize(frame.colour, size, interpolation=cv2.INTER_AREA), np.uint8)
@@ -269,21 +271,21 @@ def _pictures(trial: WholeTrial, size: tuple[int, int]) -> list[Image]:
         if since_s >= track.t_s[-1]:
             text += f"   {trial.record.outcome_words}, reward {trial.record.reward:.2f}"
         write(picture, text, (14, size[1] - 16), 0.7)
-        found.append(np.ascontiguousarray(picture[..., ::-1]))
-    return found
+        images.append(np.ascontiguousarray(picture[..., ::-1]))
+    return images
 
 
 @contextmanager
 def _silent() -> Iterator[None]:
     """Discard what libraries write to stderr."""
-    kept = os.dup(2)
+    descriptor = os.dup(2)
     with Path(os.devnull).open("wb") as nothing:
         os.dup2(nothing.fileno(), 2)
     try:
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+        os.dup2(descriptor, 2)
+        os.close(descriptor)
 
 
 def _fps(trial: WholeTrial) -> float:

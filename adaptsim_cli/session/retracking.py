@@ -31,21 +31,21 @@ def retrack(store: SessionStore, task: Task, tracker: Tracker, trial: int | None
     A trial that can no longer be tracked carries its failure. Raises UsageError if there is no such trial, SessionError
     naming a missing or damaged file.
     """
-    found: Sequence[TrialRecord] = trials_of(store)
+    records: Sequence[TrialRecord] = trials_of(store)
     if trial is not None:
-        known = ", ".join(str(record.trial) for record in found) or "none"
-        found = [record for record in found if record.trial == trial]
-        if not found:
+        numbers = ", ".join(str(record.trial) for record in records) or "none"
+        records = [record for record in records if record.trial == trial]
+        if not records:
             raise UsageError(
-                f"--trial {trial}: no such trial of {store.facts.name} is completed and counts; there are: {known}"
+                f"--trial {trial}: no such trial of {store.facts.name} is completed and counts; there are: {numbers}"
             )
-    if not found:
+    if not records:
         raise SessionError(f"session {store.facts.name} has no completed trial yet; nothing to track")
-    for record in found:
+    for record in records:
         yield _again(store, task, tracker, record)
 
 
-def rows(found: Sequence[RetrackedTrial]) -> list[tuple[str, ...]]:
+def rows(trials: Sequence[RetrackedTrial]) -> list[tuple[str, ...]]:
     """The columns of `HEAD` as text, one row per trial."""
     return [
         (
@@ -57,24 +57,24 @@ def rows(found: Sequence[RetrackedTrial]) -> list[tuple[str, ...]]:
             _number(one.end_apart_mm),
             _number(one.most_apart_mm),
         )
-        for one in found
+        for one in trials
     ]
 
 
-def next_steps(session: str, found: Sequence[RetrackedTrial]) -> tuple[tuple[str, str], ...]:
+def next_steps(session: str, trials: Sequence[RetrackedTrial]) -> tuple[tuple[str, str], ...]:
     """(command, reason) for each trial with another outcome than before: a person decides."""
-    others = [one.trial for one in found if one.now is not None and not one.same_outcome]
+    others = [one.trial for one in trials if one.now is not None and not one.same_outcome]
     look = tuple(
         (f"adaptsim sessions amend {session} {n}", f"trial {n} now has another outcome: check it") for n in others
     )
     return look or ((f"adaptsim run-iteration --session {session}", "goes on with the session"),)
 
 
-def require_tracked(found: Sequence[RetrackedTrial]) -> None:
+def require_tracked(trials: Sequence[RetrackedTrial]) -> None:
     """Raises TrackingFailed naming every trial that was tracked before and cannot be tracked now."""
-    failed = [f"trial {one.trial}: {one.failure}" for one in found if one.now is None]
+    failed = [f"trial {one.trial}: {one.failure}" for one in trials if one.now is None]
     if failed:
-        raise TrackingFailed(f"{len(failed)} of {len(found)} trials cannot be tracked now; " + "; ".join(failed))
+        raise TrackingFailed(f"{len(failed)} of {len(trials)} trials cannot be tracked now; " + "; ".join(failed))
 
 
 def require_camera(task: Task) -> None:

@@ -144,8 +144,8 @@ class RigTarget:
         context = tracker.context(drawn, detection)
         if not task.context.contains(context):
             ranges = ", ".join(f"{d.label} {d.low:g} to {d.high:g}" for d in task.context.dimensions)
-            found = ", ".join(f"{value:.3f}" for value in context)
-            raise ObjectNotFound(f"the {task.object_name} lies outside of the area: found {found}; area {ranges}")
+            place = ", ".join(f"{value:.3f}" for value in context)
+            raise ObjectNotFound(f"the {task.object_name} lies outside of the area: found {place}; area {ranges}")
         overlay = tracker.overlay(frame, model, rig.hand_eye.X_BC, detection, drawn)
         return Placement(drawn, context, recording.encode_jpeg(overlay, 90), frame, detection)
 
@@ -218,15 +218,17 @@ class RigTarget:
         """See `Target`."""
         return RigMotion(self, context, action, recorded=recording.read(folder / recording.FILE))
 
-    def track(self, made: RigMotion, stored: recording.Recording, progress: Progress = silently) -> TrackedTrial:
+    def track(self, rig_motion: RigMotion, stored: recording.Recording, progress: Progress = silently) -> TrackedTrial:
         """Find the object again in the same pixels as before the motion, and track it; see `Motion.track`."""
-        context, action = made.context, made.action
+        context, action = rig_motion.context, rig_motion.action
         motion, played = self.hardware.plan(context, action), stored.execution
         with progress(f"Tracking the {self.task.object_name} in {len(stored.frames)} frames", "tracking"):
             unseen = None
             try:
                 detection, track = (
-                    self._follow(context, action, stored) if made.followed is None else made.followed.result()
+                    self._follow(context, action, stored)
+                    if rig_motion.followed is None
+                    else rig_motion.followed.result()
                 )
                 track = come_home(self.tracker, stored, detection, track)
             except OutcomeUnseen as error:
@@ -238,13 +240,13 @@ class RigTarget:
             goal_m = None if self.task.goal_m is None else np.asarray(self.task.goal_m(context))
             found_m = np.asarray(detection.xy_m)
             filmed = Filmed(stored.frames, stored.model, stored.X_BC, played.t_start_s, track, found_m, goal_m)
-            kept, images = filmed.moments(key_moments(motion.t_s[-1], motion.contact, float(track.t_s[-1])))
+            moments, images = filmed.moments(key_moments(motion.t_s[-1], motion.contact, float(track.t_s[-1])))
             film, sheet = filmed.sheet()
             path = recording.encode_object(track, played.t_start_s)
         tracked = TrackedTrial(
             track=track,
             track_px=project(stored.model.colour, inverse(stored.X_BC), track.state[:, :3]),
-            moments=kept,
+            moments=moments,
             film=film,
             files={recording.OBJECT_FILE: path, **images, **sheet},
             control_success_rate=played.control_success_rate,
@@ -348,14 +350,14 @@ class RigTarget:
     ) -> tuple[Mapping[str, bytes], recording.Recording]:
         """(recording, overlay, and the facts of a real rig; the recording as it is tracked)."""
         mcap, stored = begun.result().finish(None if after is None else recording.stored(after, lossless=True))
-        said, rig = {}, self.rig
+        files, rig = {}, self.rig
         if rig.attendant is not None:
             facts = rig.attendant.facts().model_copy(update={"brightness": brightness(stored.before.colour)})
             try:
-                said = {RIG: to_json(facts)}
+                files = {RIG: to_json(facts)}
             except ValueError as error:  # a number that is none must not cost the recording
-                said = {RIG: to_json(RigFacts(problem=str(error)))}
-        return {recording.FILE: mcap, "overlay.jpg": planned.overlay or b"", **said}, stored
+                files = {RIG: to_json(RigFacts(problem=str(error)))}
+        return {recording.FILE: mcap, "overlay.jpg": planned.overlay or b"", **files}, stored
 
 
 def _detected(placed: Placement) -> Detection:
@@ -389,8 +391,8 @@ def _decimated(paths: Paths) -> tuple[Array, Array]:
     starts_s = np.cumsum([0.0, *(path.duration_s for path in paths)])
     t_s = np.concatenate([start + path.t_s for start, path in zip(starts_s, paths, strict=False)])
     q_rad = np.concatenate([path.q_rad for path in paths])
-    kept = np.unique(np.linspace(0, len(t_s) - 1, min(_SHOWN, len(t_s))).round().astype(int))
-    return t_s[kept], q_rad[kept]
+    indices = np.unique(np.linspace(0, len(t_s) - 1, min(_SHOWN, len(t_s))).round().astype(int))
+    return t_s[indices], q_rad[indices]
 
 
 def track_request(

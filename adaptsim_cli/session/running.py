@@ -49,7 +49,7 @@ class SessionRequest:
     """The operator's options on the command line."""
 
     session: str | None
-    given: frozenset[str]  # settings that came as flags
+    flag_keys: frozenset[str]  # settings that came as flags
     iterations: int | None = 1  # None: as many as the task's horizon
     yes: bool = False
     until_done: bool = False  # end where the verdict says stop
@@ -74,26 +74,26 @@ def run_session(
     before shows them after a restart. Raises any error that stops a session or a report, with the command to continue.
     """
     root = resolved.places.sessions
-    asked = anywhere(resolved.config)
-    name = _meant(root, asked, request)
-    known = _known(root, name)
-    if known is None and "task" not in request.given:
+    requested_config = anywhere(resolved.config)
+    name = _meant(root, requested_config, request)
+    earlier = _known(root, name)
+    if earlier is None and "task" not in request.flag_keys:
         near = did_you_mean(name, stores.names(root))
         raise UsageError(f"there is no session {name!r} in {root}; to begin one, name its task: add --task{near}")
-    if known is not None and known.facts.method == ROLLOUT:
+    if earlier is not None and earlier.facts.method == ROLLOUT:
         raise UsageError(f"session {name!r} is a rollout: nothing adapts in it. To begin a session, give --task alone")
-    config = _continued(asked, known, request) if known else asked
+    config = _continued(requested_config, earlier, request) if earlier else requested_config
     if not request.yes:
         console.require_terminal()
     screen = screen or Screen()
-    _confirm_session(screen, request, root, known)
+    _confirm_session(screen, request, root, earlier)
     unattended = config.unattended(request.yes)
     with ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(open_parts(config, stores.folder_of(root, name) / "naf"))
         if not config.is_simulated:  # even with --yes, a person confirms the motions of a real arm
             console.require_terminal()
-        store = _same_parts(known, parts) if known else begin(root, name, config, parts)
+        store = _same_parts(earlier, parts) if earlier else begin(root, name, config, parts)
         operator = Unattended(screen) if unattended else Attended(screen)
         watcher = stack.enter_context(open_view(screen, store, parts))
         stack.enter_context(store.locked())
@@ -157,28 +157,28 @@ def _goes_on(
     return screen.choose("The verdict says stop. Run another iteration?", on, end) == "y"
 
 
-def _meant(root: Path, asked: Config, request: SessionRequest) -> str:
+def _meant(root: Path, config: Config, request: SessionRequest) -> str:
     """The name of the session: as given, else that of the settings with a task, else the newest one.
 
     Raises UsageError if neither a task nor a session is named and there is none, or some other setting is given.
     """
     if request.session:
         return request.session
-    if "task" in request.given:
-        return default_name(asked)
-    if request.given.intersection(_FROZEN) or not stores.names(root):
+    if "task" in request.flag_keys:
+        return default_name(config)
+    if request.flag_keys.intersection(_FROZEN) or not stores.names(root):
         raise UsageError("which session? Name its task to begin or continue one, e.g. --task scooping, or a --session")
     return stores.newest(root, without=ROLLOUT)
 
 
-def _confirm_session(screen: Screen, request: SessionRequest, root: Path, known: SessionStore | None) -> None:
+def _confirm_session(screen: Screen, request: SessionRequest, root: Path, earlier: SessionStore | None) -> None:
     """Note what a newer version wrote to a known session; ask whether a new one is meant whose name is like another's.
 
     Raises StoppedByOperator if it is not.
     """
-    if known is not None and (keys := known.additions()):
-        screen.note(terminal_views.newer_note(known.facts.name, keys).plain)
-    if known is not None or request.session is None:
+    if earlier is not None and (keys := earlier.additions()):
+        screen.note(terminal_views.newer_note(earlier.facts.name, keys).plain)
+    if earlier is not None or request.session is None:
         return
     name = request.session
     near = did_you_mean(name, stores.names(root))
@@ -192,11 +192,11 @@ def _confirm_session(screen: Screen, request: SessionRequest, root: Path, known:
 
 def facts_of(resolved: Resolved, request: SessionRequest) -> Facts:
     """The facts of the requested session. Raises UsageError if it does not exist yet."""
-    asked = anywhere(resolved.config)
-    name = _meant(resolved.places.sessions, asked, request)
-    if (known := _known(resolved.places.sessions, name)) is None:
+    config = anywhere(resolved.config)
+    name = _meant(resolved.places.sessions, config, request)
+    if (store := _known(resolved.places.sessions, name)) is None:
         raise UsageError(f"--own-calibration: there is no session {name!r} yet; a new one takes the calibration in use")
-    return known.facts
+    return store.facts
 
 
 def default_name(config: Config) -> str:
@@ -228,10 +228,10 @@ def _known(root: Path, name: str) -> SessionStore | None:
 def _continued(config: Config, store: SessionStore, request: SessionRequest) -> Config:
     """The settings that the session was begun with. Raises UsageError if a flag contradicts them."""
     for key in _FROZEN:
-        was, asked = getattr(store.facts, key), getattr(config, key)
-        if key in request.given and was != asked:
+        was, value = getattr(store.facts, key), getattr(config, key)
+        if key in request.flag_keys and was != value:
             raise UsageError(
-                f"session {store.facts.name!r} was begun with {key} = {was}, not {asked}; leave the flag out to "
+                f"session {store.facts.name!r} was begun with {key} = {was}, not {value}; leave the flag out to "
                 "continue it, or give another --session"
             )
     return settings_of(store, config)
@@ -286,16 +286,16 @@ _OWN = {
 def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
     """The store, if its checkpoint, calibration and world are still those that it was begun with."""
     facts, now = store.facts, parts.provenance
-    for what, was, found in (
+    for what, was, digest in (
         ("checkpoint", facts.checkpoint_sha256, now.checkpoint_sha256),
         ("calibration or touch-off", facts.calibration_sha256, now.calibration_sha256),
         ("camera's time offset", _ms(facts.camera_late_s), _ms(now.camera_late_s)),
         ("recording" if facts.recorded else "world", facts.world_sha256, now.world_sha256),
         ("posterior that it started from", facts.start_from_sha256, now.start_from_sha256),
     ):
-        if was != found:
+        if was != digest:
             raise UsageError(
-                f"the {what} has changed since session {facts.name!r} was begun ({was[:12]} then, {found[:12]} now): "
+                f"the {what} has changed since session {facts.name!r} was begun ({was[:12]} then, {digest[:12]} now): "
                 "its trials cannot be compared with new ones. Restore it, or give another --session"
                 + _OWN.get(what, "")
             )

@@ -79,8 +79,8 @@ class SessionStore:
         """
         folder = folder_of(root, facts.name)
         durable.make_folder(root)
-        taken = f"another session is just being begun in {root}; run the same command again"
-        with locked(root, taken, wait_s=_CREATION_S):
+        refusal = f"another session is just being begun in {root}; run the same command again"
+        with locked(root, refusal, wait_s=_CREATION_S):
             durable.write_folder(folder, {FACTS: records.to_toml(facts), START: records.to_json(start)})
         return cls(folder, facts, start)
 
@@ -169,21 +169,21 @@ class SessionStore:
 
     def changes(self, iteration: int) -> tuple[Change, ...]:
         """The amendments and restorations of an iteration, in time order."""
-        found = [
+        changes = [
             Change(_key(match), records.read(kind, entry))
             for entry in entries(self.iteration_folder(iteration))
             if (match := _TRIAL.fullmatch(entry.name)) and (kind := _CHANGES.get(match[3]))
         ]
-        return tuple(sorted(found, key=lambda change: change.note.at))
+        return tuple(sorted(changes, key=lambda change: change.note.at))
 
     def rejections(self) -> tuple[Change, ...]:
         """The attempts that do not count, in order of trials, each with the reason of its last rejection."""
         rejected = sorted(self.existing().rejected, key=lambda key: (key.number, key.attempt))
-        told = []
+        changes = []
         for key in rejected:
             marker = self._markers(self.iteration_of(key.number), key, "rejected")[-1]
-            told.append(Change(key, records.read(Note, marker)))
-        return tuple(told)
+            changes.append(Change(key, records.read(Note, marker)))
+        return tuple(changes)
 
     def pruned(self, folder: Path) -> dict[str, int]:
         """The recordings removed from a trial's folder to make room, with sizes in bytes. Raises SessionError."""
@@ -256,10 +256,10 @@ class SessionStore:
 
     def _markers(self, iteration: int, key: TrialKey, kind: str) -> list[Path]:
         """The markers of one kind, oldest first."""
-        found: list[Path] = []
-        while (path := self._nth_marker(iteration, key, kind, len(found))).is_file():
-            found.append(path)
-        return found
+        markers: list[Path] = []
+        while (path := self._nth_marker(iteration, key, kind, len(markers))).is_file():
+            markers.append(path)
+        return markers
 
     def _nth_marker(self, iteration: int, key: TrialKey, kind: str, n: int) -> Path:
         return self._marker(iteration, key, f"{kind}-{n + 1}" if n else kind)
@@ -274,8 +274,8 @@ class SessionStore:
     def save_trial(self, record: TrialRecord, derived: Mapping[str, bytes]) -> None:
         """Complete the trial of a stored motion with the files `derived` from its recording."""
         folder = self.trial_folder(*record.place)
-        there = {entry.name: entry.stat().st_size for entry in entries(folder) if entry.name != MOTION}
-        sizes = there | {name: len(content) for name, content in derived.items()}
+        stored_sizes = {entry.name: entry.stat().st_size for entry in entries(folder) if entry.name != MOTION}
+        sizes = stored_sizes | {name: len(content) for name, content in derived.items()}
         sized = record.model_copy(update={"files": sizes, "checksums": record.checksums | _checksums(derived)})
         durable.complete_folder(folder, derived, TRIAL, records.to_json(sized))
 
@@ -303,10 +303,10 @@ class SessionStore:
 
     def _once(self, kind: type[AnyRecord], path: Path) -> AnyRecord:
         """A record that never changes; read and checked once, so that a session's time does not grow with its age."""
-        if (known := self._read.get(path)) is None:
-            known = self._read[path] = records.read(kind, path)
-        assert isinstance(known, kind)
-        return known
+        if (record := self._read.get(path)) is None:
+            record = self._read[path] = records.read(kind, path)
+        assert isinstance(record, kind)
+        return record
 
     def _marker(self, iteration: int, key: TrialKey, kind: str) -> Path:
         folder = self.trial_folder(iteration, key)
@@ -321,8 +321,10 @@ class SessionStore:
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Lock this session against every other process. Raises UsageError if another one holds the lock."""
-        taken = f"session {self.facts.name!r} is being run by another process; stop that one, or name another --session"
-        with locked(self.folder, taken):
+        refusal = (
+            f"session {self.facts.name!r} is being run by another process; stop that one, or name another --session"
+        )
+        with locked(self.folder, refusal):
             durable.remove_leftovers(self.folder)
             yield
 
@@ -353,9 +355,9 @@ def existing_folder(root: Path, name: str) -> Path:
     """The folder of a session, damaged or not. Raises SessionError naming the existing ones."""
     folder = folder_of(root, name)
     if not folder.is_dir():
-        known = ", ".join(names(root)) or "none yet"
+        listing = ", ".join(names(root)) or "none yet"
         near = did_you_mean(name, names(root))
-        raise SessionError(f"there is no session {name!r} in {root}; sessions: {known}{near}")
+        raise SessionError(f"there is no session {name!r} in {root}; sessions: {listing}{near}")
     return folder
 
 
@@ -372,10 +374,10 @@ def strays(root: Path) -> tuple[str, ...]:
 
 def stray_note(root: Path) -> str:
     """One sentence about the strays below `root`; "" without any."""
-    found = strays(root)
-    if not found:
+    stray_names = strays(root)
+    if not stray_names:
         return ""
-    which = ", ".join(repr(name) for name in found[:5]) + (" and more" if len(found) > 5 else "")
+    which = ", ".join(repr(name) for name in stray_names[:5]) + (" and more" if len(stray_names) > 5 else "")
     return (
         f"Skipped in {root}: {which}. The name of a session has letters, digits, '.', '_' and '-' only: rename what "
         "should be one"
@@ -384,12 +386,12 @@ def stray_note(root: Path) -> str:
 
 def newest(root: Path, without: str = "") -> str:
     """The session that was begun last, of another method than `without`. Raises SessionError if there is none."""
-    found = [name for name in names(root) if (root / name / FACTS).is_file()]
+    candidates = [name for name in names(root) if (root / name / FACTS).is_file()]
     if without:
-        found = [name for name in found if records.read(Facts, root / name / FACTS).method != without]
-    if not found:
+        candidates = [name for name in candidates if records.read(Facts, root / name / FACTS).method != without]
+    if not candidates:
         raise SessionError(f"there are no sessions in {root} yet; begin one with adaptsim run-iteration")
-    return found[-1]
+    return candidates[-1]
 
 
 def _begun(folder: Path) -> tuple[float, int]:
@@ -420,8 +422,8 @@ def entries(folder: Path) -> list[Path]:
     Links are not followed and pipes not opened: what lies elsewhere is not part of a session.
     """
     try:
-        with os.scandir(folder) as found:
-            names = [entry.name for entry in found if not entry.name.startswith(".") and _is_own(entry)]
+        with os.scandir(folder) as scan:
+            names = [entry.name for entry in scan if not entry.name.startswith(".") and _is_own(entry)]
     except (FileNotFoundError, NotADirectoryError):
         return []
     return [folder / name for name in sorted(names)]
@@ -429,10 +431,10 @@ def entries(folder: Path) -> list[Path]:
 
 def own_files(folder: Path) -> list[Path]:
     """Every regular file in `folder` and in its own folders, by `entries`."""
-    found = []
+    files = []
     for entry in entries(folder):
-        found += own_files(entry) if entry.is_dir() else [entry]
-    return found
+        files += own_files(entry) if entry.is_dir() else [entry]
+    return files
 
 
 def _is_own(entry: os.DirEntry[str]) -> bool:
@@ -462,9 +464,9 @@ def history_of(task: Task, store: SessionStore, last: int) -> tuple[Iteration, .
     """The counting trials of iterations 0 to `last`, as learning methods take them. Raises SessionError."""
 
     def iteration(i: int) -> Iteration:
-        made = store.trials(i)
+        trials = store.trials(i)
         return tuple(
-            ParticleTrials(particle, tuple(_learnt_from(task, one) for one in made if one.particle == number))
+            ParticleTrials(particle, tuple(_learnt_from(task, one) for one in trials if one.particle == number))
             for number, particle in enumerate(particles_of(store, i), start=1)
         )
 
@@ -495,6 +497,6 @@ def completed(store: SessionStore, number: int) -> TrialRecord:
     """The completed trial `number` (from 1) that counts. Raises UsageError naming those that are, SessionError."""
     trials = {trial.trial: trial for trial in trials_of(store)}
     if number not in trials:
-        known = ", ".join(map(str, trials)) or "none"
-        raise UsageError(f"trial {number} of {store.facts.name} is not completed; completed are {known}")
+        listing = ", ".join(map(str, trials)) or "none"
+        raise UsageError(f"trial {number} of {store.facts.name} is not completed; completed are {listing}")
     return trials[number]

@@ -59,7 +59,7 @@ def _particle(names: Sequence[str], now: Particle, trials: Sequence[TrialRecord]
 
 def overview(store: SessionStore) -> SessionRow:
     """One session in one line. Raises SessionError."""
-    facts, results, said = store.facts, results_of(store), about(store.folder)
+    facts, results, remarks = store.facts, results_of(store), about(store.folder)
     rewards = [trial.reward for trial in trials_of(store)]
     return SessionRow(
         session=facts.name,
@@ -74,7 +74,7 @@ def overview(store: SessionStore) -> SessionRow:
         mean_reward=float(np.mean(rewards)) if rewards else None,
         verdict=results[-1].verdict if results else None,
         size_bytes=size_bytes(store.folder),
-        note=said.note,
+        note=remarks.note,
         begun_as=store.begun_as,
     )
 

@@ -62,14 +62,14 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle, left_s:
     return Group(Text(""), head, views.indent(Text(why, style="dim")))
 
 
-def proposal(task: Task, made: Proposal) -> RenderableType:
+def proposal(task: Task, proposal: Proposal) -> RenderableType:
     """The proposed action, and its expected outcome."""
-    trial = made.trial
+    trial = proposal.trial
     lines = (
         *_where(task, trial),
         f"Action   {views.values(task.action, trial.action_array)}",
         f"Expected reward {trial.predicted_reward:.2f} ({trial.predicted_low:.2f} to {trial.predicted_high:.2f})",
-        made.summary,
+        proposal.summary,
     )
     return views.indent(Group(*map(Text, lines)))
 
@@ -139,13 +139,13 @@ def _correction(task: Task, result: ResultRecord) -> list[Text]:
     """How the best actions differ from the simulator's actions for the same parameters."""
     if result.outlook is None:
         return []
-    told = [
+    terms = [
         f"{d.plain_name} {'+' if off > 0 else '−'}{views.quantity(abs(off), d.unit)}"
         for d, off in result.outlook.noticeable(task.action.dimensions)
     ]
-    if not told:
+    if not terms:
         return [Text("The actions are those that the simulator proposes for these parameters.", style="dim")]
-    return [Text(f"What the trials add to the simulator's action for these parameters: {', '.join(told)}")]
+    return [Text(f"What the trials add to the simulator's action for these parameters: {', '.join(terms)}")]
 
 
 def _style(result: ResultRecord) -> str:
@@ -228,10 +228,10 @@ def tell_amended(screen: Screen, command: str, changed: Amended, consequence: st
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
-def sessions(found: Sequence[SessionRow | Damaged]) -> RenderableType:
+def sessions(rows: Sequence[SessionRow | Damaged]) -> RenderableType:
     """Sessions with task, progress and result; damaged sessions come last."""
-    whole = [part for s in found if isinstance(s, SessionRow) for part in _session(s)]
-    damaged = [Text.assemble((s.session, "bold"), f" {s.error}") for s in found if isinstance(s, Damaged)]
+    whole = [part for s in rows if isinstance(s, SessionRow) for part in _session(s)]
+    damaged = [Text.assemble((s.session, "bold"), f" {s.error}") for s in rows if isinstance(s, Damaged)]
     return Group(*whole, *damaged)
 
 

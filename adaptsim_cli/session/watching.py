@@ -32,11 +32,11 @@ PosteriorSource = Callable[[], Posterior | None]
 class Watcher(Protocol):
     """A view of a session. Each call returns at once, and never raises because it cannot show something."""
 
-    def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
+    def proposed(self, proposal: Proposal, preview: MotionPreview | None) -> None:
         """A trial is planned; the operator is asked next."""
         ...
 
-    def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
+    def tracked(self, record: TrialRecord, tracked_trial: TrackedTrial) -> None:
         """A trial is tracked; the operator reviews it next."""
         ...
 
@@ -55,15 +55,15 @@ class AllOf:
     def __init__(self, *watchers: Watcher) -> None:
         self._watchers = watchers
 
-    def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
+    def proposed(self, proposal: Proposal, preview: MotionPreview | None) -> None:
         """See `Watcher`."""
         for watcher in self._watchers:
-            watcher.proposed(made, preview)
+            watcher.proposed(proposal, preview)
 
-    def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
+    def tracked(self, record: TrialRecord, tracked_trial: TrackedTrial) -> None:
         """See `Watcher`."""
         for watcher in self._watchers:
-            watcher.tracked(record, seen)
+            watcher.tracked(record, tracked_trial)
 
     def changed(self, store: SessionStore, posterior: PosteriorSource) -> None:
         """See `Watcher`."""
@@ -118,11 +118,11 @@ class SessionLog:
         """See `Listener`."""
         self.write("noted", text)
 
-    def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
+    def proposed(self, proposal: Proposal, preview: MotionPreview | None) -> None:
         """See `Watcher`."""
-        self.write("planned", made.summary, **made.trial.model_dump(mode="json", exclude_defaults=True))
+        self.write("planned", proposal.summary, **proposal.trial.model_dump(mode="json", exclude_defaults=True))
 
-    def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
+    def tracked(self, record: TrialRecord, tracked_trial: TrackedTrial) -> None:
         """See `Watcher`."""
         self.write("tracked", outcome=record.outcome.value, reward=record.reward, flags=list(record.track.flags))
 
@@ -175,13 +175,13 @@ def read(folder: Path) -> tuple[LogLine, ...]:
     path = folder / FILE
     if not path.is_file():
         return ()
-    found = []
+    lines = []
     for line in read_bytes(path, JSON_BYTES).splitlines():
         try:
-            found.append(from_any_version(LogLine, parse_table(line, is_toml=False)))
+            lines.append(from_any_version(LogLine, parse_table(line, is_toml=False)))
         except ValueError:
             continue
-    return tuple(found)
+    return tuple(lines)
 
 
 def _as_line(line: LogLine) -> str:

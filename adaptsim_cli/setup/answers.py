@@ -129,12 +129,12 @@ class Answers:
 def numbers(text: str, count: int) -> list[float]:
     """So many numbers, with blanks or commas between them. Raises UsageError."""
     try:
-        found = [float(word) for word in text.replace(",", " ").split()]
+        values = [float(word) for word in text.replace(",", " ").split()]
     except ValueError:
-        found = []
-    if len(found) != count:
+        values = []
+    if len(values) != count:
         raise UsageError(f"{text!r}: {count} number{'s' if count > 1 else ''} belong{'' if count > 1 else 's'} here")
-    return found
+    return values
 
 
 def shown(values: Sequence[float]) -> str:

@@ -28,15 +28,17 @@ ANY = "any"
 
 def arm(answers: Answers) -> None:
     """Name and address; the forces at which the arm stops by itself are shown."""
-    given = answers.rig.arm
+    arm_part = answers.rig.arm
     answers.take("Name of the lab, in one word?", answers.rig.name, lambda name: {"name": name})
     answers.take(
         "Address of the arm's control box?",
-        given.address,
-        lambda address: {"arm": {**asdict(given), "address": address}},
+        arm_part.address,
+        lambda address: {"arm": {**asdict(arm_part), "address": address}},
     )
-    torques = shown(given.stops_at_Nm.tolist())
-    answers.screen.plain(f"  The arm stops by itself at {given.stops_at_N:g} N, and at {torques} Nm in joints 1 to 7.")
+    torques = shown(arm_part.stops_at_Nm.tolist())
+    answers.screen.plain(
+        f"  The arm stops by itself at {arm_part.stops_at_N:g} N, and at {torques} Nm in joints 1 to 7."
+    )
     answers.screen.plain("  Other limits: [arm.collision] of the rig file.")
 
 
@@ -119,14 +121,14 @@ def camera(answers: Answers) -> None:
     kind = answers.one_of("Which camera is it?", camera_kinds(), answers.rig.camera.kind)
     answers.put(camera={**asdict(answers.rig.camera), "kind": kind})
     with answers.screen.busy("Looking for cameras"):
-        found = readings.cameras(kind).serials
-    answers.screen.plain(f"  Cameras seen: {', '.join(found) or NOTHING}")
-    given = answers.rig.camera
-    default = given.serial or (found[0] if found else ANY)
+        serials = readings.cameras(kind).serials
+    answers.screen.plain(f"  Cameras seen: {', '.join(serials) or NOTHING}")
+    camera_part = answers.rig.camera
+    default = camera_part.serial or (serials[0] if serials else ANY)
     answers.take(
         f"Serial number of the camera? {ANY}: the only one plugged in.",
         default,
-        lambda text: {"camera": {**asdict(given), "serial": "" if text == ANY else text}},
+        lambda text: {"camera": {**asdict(camera_part), "serial": "" if text == ANY else text}},
     )
 
 
@@ -159,12 +161,14 @@ def table(answers: Answers) -> None:
         ("x_m", "From where to where is it free, ahead of the arm?", 2),
         ("y_m", "From where to where is it free, to the sides?", 2),
     ):
-        given = asdict(answers.rig.table)
-        default = shown(np.atleast_1d(given[key]).tolist())
+        table_part = asdict(answers.rig.table)
+        default = shown(np.atleast_1d(table_part[key]).tolist())
 
-        def changed(text: str, key: str = key, count: int = count, given: Mapping[str, Any] = given) -> dict[str, Any]:
+        def changed(
+            text: str, key: str = key, count: int = count, table_part: Mapping[str, Any] = table_part
+        ) -> dict[str, Any]:
             values = numbers(text, count)
-            return {"table": {**given, key: values if count > 1 else values[0]}}
+            return {"table": {**table_part, key: values if count > 1 else values[0]}}
 
         answers.take(question, default, changed)
         if drawn:
@@ -177,14 +181,14 @@ def table(answers: Answers) -> None:
 
 def _person(answers: Answers) -> None:
     """The operator's side, which a task must not need."""
-    given = answers.rig.person
+    person_part = answers.rig.person
     if answers.rig.waives("person"):
         return
     while True:
         side = answers.one_of(
             "On which side, seen from the base, do you stand?",
             (*get_args(Side), WAIVE),
-            "left" if given is None else given.side,
+            "left" if person_part is None else person_part.side,
         )
         if side != WAIVE:
             break
@@ -197,11 +201,15 @@ def _person(answers: Answers) -> None:
             "waivers": answers.waivers_but("person"),
         }
         answers.put(**parts)
-        if answers.rig.person is not None and (said := "; ".join(reached(answers.rig.person.box()))):
-            raise UsageError(f"{said}: stand further out")
+        if answers.rig.person is not None and (overlap := "; ".join(reached(answers.rig.person.box()))):
+            raise UsageError(f"{overlap}: stand further out")
         return parts
 
-    answers.take("How far from the arm's axis does your side begin?", f"{given.from_m if given else 0.6:g}", kept_clear)
+    answers.take(
+        "How far from the arm's axis does your side begin?",
+        f"{person_part.from_m if person_part else 0.6:g}",
+        kept_clear,
+    )
 
 
 def _boxes(answers: Answers, drawn: _Drawn | None) -> None:
@@ -213,8 +221,8 @@ def _boxes(answers: Answers, drawn: _Drawn | None) -> None:
         answers.take("  Its upper corner, x y z?", "0.7 -0.7 0.4", partial(_with_box, answers, name, low_m))
         if drawn:
             drawn.again()
-        for said in reached(answers.rig.keep_out[-1].box()):
-            answers.screen.note(f"  {said}: name it again to correct it")
+        for overlap in reached(answers.rig.keep_out[-1].box()):
+            answers.screen.note(f"  {overlap}: name it again to correct it")
 
 
 def _next_box(answers: Answers) -> str:
@@ -255,8 +263,8 @@ def board_payload(answers: Answers, mass_F: Mass) -> None:
 
 def _payload(answers: Answers, name: str, what: str, mass_F: Mass) -> None:
     part = answers.rig.tool(name)
-    known = part.payload
-    kg, com_m = (mass_F.kg, mass_F.com_m.tolist()) if known is None else (known.mass_kg, known.com_F_m)
+    payload = part.payload
+    kg, com_m = (mass_F.kg, mass_F.com_m.tolist()) if payload is None else (payload.mass_kg, payload.com_F_m)
 
     def put(payload: Mapping[str, Any]) -> dict[str, Any]:
         tools = {other: asdict(tool) for other, tool in answers.rig.tools.items()}
@@ -275,7 +283,7 @@ def reached(box: KeepOut) -> tuple[str, ...]:
     """The tasks with a tool in the box, each with the place; tried is the middle action at the reference place."""
     from sim.tasks import get_task
 
-    said: list[str] = []
+    sentences: list[str] = []
     for name in tasks_with_tools():
         task = get_task(name)
         middle = task.action.middle
@@ -283,5 +291,5 @@ def reached(box: KeepOut) -> tuple[str, ...]:
         inside = p_m[((p_m >= box.low_m) & (p_m <= box.high_m)).all(axis=1)]
         if len(inside):
             (x0, y0, _), (x1, y1, _) = inside.min(axis=0), inside.max(axis=0)
-            said.append(f"{name} works there, over x {x0:.2f} to {x1:.2f} m, y {y0:+.2f} to {y1:+.2f} m")
-    return tuple(said)
+            sentences.append(f"{name} works there, over x {x0:.2f} to {x1:.2f} m, y {y0:+.2f} to {y1:+.2f} m")
+    return tuple(sentences)

@@ -33,8 +33,8 @@ BOARD_PDF = Path("board.pdf")
 def board(answers: Answers) -> None:
     """Print the calibration board, unless one is known already; measure it, and say what it weighs."""
     screen, data = answers.screen, answers.places.data
-    known = printing.known(data)
-    if known is None:
+    record = printing.known(data)
+    if record is None:
         paper = answers.one_of("Paper for the calibration board?", tuple(printing.PAPERS_MM), "a4")
         calibrating.board(answers.resolved, BOARD_PDF, paper, None, None, screen)
         if not answers.defaults:
@@ -46,11 +46,11 @@ def board(answers: Answers) -> None:
 def calibrate(answers: Answers) -> None:
     """Find the camera: the first time on a real rig by hand, since nothing can be planned yet."""
     config, screen = answers.config, answers.screen
-    known = calibration.current_calibration(config, answers.places)
-    if known is not None and not answers.defaults:
+    record = calibration.current_calibration(config, answers.places)
+    if record is not None and not answers.defaults:
         keep = enter("to keep it", "The step is done.")
         again = Key("r", "to calibrate again", "A new calibration begins.")
-        if screen.choose(f"A calibration of {known.created} is in use.", keep, again) == "":
+        if screen.choose(f"A calibration of {record.created} is in use.", keep, again) == "":
             return
     calibrating.calibrate(
         _slowly(answers, practice=False),
@@ -58,7 +58,7 @@ def calibrate(answers: Answers) -> None:
         rig_frames.open_sessions(config, answers.places),
         partial(calibration.open_calibration_rig, screen=answers.asked),
         screen,
-        guide=known is None and not config.is_simulated,
+        guide=record is None and not config.is_simulated,
         yes=answers.defaults,
     )
 
@@ -82,9 +82,9 @@ def stop(answers: Answers) -> None:
     """Measure how the arm's stop button stops a slow motion."""
     from sim.tasks import get_task
 
-    there = mounted_for(answers.resolved, None)
+    mounted_task = mounted_for(answers.resolved, None)
     with open_lab(answers.config, get_task(answers.config.task), screen=answers.asked) as lab:
-        answers.screen.plain(f"  {lab.measure_stop(there)}")
+        answers.screen.plain(f"  {lab.measure_stop(mounted_task)}")
 
 
 def slow_motion(answers: Answers) -> None:
@@ -104,8 +104,8 @@ def _trial(resolved: Resolved, answers: Answers) -> None:
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(open_parts(config, Path(learnt), screen=answers.asked))
-        made = single.rollout(config, parts, single.Chosen(), screen, folder, yes=answers.defaults)
-    for record in trials_of(made):
+        store = single.rollout(config, parts, single.Chosen(), screen, folder, yes=answers.defaults)
+    for record in trials_of(store):
         screen.plain(f"  {record.outcome_words}, reward {record.reward:.2f}, stored: {folder}")
 
 

@@ -96,7 +96,7 @@ def walk(answers: Answers, *, begin: str = "") -> None:
 
 def waive(answers: Answers, name: str) -> None:
     """Ask why this lab goes without one safeguard, and write that into the rig file. Raises UsageError."""
-    what = next((known for known in WITHOUT if known == name), None)
+    what = next((one for one in WITHOUT if one == name), None)
     if what is None:
         raise UsageError(f"--waive {name}: choose one of {', '.join(WITHOUT)}")
     if answers.defaults:
@@ -146,13 +146,13 @@ def _missing(answers: Answers, step: Step) -> list[str]:
         answers.screen.show(f"  Simulated. A real lab {step.practised}.")
         return []
     with answers.screen.busy("Checking"):
-        found = tuple(checks.examine(answers.resolved, step.checks))
+        findings = tuple(checks.examine(answers.resolved, step.checks))
         lacking = [gap for gap in gaps(answers.rig, answers.config.task) if gap.what in step.safeguards]
-    made = [finding for finding in found if finding.verdict is not Severity.SKIPPED]
-    table.show_table(made, answers.screen, grouped=False)
+    rows = [finding for finding in findings if finding.verdict is not Severity.SKIPPED]
+    table.show_table(rows, answers.screen, grouped=False)
     for gap in lacking:
         answers.screen.note(f"  {gap.what}: {gap.message}")
-    return [*table.missing_in(found), *(gap.what for gap in lacking)]
+    return [*table.missing_in(findings), *(gap.what for gap in lacking)]
 
 
 def _only_told(answers: Answers, step: Step) -> bool:

@@ -135,11 +135,11 @@ _POLL_S = 0.02
 
 @contextmanager
 def locked(
-    folder: Path, taken: str, wait_s: float = 0.0, *, file: str = LOCK, kind: int = fcntl.LOCK_EX
+    folder: Path, refusal: str, wait_s: float = 0.0, *, file: str = LOCK, kind: int = fcntl.LOCK_EX
 ) -> Iterator[None]:
     """Lock the existing `folder`; with LOCK_SH as `kind`, against whoever wants it alone.
 
-    Raises UsageError with the message `taken` if another process still holds the lock after `wait_s`, DiskFull or
+    Raises UsageError with the message `refusal` if another process still holds the lock after `wait_s`, DiskFull or
     SessionError if the folder is not writable, or was moved or deleted meanwhile.
     """
     try:
@@ -151,19 +151,19 @@ def locked(
             raise disk_full(folder / LOCK) from error
         raise SessionError(f"{folder} cannot be locked: {error.strerror}; check that you may write there") from error
     try:
-        _lock(descriptor, folder / file, kind, taken, time.monotonic() + wait_s)
+        _lock(descriptor, folder / file, kind, refusal, time.monotonic() + wait_s)
         yield
     finally:
         os.close(descriptor)
 
 
-def _lock(descriptor: int, file: Path, kind: int, taken: str, until_s: float) -> None:
+def _lock(descriptor: int, file: Path, kind: int, refusal: str, until_s: float) -> None:
     while True:
         try:
             fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
         except BlockingIOError as error:
             if time.monotonic() >= until_s:
-                raise UsageError(taken) from error
+                raise UsageError(refusal) from error
             time.sleep(_POLL_S)
         except OSError as error:
             raise SessionError(f"{file.parent} is on a file system without locks: {error.strerror}") from error
@@ -226,5 +226,5 @@ _VERSIONED = ("adaptsim", "drake", "numpy", "opencv-python-headless", "torch")
 
 def versions() -> dict[str, str]:
     """The versions of Python and of the packages that results depend on."""
-    found = {name: importlib.metadata.version(name) for name in _VERSIONED}
-    return {"python": platform.python_version(), **found}
+    packages = {name: importlib.metadata.version(name) for name in _VERSIONED}
+    return {"python": platform.python_version(), **packages}

@@ -34,17 +34,17 @@ class Numbered:
 
     def next(self) -> Path:
         """The path of the next one."""
-        found = self.all()
-        number = int(found[-1].name.removeprefix(self.prefix)) + 1 if found else 1
+        paths = self.all()
+        number = int(paths[-1].name.removeprefix(self.prefix)) + 1 if paths else 1
         return self.folder / f"{self.prefix}{number:04d}"
 
     def named(self, name: str) -> Path:
         """The folder with this name or number. Raises UsageError naming the existing ones."""
-        wanted = f"{self.prefix}{int(name):04d}" if name.isdigit() else name
-        found = {path.name: path for path in self.all()}
-        if wanted not in found:
-            raise UsageError(f"there is no {wanted} in {self.folder}; there are: {', '.join(found) or 'none yet'}")
-        return found[wanted]
+        full_name = f"{self.prefix}{int(name):04d}" if name.isdigit() else name
+        by_name = {path.name: path for path in self.all()}
+        if full_name not in by_name:
+            raise UsageError(f"there is no {full_name} in {self.folder}; there are: {', '.join(by_name) or 'none yet'}")
+        return by_name[full_name]
 
     def restore(self, name: str, at: str) -> Path:
         """Put an earlier one in use again, as a copy with the next number.
@@ -87,27 +87,27 @@ class NumberedRecords(Generic[AnyRecord]):
 
     def current(self) -> AnyRecord | None:
         """The latest one. Raises SessionError if it is unreadable: an older one is never used silently."""
-        found = self.numbered.all()
+        paths = self.numbered.all()
         try:
-            return self.read(found[-1]) if found else None
+            return self.read(paths[-1]) if paths else None
         except SessionError as error:
             raise SessionError(
                 f"{error}. Go back to an earlier one: adaptsim {self.command} restore; or make another: adaptsim "
                 f"{self.command}"
             ) from error
 
-    def listed(self, told: Callable[[AnyRecord, Path], Mapping[str, Any]]) -> list[dict[str, Any]]:
-        """One row per folder, oldest first, with what is `told` of its record; a damaged one has its error."""
-        found: list[dict[str, Any]] = []
+    def listed(self, summary: Callable[[AnyRecord, Path], Mapping[str, Any]]) -> list[dict[str, Any]]:
+        """One row per folder, oldest first, with the `summary` of its record; a damaged one has its error."""
+        rows: list[dict[str, Any]] = []
         for path in (paths := self.numbered.all()):
             try:
-                row = told(self.read(path), path)
+                row = summary(self.read(path), path)
             except SessionError as error:
-                found.append({"name": path.name, "error": str(error)})
+                rows.append({"name": path.name, "error": str(error)})
                 continue
             in_use = {"in_use": path == paths[-1], "restored_from": restored_from(path)}
-            found.append({"name": path.name, **row, **in_use})
-        return found
+            rows.append({"name": path.name, **row, **in_use})
+        return rows
 
     def add(self, files: Mapping[str, bytes]) -> Path:
         """Store a record's file and others beside it in the next folder. Raises DiskFull, SessionError."""

@@ -13,17 +13,17 @@ def place(loc: Sequence[int | str]) -> str:
     return ".".join(str(part) for part in loc)
 
 
-def unknown(key: str, name: str, known: Sequence[str], title: str) -> str:
-    """The message for an unknown `key` of a file: its last part `name` is not among the `known` keys of `title`."""
-    near = difflib.get_close_matches(name, known, n=1)
+def unknown(key: str, name: str, keys: Sequence[str], title: str) -> str:
+    """The message for an unknown `key` of a file: its last part `name` is not among the `keys` of `title`."""
+    near = difflib.get_close_matches(name, keys, n=1)
     hint = f", did you mean {near[0]!r}?" if near else ";"
-    return f"unknown key {key!r}{hint} {title}: {', '.join(known)}"
+    return f"unknown key {key!r}{hint} {title}: {', '.join(keys)}"
 
 
 def plain(message: str) -> str:
     """A message of pydantic, for the middle of a sentence."""
-    told = message.replace("Input should be", "it must be")
-    return told[0].lower() + told[1:]
+    text = message.replace("Input should be", "it must be")
+    return text[0].lower() + text[1:]
 
 
 def explained(error: ValidationError) -> str:

@@ -107,7 +107,7 @@ def touch_off(rig: TouchRig, screen: Screen, *, unattended: bool, created: str) 
 
     def wait(question: str, does: str, then: str) -> None:
         if not unattended:
-            screen.go_on(question, does, then=then, kept="nothing was stored")
+            screen.go_on(question, does, then=then, assurance="nothing was stored")
 
     if rig.is_real and unattended:
         raise UsageError(NEVER_CONFIRMS)
@@ -170,7 +170,7 @@ def stored(
 
 def _touch_all(rig: TouchRig, bench: HeldTool, probes: Sequence[Probe], table: Table, screen: Screen) -> list[Touched]:
     """At each place: down until it touches, then again slowly. The result of one place helps to find the next."""
-    found: list[Touched] = []
+    touches: list[Touched] = []
     lower_m = 0.0  # by how much the last place was lower than expected
     for number, probe in enumerate(probes):
         deeper_m = FIRST_DEEPER_M if number == 0 else DEEPER_M
@@ -192,9 +192,9 @@ def _touch_all(rig: TouchRig, bench: HeldTool, probes: Sequence[Probe], table: T
                 f"(at most {1e3 * DIFFER_M:.1f}): the table is soft, or the tool is loose. Fix it and run again"
             )
         lower_m += float(np.mean(heights)) if number == 0 else 0.0
-        found += [Touched(probe, q) for q in slow]
+        touches += [Touched(probe, q) for q in slow]
         screen.show(terminal_views.touched(number + 1, len(probes), probe.name, heights))
-    return found
+    return touches
 
 
 def _slip_m(rig: TouchRig, table: Table, tool: Sequence[Touched], screen: Screen) -> float:

@@ -68,8 +68,8 @@ def table_of(touches: Sequence[Touched]) -> tuple[Table, Array, Array]:
     """The plane through the lowest points of the fingers -> (table, residuals (N,) in m, normal matrix (3, 3))."""
     tips = np.array([_lowest(forward(t.q_rad), t.probe) for t in touches])
     A = np.column_stack([np.ones(len(tips)), tips[:, :2]])
-    found, *_ = np.linalg.lstsq(A, tips[:, 2], rcond=None)
-    return Table(*(float(v) for v in found)), np.asarray(tips[:, 2] - A @ found), A.T @ A
+    plane, *_ = np.linalg.lstsq(A, tips[:, 2], rcond=None)
+    return Table(*(float(v) for v in plane)), np.asarray(tips[:, 2] - A @ plane), A.T @ A
 
 
 def tool_of(touches: Sequence[Touched], designed: Array, table: Table) -> tuple[ToolCorrection, Array, Array]:
@@ -189,12 +189,12 @@ def _uncertain(edge_m: float, pitch_rad: float) -> tuple[str, ...]:
     )
 
 
-def _implausible(found: ToolCorrection) -> tuple[str, ...]:
+def _implausible(correction: ToolCorrection) -> tuple[str, ...]:
     limits = (
-        ("pitch", np.rad2deg(found.pitch_rad), np.rad2deg(MOST_PITCH_RAD), "°"),
-        ("roll", np.rad2deg(found.roll_rad), np.rad2deg(MOST_ROLL_RAD), "°"),
-        ("height", 1e3 * found.height_m, 1e3 * MOST_HEIGHT_M, " mm"),
-        ("place along the blade", 1e3 * found.forward_m, 1e3 * MOST_HEIGHT_M, " mm"),
+        ("pitch", np.rad2deg(correction.pitch_rad), np.rad2deg(MOST_PITCH_RAD), "°"),
+        ("roll", np.rad2deg(correction.roll_rad), np.rad2deg(MOST_ROLL_RAD), "°"),
+        ("height", 1e3 * correction.height_m, 1e3 * MOST_HEIGHT_M, " mm"),
+        ("place along the blade", 1e3 * correction.forward_m, 1e3 * MOST_HEIGHT_M, " mm"),
     )
     return tuple(
         f"the tool's {what} would be {value:+.1f}{unit} off its design (at most {most:.1f}{unit}): check that it is "

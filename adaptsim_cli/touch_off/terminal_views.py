@@ -55,8 +55,8 @@ def explanation(rig: TouchRig) -> RenderableType:
 
 def touched(number: int, of: int, name: str, heights_m: Sequence[float]) -> RenderableType:
     """One line for one place."""
-    seen = ", ".join(f"{1e3 * h:+.2f}" for h in heights_m)
-    return Text.assemble((f"  {number:2d} of {of}", "bold"), f"  {name}: {seen} mm from the expected height")
+    heights = ", ".join(f"{1e3 * h:+.2f}" for h in heights_m)
+    return Text.assemble((f"  {number:2d} of {of}", "bold"), f"  {name}: {heights} mm from the expected height")
 
 
 def guided_explanation(rig: GuidedTouchRig) -> RenderableType:
@@ -83,20 +83,20 @@ def set_down(number: int, of: int, name: str, height_m: float, pitch_rad: float)
     )
 
 
-def result(found: Result | SavedTouchOff, slip: SlipCheckRecord | None) -> RenderableType:
+def result(fit: Result | SavedTouchOff, slip: SlipCheckRecord | None) -> RenderableType:
     """The results with their intervals."""
-    values = [(words, getattr(found, field), factor, unit) for field, _, words, factor, unit in QUANTITIES]
+    values = [(words, getattr(fit, field), factor, unit) for field, _, words, factor, unit in QUANTITIES]
     rows = [
         *((words, f"{k * v.value:+.2f} {unit}", f"± {k * v.within:.2f} {unit}") for words, v, k, unit in values),
-        ("edge against table", "", f"± {1e3 * found.edge_over_table_m:.2f} mm"),
-        ("largest misfit of a place", "", f"{1e3 * found.misfit_m:.2f} mm"),
+        ("edge against table", "", f"± {1e3 * fit.edge_over_table_m:.2f} mm"),
+        ("largest misfit of a place", "", f"{1e3 * fit.misfit_m:.2f} mm"),
     ]
     if slip is not None:
         rows += [
-            ("repeats differ by (one sigma)", "", f"{1e3 * found.repeat_m:.2f} mm"),
+            ("repeats differ by (one sigma)", "", f"{1e3 * fit.repeat_m:.2f} mm"),
             (f"moved when pressed with {slip.pressed_N:.0f} N", f"{1e3 * slip.moved_m:+.2f} mm", ""),
         ]
-    too_high = f"The edge may be up to {1e3 * found.edge_too_high_m:.2f} mm higher than assumed (one-sided 95 %)."
+    too_high = f"The edge may be up to {1e3 * fit.edge_too_high_m:.2f} mm higher than assumed (one-sided 95 %)."
     return Group(Text(""), views.rows(("quantity", "value", "95 % within"), rows), Text(too_high))
 
 
@@ -115,16 +115,16 @@ def summary(saved: SavedTouchOff) -> dict[str, Any]:
     }
 
 
-def show(screen: Screen, known: SavedTouchOff, path: Path) -> None:
+def show(screen: Screen, record: SavedTouchOff, path: Path) -> None:
     """Show one."""
-    screen.plain(f"{path.name}, made {known.created}, with {known.tool}")
-    screen.show(result(known, known.slip))
+    screen.plain(f"{path.name}, made {record.created}, with {record.tool}")
+    screen.show(result(record, record.slip))
 
 
-def told(known: SavedTouchOff, path: Path) -> dict[str, Any]:
+def told(record: SavedTouchOff, path: Path) -> dict[str, Any]:
     """What a list says of one, for JSON."""
-    values = {name: round(factor * getattr(known, field).value, 4) for field, name, _, factor, _ in LISTED}
-    return {**values, "touches": len(known.touches)}
+    values = {name: round(factor * getattr(record, field).value, 4) for field, name, _, factor, _ in LISTED}
+    return {**values, "touches": len(record.touches)}
 
 
 def columns(one: dict[str, Any]) -> tuple[str, ...]:
@@ -153,7 +153,7 @@ def compared(a: SavedTouchOff, b: SavedTouchOff) -> dict[str, Any]:
     return {"quantities": quantities}
 
 
-def comparison(found: dict[str, Any]) -> RenderableType:
+def comparison(difference: dict[str, Any]) -> RenderableType:
     """A comparison for a person."""
     rows = [
         (
@@ -162,6 +162,6 @@ def comparison(found: dict[str, Any]) -> RenderableType:
             f"{q['second']:+.2f} {q['unit']}",
             f"{q['difference']:+.2f} ± {q['within_95']:.2f} {q['unit']}",
         )
-        for q in found["quantities"]
+        for q in difference["quantities"]
     ]
     return views.rows(("quantity", "first", "second", "difference"), rows, right=(1, 2, 3))

@@ -66,19 +66,19 @@ class LiveView:
     def noted(self, text: str) -> None:
         """See `Listener`: warnings are shown in the terminal, and with the trial."""
 
-    def proposed(self, made: Proposal, preview: MotionPreview | None) -> None:
+    def proposed(self, proposal: Proposal, preview: MotionPreview | None) -> None:
         """See `Watcher`."""
-        parts: dict[str, Any] = {"trial": trial_shown(self._task, self._particles, made), "judged": None}
+        parts: dict[str, Any] = {"trial": trial_shown(self._task, self._particles, proposal), "judged": None}
         self._pictures, self._moves = {}, 0
         if preview is not None:
             name = self._picture(preview.picture)
             parts |= {"picture": picture_shown(preview, name), "motion": motion_shown(preview)}
         self._set(**parts)
 
-    def tracked(self, record: TrialRecord, seen: TrackedTrial) -> None:
+    def tracked(self, record: TrialRecord, tracked_trial: TrackedTrial) -> None:
         """See `Watcher`."""
-        url = "" if seen.film is None else f"picture/{self._picture(seen.files[FILM])}"
-        self._set(judged=tracked_shown(record, seen, url))
+        url = "" if tracked_trial.film is None else f"picture/{self._picture(tracked_trial.files[FILM])}"
+        self._set(judged=tracked_shown(record, tracked_trial, url))
 
     def changed(self, store: SessionStore, posterior: PosteriorSource) -> None:
         """See `Watcher`."""
@@ -147,9 +147,9 @@ def quantities(space: Space, point: Mapping[str, float]) -> list[dict[str, str]]
     ]
 
 
-def trial_shown(task: Task, particles: int, made: Proposal) -> dict[str, Any]:
+def trial_shown(task: Task, particles: int, proposal: Proposal) -> dict[str, Any]:
     """A proposed trial in words."""
-    trial = made.trial
+    trial = proposal.trial
     return {
         "number": trial.trial,
         "attempt": trial.attempt,
@@ -160,7 +160,7 @@ def trial_shown(task: Task, particles: int, made: Proposal) -> dict[str, Any]:
         "context": quantities(task.context, trial.context),
         "action": quantities(task.action, trial.action),
         "expected": [trial.predicted_reward, trial.predicted_low, trial.predicted_high],
-        "summary": made.summary,
+        "summary": proposal.summary,
     }
 
 
@@ -183,14 +183,14 @@ def picture_shown(preview: MotionPreview, name: str) -> dict[str, Any]:
     return {"url": f"picture/{name}", "width": width, "height": height, "path_px": _rounded(preview.path_px, 1)}
 
 
-def tracked_shown(record: TrialRecord, seen: TrackedTrial, url: str) -> dict[str, Any]:
+def tracked_shown(record: TrialRecord, tracked_trial: TrackedTrial, url: str) -> dict[str, Any]:
     """A tracked trial, before its review; `url` is that of its film."""
-    state = seen.track.state
+    state = tracked_trial.track.state
     return {
         "outcome": record.outcome_words,
         "reward": record.reward,
         "flags": list(record.track.flags),
-        "track_px": _rounded(seen.track_px, 1),
+        "track_px": _rounded(tracked_trial.track_px, 1),
         "track_m": _rounded(state[:, :3], 4) if state.shape[1] >= 3 else [],
         "film": None if record.film is None else {"url": url, "end_s": record.film.end_s},
     }
@@ -232,7 +232,7 @@ def _parameters(
     space = task.parameters
     means = means_of(store, results)
     unit = space.normalise(means)
-    told = None if posterior is None else _marginals(space, posterior)
+    marginals = None if posterior is None else _marginals(space, posterior)
     return [
         {
             "name": d.name,
@@ -243,7 +243,7 @@ def _parameters(
             "high": number(d.high),
             "steps": _rounded(unit[:, :, k], 4),
             "now": [number(float(v)) for v in means[-1, :, k]],
-            "posterior": None if told is None else told[k],
+            "posterior": None if marginals is None else marginals[k],
         }
         for k, d in enumerate(space.dimensions)
     ]

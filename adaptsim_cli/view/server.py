@@ -152,14 +152,14 @@ def _host(stated: str) -> str | None:
         return None
 
 
-def _listening(handler: Callable[..., BaseHTTPRequestHandler], wanted: int | None) -> ThreadingHTTPServer:
+def _listening(handler: Callable[..., BaseHTTPRequestHandler], port: int | None) -> ThreadingHTTPServer:
     try:
-        server = _Quiet((HOST, PORT if wanted is None else wanted), handler)
+        server = _Quiet((HOST, PORT if port is None else port), handler)
     except OSError as error:
         if error.errno != errno.EADDRINUSE:
             raise
-        if wanted is not None:
-            raise UsageError(f"--view-port {wanted} is taken: name another, or leave it out") from error
+        if port is not None:
+            raise UsageError(f"--view-port {port} is taken: name another, or leave it out") from error
         server = _Quiet((HOST, 0), handler)
     server.daemon_threads = True
     return server

@@ -67,10 +67,10 @@ class TaskPolicy:
         return self.policy.predict(self._checked(context))
 
     def __repr__(self) -> str:
-        given, returned = (
+        arguments, returned = (
             ", ".join(d.label for d in space.dimensions) for space in (self.task.context, self.task.action)
         )
-        return f"<best policy of {self.session}: ({given}) -> ({returned})>"
+        return f"<best policy of {self.session}: ({arguments}) -> ({returned})>"
 
     def _checked(self, context: ArrayLike) -> Array:
         from sim.errors import OutOfRange
@@ -94,8 +94,10 @@ def best_of(store: SessionStore, config: Config) -> BestOfSession:
         raise SessionError(
             f"session {name} has no complete iteration yet, so no best policy: adaptsim run-iteration --session {name}"
         )
-    found = settings_of(store, config)
-    return BestOfSession(found, results[-1].best.params, history_of(task_of(found), store, results[-1].iteration - 1))
+    session_config = settings_of(store, config)
+    return BestOfSession(
+        session_config, results[-1].best.params, history_of(task_of(session_config), store, results[-1].iteration - 1)
+    )
 
 
 def policy_of_session(store: SessionStore, checkpoint: Checkpoint) -> SolvedPolicy:
@@ -168,21 +170,21 @@ def scene_files(store: SessionStore, kind: str) -> dict[str, bytes]:
     hindsight = Hindsight.of(store)
     task = hindsight.checkpoint.solver.task
     task.require_hardware()
-    known = hindsight.posterior(store)
-    low, high = known.quantiles(INTERVAL)
+    posterior = hindsight.posterior(store)
+    low, high = posterior.quantiles(INTERVAL)
     context = trials_of(store)[-1].context_array
     action = policy_of_session(store, hindsight.checkpoint)(context)
-    trial = PlannedTrial(task, known.mean, context, action)
+    trial = PlannedTrial(task, posterior.mean, context, action)
     share = round(100 * (INTERVAL[1] - INTERVAL[0]))
     notes = [f"{task.title}: session {store.facts.name}, after {len(trials_of(store))} trials."]
     notes += [
         f"{d.title} = {mean:.4g}, {share} % of the posterior between {a:.4g} and {b:.4g}"
-        for d, mean, a, b in zip(task.parameters.dimensions, known.mean, low, high, strict=True)
+        for d, mean, a, b in zip(task.parameters.dimensions, posterior.mean, low, high, strict=True)
     ]
     facts = {
         "session": store.facts.name,
         "task": task.name,
-        "parameters": _named(task.parameters, known.mean),
+        "parameters": _named(task.parameters, posterior.mean),
         "interval": _named(task.parameters, np.stack([low, high], axis=-1)),
         "context": _named(task.context, context),
         "action": _named(task.action, action),

@@ -65,9 +65,9 @@ def calibration_of(config: Config, places: Places, nominal: HandEye | None) -> t
     `nominal` is the calibration of a simulated lab. A real rig has none: without a calibration it raises
     CalibrationMissing, and nothing moves.
     """
-    known = current_calibration(config, places)
-    if known is not None:
-        return known.hand_eye(), known.offsets_rad()
+    calibration = current_calibration(config, places)
+    if calibration is not None:
+        return calibration.hand_eye(), calibration.offsets_rad()
     if nominal is not None:
         return nominal, np.zeros(7)
     raise CalibrationMissing(

@@ -89,14 +89,14 @@ class Hindsight:
         results = results_of(store)
         history = history_of(checkpoint.solver.task, store, trials[-1].iteration - 1)
         posteriors = posterior_after_each(self.belief, history)
-        known = posteriors[-1]
+        posterior = posteriors[-1]
 
         def expected(policies: Sequence[SolvedPolicy]) -> Estimate:
-            return prospect(checkpoint, known, policies, np.random.default_rng(0))  # the same targets for all
+            return prospect(checkpoint, posterior, policies, np.random.default_rng(0))  # the same targets for all
 
         return Judgement(
             posteriors=posteriors,
-            predictions=self._predictions(trials, known),
+            predictions=self._predictions(trials, posterior),
             first=expected([policy_for(checkpoint.solver, one.samples) for one in particles_of(store, 0)]),
             adapted=expected([self._final(store, history[: results[-1].iteration])]) if results else None,
             udr=expected(self._of_udr),
@@ -121,11 +121,11 @@ class Hindsight:
         from sim.adaptation.posterior import predicted
 
         facts, recordings = store.facts, recordings_of(self.checkpoint, store.facts)
-        held, known = recordings.held_out, recordings.of_held_out
-        task, solver = known.solver.task, known.solver
+        held, checkpoint = recordings.held_out, recordings.of_held_out
+        task, solver = checkpoint.solver.task, checkpoint.solver
         contexts = task.context.sample(np.random.default_rng(facts.seed), JUDGED)
         history = history_of(task, store, store.iterations() - 1)
-        final = final_policy(make_method(facts.method, task, known), solver, task, history)
+        final = final_policy(make_method(facts.method, task, checkpoint), solver, task, history)
 
         def earned(policies: Sequence[SolvedPolicy]) -> tuple[float, float, float]:
             rewards = [held.rewards(held.at(actions), contexts) for p in policies for actions in [p.actions(contexts)]]
@@ -136,19 +136,19 @@ class Hindsight:
         best = [held.rewards(every, np.tile(context, (len(held), 1))).max() for context in contexts]
 
         def error(posterior: Posterior) -> float:
-            drawn, found = posterior.draw(LIKELY, np.random.default_rng(0)), []
+            drawn, errors = posterior.draw(LIKELY, np.random.default_rng(0)), []
             for row, track in enumerate(held.tracks):
                 context = held.context_of(row, np.asarray(task.reference_context))
                 ends = predicted(solver, drawn, context, held.actions[row])[:, -1]
-                seen = track.at(task.observation.times_s[-1:])[0, list(task.observation.columns)]
-                found.append(end_error(seen, ends, _unit(task)))
-            return float(np.median(found))
+                end = track.at(task.observation.times_s[-1:])[0, list(task.observation.columns)]
+                errors.append(end_error(end, ends, _unit(task)))
+            return float(np.median(errors))
 
         return HeldOut(
             trials=len(held),
             contexts=JUDGED,
             final=earned([final]),
-            udr=earned(_of_udr(known)),
+            udr=earned(_of_udr(checkpoint)),
             best=float(np.mean(best)),
             before=error(posteriors[0]),
             after=error(posteriors[-1]),
@@ -166,9 +166,9 @@ class Hindsight:
         contexts = np.repeat([trial.context_array for trial in trials], each, axis=0)
         actions = np.repeat([trial.action_array for trial in trials], each, axis=0)
         states = predicted(solver, np.concatenate(parameters), contexts, actions)
-        seen, states = solver.task.observation, states.reshape(len(trials), each, *states.shape[1:])
+        observation, states = solver.task.observation, states.reshape(len(trials), each, *states.shape[1:])
         return {
-            trial.trial: Prediction(seen.times_s, seen.columns, expected[0], expected[1:])
+            trial.trial: Prediction(observation.times_s, observation.columns, expected[0], expected[1:])
             for trial, expected in zip(trials, states, strict=True)
         }
 
@@ -182,7 +182,7 @@ def _of_udr(checkpoint: Checkpoint) -> tuple[SolvedPolicy, ...]:
 
 def believed(stores: Sequence[SessionStore]) -> tuple[ParameterBelief, ...]:
     """What each session believes of each parameter; sessions without a posterior are left out. Raises SessionError."""
-    found = list[ParameterBelief]()
+    beliefs = list[ParameterBelief]()
     for store in stores:
         try:
             levels = Hindsight.of(store).posterior(store).quantiles(BELIEVED)
@@ -190,8 +190,8 @@ def believed(stores: Sequence[SessionStore]) -> tuple[ParameterBelief, ...]:
             continue
         for d, (low, median, high) in zip(store.facts.parameters, levels.T, strict=True):
             named = {"session": store.facts.name, "parameter": d.name, "unit": d.unit}
-            found.append(ParameterBelief(**named, low=low, median=median, high=high))
-    return tuple(found)
+            beliefs.append(ParameterBelief(**named, low=low, median=median, high=high))
+    return tuple(beliefs)
 
 
 @dataclass
@@ -240,27 +240,27 @@ def confirmed(store: SessionStore) -> tuple[float, ...]:
     results = [file.stat().st_mtime_ns for file in store.folder.glob(f"iteration-*/result-*/{RESULT}")]
     if not results:
         return ()
-    found, root = _stored_alone(store, max(results)), store.folder.parent
+    values, root = _stored_alone(store, max(results)), store.folder.parent
     for name in names(root):
         with suppress(SessionError):
             other = SessionStore.open(root, name)
             if (other.facts.method, other.facts.policy_of) == (ROLLOUT, store.facts.name):
                 files = ((other.trial_folder(*trial.place) / TRIAL, trial.reward) for trial in trials_of(other))
-                found += [reward for file, reward in files if file.stat().st_mtime_ns >= max(results)]
-    return tuple(found)
+                values += [reward for file, reward in files if file.stat().st_mtime_ns >= max(results)]
+    return tuple(values)
 
 
 def _stored_alone(store: SessionStore, since_ns: int) -> list[float]:
     """Rewards of the rollouts that earlier versions stored in folders of their own."""
-    found = list[float]()
+    rewards = list[float]()
     for trial in sorted((store.folder.parents[1] / "rollouts").glob(f"*/{TRIAL}")):
         if trial.stat().st_mtime_ns < since_ns:
             continue
         with suppress(SessionError, ValidationError):
             record = Rollout.model_validate(read_object(trial))
             if record.session == store.facts.name:
-                found.append(record.reward)
-    return found
+                rewards.append(record.reward)
+    return rewards
 
 
 def measured_udr(store: SessionStore) -> page.Reference | None:
@@ -268,7 +268,7 @@ def measured_udr(store: SessionStore) -> page.Reference | None:
 
     Unreadable sessions are skipped.
     """
-    facts, found = store.facts, list[page.Reference]()
+    facts, references = store.facts, list[page.Reference]()
     for name in names(store.folder.parent):
         with suppress(SessionError):
             other = SessionStore.open(store.folder.parent, name)
@@ -276,5 +276,5 @@ def measured_udr(store: SessionStore) -> page.Reference | None:
             same = (o.task, o.hw, o.world_sha256, o.object) == (facts.task, facts.hw, facts.world_sha256, facts.object)
             if o.method == "udr" and same and name != facts.name:
                 rewards = tuple(trial.reward for trial in trials_of(other))
-                found += [page.Reference(name, rewards)] if rewards else []
-    return max(found, key=lambda reference: len(reference.rewards), default=None)
+                references += [page.Reference(name, rewards)] if rewards else []
+    return max(references, key=lambda reference: len(reference.rewards), default=None)

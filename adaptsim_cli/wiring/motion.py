@@ -26,7 +26,7 @@ PATHS = ("approach", "task", "way back")
 class PlannedMotion:
     """The three paths of a trial, and how close they come to every limit."""
 
-    there: MountedTask
+    mounted_task: MountedTask
     context: Array  # (c,)
     action: Array  # (a,)
     paths: tuple[JointPath, JointPath, JointPath]
@@ -35,13 +35,13 @@ class PlannedMotion:
     @property
     def task(self) -> Task:
         """The task with the tool as mounted."""
-        return self.there.task
+        return self.mounted_task.task
 
     def page(self) -> Preview:
         """The motion in a browser."""
         from sim.lab.preview import Preview
 
-        page, area, cell = Preview(self.task, self.context, self.paths), self.there.area, self.there.cell
+        page, area, cell = Preview(self.task, self.context, self.paths), self.mounted_task.area, self.mounted_task.cell
         page.surround(cell.table, area.x_m, area.y_m, cell.keep_out)
         return page
 
@@ -56,7 +56,7 @@ class PlannedMotion:
         """The object that `preview --json` prints."""
         return {
             "task": self.task.name,
-            "arm": self.there.cell.arm.name,
+            "arm": self.mounted_task.cell.arm.name,
             "units": {d.name: d.unit for space in (self.task.context, self.task.action) for d in space.dimensions},
             "context": dict(zip(self.task.context.names, self.context.tolist(), strict=True)),
             "action": dict(zip(self.task.action.names, self.action.tolist(), strict=True)),
@@ -76,7 +76,9 @@ class PlannedMotion:
         from adaptsim_cli.screen import views
 
         approach, task, back = self.reports
-        head = Text.assemble((f"{self.there.cell.arm.name}: ", "bold"), f"{self.paths[1].duration_s:.2f} s of motion")
+        head = Text.assemble(
+            (f"{self.mounted_task.cell.arm.name}: ", "bold"), f"{self.paths[1].duration_s:.2f} s of motion"
+        )
         body = [
             (c.quantity, c.where, f"{c.t_s:.2f}", f"{c.value:.4g}", f"{c.limit:.4g} {c.unit}", f"{100 * c.ratio:.0f} %")
             for c in sorted(task.checks, key=lambda check: -check.ratio)
@@ -123,26 +125,26 @@ def mounted_for(resolved: Resolved, arm: str | None) -> MountedTask:
         if arm not in (None, *models):
             raise UsageError(f"--arm {arm}: choose one of {', '.join(models)}")
         return mounted_as_shipped(task, cast(Model, arm or "panda"))
-    known = current_calibration(config, resolved.places)
-    boxes = () if known is None else (camera_box(known.hand_eye().X_BC),)
-    zeros_rad = np.zeros(7) if known is None else known.offsets_rad()
+    calibration = current_calibration(config, resolved.places)
+    boxes = () if calibration is None else (camera_box(calibration.hand_eye().X_BC),)
+    zeros_rad = np.zeros(7) if calibration is None else calibration.offsets_rad()
     rig = rig_of(config, tasks_with_tools())
     touched = touch_off_of(config, resolved.places, task, zeros_rad)
     correction = None if touched is None else correction_by(touched, rig, task)
     return mounted(task, rig, zeros_rad, boxes, correction)
 
 
-def planned(there: MountedTask, context: Sequence[str], action: Sequence[str]) -> PlannedMotion:
+def planned(mounted_task: MountedTask, context: Sequence[str], action: Sequence[str]) -> PlannedMotion:
     """The motion for values typed as name=value; missing ones are in the middle of their range.
 
     Raises UsageError for wrong values, NotExecutable or MotionRefused (also if no stop along the path keeps the limits)
     if the arm cannot do it.
     """
 
-    task = there.task
+    task = mounted_task.task
     where = views.point(task.context, context, task.reference_context, "--context")
     middle = task.action.middle
     how = views.point(task.action, action, middle, "--action")
-    paths = there.paths(there.hardware.plan(where, how))
-    approach, motion, back = (there.cell.require(path) for path in paths)
-    return PlannedMotion(there, where, how, paths, (approach, motion, back))
+    paths = mounted_task.paths(mounted_task.hardware.plan(where, how))
+    approach, motion, back = (mounted_task.cell.require(path) for path in paths)
+    return PlannedMotion(mounted_task, where, how, paths, (approach, motion, back))

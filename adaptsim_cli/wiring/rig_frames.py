@@ -32,13 +32,13 @@ class RigFrames:
     """The poses with which trials are planned and tracked."""
 
     eye: HandEye  # over the table: in frame W
-    there: MountedTask
+    mounted_task: MountedTask
     touched: SavedTouchOff | None
 
     @property
     def sha256(self) -> str:
         """SHA-256 of the poses of camera and tool, which a session records."""
-        return hash_of(self.eye.X_BC, self.there.hardware.X_FT)
+        return hash_of(self.eye.X_BC, self.mounted_task.hardware.X_FT)
 
 
 def hash_of(X_BC: Array, X_FT: Array) -> str:
@@ -54,8 +54,8 @@ def ground_of(config: Config, places: Places, task: Task, lab: Lab) -> RigFrames
 
 def own_ground(config: Config, places: Places, task: Task, lab: Lab, facts: Facts) -> RigFrames:
     """The poses that a session was begun with, searched among all stored ones. Raises UsageError if they are gone."""
-    found = (one for one in _kept(config, places, task, lab) if one.sha256 == facts.calibration_sha256)
-    ground = next((one for one in found if one.eye.camera_late_s == facts.camera_late_s), None)
+    grounds = (one for one in _kept(config, places, task, lab) if one.sha256 == facts.calibration_sha256)
+    ground = next((one for one in grounds if one.eye.camera_late_s == facts.camera_late_s), None)
     if ground is None:
         raise UsageError(
             f"session {facts.name!r} was begun with a calibration or touch-off that is no longer kept; name another "
@@ -67,12 +67,12 @@ def own_ground(config: Config, places: Places, task: Task, lab: Lab, facts: Fact
 def open_sessions(config: Config, places: Places) -> tuple[str, ...]:
     """The sessions of this rig that can continue now, but not after its calibration or touch-off is replaced."""
     rig, now = calibration_key(config), dict[tuple[str, str], str]()
-    found = []
+    names = []
     for name in stores.names(places.sessions):
         try:
             facts = SessionStore.open(places.sessions, name).facts
-            kept = {"task": facts.task, "object": facts.object, "seed": facts.seed}
-            settings = config.model_copy(update={**kept, "world": facts.world or config.world})
+            identity = {"task": facts.task, "object": facts.object, "seed": facts.seed}
+            settings = config.model_copy(update={**identity, "world": facts.world or config.world})
             if facts.hw != config.hw or not facts.calibration or calibration_key(settings) != rig:
                 continue
             key = facts.task, facts.object
@@ -83,14 +83,14 @@ def open_sessions(config: Config, places: Places) -> tuple[str, ...]:
         except (CliError, SimError, CalibrationError, OSError):  # damaged, or its world is gone: not open
             continue
         if facts.calibration_sha256 == now[key]:
-            found.append(name)
-    return tuple(found)
+            names.append(name)
+    return tuple(names)
 
 
 def _ground(task: Task, lab: Lab, eye: HandEye, zeros_rad: Array, touched: SavedTouchOff | None) -> RigFrames:
     correction = None if touched is None else correction_by(touched, lab.rig, task)
-    there = mounted(task, lab.rig, zeros_rad, lab.boxes_around_camera(eye.X_BC), correction)
-    return RigFrames(replace(eye, X_BC=there.correction.X_WB @ eye.X_BC), there, touched)
+    mounted_task = mounted(task, lab.rig, zeros_rad, lab.boxes_around_camera(eye.X_BC), correction)
+    return RigFrames(replace(eye, X_BC=mounted_task.correction.X_WB @ eye.X_BC), mounted_task, touched)
 
 
 def _kept(config: Config, places: Places, task: Task, lab: Lab) -> Iterator[RigFrames]:
@@ -98,8 +98,8 @@ def _kept(config: Config, places: Places, task: Task, lab: Lab) -> Iterator[RigF
     eyes: list[tuple[HandEye, Array]] = []
     store = calibrations(config, places)
     for path in reversed(store.numbered.all()):
-        known = store.read(path)
-        eyes.append((known.hand_eye(), known.offsets_rad()))
+        calibration = store.read(path)
+        eyes.append((calibration.hand_eye(), calibration.offsets_rad()))
     if lab.nominal is not None:
         eyes.append((lab.nominal, np.zeros(7)))
     touches = [

@@ -176,9 +176,9 @@ def open_trials(
         ground = ground_of(config, places, task, lab) if own is None else own_ground(config, places, task, lab, own)
         if ground.touched is not None:  # the touch-off overrides the rig file
             lab.note(origin(ground.touched, task))
-        there = ground.there
-        rig = lab.for_trials(there, ground.eye, config.calibration_days)
-        yield RigTarget(there.task, rig, tracker_of(there.task), there.planner())
+        mounted_task = ground.mounted_task
+        rig = lab.for_trials(mounted_task, ground.eye, config.calibration_days)
+        yield RigTarget(mounted_task.task, rig, tracker_of(mounted_task.task), mounted_task.planner())
 
 
 def _is_foreign(config: Config, task: Task) -> bool:
@@ -200,10 +200,10 @@ def _simulated(config: Config, task: Task) -> SimulatedTarget:
     from sim.lab.world import load_world, rollouts_in
 
     world = load_world(config.world, task)
-    there = rollouts_in(world)
+    roll = rollouts_in(world)
 
     def rollout(context: Array, action: Array) -> ObjectTrack:
-        return there(world.parameters, context, action, world.nuisance)
+        return roll(world.parameters, context, action, world.nuisance)
 
     duration_s = float(task.observation.times_s[-1])
     title = f"simulated target, world {world.name}"

@@ -43,8 +43,8 @@ def serving(config: Config, places: Places, task: Task) -> tuple[TouchOffStore, 
     own = touch_offs(config, places)
     if config.is_simulated or task.require_hardware().touchable is not None:
         return (own,)
-    found = sorted(own.folder.parent.glob(f"{calibration_key(config)}-*"))
-    return tuple(TouchOffStore(folder) for folder in found if folder.is_dir())
+    folders = sorted(own.folder.parent.glob(f"{calibration_key(config)}-*"))
+    return tuple(TouchOffStore(folder) for folder in folders if folder.is_dir())
 
 
 def correction_by(touched: SavedTouchOff, rig: RigDescription, task: Task) -> ToolCorrection:
@@ -72,19 +72,19 @@ def touch_off_of(config: Config, places: Places, task: Task, zeros_rad: Array) -
 
     Raises SessionError if it is unreadable, PreflightFailed if it was made with other joint zeros.
     """
-    found = [known for store in serving(config, places, task) if (known := store.current()) is not None]
-    if not found:
+    records = [record for store in serving(config, places, task) if (record := store.current()) is not None]
+    if not records:
         return None
-    known = max(found, key=lambda one: one.created)
-    apart_rad = np.abs(zeros_rad - np.array(known.joint_zeros_rad))
+    record = max(records, key=lambda one: one.created)
+    apart_rad = np.abs(zeros_rad - np.array(record.joint_zeros_rad))
     if apart_rad.max() > ZEROS_RAD:
         joint, apart_mrad = int(apart_rad.argmax()) + 1, 1e3 * float(apart_rad.max())
         raise PreflightFailed(
-            f"the touch-off of {known.created} was made with another calibration: joint {joint} is {apart_mrad:.2f} "
+            f"the touch-off of {record.created} was made with another calibration: joint {joint} is {apart_mrad:.2f} "
             "mrad off what it was then, so the tool may be too high or in the table. Nothing has moved. Touch off "
-            f"again: adaptsim touch-off --task {known.tool.split()[0]} --hw {config.hw}"
+            f"again: adaptsim touch-off --task {record.tool.split()[0]} --hw {config.hw}"
         )
-    return known
+    return record
 
 
 @contextmanager

@@ -15,10 +15,10 @@ import pytest
 from documents import ROOT
 
 PACKAGES = ("hw", "perception", "calib", "sim", "adaptsim_cli")
-RENAMED = ("hw", "perception", "calib", "sim")  # grows until it is PACKAGES
 NO_NOUNS = "found seen known told there made said asked given taken kept meant wanted afresh several"
+KEYS = frozenset({("adaptsim_cli/outputs/learning.py", "found")})  # fields of JSON, whose names are a promise
 SHARED = (  # public class names that several modules still define; a name leaves the list once it is unique
-    "Arm Asked Board Calibration Camera Check Compared Estimate Figure Film HeldOut Iteration Kind Measured OwnObject "
+    "Arm Asked Board Calibration Camera Check Compared Estimate Film HeldOut Iteration Kind Measured OwnObject "
     "Parts Places Preview Row Scale SimulatedLab Sizes Solved Stopwatch Stored Unmodelled World"
 )
 
@@ -62,14 +62,14 @@ lambda q: q
     assert {name for _, name in _stored(ast.parse(source))} == set("abcdeghijklmnopq")
 
 
-@pytest.mark.parametrize("package", RENAMED)
+@pytest.mark.parametrize("package", PACKAGES)
 def test_a_variable_is_a_noun_of_its_content(package: str) -> None:
     no_nouns = frozenset(NO_NOUNS.split())
     offences = [
         f"{path}:{line}: {name}"
         for path, tree in _trees(package).items()
         for line, name in _stored(tree)
-        if name in no_nouns
+        if name in no_nouns and (path, name) not in KEYS
     ]
     assert not offences, "name the content instead (a row, a solution, a track):\n" + "\n".join(offences)
 

@@ -172,7 +172,7 @@ class Lab:
             operator="Kim",
             pedal=True,
             each="motion",
-            known=self.known,
+            known_arm=self.known,
             waivers=(waiver("stop_button"), waiver("slow_start")),
         )
         self.hand = FakeHand(0.012, holds=True).__enter__()
@@ -254,7 +254,7 @@ def one_motion(
     if not begun:
         said = [] if error else ["nothing moved and nothing was said"]
         return Outcome(label, error is not None, said, motion=motion, refused=refused)
-    notes = ["moved without consent"] if lab.consent.given is None else []
+    notes = ["moved without consent"] if lab.consent.given_at is None else []
     stop_s = after(lab, moved) if error is not None else 0.0
     heard = all(kind not in SILENT and not kind.startswith("pedal") for kind in kinds)
     if not BY_THE_ARM.intersection(kinds) and stop_s > (AT_REST_S if heard else IN_SILENCE_S):

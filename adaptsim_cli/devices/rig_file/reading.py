@@ -117,7 +117,7 @@ def described(content: dict[str, Any], source: str, tools: Collection[str] = ())
     try:
         rig = TypeAdapter(RigDescription).validate_json(json.dumps(content, default=str), strict=True)
     except ValidationError as error:
-        errors = sorted(error.errors(include_url=False), key=lambda found: found["type"] != _UNKNOWN)
+        errors = sorted(error.errors(include_url=False), key=lambda detail: detail["type"] != _UNKNOWN)
         raise UsageError(f"{source}: {_explained(errors[0])}") from error  # a mistyped key comes before the missing key
     for name in rig.tools:
         if tools and name not in (*tools, BOARD):
@@ -141,11 +141,11 @@ def flat(content: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]
 def _explained(error: ErrorDetails) -> str:
     loc = error["loc"]
     key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc).lstrip(".")
-    kind, given = error["type"], error["input"]
+    kind, value = error["type"], error["input"]
     if kind == _UNKNOWN:
         owner = _class_at(loc[:-1])
-        known = tuple(field.name for field in dataclasses.fields(owner)) if owner else ()
-        return unknown(key, str(loc[-1]), known, "Known keys" + (f" of [{key.rpartition('.')[0]}]" if loc[:-1] else ""))
+        keys = tuple(field.name for field in dataclasses.fields(owner)) if owner else ()
+        return unknown(key, str(loc[-1]), keys, "Known keys" + (f" of [{key.rpartition('.')[0]}]" if loc[:-1] else ""))
     field = _field_at(loc)
     help_text = f" ({field.description})" if field is not None and field.description else ""
     if kind == "missing" and isinstance(loc[-1], int):
@@ -158,8 +158,8 @@ def _explained(error: ErrorDetails) -> str:
         return f"{key} is missing{help_text}"
     if kind == "value_error":
         return f"{key + ': ' if key else ''}{error['ctx']['error']}"
-    wanted = _LIMITS.get(kind, plain(error["msg"])).format(**error.get("ctx", {}))
-    return f"{key} = {json.dumps(given, ensure_ascii=False)}{_unit(field)}: it must be {wanted}{help_text}"
+    requirement = _LIMITS.get(kind, plain(error["msg"])).format(**error.get("ctx", {}))
+    return f"{key} = {json.dumps(value, ensure_ascii=False)}{_unit(field)}: it must be {requirement}{help_text}"
 
 
 def _unit(field: FieldInfo | None) -> str:
@@ -193,8 +193,8 @@ def _class_at(loc: tuple[int | str, ...]) -> type | None:
 
 def fields_of(kind: type) -> dict[str, FieldInfo]:
     """Help, unit and limits of every key of a part of the file."""
-    found: dict[str, FieldInfo] = kind.__pydantic_fields__  # type: ignore[attr-defined]
-    return found
+    fields: dict[str, FieldInfo] = kind.__pydantic_fields__  # type: ignore[attr-defined]
+    return fields
 
 
 def _dataclasses_in(annotation: Any) -> Iterator[type]:
@@ -261,6 +261,6 @@ def _lapsed(waiver: WaiverPart | None) -> str:
     return f" (its waiver of {waiver.on} ended on {waiver.until}; adaptsim setup asks for the reason again)"
 
 
-def in_words(found: tuple[Gap, ...]) -> str:
+def in_words(open_gaps: tuple[Gap, ...]) -> str:
     """The gaps in one sentence."""
-    return "; ".join(f"{gap.message}: {gap.remedy}" for gap in found)
+    return "; ".join(f"{gap.message}: {gap.remedy}" for gap in open_gaps)

@@ -58,15 +58,15 @@ def _part(part: Any, path: str, *, commented: bool) -> Iterator[str]:
 
 
 def _section(full: str, part: Any, *, commented: bool) -> Iterator[str]:
-    told = (type(part).__doc__ or "").partition("\n")[0]
-    yield from ("", f"# {told}", f"{'#' if commented else ''}[{full}]")
+    heading = (type(part).__doc__ or "").partition("\n")[0]
+    yield from ("", f"# {heading}", f"{'#' if commented else ''}[{full}]")
     yield from _part(part, full, commented=commented)
 
 
 def _example(kind: Any) -> Any:
     """An example of a part, from the examples of its required keys."""
-    given = {name: next(iter(field.examples)) for name, field in fields_of(kind).items() if field.examples}
-    return kind(**given)
+    examples = {name: next(iter(field.examples)) for name, field in fields_of(kind).items() if field.examples}
+    return kind(**examples)
 
 
 def _is_table(field: FieldInfo) -> bool:

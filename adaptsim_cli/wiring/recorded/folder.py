@@ -60,13 +60,13 @@ def _raw(task: Task, folder: Path, manifest: Manifest) -> list[RawTrial]:
         return _of_tables(folder, manifest.tables)
     if manifest.mcap is not None:
         return of_mcap(folder, manifest.mcap)
-    found = []
+    trials = []
     for name in manifest.sessions:
         where = folder / name
         if "\0" in name or not (where / FACTS).exists():
             raise RecordingsRefused(f"{folder / MANIFEST}: {where} is no session")
-        found += _of_session(task, where)
-    return found
+        trials += _of_session(task, where)
+    return trials
 
 
 def _of_session(task: Task, folder: Path) -> list[RawTrial]:
@@ -74,11 +74,11 @@ def _of_session(task: Task, folder: Path) -> list[RawTrial]:
     store = SessionStore.open(folder.parent, folder.name)
     if store.facts.task != task.name:
         raise RecordingsRefused(f"{folder} is a session of {store.facts.task}, not of {task.name}")
-    raw, seen = list[RawTrial](), set[tuple[float, ...]]()
+    raw, actions = list[RawTrial](), set[tuple[float, ...]]()
     for trial in trials_of(store):
-        if (action := tuple(trial.action.values())) in seen:
+        if (action := tuple(trial.action.values())) in actions:
             continue
-        seen.add(action)
+        actions.add(action)
         track = trial.track.track()
         values: dict[str, float | str] = {**trial.context, **trial.action, OUTCOME: trial.outcome.value}
         name = f"{store.facts.name}/{trial.trial}"

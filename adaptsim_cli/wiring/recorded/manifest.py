@@ -127,8 +127,8 @@ def _number(trial: RawTrial, name: str) -> float:
     try:
         value = float(trial.values[name])
     except KeyError as error:
-        known = ", ".join(sorted(trial.values))
-        raise RecordingsRefused(f"trial {trial.name}: {name} is missing; there are {known}") from error
+        listing = ", ".join(sorted(trial.values))
+        raise RecordingsRefused(f"trial {trial.name}: {name} is missing; there are {listing}") from error
     except (TypeError, ValueError) as error:
         raise RecordingsRefused(f"trial {trial.name}: {name} = {trial.values[name]!r} is no number") from error
     if not math.isfinite(value):
@@ -147,16 +147,16 @@ def _track(trial: RawTrial, outcome: Outcome | None) -> ObjectTrack:
 
 
 def _outcome(trial: RawTrial) -> Outcome:
-    known = ", ".join(Outcome)
+    listing = ", ".join(Outcome)
     if OUTCOME not in trial.values:
         raise RecordingsRefused(
-            f"trial {trial.name}: its outcome is missing: name its column, or one outcome for all, of {known}"
+            f"trial {trial.name}: its outcome is missing: name its column, or one outcome for all, of {listing}"
         )
     try:
         return Outcome(str(trial.values[OUTCOME]))
     except ValueError as error:
         raise RecordingsRefused(
-            f"trial {trial.name}: outcome {trial.values[OUTCOME]!r} is not known: it must be one of {known}"
+            f"trial {trial.name}: outcome {trial.values[OUTCOME]!r} is not known: it must be one of {listing}"
         ) from error
 
 
@@ -165,9 +165,9 @@ def _require_rewards(trials: RecordedTrials, raw: Sequence[RawTrial]) -> None:
     for trial, track, context in zip(
         raw, trials.tracks, [] if trials.contexts is None else trials.contexts, strict=True
     ):
-        said, scored = _number(trial, REWARD), trials.task.score(track, context)
-        if abs(said - scored) > AGREES:
+        reward, scored = _number(trial, REWARD), trials.task.score(track, context)
+        if abs(reward - scored) > AGREES:
             raise RecordingsRefused(
-                f"trial {trial.name}: its recorded reward is {said:.3f}, and the task scores it {scored:.3f}: "
+                f"trial {trial.name}: its recorded reward is {reward:.3f}, and the task scores it {scored:.3f}: "
                 "check columns and units, or leave the rewards out"
             )

@@ -57,8 +57,8 @@ def _trial(path: Path, source: Mcap) -> RawTrial:
         state = np.array([[float(_field(path, one.content, where)) for where in source.state] for one in states])
     except (TypeError, ValueError) as error:
         raise RecordingsRefused(f"{path}: a state of {source.trajectory} is no number: {error}") from error
-    kept = t_s >= 0.0 if source.start else np.ones(len(t_s), dtype=bool)
-    return RawTrial(path.stem, values, t_s[kept], state[kept])
+    valid = t_s >= 0.0 if source.start else np.ones(len(t_s), dtype=bool)
+    return RawTrial(path.stem, values, t_s[valid], state[valid])
 
 
 def _messages(path: Path, topics: set[str]) -> Iterator[_Message]:

@@ -22,8 +22,8 @@ MOST_CELLS = 40_000_000
 Columns = dict[str, Sequence[str | float]]
 
 
-def read_columns(path: Path, wanted: Sequence[str] | None = None) -> Columns:
-    """The columns of a table by name; a Parquet file gives only those `wanted`.
+def read_columns(path: Path, required_names: Sequence[str] | None = None) -> Columns:
+    """The columns of a table by name; a Parquet file gives only the `required_names`.
 
     Raises RecordingsRefused, ExtraMissing.
     """
@@ -35,12 +35,12 @@ def read_columns(path: Path, wanted: Sequence[str] | None = None) -> Columns:
         raise RecordingsRefused(f"{path} {error}") from error
     except ValueError as error:  # a name with a NUL
         raise RecordingsRefused(f"{str(path)!r} cannot be the name of a file: {error}") from error
-    return _parquet(path, content, wanted) if path.suffix.lower() == ".parquet" else _csv(path, content)
+    return _parquet(path, content, required_names) if path.suffix.lower() == ".parquet" else _csv(path, content)
 
 
-def require_columns(path: Path, columns: Sequence[str], wanted: Sequence[str]) -> None:
-    """Raises RecordingsRefused naming the first of the `wanted` columns that is missing."""
-    if missing := [name for name in wanted if name not in columns]:
+def require_columns(path: Path, columns: Sequence[str], required_names: Sequence[str]) -> None:
+    """Raises RecordingsRefused naming the first of `required_names` that is missing."""
+    if missing := [name for name in required_names if name not in columns]:
         raise RecordingsRefused(f"{path} has no column {missing[0]!r}; its columns are {', '.join(columns)}")
 
 
@@ -86,7 +86,7 @@ def _csv(path: Path, content: bytes) -> Columns:
     return {name: [line[i].strip() for line in lines[1:]] for i, name in enumerate(head)}
 
 
-def _parquet(path: Path, content: bytes, wanted: Sequence[str] | None) -> Columns:
+def _parquet(path: Path, content: bytes, required_names: Sequence[str] | None) -> Columns:
     try:
         import pyarrow
         from pyarrow import parquet
@@ -95,9 +95,9 @@ def _parquet(path: Path, content: bytes, wanted: Sequence[str] | None) -> Column
     try:
         file = parquet.ParquetFile(io.BytesIO(content))
         names = list(file.schema_arrow.names)
-        if wanted is not None:
-            require_columns(path, names, wanted)
-        read, rows = names if wanted is None else list(wanted), file.metadata.num_rows
+        if required_names is not None:
+            require_columns(path, names, required_names)
+        read, rows = names if required_names is None else list(required_names), file.metadata.num_rows
         if rows > MOST_ROWS or rows * len(read) > MOST_CELLS:
             raise RecordingsRefused(
                 f"{path} has {rows} rows, and {len(read)} columns are needed: at most {MOST_ROWS} rows and "

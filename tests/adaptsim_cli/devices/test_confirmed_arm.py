@@ -104,7 +104,9 @@ def test_who_leaves_a_pressed_stop_button_stops_the_command():
 
 
 def remembering(screen: Screen, known: KnownArm) -> Consent:
-    return Consent(screen, "panda", operator="Kim", known=known, waivers=(waiver("stop_button"), waiver("slow_start")))
+    return Consent(
+        screen, "panda", operator="Kim", known_arm=known, waivers=(waiver("stop_button"), waiver("slow_start"))
+    )
 
 
 def test_every_motion_says_how_many_commands_came_in_time(monkeypatch):

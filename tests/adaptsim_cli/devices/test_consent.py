@@ -169,7 +169,7 @@ def test_the_stop_button_is_checked_once_a_day(tmp_path, monkeypatch):
     pressed, free = ("the stop button is pressed", True), (None, False)
     screen = quiet()
     typing(monkeypatch, *[""] * 4, "recover", "panda")
-    consent = Consent(screen, "panda", operator="Kim", known=known, pace=0.3)
+    consent = Consent(screen, "panda", operator="Kim", known_arm=known, pace=0.3)
     arm: Any = Buttoned([free, pressed, pressed, ("reflex", False)])
     consent.once(arm)
     assert said(screen).count("Press the arm's stop button now") == 2, "the first time nothing was pressed"
@@ -178,7 +178,7 @@ def test_the_stop_button_is_checked_once_a_day(tmp_path, monkeypatch):
     assert known.read().stop_button_by == "Kim"
     typing(monkeypatch, "panda")
     again = quiet()
-    Consent(again, "panda", operator="Kim", known=known, pace=0.3).once(arm)
+    Consent(again, "panda", operator="Kim", known_arm=known, pace=0.3).once(arm)
     assert "stop button now" not in said(again)
 
 
@@ -186,7 +186,7 @@ def test_who_does_not_check_the_stop_button_moves_nothing(tmp_path, monkeypatch)
     typing(monkeypatch, "q")
     arm: Any = Buttoned([(None, False)])
     with pytest.raises(StoppedByOperator):
-        Consent(quiet(), "panda", operator="Kim", known=KnownArm(tmp_path)).once(arm)
+        Consent(quiet(), "panda", operator="Kim", known_arm=KnownArm(tmp_path)).once(arm)
     assert KnownArm(tmp_path).read().stop_button == ""
 
 
@@ -220,7 +220,7 @@ def test_a_new_set_up_moves_slowly_first_or_by_name(answer, moves, tmp_path, mon
 
     def asked(pace: float, into: Screen, setup: SetUp = NEW) -> Consent:
         waived = (waiver("stop_button"),)
-        return Consent(into, "panda", operator="Kim", known=known, setup=setup, pace=pace, waivers=waived)
+        return Consent(into, "panda", operator="Kim", known_arm=known, setup=setup, pace=pace, waivers=waived)
 
     def moved(consent: Consent, *typed: str, own: bool) -> bool:
         typing(monkeypatch, *typed)

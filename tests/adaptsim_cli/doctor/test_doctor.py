@@ -74,7 +74,7 @@ def lab_of(place: Path, hw: str = "fr3", **parts: object) -> Examined:
     """A lab whose rig file can be read."""
     lab = Examined(config.load({"hw": hw}, {"ADAPTSIM_HOME": str(place)}, place))
     vars(lab)["rig"] = rig_with(**parts)
-    lab.found |= {name: ok("") for name in ("rig file", "network", "camera")}
+    lab.findings |= {name: ok("") for name in ("rig file", "network", "camera")}
     return lab
 
 

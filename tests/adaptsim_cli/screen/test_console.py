@@ -87,7 +87,7 @@ def test_an_unknown_key_says_so_and_a_question_mark_explains(tmp_path, monkeypat
 def test_what_q_promises_is_what_it_then_says(monkeypatch):
     operator, said = answering(monkeypatch, "?", "q")
     with pytest.raises(StoppedByOperator, match="stopped by the operator; nothing was stored"):
-        operator.screen.go_on("Is the hand empty?", then="The hand opens.", kept="nothing was stored")
+        operator.screen.go_on("Is the hand empty?", then="The hand opens.", assurance="nothing was stored")
     assert "The command ends; nothing was stored." in said.getvalue()
 
 

@@ -139,7 +139,7 @@ def test_a_tool_without_corners_takes_the_table_from_the_touch_off_of_another_to
         ground = ground_of(pushing.config, pushing.places, pusher, lab)
     assert (correction.table.slope_x, correction.table.slope_y) == (0.0045, -0.0028)
     assert correction.height_m == correction.pitch_rad == 0.0, "the spatula's, not the pusher's"
-    assert ground.there.cell.table == correction.table
+    assert ground.mounted_task.cell.table == correction.table
     assert "The table comes from the touch-off of the scooping tool" in origin(saved, pusher)
     assert touch_off_of(scooping.config, scooping.places, get_task("scooping"), zeros_rad) == saved
 

@@ -72,14 +72,14 @@ def _device(
     answers: Answers,
     kind: DeviceKind[Any, Any],
     ports: Sequence[str],
-    given: Any,
+    entry: Any,
     parts: Callable[[dict[str, Any] | None], dict[str, Any]],
 ) -> None:
     """Ask for the port of a device, which may be none, and what else its kind asks; `parts` puts it into the rig."""
     rig = answers.rig
-    taken = {part.port for part in (rig.pedal, rig.balance, *rig.devices.values()) if part is not None}
-    port = given.port if given else like([port for port in ports if port not in taken], kind.cables)
-    table = {} if given is None else asdict(given)
+    used_ports = {part.port for part in (rig.pedal, rig.balance, *rig.devices.values()) if part is not None}
+    port = entry.port if entry else like([port for port in ports if port not in used_ports], kind.cables)
+    table = {} if entry is None else asdict(entry)
     question = f"Serial port of the {kind.label}? {'A number, or a path' if ports else 'A path'}, or {NOTHING}."
 
     def with_port(text: str) -> None:

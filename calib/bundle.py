@@ -152,7 +152,7 @@ class CondensedViews:
         """Only the views `rows`."""
         return CondensedViews(self.X_CM[rows], self.information[rows], self.common[rows])
 
-    def covariance(self, noise: Sizes, GG: Array) -> Array:
+    def covariance(self, noise: ErrorSizes, GG: Array) -> Array:
         """(N, 6, 6) of the residual twists; `GG` (N, 6, 6) is G G^T."""
         own = np.asarray(np.linalg.inv(self.information))
         covariance: Array = noise.corners**2 * own + noise.view_px**2 * self.common + noise.joint_rad**2 * GG
@@ -160,7 +160,7 @@ class CondensedViews:
 
 
 @dataclass(frozen=True)
-class Sizes:
+class ErrorSizes:
     """One standard deviation of each kind of error."""
 
     corners: float  # times what the noise of single corners says
@@ -179,7 +179,7 @@ class Fit:
 
     model: Model
     state: Unknowns
-    noise: Sizes
+    noise: ErrorSizes
     residual: Array  # (N, 6) twist from the predicted to the seen pose, in the board's axes
     B: Array  # (N, 6, P) derivative of a prediction by the parameters
     covariance: Array  # (N, 6, 6) of the residual
@@ -230,7 +230,7 @@ def fit(moved: ArmViews, boards: CondensedViews, start: Unknowns, model: Model) 
     """The fit to N views, with the sizes of their errors."""
     state, prior = start, _prior(model)
     plain = model.weights is Weights.PIXELS
-    noise = Sizes(1.0, 0.0, 0.0) if plain else Sizes(1.0, _START_PX, _START_RAD)
+    noise = ErrorSizes(1.0, 0.0, 0.0) if plain else ErrorSizes(1.0, _START_PX, _START_RAD)
     for _ in range(1 if plain else _ROUNDS):
         GG = arm_covariance(state, moved)
         state = _gauss_newton(moved, boards.X_CM, boards.covariance(noise, GG), state, model, prior)
@@ -245,7 +245,7 @@ def fit(moved: ArmViews, boards: CondensedViews, start: Unknowns, model: Model) 
     covariance = boards.covariance(noise, GG)
     if plain:
         freedom = max(e.size - model.size, 1)
-        noise = Sizes(float(np.sqrt(squares(e, covariance).sum() / freedom)), 0.0, 0.0)
+        noise = ErrorSizes(float(np.sqrt(squares(e, covariance).sum() / freedom)), 0.0, 0.0)
         covariance = boards.covariance(noise, GG)
     normal = np.einsum("nip,nir->pr", B, np.linalg.solve(covariance, B)) + prior
     likelihood = -0.5 * float(squares(e, covariance).sum() + np.linalg.slogdet(covariance)[1].sum())
@@ -295,7 +295,7 @@ def squares(e: Array, covariance: Array) -> Array:
     return np.asarray(np.einsum("ni,ni->n", e, np.linalg.solve(covariance, e[..., None])[..., 0]))
 
 
-def _sizes(e: Array, B: Array, boards: CondensedViews, GG: Array, prior: Array, noise: Sizes) -> Sizes:
+def _sizes(e: Array, B: Array, boards: CondensedViews, GG: Array, prior: Array, noise: ErrorSizes) -> ErrorSizes:
     """Restricted maximum likelihood of `view_px` and `joint_rad`, by Fisher scoring in their logarithms.
 
     Both have a wide prior, which decides only where the views do not tell the two apart.
@@ -318,8 +318,8 @@ def _sizes(e: Array, B: Array, boards: CondensedViews, GG: Array, prior: Array, 
         x = np.clip(x + step, np.log(_FLOORS), np.log(_CEILINGS))
         if np.abs(step).max() < 0.01:
             break
-    return Sizes(1.0, float(np.exp(x[0])), float(np.exp(x[1])))
+    return ErrorSizes(1.0, float(np.exp(x[0])), float(np.exp(x[1])))
 
 
-def _alike(a: Sizes, b: Sizes) -> bool:
+def _alike(a: ErrorSizes, b: ErrorSizes) -> bool:
     return bool(max(abs(np.log(a.view_px / b.view_px)), abs(np.log(a.joint_rad / b.joint_rad))) < 0.02)

@@ -17,10 +17,10 @@ import numpy as np
 from calib.bundle import (
     ArmViews,
     CondensedViews,
+    ErrorSizes,
     Fit,
     Model,
     Rows,
-    Sizes,
     Unknowns,
     fit,
     observable_joints,
@@ -109,7 +109,7 @@ class HeldOutViews:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class BestFit:
     """What is kept of the two fits."""
 
     fit: Fit  # with the mean of both as its state, if both are kept
@@ -117,10 +117,10 @@ class Estimate:
     held: HeldOutViews  # every fifth view, predicted without them
     folds: HeldOutViews  # every view, predicted without its fifth
     choice: Choice
-    noise: Sizes  # by the fit weighed by errors of arm and views, kept or not
+    noise: ErrorSizes  # by the fit weighed by errors of arm and views, kept or not
 
 
-def estimate(data: Data, start: Unknowns, *, scale: bool) -> Estimate:
+def estimate(data: Data, start: Unknowns, *, scale: bool) -> BestFit:
     """Fit by both weights, and keep one by how well held-out views are predicted; `scale`: the board's size is free."""
     cameras = len(data.sights)
     plain = data.fit(data.agreeing, start, Model(scale=scale, cameras=cameras))
@@ -140,7 +140,7 @@ def estimate(data: Data, start: Unknowns, *, scale: bool) -> Estimate:
         reason = f"{joints.reason}; not used, because a fit over pixels without offsets predicts better"
         joints = replace(joints, adopted=False, offsets_rad=np.zeros(len(joints.offsets_rad)), reason=reason)
     final = replace(chosen_fits[-1], state=_mean([one.state for one in chosen_fits]))
-    return Estimate(final, joints, _every_fifth(data, chosen_fits), folds, choice, by_errors.noise)
+    return BestFit(final, joints, _every_fifth(data, chosen_fits), folds, choice, by_errors.noise)
 
 
 def _mean(states: Sequence[Unknowns]) -> Unknowns:

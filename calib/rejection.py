@@ -13,7 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from calib.bundle import ArmViews, CondensedViews, Fit, Model, Sizes, Unknowns, arm_covariance, fit, linearise, squares
+from calib.bundle import (
+    ArmViews,
+    CondensedViews,
+    ErrorSizes,
+    Fit,
+    Model,
+    Unknowns,
+    arm_covariance,
+    fit,
+    linearise,
+    squares,
+)
 from hw.types import Array
 
 LIMIT = float(chi2.isf(1e-4, 6))
@@ -27,7 +38,7 @@ MIN_TO_FREE = 10  # agreeing views needed to free offsets and scale
 _ROUNDS = 25
 _ANYWHERE = 6.0 + 6.0 * float(np.log(0.05) + np.log(0.02))
 """Surprise of a view that lies anywhere: its pose is off by some 3 degrees and 20 mm."""
-_GENEROUS = Sizes(1.0, 0.1, 1e-3)
+_GENEROUS = ErrorSizes(1.0, 0.1, 1e-3)
 
 
 def reject(

@@ -23,7 +23,7 @@ from calib.bundle import ArmViews, CondensedViews, Model, Unknowns, joint_spread
 from calib.closed_form import cross_check, robust_start
 from calib.condense import PoseCandidates, about, condense, unusable
 from calib.errors import BoardDisagrees, DegenerateViews, TooFewViews, UnusableViews, determined
-from calib.estimate import Data, Estimate, estimate
+from calib.estimate import BestFit, Data, estimate
 from calib.geometry import move, rotation_vector
 from calib.projection import project
 from calib.rejection import LIMIT, MARGIN, MIN_TO_FREE, chosen, reject
@@ -191,7 +191,7 @@ def demand_variety(X_CM: Array) -> None:
         )
 
 
-def _square_scale(data: Data, final: Estimate, setup: Setup) -> tuple[float, float]:
+def _square_scale(data: Data, final: BestFit, setup: Setup) -> tuple[float, float]:
     """Size of the board by the arm's motion over the stated size, and one standard deviation."""
     offsets = _flexible(data.moved.joints, len(data.agreeing), setup).offsets
     free = data.fit(data.agreeing, final.fit.state, replace(final.fit.model, offsets=offsets, scale=True))
@@ -199,7 +199,7 @@ def _square_scale(data: Data, final: Estimate, setup: Setup) -> tuple[float, flo
 
 
 def _solution(
-    views: Sequence[View], setup: Setup, agreed: _Agreed, best: Estimate, left_out: tuple[ViewFit, ...]
+    views: Sequence[View], setup: Setup, agreed: _Agreed, best: BestFit, left_out: tuple[ViewFit, ...]
 ) -> Solution:
     data, final = agreed.data, best.fit
     rows, moved, boards = data.agreeing, data.moved, data.boards.X_CM
@@ -234,7 +234,7 @@ def _solution(
 
 
 def _view_fits(
-    views: Sequence[View], agreed: _Agreed, predicted: Array, rms: Array, centre: Array, best: Estimate
+    views: Sequence[View], agreed: _Agreed, predicted: Array, rms: Array, centre: Array, best: BestFit
 ) -> tuple[ViewFit, ...]:
     data, held = agreed.data, best.held
     off = inverse(predicted) @ agreed.own_X_CM
@@ -271,7 +271,7 @@ def _reason(off_mm: float, off_deg: float, distance2: float) -> str:
     )
 
 
-def _noise(data: Data, best: Estimate, centre: Array) -> Noise:
+def _noise(data: Data, best: BestFit, centre: Array) -> Noise:
     """Noise of corners, views and joints, and the spread of the board's centre due to the joints."""
     G = joint_spread(best.fit.state, data.moved.take(data.agreeing))
     at_centre = G[:, 3:] - np.cross(centre, np.swapaxes(G[:, :3], 1, 2)).swapaxes(1, 2)

@@ -94,7 +94,7 @@ _X_7F[2, 3] = FLANGE_M
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class Demand:
     """Joint torques and flange motion of samples of a motion; vectors are in the axes of the base."""
 
     torque_Nm: Array  # (..., 7)
@@ -104,7 +104,7 @@ class Asked:
     flange_rad_s2: Array  # (..., 3)
 
 
-def asked(model: str, q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Asked:
+def asked(model: str, q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Demand:
     """Joints, velocities and accelerations (..., 7) of the arm `model` with `load` (flange frame) -> torques and motion
     of the flange."""
     q, dq, ddq = (np.asarray(v, dtype=np.float64) for v in (q_rad, dq_rad_s, ddq_rad_s2))
@@ -119,7 +119,7 @@ def asked(model: str, q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLi
     def shaped(v: Array) -> Array:
         return np.ascontiguousarray(v.T).reshape(*lead, len(v))
 
-    return Asked(*map(shaped, (torque, speed + _cross(spins[-1], r), acceleration, spins[-1], turns[-1])))
+    return Demand(*map(shaped, (torque, speed + _cross(spins[-1], r), acceleration, spins[-1], turns[-1])))
 
 
 def torque_Nm(model: str, q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Array:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw.collision import Table, Tool, point_heights
-from hw.dynamics import Asked, asked
+from hw.dynamics import Demand, asked
 from hw.joint_limits import DT_S, JointLimits, derivatives
 from hw.kinematics import JOINTS, jacobian, link_poses
 from hw.limits import COLLISION_SHARE, Worst, worst
@@ -98,7 +98,7 @@ class MotionLimits:
             for one in self._quantities(asked(self.model, q + self.zeros_rad, dq, ddq, self.load), DT_S)
         ]
 
-    def _quantities(self, demand: Asked, step_s: float) -> list[_Quantity]:
+    def _quantities(self, demand: Demand, step_s: float) -> list[_Quantity]:
         most, flange = FLANGE[self.model], "the flange"
 
         def rate(values: Array) -> Array:

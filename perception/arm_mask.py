@@ -81,7 +81,7 @@ NOTHING = Capsules(np.zeros((0, 2, 3)), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class ArmShape:
     """Arm and tool at one moment."""
 
     capsules: Capsules = NOTHING
@@ -98,5 +98,5 @@ class Arm:
         return held
 
 
-NO_ARM = Arm()
+NO_ARM = ArmShape()
 """An arm outside the picture, or too high to matter."""

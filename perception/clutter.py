@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from perception.arm_mask import Arm
+from perception.arm_mask import ArmShape
 from perception.geometry import Array32
 from perception.scan import Raw, Scan
 
@@ -47,7 +47,7 @@ class Thing:
         return f"({x:.3f}, {y:+.3f}) m, {1e2 * self.height_m:.0f} cm high"
 
 
-def things(scan: Scan, raw: Raw, arm: Arm, step: int = 1) -> tuple[Thing, ...]:
+def things(scan: Scan, raw: Raw, arm: ArmShape, step: int = 1) -> tuple[Thing, ...]:
     """All objects on the table except the arm, largest first. Only every `step`-th row and column is read."""
     thin = np.s_[::step, ::step]
     depth_m = scan.depth(raw[thin])

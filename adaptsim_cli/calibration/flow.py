@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from adaptsim_cli.calibration import camera_check, pictures, terminal_views, touching
 from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.parts import CalibrationRig
-from adaptsim_cli.calibration.solving import Solved, solve_folder
+from adaptsim_cli.calibration.solving import SolvedFolder, solve_folder
 from adaptsim_cli.calibration.store import REPORT, CalibrationStore, Series
 from adaptsim_cli.calibration.taking import Look, ViewRefused, look, record_motion
 from adaptsim_cli.calibration.visits import Arrival, Visits
@@ -64,7 +64,7 @@ def calibrate(
     fresh: bool,
     unattended: bool,
     created: str = "",
-) -> tuple[Solved, Path]:
+) -> tuple[SolvedFolder, Path]:
     """Check, visit, solve, store; return the solution and the folder of the stored calibration.
 
     `fresh` begins a new series, even if one is unfinished; `unattended`: nobody answers questions; `created` is now or
@@ -224,7 +224,7 @@ def _look_again(rig: CalibrationRig, screen: Screen) -> Look:
     return look(rig)
 
 
-def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Screen) -> Path:
+def conclude(solved: SolvedFolder, store: CalibrationStore, views: Path, screen: Screen) -> Path:
     """Show, and store if accepted.
 
     Else raise CalibrationRejected: the report lies beside the views, and nothing is replaced.
@@ -246,7 +246,7 @@ def conclude(solved: Solved, store: CalibrationStore, views: Path, screen: Scree
     return folder
 
 
-def show_arm(solved: Solved, path: Path, screen: Screen) -> None:
+def show_arm(solved: SolvedFolder, path: Path, screen: Screen) -> None:
     """Show a picture with the arm drawn into it, if the arm's looks are known. A person judges it; it never rejects."""
     try:
         drawn = pictures.draw_arm(solved)
@@ -257,7 +257,7 @@ def show_arm(solved: Solved, path: Path, screen: Screen) -> None:
     screen.note(f"  {drawn.sentence}")
 
 
-def rejected(solved: Solved, page: Path, advice: str) -> CalibrationRejected:
+def rejected(solved: SolvedFolder, page: Path, advice: str) -> CalibrationRejected:
     """The error with every reason, the page to read, and the remedy."""
     record = solved.record
     reasons = "; ".join(gate.message for gate in (*record.gates, *record.checks) if gate.verdict == "bad")

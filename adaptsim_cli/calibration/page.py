@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from adaptsim_cli.calibration import figures, pictures
-from adaptsim_cli.calibration.solving import Solved
+from adaptsim_cli.calibration.solving import SolvedFolder
 from calib.saved import SavedCalibration
 from perception.board import locate
 from perception.errors import BoardNotFound
@@ -17,7 +17,7 @@ from perception.errors import BoardNotFound
 PICTURES, PICTURE_PX = 6, 720
 
 
-def render(solved: Solved) -> str:
+def render(solved: SolvedFolder) -> str:
     """The page as HTML."""
     from jinja2 import Environment, StrictUndefined
 
@@ -57,7 +57,7 @@ def _verdict(record: SavedCalibration) -> str:
     return f"{good}, and no check speaks against it."
 
 
-def _pictures(solved: Solved, used: frozenset[str]) -> list[tuple[str, str]]:
+def _pictures(solved: SolvedFolder, used: frozenset[str]) -> list[tuple[str, str]]:
     """Pictures of views spread over the series, unused views first."""
     odd = [view for view in solved.views if view.name not in used][: PICTURES // 2]
     good = [view for view in solved.views if view.name in used]

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptsim_cli.calibration.solving import Solved
+from adaptsim_cli.calibration.solving import SolvedFolder
 from calib.errors import UnusableViews
 from calib.types import View
 from hw.capsules import segments
@@ -88,7 +88,7 @@ class ArmPictures:
         return jpeg(np.vstack(rows).astype(np.uint8))
 
 
-def draw_arm(solved: Solved) -> ArmPictures:
+def draw_arm(solved: SolvedFolder) -> ArmPictures:
     """Draw the arm into the pictures. Raises UnusableViews if it cannot be drawn."""
     record, camera = solved.record, solved.setup.colour
     if record.mounting != "fixed":
@@ -122,7 +122,7 @@ def jpeg(image: NDArray[np.uint8]) -> bytes:
     return cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, 88))[1].tobytes()
 
 
-def _picture(solved: Solved, view: View, camera: Intrinsics) -> NDArray[np.uint8] | None:
+def _picture(solved: SolvedFolder, view: View, camera: Intrinsics) -> NDArray[np.uint8] | None:
     """(H, W, 3) RGB of the view; None if it has no picture of the camera's size."""
     path: Path | None = solved.images.get(view.name)
     image = None if path is None else cv2.imread(str(path), cv2.IMREAD_COLOR)

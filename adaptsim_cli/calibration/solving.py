@@ -27,7 +27,7 @@ DEVICES = ("arm", "camera")
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class SolvedFolder:
     """The result of a folder, with further values for the report."""
 
     record: SavedCalibration
@@ -56,7 +56,7 @@ class Wishes:
 PLAIN = Wishes()
 
 
-def solve_folder(folder: Path, *, hw: str = "recorded", created: str = "", wishes: Wishes = PLAIN) -> Solved:
+def solve_folder(folder: Path, *, hw: str = "recorded", created: str = "", wishes: Wishes = PLAIN) -> SolvedFolder:
     """Solve a folder of views, made now or `created` (ISO 8601).
 
     Raises ViewFolderError, PerceptionError if no view shows the board, CalibrationError.
@@ -95,7 +95,7 @@ def solve_folder(folder: Path, *, hw: str = "recorded", created: str = "", wishe
         versions=versions(),
     )
     images = {view.name: folder / view.record.image for view in stored.views if view.record.image is not None}
-    return Solved(
+    return SolvedFolder(
         record, setup, views, images, (*stored.damaged, *looked.left_out), looked.recognised, wrong, left,
         solution.worth, _advice(record, wrong, tried, refined=refined),
     )  # fmt: skip

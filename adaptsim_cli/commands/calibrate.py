@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from adaptsim_cli import options
-from adaptsim_cli.commands.kept import Kind, add_to
+from adaptsim_cli.commands.kept import MeasurementKind, add_to
 
 if TYPE_CHECKING:
     from adaptsim_cli.calibration.store import CalibrationStore
@@ -211,4 +211,4 @@ def _views() -> Any:
 
 
 _THEN = ("adaptsim calibrate check", "has the camera moved?")
-add_to(app, Kind("calibrate", "calibration", "--hw fr3", _THEN, _store, _views))
+add_to(app, MeasurementKind("calibrate", "calibration", "--hw fr3", _THEN, _store, _views))

@@ -19,7 +19,7 @@ Name = Annotated[str, typer.Argument(help="Name or number, as `list` shows it.")
 
 
 @dataclass(frozen=True)
-class Kind:
+class MeasurementKind:
     """One kind of measurement: its words, and how it is read and shown (also as JSON)."""
 
     command: str  # "calibrate"
@@ -30,7 +30,7 @@ class Kind:
     views: Callable[[], Any]  # the module `terminal_views` of the kind: COLUMNS, columns, told, summary, show, ...
 
 
-def add_to(app: typer.Typer, kind: Kind) -> None:
+def add_to(app: typer.Typer, kind: MeasurementKind) -> None:
     """Add the four commands to the group of `kind`."""
     noun, called = kind.noun, f"adaptsim {kind.command}"
 
@@ -138,7 +138,7 @@ def add_to(app: typer.Typer, kind: Kind) -> None:
         screen.next(again(paths[0].name, resolved, "puts the first in use again"))
 
 
-def _list(kind: Kind, screen: Screen, store: NumberedRecords[Any], sessions: Sequence[str]) -> None:
+def _list(kind: MeasurementKind, screen: Screen, store: NumberedRecords[Any], sessions: Sequence[str]) -> None:
     """Show all, oldest first, with the open `sessions` that use the current one, and the next command."""
     from adaptsim_cli.screen import views
     from adaptsim_cli.storage.numbered import remark

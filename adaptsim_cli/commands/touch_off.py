@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from adaptsim_cli import options
-from adaptsim_cli.commands.kept import Kind, add_to
+from adaptsim_cli.commands.kept import MeasurementKind, add_to
 
 if TYPE_CHECKING:
     from adaptsim_cli.config import Resolved
@@ -91,4 +91,4 @@ def _views() -> Any:
 
 
 _THEN = ("adaptsim rollout", "one trial with it")
-add_to(app, Kind("touch-off", "touch-off", "--task scooping --hw fr3", _THEN, _store, _views))
+add_to(app, MeasurementKind("touch-off", "touch-off", "--task scooping --hw fr3", _THEN, _store, _views))

@@ -50,11 +50,11 @@ def check_stop_button(config: Config, rig: RigDescription, screen: Screen, drive
 
 def _simulated(config: Config, task: Task, screen: Screen | None, stack: ExitStack) -> Lab:
     from adaptsim_cli.devices.rig_file.reading import rig_of, tasks_with_tools
-    from adaptsim_cli.devices.simulated import SimulatedLab
+    from adaptsim_cli.devices.simulated import WorldLab
     from sim.lab.world import load_world
 
     world, rig = load_world(config.world, task), rig_of(config, tasks_with_tools())
-    return SimulatedLab(task, world, config.seed, stack, rig, realtime=config.realtime, pace=config.pace, screen=screen)
+    return WorldLab(task, world, config.seed, stack, rig, realtime=config.realtime, pace=config.pace, screen=screen)
 
 
 def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | None, stack: ExitStack) -> Lab:

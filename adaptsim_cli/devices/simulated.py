@@ -43,7 +43,7 @@ def nominal_hand_eye(world: World, seed: int) -> HandEye:
     return HandEye(nominal_X_BC(world, seed), sigma_mm, sigma_deg, source, created="")
 
 
-class SimulatedLab:
+class WorldLab:
     """`devices.lab.Lab`: one task in one world."""
 
     def __init__(

@@ -89,7 +89,7 @@ def _bottle(task: Task) -> Tracker:
     from hw.kinematics import link_poses
     from hw.outline import ARM, FINGERS, HAND
     from perception import bottle
-    from perception.arm_mask import Arm, Capsules, ToolMask
+    from perception.arm_mask import ArmShape, Capsules, ToolMask
     from perception.cylinder import Cylinder
     from perception.overlay import overlay_bottle
     from sim.tasks.shared.direct import tool_mesh
@@ -103,9 +103,9 @@ def _bottle(task: Task) -> Tracker:
     radii_m = np.array([capsule.radius_m for capsule in outline])
 
     def track(request: TrackRequest) -> ObjectTrack:
-        def arm_at(t_s: float) -> Arm:
+        def arm_at(t_s: float) -> ArmShape:
             ends_m = segments(link_poses(request.q_at(t_s)), outline)
-            return Arm(Capsules(ends_m, radii_m), tool, request.X_BT_at(t_s))
+            return ArmShape(Capsules(ends_m, radii_m), tool, request.X_BT_at(t_s))
 
         return bottle.track_bottle(
             request.frames,

@@ -27,7 +27,7 @@ from adaptsim_cli.doctor import readings
 from adaptsim_cli.doctor.readings import serial_ports
 from adaptsim_cli.doctor.separation import REACH_M, SIDE_M, open_sides, separation_m, tool_reach_m
 from adaptsim_cli.doctor.table import (
-    Check,
+    DoctorCheck,
     Examined,
     Finding,
     Severity,
@@ -53,7 +53,7 @@ from hw.stopping import WORST_STOP_S, worst_stop
 from sim import tasks
 from sim.errors import SimError
 
-CHECKS: dict[str, Check] = {}
+CHECKS: dict[str, DoctorCheck] = {}
 """Every check by its name, in the order of the screen."""
 
 check = partial(add_check, CHECKS)

@@ -77,7 +77,7 @@ When = Callable[[Examined], str]
 
 
 @dataclass(frozen=True)
-class Check:
+class DoctorCheck:
     """One row of the table."""
 
     group: str
@@ -101,12 +101,12 @@ class Check:
 
 
 def add_check(
-    table: dict[str, Check], group: str, name: str, fix: str = "", when: When = lambda lab: ""
+    table: dict[str, DoctorCheck], group: str, name: str, fix: str = "", when: When = lambda lab: ""
 ) -> Callable[[Probe], None]:
     """Put the decorated probe into the table."""
 
     def add(probe: Probe) -> None:
-        table[name] = Check(group, name, fix, when, probe)
+        table[name] = DoctorCheck(group, name, fix, when, probe)
 
     return add
 

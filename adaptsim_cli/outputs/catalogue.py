@@ -17,14 +17,14 @@ class Schemas(Output):
 
 
 OUTPUTS: Mapping[str, type[Output]] = {
-    "run-iteration": trials.Iteration,
+    "run-iteration": trials.IterationOutput,
     "pretrain": learning.Pretrained,
-    "object": learning.OwnObject,
+    "object": learning.OwnObjectOutput,
     "benchmark": learning.BenchmarkOutput,
     "world-tables": learning.WorldTables,
     "rollout": trials.Rollout,
     "preview": trials.Preview,
-    "parts": rig.Parts,
+    "parts": rig.PartsOutput,
     "report": sessions.Reported,
     "compare": sessions.Compared,
     "bundle": sessions.Bundled,
@@ -34,7 +34,7 @@ OUTPUTS: Mapping[str, type[Output]] = {
     "schema": Schemas,
     "calibrate": rig.Calibration,
     "calibrate check": rig.CalibrationCheck,
-    "calibrate board": rig.Board,
+    "calibrate board": rig.BoardOutput,
     "calibrate solve": rig.Calibration,
     "calibrate together": rig.Cameras,
     "calibrate overlay": rig.Overlay,
@@ -62,9 +62,9 @@ OUTPUTS: Mapping[str, type[Output]] = {
     "checkpoints verify": learning.CheckpointVerified,
     "checkpoints parameters": learning.CheckpointParameters,
     "config show": rig.Settings,
-    "config path": rig.Places,
+    "config path": rig.PlacesOutput,
     "lab list": learning.Worlds,
-    "lab show": learning.World,
+    "lab show": learning.WorldOutput,
 }
 """The output of every command that takes `--json`."""
 

@@ -36,7 +36,7 @@ class Worlds(Output):
     quantities: list[Described] = said("parameters, contexts, actions and nuisance of the task")
 
 
-class World(Output):
+class WorldOutput(Output):
     """The hidden values of a world. A session never sees them."""
 
     task: str = said("which task")
@@ -111,7 +111,7 @@ class HeldOut(Record):
     end_state_error_median: float | None = maybe("of successes, in units; null without one")
 
 
-class OwnObject(Output):
+class OwnObjectOutput(Output):
     """An own object: its file, its picture, its checkpoint."""
 
     object: str = said("its name")

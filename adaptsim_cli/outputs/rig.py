@@ -98,7 +98,7 @@ class Overlay(Output):
     pictures: dict[str, str] = said("the picture of every view")
 
 
-class Camera(Record):
+class CameraOutput(Record):
     """One of several cameras."""
 
     name: str = said("its name")
@@ -126,11 +126,11 @@ class Cameras(Output):
     accepted: bool = said("whether every camera passed every gate")
     weights: str = said("which of two fits was kept, and how both predict held-out views")
     X_FM: Matrix = said("pose of the target in the flange, 4 x 4, m")
-    cameras: list[Camera] = said("one each")
+    cameras: list[CameraOutput] = said("one each")
     file: str = said("file that was written")
 
 
-class Board(Output):
+class BoardOutput(Output):
     """A printed calibration board."""
 
     file: str = said("page that was written")
@@ -197,7 +197,7 @@ class TouchOffsCompared(Output):
     quantities: list[ComparedValue] = said("one each")
 
 
-class Check(Record):
+class CheckOutput(Record):
     """One line of the checklist."""
 
     group: str = said("part of the lab")
@@ -213,7 +213,7 @@ class Doctor(Output):
     ready: bool = said("whether an iteration can run")
     hw: str = said("hardware that was checked: fake, panda or fr3")
     task: str = said("which task")
-    checks: list[Check] = said("one each")
+    checks: list[CheckOutput] = said("one each")
 
 
 class Setting(Record):
@@ -230,7 +230,7 @@ class Settings(Output):
     rig_file: dict[str, Any] | None = said("contents of the rig file; null without one")
 
 
-class Places(Output):
+class PlacesOutput(Output):
     """Where data and settings lie."""
 
     data: str = said("folder of all data")
@@ -246,7 +246,7 @@ class PartFile(Output):
     notes: list[str] = said("size, mass, orientation, screws")
 
 
-class Parts(Output):
+class PartsOutput(Output):
     """The parts that a lab prints."""
 
     sheet: str = said("PDF with drawings, and the patch at true size")

@@ -102,7 +102,7 @@ class SuspicionRecord(Record):
         return cls(question=suspicion.question, why=suspicion.why, look=suspicion.look)
 
 
-class Iteration(Output):
+class IterationOutput(Output):
     """The result of one iteration: one object per line and iteration."""
 
     task: str = said("which task")

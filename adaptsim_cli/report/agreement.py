@@ -21,7 +21,7 @@ BELIEVED = 0.05
 
 
 @dataclass(frozen=True)
-class Row:
+class AgreementRow:
     """One trial: the reward that was predicted before it, and the observed one."""
 
     trial: int
@@ -42,7 +42,7 @@ class Row:
 class Agreement:
     """All trials of a session."""
 
-    rows: tuple[Row, ...]
+    rows: tuple[AgreementRow, ...]
     bias: float  # mean of observed minus predicted
     bias_low: float  # 95 % interval of it
     bias_high: float
@@ -90,19 +90,19 @@ def end_error(observed: Array, expected: Array, unit: str) -> float:
     return float(away.mean()) * (1e3 if unit == "mm" else 1.0)
 
 
-def _row(trial: TrialRecord, prediction: Prediction | None, unit: str) -> Row:
+def _row(trial: TrialRecord, prediction: Prediction | None, unit: str) -> AgreementRow:
     before = after = None
     if prediction is not None:
         end = trial.track.track().at(prediction.t_s[-1:])[0, list(prediction.columns)]
         before = end_error(end, prediction.guess[-1:], unit)
         after = end_error(end, prediction.likely[:, -1], unit)
-    return Row(
+    return AgreementRow(
         trial.trial, trial.predicted_reward, trial.predicted_low, trial.predicted_high, trial.reward, before, after
     )
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeanReward:
     """The mean reward of trials with its 95 % interval, clipped to the possible rewards."""
 
     mean: float
@@ -120,10 +120,10 @@ def trial_std(task: str) -> float:
     return get_task(task).adaptation.trial_std if task in TASKS else UNKNOWN_STD
 
 
-def mean_of(rewards: Sequence[float], std: float) -> Measured:
+def mean_of(rewards: Sequence[float], std: float) -> MeanReward:
     """The mean of single trials with standard deviation `std`. Raises ValueError without a trial."""
     if not rewards:
         raise ValueError("no trial, so no mean")
     mean = float(np.mean(rewards))
     half = Z95 * max(std, float(np.std(rewards, ddof=1)) if len(rewards) > 1 else 0.0) / math.sqrt(len(rewards))
-    return Measured(mean, max(0.0, mean - half), min(1.0, mean + half), len(rewards))
+    return MeanReward(mean, max(0.0, mean - half), min(1.0, mean + half), len(rewards))

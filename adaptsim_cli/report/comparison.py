@@ -13,7 +13,7 @@ from scipy import stats
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.outputs.sessions import ComparedMethod, ParameterBelief
 from adaptsim_cli.report import figures
-from adaptsim_cli.report.agreement import Measured, mean_of, trial_std
+from adaptsim_cli.report.agreement import MeanReward, mean_of, trial_std
 from adaptsim_cli.report.figures import Level
 from adaptsim_cli.report.page import both, fill, parameters_in_words
 from adaptsim_cli.report.svg import plain
@@ -28,13 +28,13 @@ PAGE, SESSIONS, TRIALS = "comparison.html", "sessions.csv", "trials.csv"
 
 
 @dataclass(frozen=True)
-class Compared:
+class ComparedSession:
     """One session of a comparison."""
 
     facts: Facts
     trials: tuple[TrialRecord, ...]  # counting trials, in order
     result: ResultRecord | None  # of the last complete iteration
-    iterations: tuple[Measured, ...]  # mean reward of each
+    iterations: tuple[MeanReward, ...]  # mean reward of each
     table: tuple[Row, ...]
 
     @property
@@ -96,7 +96,7 @@ class Compared:
         }
 
 
-def compared(stores: Sequence[SessionStore]) -> tuple[Compared, ...]:
+def compared(stores: Sequence[SessionStore]) -> tuple[ComparedSession, ...]:
     """Read the sessions.
 
     Raises UsageError unless they are two or more of one task, each with a trial; SessionError on damage.
@@ -109,7 +109,7 @@ def compared(stores: Sequence[SessionStore]) -> tuple[Compared, ...]:
     return tuple(_compared(store) for store in stores)
 
 
-def by_method(sessions: Sequence[Compared]) -> tuple[ComparedMethod, ...]:
+def by_method(sessions: Sequence[ComparedSession]) -> tuple[ComparedMethod, ...]:
     """The sessions of each method, pooled, and paired with the first method by world and seed."""
     methods = tuple(dict.fromkeys(c.facts.method for c in sessions))
     ends = {m: {c.pair: c.iterations[-1].mean for c in sessions if c.facts.method == m} for m in methods}
@@ -133,7 +133,7 @@ def by_method(sessions: Sequence[Compared]) -> tuple[ComparedMethod, ...]:
     return tuple(result)
 
 
-def conclusions(sessions: Sequence[Compared]) -> tuple[str, ...]:
+def conclusions(sessions: Sequence[ComparedSession]) -> tuple[str, ...]:
     """A sentence for each session that has a UDR session in the same world with the same seed."""
     udr = {c.pair: c for c in sessions if c.facts.method == UDR}
     sentences = []
@@ -171,7 +171,7 @@ def disagreements(beliefs: Sequence[ParameterBelief]) -> tuple[str, ...]:
     return tuple(sentences) or ("The posteriors disagree in no parameter: all 90 % intervals overlap.",)
 
 
-def write(sessions: Sequence[Compared], folder: Path, beliefs: Sequence[ParameterBelief] = ()) -> Path:
+def write(sessions: Sequence[ComparedSession], folder: Path, beliefs: Sequence[ParameterBelief] = ()) -> Path:
     """Write page and tables into `folder` and return the page's path. Raises SessionError, DiskFull."""
     durable.make_folder(folder)
     durable.replace_file(folder / SESSIONS, as_csv([c.as_row() for c in sessions]).encode())
@@ -180,7 +180,7 @@ def write(sessions: Sequence[Compared], folder: Path, beliefs: Sequence[Paramete
     return folder / PAGE
 
 
-def render(sessions: Sequence[Compared], beliefs: Sequence[ParameterBelief] = ()) -> str:
+def render(sessions: Sequence[ComparedSession], beliefs: Sequence[ParameterBelief] = ()) -> str:
     """The page as HTML."""
     methods = by_method(sessions)
     colours = {row.method: f"c{index % 6}" for index, row in enumerate(methods)}
@@ -207,14 +207,14 @@ def render(sessions: Sequence[Compared], beliefs: Sequence[ParameterBelief] = ()
     )
 
 
-def _compared(store: SessionStore) -> Compared:
+def _compared(store: SessionStore) -> ComparedSession:
     trials = trials_of(store)
     if not trials:
         raise UsageError(f"session {store.facts.name!r} has no completed trial yet: leave it out")
     std = trial_std(store.facts.task)
     iterations = sorted({t.iteration for t in trials})
     results = results_of(store)
-    return Compared(
+    return ComparedSession(
         facts=store.facts,
         trials=trials,
         result=results[-1] if results else None,
@@ -223,7 +223,7 @@ def _compared(store: SessionStore) -> Compared:
     )
 
 
-def _levels(c: Compared, colour: str) -> tuple[Level, ...]:
+def _levels(c: ComparedSession, colour: str) -> tuple[Level, ...]:
     """First and last iteration as measured, and the policy that the session would go with as predicted."""
     numbered = {"first": (1, c.iterations[0]), "last": (len(c.iterations), c.iterations[-1])}
     if len(c.iterations) == 1:

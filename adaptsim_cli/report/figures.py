@@ -25,7 +25,7 @@ class Prediction:
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class HeldOutScore:
     """The final policy judged by recorded trials that the session never saw."""
 
     trials: int  # held out
@@ -54,7 +54,7 @@ class Judgement:
     adapted: Estimate | None  # of the policy at the best parameters; None without a result
     udr: Estimate  # of policies for all of Omega
     unit: str  # of the errors of predicted ends: "mm" on the table, else that of the observed quantities
-    held_out: HeldOut | None = None  # None: no trial was held out
+    held_out: HeldOutScore | None = None  # None: no trial was held out
 
 
 WIDE, NARROW = 760.0, 400.0

@@ -14,7 +14,7 @@ import numpy as np
 
 from adaptsim_cli.outputs.trials import OutlookRecord
 from adaptsim_cli.report import figures
-from adaptsim_cli.report.agreement import Measured, agreement, mean_of, trial_std
+from adaptsim_cli.report.agreement import MeanReward, agreement, mean_of, trial_std
 from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words, tried_in
@@ -202,7 +202,7 @@ def levels(
         if len(results) > 1:
             newest = mean_of([t.reward for t in trials if t.iteration == len(results)], std)
             rows.append(_measured("Last iteration", newest, f"in iteration {len(results)}", _ADAPTED))
-        pooled = Measured(best.mean_reward, *best.ci95, best.trials)
+        pooled = MeanReward(best.mean_reward, *best.ci95, best.trials)
         if results[-1].outlook is None:
             rows.append(_measured("Adapted policy", pooled, "at its parameters and near by", _ADAPTED))
         else:
@@ -230,7 +230,7 @@ def levels(
     return tuple(rows)
 
 
-def _measured(label: str, measurement: Measured, detail: str, colour: str) -> Level:
+def _measured(label: str, measurement: MeanReward, detail: str, colour: str) -> Level:
     text = f"{measurement.trials} trial{'s' * (measurement.trials != 1)} {detail}"
     return Level(label, "measured", text, measurement.mean, measurement.low, measurement.high, colour)
 

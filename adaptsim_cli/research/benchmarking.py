@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.lab.physics import Physics
     from sim.lab.world import World
-    from sim.research.benchmark.jobs import Job, Row
+    from sim.research.benchmark.jobs import BenchmarkRow, Job
     from sim.research.benchmark.sessions import Conditions
     from sim.research.benchmark.summary import SetSummary
     from sim.research.benchmark.tables import WorldTable
@@ -36,7 +36,7 @@ PAGE = "report.html"
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class BenchmarkRequest:
     """A checked request for a benchmark."""
 
     resolved: Resolved
@@ -83,9 +83,9 @@ class Asked:
 class Comparison:
     """A comparison and its results."""
 
-    request: Asked
+    request: BenchmarkRequest
     tabled: bool  # whether trials were looked up in world tables
-    rows: tuple[Row, ...]
+    rows: tuple[BenchmarkRow, ...]
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -124,7 +124,7 @@ def asked(
     out: Path | None,
     *,
     in_lab: bool = False,
-) -> Asked:
+) -> BenchmarkRequest:
     """Check the request before anything runs.
 
     Raises UsageError, UnknownName, WorldError, OutOfRange, CheckpointError, ExtraMissing.
@@ -171,10 +171,12 @@ def asked(
         if in_lab:
             _require_lab(task, worlds)
     rest = tuple(left_out.items())
-    return Asked(resolved, task, worlds, chosen, conditions, seeds, loaded, out, in_lab, trials, rest)
+    return BenchmarkRequest(resolved, task, worlds, chosen, conditions, seeds, loaded, out, in_lab, trials, rest)
 
 
-def benchmark(request: Asked, executor: Executor, progress: StageProgress, share: Share | None = None) -> Comparison:
+def benchmark(
+    request: BenchmarkRequest, executor: Executor, progress: StageProgress, share: Share | None = None
+) -> Comparison:
     """Run the missing sessions, or a share's. Raises DatasetError if a table is missing, SimError, SessionError."""
     from sim.research.benchmark.run import Results, run_jobs
     from sim.rollouts.executors import serial_executor
@@ -282,7 +284,7 @@ def _report(progress: StageProgress, before: int, total: int, done: int, _: int)
     progress("rollouts", before + done, total)
 
 
-def _runner(request: Asked) -> Callable[[Job], Row]:
+def _runner(request: BenchmarkRequest) -> Callable[[Job], BenchmarkRow]:
     """The function that runs one job; the lab is imported only if trials run in it."""
     if request.in_lab:
         from adaptsim_cli.research.lab_place import run_in_lab
@@ -303,7 +305,7 @@ def _require_lab(task: Task, targets: Sequence[BenchmarkWorld]) -> None:
         )
 
 
-def _tables(request: Asked) -> list[WorldTable | None]:
+def _tables(request: BenchmarkRequest) -> list[WorldTable | None]:
     """The table of each target; None for a task that simulates its worlds."""
     from sim.research.benchmark.tables import load_table
 
@@ -323,7 +325,7 @@ def _scenes(task: Task, targets: Sequence[BenchmarkWorld]) -> dict[Physics, str]
     return {physics: scene_key(in_physics(task, physics)) for physics in {t.world.physics for t in targets}}
 
 
-def _jobs(request: Asked, tables: Sequence[WorldTable | None]) -> list[Job]:
+def _jobs(request: BenchmarkRequest, tables: Sequence[WorldTable | None]) -> list[Job]:
     """The jobs world by world, so that partial results are complete worlds."""
     from sim.research.benchmark.jobs import Job
     from sim.research.benchmark.tables import world_digest
@@ -351,7 +353,7 @@ def _jobs(request: Asked, tables: Sequence[WorldTable | None]) -> list[Job]:
     ]
 
 
-def _recorded_jobs(request: Asked, trials: RecordedTrials) -> list[Job]:
+def _recorded_jobs(request: BenchmarkRequest, trials: RecordedTrials) -> list[Job]:
     from adaptsim_cli.wiring.recorded.folder import digest
     from sim.research.benchmark.jobs import Job
 

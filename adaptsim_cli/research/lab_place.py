@@ -26,7 +26,7 @@ from sim.adaptation.stages import TrialKey
 from sim.errors import NotExecutable, RolloutError
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import World
-from sim.research.benchmark.jobs import LIMITS, UDR, Job, Row, run_job
+from sim.research.benchmark.jobs import LIMITS, UDR, BenchmarkRow, Job, run_job
 from sim.research.benchmark.trial_sources import Tabled, TrialSource
 from sim.solvers.solver import Executable
 from sim.tasks import get_task
@@ -98,7 +98,7 @@ class InLab:
         raise RolloutError(f"trial {number} in the lab failed {ATTEMPTS} times: {why}")
 
 
-def run_in_lab(job: Job) -> Row:
+def run_in_lab(job: Job) -> BenchmarkRow:
     """As `run_job`, but with the session's trials in the lab.
 
     UDR and the upper bounds run outside: they need no trials, or too many.

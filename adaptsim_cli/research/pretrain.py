@@ -70,7 +70,7 @@ def pretrain(
     resolved = config.load({"task": task, "seed": seed, "workers": workers, "solver": solver, "object": own})
     screen = console.Screen(as_json=as_json)
     part = share_of(share, as_json=as_json)
-    sizes = pretraining.Sizes(rollouts, denser, episodes, judged)
+    sizes = pretraining.RequestedSizes(rollouts, denser, episodes, judged)
     request = pretraining.checked(resolved, out, budget, targets, sizes)
     if part is not None:
         with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:

@@ -28,7 +28,7 @@ ROLLOUTS, QUICK = 240, 96
 
 
 @dataclass(frozen=True)
-class Sizes:
+class RequestedSizes:
     """Requested sizes; None: the budget's."""
 
     rollouts: int | None = None  # of the dataset, spread evenly over the space
@@ -101,7 +101,7 @@ def pretrain_share(request: Request, share: Share, executor: Executor, progress:
         )
 
 
-def checked(resolved: Resolved, out: Path | None, budget: str, targets: str, sizes: Sizes) -> Request:
+def checked(resolved: Resolved, out: Path | None, budget: str, targets: str, sizes: RequestedSizes) -> Request:
     """The request with the settings' task, solver and seed.
 
     Raises UsageError on an unknown budget, solver or kind of targets, SimError.

@@ -18,7 +18,7 @@ import numpy as np
 
 from adaptsim_cli.outputs.trials import (
     BestRecord,
-    Iteration,
+    IterationOutput,
     OutlookRecord,
     SuspicionRecord,
     TrackRecord,
@@ -124,7 +124,7 @@ class RunningSession:
         self.overhead_s.update(spent)
 
 
-def run_iteration(session: RunningSession) -> Iteration:
+def run_iteration(session: RunningSession) -> IterationOutput:
     """Do the missing steps of the present iteration, show the result, and return its summary.
 
     Raises StoppedByOperator, HardwareError, PerceptionError, NotExecutable or SessionError; completed steps stay
@@ -301,7 +301,7 @@ def tell(session: RunningSession) -> None:
     session.watcher.changed(session.store, posterior)
 
 
-def show(session: RunningSession, stage: Show) -> Iteration:
+def show(session: RunningSession, stage: Show) -> IterationOutput:
     """Show what the iteration changed and return its summary."""
     store, screen = session.store, session.screen
     result = result_of(store, stage.iteration)

@@ -65,7 +65,7 @@ class Recording:
 
 
 @dataclass(frozen=True, eq=False)
-class Stored:
+class StoredFrame:
     """A frame as it is stored: its messages, and the frame that `read` makes of them."""
 
     colour: bytes
@@ -73,7 +73,7 @@ class Stored:
     frame: Frame
 
 
-def stored(frame: Frame, *, lossless: bool = False) -> Stored:
+def stored(frame: Frame, *, lossless: bool = False) -> StoredFrame:
     """Compress a frame, and decode it again for the tracker, which sees only what is stored.
 
     Its colour as JPEG, or as PNG, so that a later search finds the object in exactly the same pixels.
@@ -85,7 +85,7 @@ def stored(frame: Frame, *, lossless: bool = False) -> Stored:
         layout, content = "jpeg", encode_jpeg(rgb, _JPEG_QUALITY)
     colour = topics.compressed_image(t_ns, "camera_colour", layout, content)
     depth = topics.image(t_ns, "camera_depth", frame.depth_mm)
-    return Stored(colour, depth, Frame(_s(t_ns), _decode_colour(colour), _decode_depth(depth)))
+    return StoredFrame(colour, depth, Frame(_s(t_ns), _decode_colour(colour), _decode_depth(depth)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,15 +95,15 @@ class PartialRecording:
     recording: Recording
     _file: _Mcap
 
-    def finish(self, after: Stored | None) -> tuple[bytes, Recording]:
+    def finish(self, after: StoredFrame | None) -> tuple[bytes, Recording]:
         """The whole file, and the recording that `read` gives. Call it once."""
         self._file.add(_pictures([] if after is None else [after], _AFTER_COLOUR, _AFTER_DEPTH))
         return self._file.finish(), replace(self.recording, after=None if after is None else after.frame)
 
 
 def begin(
-    before: Stored,
-    frames: Sequence[Stored],
+    before: StoredFrame,
+    frames: Sequence[StoredFrame],
     model: CameraModel,
     X_BC: Array,
     execution: Execution,
@@ -269,7 +269,7 @@ def _frames(colour: Mapping[int, Future[Bytes]], depth: Mapping[int, Future[Dept
     return tuple(Frame(_s(t_ns), colour[t_ns].result(), depth[t_ns].result()) for t_ns in colour)
 
 
-def _pictures(frames: Sequence[Stored], colour_topic: str, depth_topic: str) -> Iterator[topics.Message]:
+def _pictures(frames: Sequence[StoredFrame], colour_topic: str, depth_topic: str) -> Iterator[topics.Message]:
     for one in frames:
         t_ns = topics.ns(one.frame.t_s)
         yield t_ns, colour_topic, one.colour

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
-from adaptsim_cli.outputs.trials import Iteration
+from adaptsim_cli.outputs.trials import IterationOutput
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.keys import Key
@@ -142,7 +142,7 @@ def _report(session: RunningSession, draw: Callable[[SessionStore], Path], store
 
 
 def _goes_on(
-    screen: Screen, store: SessionStore, request: SessionRequest, summary: Iteration, *, unattended: bool
+    screen: Screen, store: SessionStore, request: SessionRequest, summary: IterationOutput, *, unattended: bool
 ) -> bool:
     """Whether the session goes on although the verdict says stop: asked at a terminal, decided by --until-done."""
     if request.until_done:

@@ -16,19 +16,19 @@ from adaptsim_cli.outputs.sessions import (
     ShownResult,
     ShownTrial,
 )
-from adaptsim_cli.outputs.trials import Iteration, ParticleShown, PlayedTrial, named
+from adaptsim_cli.outputs.trials import IterationOutput, ParticleShown, PlayedTrial, named
 from adaptsim_cli.session.keeping import about, size_bytes
 from adaptsim_cli.session.records import ResultRecord, Samples, TrialRecord
 from adaptsim_cli.session.store import SessionStore, particles_of, results_of, trials_of
 from sim.adaptation.method import Particle
 
 
-def summary(store: SessionStore, result: ResultRecord) -> Iteration:
+def summary(store: SessionStore, result: ResultRecord) -> IterationOutput:
     """One iteration, as `run-iteration --json` prints it; parameters by name, in units. Raises SessionError."""
     facts, iteration = store.facts, result.iteration - 1
     names, trials = [d.name for d in facts.parameters], store.trials(iteration)
     particles = zip(particles_of(store, iteration), result.next_particles, strict=True)
-    return Iteration(
+    return IterationOutput(
         task=facts.task,
         session=facts.name,
         iteration=result.iteration,

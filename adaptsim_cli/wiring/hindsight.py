@@ -17,7 +17,7 @@ from adaptsim_cli.outputs.sessions import ParameterBelief
 from adaptsim_cli.outputs.trials import Rollout
 from adaptsim_cli.report import page
 from adaptsim_cli.report.agreement import end_error, mean_of
-from adaptsim_cli.report.figures import HeldOut, Judgement, Prediction
+from adaptsim_cli.report.figures import HeldOutScore, Judgement, Prediction
 from adaptsim_cli.session.records import ROLLOUT, TrialRecord, read_object
 from adaptsim_cli.session.store import (
     RESULT,
@@ -114,7 +114,7 @@ class Hindsight:
             self._methods[name] = make_method(name, checkpoint.solver.task, checkpoint)
         return final_policy(self._methods[name], checkpoint.solver, checkpoint.solver.task, history)
 
-    def _held_out(self, store: SessionStore, posteriors: Sequence[Posterior]) -> HeldOut:
+    def _held_out(self, store: SessionStore, posteriors: Sequence[Posterior]) -> HeldOutScore:
         """The scores by the recordings that the session never saw. Raises RecordingsRefused."""
         from sim.adaptation.judging import final_policy
         from sim.adaptation.methods import make_method
@@ -144,7 +144,7 @@ class Hindsight:
                 errors.append(end_error(end, ends, _unit(task)))
             return float(np.median(errors))
 
-        return HeldOut(
+        return HeldOutScore(
             trials=len(held),
             contexts=JUDGED,
             final=earned([final]),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from adaptsim_cli.devices.mounted import MountedTask
     from hw.limits import LimitReport
     from hw.types import Array, JointPath
-    from sim.lab.preview import Preview
+    from sim.lab.preview import PathPreview
     from sim.tasks.task import Task
 
 PATHS = ("approach", "task", "way back")
@@ -37,11 +37,15 @@ class PlannedMotion:
         """The task with the tool as mounted."""
         return self.mounted_task.task
 
-    def page(self) -> Preview:
+    def page(self) -> PathPreview:
         """The motion in a browser."""
-        from sim.lab.preview import Preview
+        from sim.lab.preview import PathPreview
 
-        page, area, cell = Preview(self.task, self.context, self.paths), self.mounted_task.area, self.mounted_task.cell
+        page, area, cell = (
+            PathPreview(self.task, self.context, self.paths),
+            self.mounted_task.area,
+            self.mounted_task.cell,
+        )
         page.surround(cell.table, area.x_m, area.y_m, cell.keep_out)
         return page
 

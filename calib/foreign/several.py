@@ -15,7 +15,7 @@ from calib import gates
 from calib.bundle import Unknowns, motion_of, predict
 from calib.condense import condense
 from calib.errors import TooFewViews, UnusableViews, determined
-from calib.estimate import Data, Estimate, estimate
+from calib.estimate import BestFit, Data, estimate
 from calib.foreign.pairing import Fault, faults
 from calib.foreign.sizing import solve_any_size
 from calib.geometry import angle_deg, distance_mm, rms
@@ -116,7 +116,7 @@ def _data(cameras: Sequence[CameraViews], alone: Sequence[Solution]) -> tuple[Da
 
 
 def _placed(
-    k: int, camera: CameraViews, alone: Solution, setup: Setup, data: Data, joint: Estimate, fit_px: Array
+    k: int, camera: CameraViews, alone: Solution, setup: Setup, data: Data, joint: BestFit, fit_px: Array
 ) -> Placed:
     rows = data.moved.camera == k
     held = joint.folds.px[rows[joint.folds.rows]]

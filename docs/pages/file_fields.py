@@ -33,8 +33,8 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "A world of the simulated lab; `adaptsim lab list` shows those that ship.",
         (
             ("", "sim.lab.world", "_File"),
-            ("[unmodelled] of scooping", "sim.tasks.scooping.params", "Unmodelled"),
-            ("[unmodelled] of pushing", "sim.tasks.pushing.params", "Unmodelled"),
+            ("[unmodelled] of scooping", "sim.tasks.scooping.params", "ScoopingUnmodelled"),
+            ("[unmodelled] of pushing", "sim.tasks.pushing.params", "PushingUnmodelled"),
             ("[sensing]", "sim.lab.world", "Sensing"),
             ("[mount]", "sim.lab.world", "Mount"),
             ("[faults]", "sim.lab.world", "Faults"),
@@ -145,7 +145,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "What `adaptsim benchmark --json` prints. Beside it lie `rows.csv` and the page `report.html`. "
         "`null` stands where a number needs UDR or the oracle and they were not run.",
         (
-            ("Each of `rows`, one for a method, a world and a seed", "sim.research.benchmark.jobs", "Row"),
+            ("Each of `rows`, one for a method, a world and a seed", "sim.research.benchmark.jobs", "BenchmarkRow"),
             ("Each of `summary`, one for a set of worlds", "sim.research.benchmark.summary", "SetSummary"),
             ("Each of its `methods`", "sim.research.benchmark.summary", "MethodSummary"),
         ),

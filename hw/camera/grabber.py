@@ -125,7 +125,7 @@ class TimedCapture:
 
 
 @dataclass(frozen=True)
-class Film:
+class CameraRecording:
     """One recording, with the number of images that were dropped."""
 
     shots: tuple[TimedCapture, ...]  # in order of time
@@ -178,7 +178,7 @@ class Grabber:
             self._wait(lambda: True)
             self._kept, self._since_s, self._jumps = [], t_s, self._clock.jumps
 
-    def film_until(self, t_s: float) -> Film:
+    def film_until(self, t_s: float) -> CameraRecording:
         """End the recording: everything exposed from its start to `t_s`. Raises CameraError."""
         with self._changed:
             if self._kept is None:
@@ -200,7 +200,7 @@ class Grabber:
         shots = [TimedCapture(clock.host_s(captured.device_s), captured) for captured in pending]
         within = tuple(shot for shot in shots if self._since_s <= shot.t_s <= t_s)
         dropped, gap_s = gaps([shot.t_s for shot in within], self._since_s, t_s, self._rate_hz)
-        return Film(within, dropped, gap_s, clock)
+        return CameraRecording(within, dropped, gap_s, clock)
 
     def _run(self) -> None:
         misses = 0

@@ -91,7 +91,7 @@ class K4aDevice:
 
     def model(self) -> CameraModel:
         """The factory calibration, for the modes in use. Raises CameraError."""
-        raw = k4a.Calibration()
+        raw = k4a.K4aCalibration()
         colour, depth = k4a.COLOUR_720P, k4a.NFOV_UNBINNED
         self._need(
             self._library.k4a_device_get_calibration(self._handle, depth, colour, ctypes.byref(raw)),
@@ -255,7 +255,7 @@ def _grey(library: K4aLibrary, image: Any, kind: int) -> NDArray[np.uint16]:
     return np.ascontiguousarray(rows[:, :width], dtype=np.uint16)
 
 
-def model_of(raw: k4a.Calibration, serial: str) -> CameraModel:
+def model_of(raw: k4a.K4aCalibration, serial: str) -> CameraModel:
     """libk4a's calibration as a `CameraModel`. Raises CameraError on an unknown lens model."""
     X_CD = np.eye(4)
     pose = raw.extrinsics[k4a.TYPE_DEPTH][k4a.TYPE_COLOUR]

@@ -86,7 +86,7 @@ class CalibrationCamera(ctypes.Structure):
     ]
 
 
-class Calibration(ctypes.Structure):
+class K4aCalibration(ctypes.Structure):
     """k4a_calibration_t; `extrinsics[source][target]` takes points of the source into the target."""
 
     _fields_: ClassVar = [
@@ -147,7 +147,7 @@ PROTOTYPES: Mapping[str, tuple[Any, tuple[Any, ...]]] = {
     "k4a_device_close": (None, (_Handle,)),
     "k4a_device_get_serialnum": (c_int, (_Handle, c_void_p, POINTER(c_size_t))),
     "k4a_device_get_version": (c_int, (_Handle, POINTER(HardwareVersion))),
-    "k4a_device_get_calibration": (c_int, (_Handle, c_int, c_int, POINTER(Calibration))),
+    "k4a_device_get_calibration": (c_int, (_Handle, c_int, c_int, POINTER(K4aCalibration))),
     "k4a_device_get_color_control": (c_int, (_Handle, c_int, POINTER(c_int), POINTER(c_int32))),
     "k4a_device_set_color_control": (c_int, (_Handle, c_int, c_int, c_int32)),
     "k4a_device_start_cameras": (c_int, (_Handle, POINTER(DeviceConfiguration))),

@@ -14,7 +14,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Self, TypeVar
 
-from hw.camera.grabber import Film, TimedCapture
+from hw.camera.grabber import CameraRecording, TimedCapture
 from hw.camera.k4a_device import ColourSettings
 from hw.camera.served import END_FILM, OPEN
 from hw.child import Call, Child, ChildGone
@@ -72,7 +72,7 @@ class CameraProcess:
         self._model: CameraModel | None = None
         self._facts: dict[str, Any] = {}
         self._ended = ""  # why the process ended
-        self._film: Film | None = None
+        self._film: CameraRecording | None = None
 
     def __enter__(self) -> Self:
         """Raises DeviceUnavailable without library or camera, CameraError if the camera does not start."""
@@ -98,7 +98,7 @@ class CameraProcess:
         return self._model
 
     @property
-    def film(self) -> Film | None:
+    def film(self) -> CameraRecording | None:
         """The last recording: images, dropped images, longest gap, clock."""
         return self._film
 
@@ -188,7 +188,7 @@ def _decoded(shot: TimedCapture) -> Frame:
     return shot.captured.frame(shot.t_s)
 
 
-def _require_whole(film: Film, serial: str) -> None:
+def _require_whole(film: CameraRecording, serial: str) -> None:
     """Raises CameraError if too many images of a recording are missing; a few give only a warning."""
     every = film.dropped + len(film.shots)
     if film.dropped:

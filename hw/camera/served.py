@@ -18,7 +18,7 @@ from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
 from hw.camera import k4a_library
-from hw.camera.grabber import Captured, DeviceClock, Film, Grabber, TimedCapture
+from hw.camera.grabber import CameraRecording, Captured, DeviceClock, Grabber, TimedCapture
 from hw.camera.k4a_device import RATE_HZ, ColourSettings, K4aDevice
 from hw.camera.probe import probe_k4a
 from hw.child import Call
@@ -130,14 +130,14 @@ class LiveCamera:
         """Raises CameraError when one runs, or the camera is gone."""
         self._running.keep_from(self._now_s())
 
-    def end_film(self) -> Film:
+    def end_film(self) -> CameraRecording:
         """End the recording: everything exposed since its start, complete or not.
 
         Raises CameraError if none runs, or the camera is gone.
         """
         return self._running.film_until(self._now_s())
 
-    def facts(self, film: Film | None = None) -> dict[str, Any]:
+    def facts(self, film: CameraRecording | None = None) -> dict[str, Any]:
         """For a session's record: which camera, its settings, and the quality of its last recording."""
         if film is None:
             return self._facts | {"recording": None}

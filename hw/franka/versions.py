@@ -40,7 +40,7 @@ PACKAGES = {
 
 
 @dataclass(frozen=True)
-class Row:
+class CompatibilityRow:
     """One row of the compatibility matrix."""
 
     interface: int
@@ -56,14 +56,14 @@ _OLD_PANDA = "update the arm to system 4.2.1 or newer, or install panda-python b
 _OLD_FR3 = "update the arm to system 5.9.0 or newer"
 
 MATRIX = (
-    Row(3, "3.0.0 up to 4.0.0 (Panda)", "0.7.1", f"{_OLD_PANDA}{PANDA_BUILDS}"),
-    Row(4, "4.0.0 up to 4.2.1 (Panda)", "0.8.0", f"{_OLD_PANDA}{PANDA_BUILDS}"),
-    Row(5, "4.2.1 and newer (Panda)", "0.9.1 up to 0.10.0", PACKAGES["panda"].install),
-    Row(6, "5.2.0 up to 5.5.0 (FR3)", "0.10.0 up to 0.13.3", _OLD_FR3),
-    Row(7, "5.5.0 up to 5.7.0 (FR3)", "0.13.3 up to 0.14.1", _OLD_FR3),
-    Row(8, "5.7.0 up to 5.7.2 (FR3)", "0.14.1 up to 0.15.0", _OLD_FR3),
-    Row(9, "5.7.2 up to 5.9.0 (FR3)", "0.15.0 up to 0.18.0", _OLD_FR3),
-    Row(10, "5.9.0 and newer (FR3)", "0.18.0 and newer", PACKAGES["fr3"].install),
+    CompatibilityRow(3, "3.0.0 up to 4.0.0 (Panda)", "0.7.1", f"{_OLD_PANDA}{PANDA_BUILDS}"),
+    CompatibilityRow(4, "4.0.0 up to 4.2.1 (Panda)", "0.8.0", f"{_OLD_PANDA}{PANDA_BUILDS}"),
+    CompatibilityRow(5, "4.2.1 and newer (Panda)", "0.9.1 up to 0.10.0", PACKAGES["panda"].install),
+    CompatibilityRow(6, "5.2.0 up to 5.5.0 (FR3)", "0.10.0 up to 0.13.3", _OLD_FR3),
+    CompatibilityRow(7, "5.5.0 up to 5.7.0 (FR3)", "0.13.3 up to 0.14.1", _OLD_FR3),
+    CompatibilityRow(8, "5.7.0 up to 5.7.2 (FR3)", "0.14.1 up to 0.15.0", _OLD_FR3),
+    CompatibilityRow(9, "5.7.2 up to 5.9.0 (FR3)", "0.15.0 up to 0.18.0", _OLD_FR3),
+    CompatibilityRow(10, "5.9.0 and newer (FR3)", "0.18.0 and newer", PACKAGES["fr3"].install),
 )
 
 _MISMATCH = re.compile(r"Incompatible library version \(server version: (\d+), library version: (\d+)")

@@ -10,7 +10,7 @@ import numpy as np
 
 from hw.poses import pose
 from hw.types import Array
-from perception.arm_mask import Arm
+from perception.arm_mask import ArmShape
 from perception.cylinder import Cylinder, fit_circle, fit_pose, front_m, lowest_m, tilt_rad
 from perception.geometry import Array32, ImageRegion, project
 from perception.scan import Raw, Scan
@@ -79,7 +79,7 @@ class Patch:
         return np.asarray(self.view.X_BV[:3, 3])
 
 
-def patch(scan: Scan, raw: Raw, centre_m: Array, arm: Arm) -> Patch | None:
+def patch(scan: Scan, raw: Raw, centre_m: Array, arm: ArmShape) -> Patch | None:
     """The surroundings of `centre_m` (3,); None outside the picture."""
     view = scan.view.window(centre_m, _REACH_M)
     if view is None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
-from perception.arm_mask import Arm
+from perception.arm_mask import ArmShape
 from perception.bottle.detection import HEIGHT_M, BottleDetection
 from perception.bottle.place import BottleFix, patch, place
 from perception.clutter import things
@@ -42,7 +42,7 @@ def track_bottle(
     model: CameraModel,
     X_BC: Array,
     detection: BottleDetection,
-    arm_at: Callable[[float], Arm],
+    arm_at: Callable[[float], ArmShape],
     t_start_s: float,
     duration_s: float,
     area: Area,
@@ -100,7 +100,7 @@ class _Clutter(StrEnum):
 
 
 def _follow(
-    scan: Scan, frames: Sequence[Frame], detection: BottleDetection, arm_at: Callable[[float], Arm]
+    scan: Scan, frames: Sequence[Frame], detection: BottleDetection, arm_at: Callable[[float], ArmShape]
 ) -> tuple[list[BottleFix], list[_Clutter]]:
     """The bottle in each frame (confidence 0: not located), and other objects there."""
     history = [(frames[0].t_s - 1 / 30, detection.X_BO)]
@@ -133,7 +133,7 @@ def _guesses(history: list[tuple[float, Array]], t_s: float) -> list[Array]:
     return [onward, last]
 
 
-def _clutter(scan: Scan, raw: Raw, arm: Arm, X_BO: Array, body: Cylinder) -> _Clutter:
+def _clutter(scan: Scan, raw: Raw, arm: ArmShape, X_BO: Array, body: Cylinder) -> _Clutter:
     """The parts of a frame that are neither table, arm nor bottle."""
     state = _Clutter.NONE
     for thing in things(scan, raw, arm, _STEP):

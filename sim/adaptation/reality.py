@@ -48,15 +48,15 @@ FEATURES = 256
 
 
 @dataclass(frozen=True)
-class Scale:
+class DiscrepancyScale:
     """Standard deviations of a discrepancy before any trial."""
 
     level: float  # the same for all actions
     local: float  # varies over `LENGTH`
 
-    def times(self, factor: float) -> Scale:
+    def times(self, factor: float) -> DiscrepancyScale:
         """Both, multiplied."""
-        return Scale(self.level * factor, self.local * factor)
+        return DiscrepancyScale(self.level * factor, self.local * factor)
 
     def kernel(self, a: Array, b: Array) -> Array:
         """(A, d), (B, d) in fractions of ranges -> (A, B) covariances."""
@@ -76,7 +76,7 @@ class Discrepancy:
     Rasmussen & Williams 2006, eq. 2.30.
     """
 
-    scale: Scale
+    scale: DiscrepancyScale
     at: Array  # (N, d) actions in fractions of their ranges
     noise: Array  # (N,) variance of each residual
 
@@ -113,10 +113,10 @@ class Discrepancy:
         return factor
 
 
-SUCCESS = Scale(level=0.1, local=0.25)
+SUCCESS = DiscrepancyScale(level=0.1, local=0.25)
 """Prior scale of the discrepancy in the chance of success."""
 
-END = Scale(level=0.1, local=0.15)
+END = DiscrepancyScale(level=0.1, local=0.15)
 """Prior scale of the discrepancy in the end state, in standard deviations of the end states in the ranges."""
 
 FACTORS, FACTORS_STD = (0.5, 1.0, 2.0, 4.0), 1.0
@@ -310,7 +310,7 @@ class Reality:
         at, off = self._at[self._succeeded], self._off(self._on_average)
         return [self._likeliest(END, at, spread[:, axis], off[axis]) for axis in range(self._k)]
 
-    def _likeliest(self, scale: Scale, at: Array, noise: Array, residuals: Array) -> Discrepancy:
+    def _likeliest(self, scale: DiscrepancyScale, at: Array, noise: Array, residuals: Array) -> Discrepancy:
         """The discrepancy with the multiple of `scale` that best explains residuals (N, T) over all simulators
         (empirical Bayes).
         """

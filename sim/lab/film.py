@@ -21,7 +21,7 @@ FRAME_RATE_HZ = 30.0
 SLICES = 4  # per exposure
 
 
-class Film(Sequence[Frame]):
+class RenderedFilm(Sequence[Frame]):
     """Frames that may still be rendering: reading one waits until it is ready."""
 
     def __init__(self, times_s: Sequence[float], pictures: Sequence[Future[Picture]]) -> None:
@@ -36,7 +36,7 @@ class Film(Sequence[Frame]):
     def __getitem__(self, index: slice) -> Sequence[Frame]: ...
     def __getitem__(self, index: int | slice) -> Frame | Sequence[Frame]:
         if isinstance(index, slice):
-            return Film(self._times_s[index], self._pictures[index])
+            return RenderedFilm(self._times_s[index], self._pictures[index])
         return Frame(self._times_s[index], *self._pictures[index].result())
 
 
@@ -70,9 +70,9 @@ class Filming:
                 poses = self._poses(self._times_s[-1])
                 self._pictures.append(self.studio.render(poses, self.chance.frame_stream(number)))
 
-    def film(self) -> Film:
+    def film(self) -> RenderedFilm:
         """The frames so far, on the camera's own clock."""
-        return Film([self.sensing.stamped(t_s) for t_s in self._times_s], self._pictures)
+        return RenderedFilm([self.sensing.stamped(t_s) for t_s in self._times_s], self._pictures)
 
     def _number_at(self, t_s: float) -> float:
         """The number of the frame exposed at `t_s`, counted from the placing of the object; fractions lie between."""

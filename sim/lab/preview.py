@@ -30,7 +30,7 @@ _LIFT_M = 0.002  # of the work area, so that it lies above the table top
 _AREA, _BOX = Rgba(0.2, 0.6, 0.3, 0.4), Rgba(0.8, 0.2, 0.1, 0.25)
 
 
-class Preview:
+class PathPreview:
     """A page, only on this machine (127.0.0.1), that plays a trial's paths in a loop."""
 
     def __init__(self, task: Task, context: Array, paths: Sequence[JointPath]) -> None:

@@ -17,10 +17,6 @@ from documents import ROOT
 PACKAGES = ("hw", "perception", "calib", "sim", "adaptsim_cli")
 NO_NOUNS = "found seen known told there made said asked given taken kept meant wanted afresh several"
 KEYS = frozenset({("adaptsim_cli/outputs/learning.py", "found")})  # fields of JSON, whose names are a promise
-SHARED = (  # public class names that several modules still define; a name leaves the list once it is unique
-    "Arm Asked Board Calibration Camera Check Compared Estimate Film HeldOut Iteration Kind Measured OwnObject "
-    "Parts Places Preview Row Scale SimulatedLab Sizes Solved Stopwatch Stored Unmodelled World"
-)
 
 
 def _stored(tree: ast.AST) -> Iterator[tuple[int, str]]:
@@ -81,6 +77,5 @@ def test_a_public_class_has_a_name_of_its_own() -> None:
             for node in ast.walk(tree):
                 if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                     places[node.name].append(f"{path}:{node.lineno}")
-    shared, allowed = {name: where for name, where in places.items() if len(where) > 1}, set(SHARED.split())
-    assert not (more := {name: where for name, where in shared.items() if name not in allowed}), f"rename one: {more}"
-    assert not (unique := allowed - set(shared)), f"unique by now, take them off the list: {sorted(unique)}"
+    shared = {name: where for name, where in places.items() if len(where) > 1}
+    assert not shared, f"two public classes of one name: {shared}"

@@ -230,14 +230,15 @@ def test_out_of_turn() -> None:
 
 def test_the_memory_layouts_are_those_of_the_maker() -> None:
     """Sizes as a 64-bit compiler gives them for k4atypes.h 1.4; test_camera_real_library.py reads real ones."""
-    sizes = [ctypes.sizeof(kind) for kind in (k4a.DeviceConfiguration, k4a.Extrinsics, k4a.IntrinsicParameters,
-                                              k4a.CalibrationCamera, k4a.Calibration, k4a.HardwareVersion)]  # fmt: skip
+    kinds = (k4a.DeviceConfiguration, k4a.Extrinsics, k4a.IntrinsicParameters, k4a.CalibrationCamera)
+    sizes = [ctypes.sizeof(kind) for kind in (*kinds, k4a.K4aCalibration, k4a.HardwareVersion)]
     assert sizes == [36, 48, 68, 128, 1032, 56]
-    assert (k4a.DeviceConfiguration.depth_delay_off_color_usec.offset, k4a.Calibration.depth_mode.offset) == (20, 1024)
+    assert k4a.DeviceConfiguration.depth_delay_off_color_usec.offset == 20
+    assert k4a.K4aCalibration.depth_mode.offset == 1024
 
 
 def test_calibration_in_the_order_of_the_header() -> None:
-    raw = k4a.Calibration()
+    raw = k4a.K4aCalibration()
     for number, camera in enumerate((raw.depth_camera_calibration, raw.color_camera_calibration)):
         camera.intrinsics.type = k4a.BROWN_CONRADY
         camera.intrinsics.parameters[:] = [100 * number + i for i in range(15)]

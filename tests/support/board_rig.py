@@ -18,7 +18,7 @@ from real_lab import quiet
 
 from adaptsim_cli.calibration import flow, visits
 from adaptsim_cli.calibration.parts import CalibrationRig, Ways
-from adaptsim_cli.calibration.solving import Solved
+from adaptsim_cli.calibration.solving import SolvedFolder
 from adaptsim_cli.calibration.store import CalibrationStore
 from adaptsim_cli.screen.console import Screen
 from calib import poses
@@ -223,7 +223,7 @@ def rig(
 
 def run(
     tmp_path: Path, bench: ToyBench, q_rad: Array | None = None, screen: Screen | None = None, **options: Any
-) -> tuple[Solved, Path]:
+) -> tuple[SolvedFolder, Path]:
     """A whole calibration of the bench, unattended unless `unattended` says otherwise."""
     unattended = options.pop("unattended", True)
     the_rig, screen = rig(bench, **options), screen or quiet()

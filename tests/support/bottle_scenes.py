@@ -11,7 +11,7 @@ import numpy as np
 from table_scenes import TABLE, at, box, solid
 
 from hw.types import Array, CameraModel, Frame
-from perception.arm_mask import Arm, ToolMask
+from perception.arm_mask import ArmShape, ToolMask
 from perception.cylinder import Cylinder
 from sim.lab.kinect import default_X_BC, kinect_model
 from sim.render.bodies import Body
@@ -97,6 +97,6 @@ def stage(*visuals: Visual, seed: int = 0) -> Stage:
     return Stage(visuals or (bottle(), HAND, PLATE), SensorNoise.draw(rng), rng)
 
 
-def plate_arm(plate: Pose) -> Callable[[float], Arm]:
+def plate_arm(plate: Pose) -> Callable[[float], ArmShape]:
     mask = ToolMask(PLATE.vertices_m, PLATE.triangles)
-    return lambda t: Arm(tool=mask, X_BT=plate(t))
+    return lambda t: ArmShape(tool=mask, X_BT=plate(t))

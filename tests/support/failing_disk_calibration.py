@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 import perception.board
 from adaptsim_cli.calibration import flow, page, pictures
-from adaptsim_cli.calibration.solving import Solved, solve_folder
+from adaptsim_cli.calibration.solving import SolvedFolder, solve_folder
 from adaptsim_cli.calibration.store import RESULT, VIEWS
 from adaptsim_cli.storage.durable import LOCK
 from calib import files
@@ -60,7 +60,7 @@ def _of_folder(folder: Path, **_: Any) -> str:
     return _sha256(*(part for path in read for part in (path.name.encode(), path.read_bytes())))
 
 
-def _of_solved(solved: Solved) -> str:
+def _of_solved(solved: SolvedFolder) -> str:
     return _sha256(solved.record.content())
 
 
@@ -113,7 +113,7 @@ class ToyCalibration:
         return files.read_folder(home / "calibrations" / "toy" / f"{VIEWS}0001").damaged
 
 
-def _in(folder: Path, solved: Solved) -> Solved:
+def _in(folder: Path, solved: SolvedFolder) -> SolvedFolder:
     """The same in another home."""
     return replace(solved, images={name: folder / path.name for name, path in solved.images.items()})
 

@@ -65,7 +65,7 @@ class FakeK4a(Stage):
     def __init__(self, *serials: str, busy: tuple[str, ...] = ()) -> None:
         super().__init__()
         self.serials, self.busy = serials, busy
-        self.calibration = k4a.Calibration()
+        self.calibration = k4a.K4aCalibration()
         for camera in (self.calibration.color_camera_calibration, self.calibration.depth_camera_calibration):
             camera.intrinsics.type = k4a.BROWN_CONRADY
         self.controls = {k4a.EXPOSURE_TIME_ABSOLUTE: (0, 33330), k4a.WHITEBALANCE: (0, 5000), k4a.GAIN: (1, 128),

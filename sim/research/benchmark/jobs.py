@@ -70,7 +70,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Row:
+class BenchmarkRow:
     """The reward of a session's final policy, and of its best policy after each iteration."""
 
     task: str
@@ -87,7 +87,7 @@ class Row:
     shown: float | None  # only UDR and oracle: the reward in other trials, which select the worlds with a gap
 
 
-def run_job(job: Job, trials: TrialSource | None = None) -> Row:
+def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
     """Run the session and judge it, in this process. `trials` replaces the place in which its trials happen.
 
     With `Conditions.fresh`, the trials and the final score are true rollouts, but the curve comes from the table.
@@ -127,7 +127,7 @@ def run_job(job: Job, trials: TrialSource | None = None) -> Row:
     return _row(job, checkpoint, final(chosen[-1].actions), curve, began, None)
 
 
-def _run_recorded(job: Job, recorded: RecordedTrials) -> Row:
+def _run_recorded(job: Job, recorded: RecordedTrials) -> BenchmarkRow:
     """Run the session and judge its policies by the trials held out."""
     began, checkpoint = time.perf_counter(), _loaded(job.task, job.checkpoint)
     task, seed, name = recorded.task, job.seed, job.method
@@ -156,12 +156,12 @@ def _row(
     curve: Sequence[Estimate] | None,
     began: float,
     shown_reward: float | None,
-) -> Row:
+) -> BenchmarkRow:
     """`curve` is None without trials: the reward stays the same."""
     adaptation = checkpoint.solver.task.adaptation
     each = 0 if curve is None else job.conditions.particles * adaptation.trials_per_iteration
     curve = curve or [last]
-    return Row(
+    return BenchmarkRow(
         task=job.task,
         set=job.set,
         target=job.target,

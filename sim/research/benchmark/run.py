@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from sim.errors import DatasetError, RolloutError
-from sim.research.benchmark.jobs import Job, Row
+from sim.research.benchmark.jobs import BenchmarkRow, Job
 from sim.rollouts.run import Progress
 from sim.storage.files import read_toml, whole_file, write_toml
 
@@ -38,18 +38,18 @@ class Results:
                 f"{self.folder} holds results with a different {', '.join(different)}: give another --out"
             )
 
-    def row(self, job: Job) -> Row | None:
+    def row(self, job: Job) -> BenchmarkRow | None:
         """The stored row of a job; None if there is none or it is unreadable, so that the job runs again."""
         try:
             stored = json.loads(self._path(job).read_text(encoding="utf-8"))
-            if stored.keys() != {field.name for field in fields(Row)}:
+            if stored.keys() != {field.name for field in fields(BenchmarkRow)}:
                 return None
             ci95, curve = tuple(stored["ci95"]), tuple((int(n), float(r)) for n, r in stored["curve"])
-            return Row(**{**stored, "ci95": ci95, "curve": curve})
+            return BenchmarkRow(**{**stored, "ci95": ci95, "curve": curve})
         except (OSError, ValueError, TypeError):
             return None
 
-    def keep(self, job: Job, row: Row) -> None:
+    def keep(self, job: Job, row: BenchmarkRow) -> None:
         """Store the row of a job, whole or not at all."""
         with whole_file(self._path(job)) as temporary:
             temporary.write_text(json.dumps(asdict(row), allow_nan=False) + "\n", encoding="utf-8")
@@ -63,15 +63,15 @@ def run_jobs(
     results: Results,
     executor: Executor,
     progress: Progress,
-    run: Callable[[Job], Row],
-) -> list[Row]:
+    run: Callable[[Job], BenchmarkRow],
+) -> list[BenchmarkRow]:
     """The rows of all jobs, in order; stored ones are not run again. `run` can be sent to a worker.
 
     Raises the errors of a job, RolloutError if a worker died, ClusterUnavailable.
     """
     rows = {i: row for i, job in enumerate(jobs) if (row := results.row(job)) is not None}
     missing = iter([i for i in range(len(jobs)) if i not in rows])
-    running: dict[Future[Row], int] = {}
+    running: dict[Future[BenchmarkRow], int] = {}
     progress(len(rows), len(jobs))
     try:
         while len(rows) < len(jobs):
@@ -91,6 +91,6 @@ def run_jobs(
     return [rows[i] for i in range(len(jobs))]
 
 
-def _failed(future: Future[Row]) -> bool:
+def _failed(future: Future[BenchmarkRow]) -> bool:
     """Sort key: failed ones come last, so that the results of the others are stored."""
     return future.exception() is not None

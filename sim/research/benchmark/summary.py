@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.research.benchmark.jobs import ORACLE, UDR, Row
+from sim.research.benchmark.jobs import ORACLE, UDR, BenchmarkRow
 
 LEAST_GAP = 0.1
 """A world with a smaller difference between oracle and UDR, by the trials for choices, has no gap."""
@@ -66,14 +66,14 @@ class _Earned:
     shown: Array | None
 
 
-def summarise(rows: Sequence[Row]) -> tuple[SetSummary, ...]:
+def summarise(rows: Sequence[BenchmarkRow]) -> tuple[SetSummary, ...]:
     """The summaries of rows in which every method of a set has every world and seed."""
     return tuple(
         _of_set(name, [row for row in rows if row.set == name]) for name in dict.fromkeys(row.set for row in rows)
     )
 
 
-def _of_set(name: str, rows: Sequence[Row]) -> SetSummary:
+def _of_set(name: str, rows: Sequence[BenchmarkRow]) -> SetSummary:
     worlds = list(dict.fromkeys(row.target for row in rows))
     seeds = list(dict.fromkeys(row.seed for row in rows))
     methods = list(dict.fromkeys(row.method for row in rows))
@@ -85,7 +85,9 @@ def _of_set(name: str, rows: Sequence[Row]) -> SetSummary:
     return SetSummary(name, len(worlds), len(seeds), named, summaries)
 
 
-def _earned(at: dict[tuple[str, str, int], Row], method: str, worlds: Sequence[str], seeds: Sequence[int]) -> _Earned:
+def _earned(
+    at: dict[tuple[str, str, int], BenchmarkRow], method: str, worlds: Sequence[str], seeds: Sequence[int]
+) -> _Earned:
     table = [[at[method, world, seed] for seed in seeds] for world in worlds]
     shown = np.array([[np.nan if row.shown is None else row.shown for row in line] for line in table])
     return _Earned(

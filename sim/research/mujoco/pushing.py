@@ -32,7 +32,7 @@ from sim.tasks.pushing.params import (
     PATCH_SIZE_M,
     PATCH_X_M,
     PLATE_FRICTION,
-    Unmodelled,
+    PushingUnmodelled,
 )
 from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.rollout import course_of, track_of
@@ -69,7 +69,7 @@ SPEED_M_S = float(ACTION.low[1] + ACTION.high[1]) / 2.0
 
 
 def simulate(
-    parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Unmodelled | None = None
+    parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: PushingUnmodelled | None = None
 ) -> ObjectTrack:
     """Push once (see `sim.tasks.task.Simulate`)."""
     X_BO = rest_pose(context, parameters, nuisance, unmodelled)
@@ -77,17 +77,17 @@ def simulate(
 
 
 def readings(
-    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
+    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: PushingUnmodelled | None
 ) -> Readings:
     """The readings of the motion against a bottle at X_BO (4, 4)."""
-    effects = unmodelled or Unmodelled()
+    effects = unmodelled or PushingUnmodelled()
     course = course_of(motion, X_BO, nuisance, unmodelled)
     model = scene(course.drive, parameters, effects)
     under = partial(_feel_what_is_under, *_friction_map(model, parameters, effects))
     return run(course, model, effects.dt_s or STEP_S, under)
 
 
-def scene(drive: Drive, parameters: Array, effects: Unmodelled) -> Any:
+def scene(drive: Drive, parameters: Array, effects: PushingUnmodelled) -> Any:
     """The compiled model: table, bottle, and pusher on its carriage. At first the whole table has the friction mu."""
     spec = _described(drive, parameters, effects)
     model = spec.compile()
@@ -100,7 +100,7 @@ def mjcf(course: Course, parameters: Array, nuisance: Array) -> str:
 
     (4, 4) pose and nuisance are in the course.
     """
-    spec = _described(course.drive, parameters, Unmodelled())
+    spec = _described(course.drive, parameters, PushingUnmodelled())
     half_m, top_m = PATCH_SIZE_M / 2, STEP_UP_M / 2
     p = PARAMETERS.named(parameters)
     at, size = (PATCH_X_M, p.y_p, top_m), (half_m, half_m, top_m)
@@ -110,11 +110,11 @@ def mjcf(course: Course, parameters: Array, nuisance: Array) -> str:
         add_pair(spec, f"patch_{name}", name, "patch", p.mu_p)
     spec.option.timestep = STEP_S
     model = spec.compile()
-    _soften(model, p.e, Unmodelled(), _shares() | on_patch)
+    _soften(model, p.e, PushingUnmodelled(), _shares() | on_patch)
     return written(spec, model, course)
 
 
-def _described(drive: Drive, parameters: Array, effects: Unmodelled) -> Any:
+def _described(drive: Drive, parameters: Array, effects: PushingUnmodelled) -> Any:
     spec = new_scene(gravity_m_s2(*effects.table_tilt_rad))
     spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(2.0, 2.0, 0.1), **_UNTOUCHED)
     _add_pusher(add_carriage(spec, drive))
@@ -136,7 +136,7 @@ def _add_pusher(parent: Any) -> None:
     pusher.add_geom(name="plate", type=mujoco.mjtGeom.mjGEOM_BOX, size=size_m / 2, pos=centre_m, **_UNTOUCHED)
 
 
-def _add_bottle(spec: Any, effects: Unmodelled) -> None:
+def _add_bottle(spec: Any, effects: PushingUnmodelled) -> None:
     mass_kg = BOTTLE_MASS_KG * effects.bottle_mass_scale
     solid_kg = mass_kg * (1.0 - effects.slosh_share)
     across = (3.0 * BOTTLE_RADIUS_M**2 + BOTTLE_HEIGHT_M**2) / 12.0
@@ -191,7 +191,7 @@ def _shares() -> dict[str, float]:
     return {name: share for name, _, share in _points()}
 
 
-def _soften(model: Any, e_Pa: float, effects: Unmodelled, shares: dict[str, float]) -> None:
+def _soften(model: Any, e_Pa: float, effects: PushingUnmodelled, shares: dict[str, float]) -> None:
     """Set the softness.
 
     At the bottom, the weight sinks in as in hydroelastic contact, with Hunt and Crossley's dissipation at that load.
@@ -246,7 +246,7 @@ def damping_ratio(bounced: float) -> float:
     return float(brentq(excess, 1e-9, 1e6))
 
 
-def _friction_map(model: Any, parameters: Array, effects: Unmodelled) -> tuple[Any, Any, Array, Array]:
+def _friction_map(model: Any, parameters: Array, effects: PushingUnmodelled) -> tuple[Any, Any, Array, Array]:
     """Pairs and geoms of the points, friction of table and patch (2,), and the patch's (2, 2) corners."""
     p = PARAMETERS.named(parameters)
     names = [name for name, _, _ in _points()]

@@ -24,7 +24,7 @@ from sim.tasks.scooping.params import (
     PARAMETERS,
     PIECE_DENSITY_KG_M3,
     SQUARE_LIP_M,
-    Unmodelled,
+    ScoopingUnmodelled,
 )
 from sim.tasks.scooping.piece import SLOPE, Piece, blade, sink_m
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M, plan
@@ -48,7 +48,7 @@ _UNTOUCHED = {"contype": 0, "conaffinity": 0}
 
 
 def simulate(
-    parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Unmodelled | None = None
+    parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: ScoopingUnmodelled | None = None
 ) -> ObjectTrack:
     """Scoop once (see `sim.tasks.task.Simulate`)."""
     motion, X_BO = plan(context, action), rest_pose(context, parameters, nuisance, unmodelled)
@@ -56,26 +56,26 @@ def simulate(
 
 
 def readings(
-    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
+    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: ScoopingUnmodelled | None
 ) -> Readings:
     """The readings of the motion against a piece at X_BO (4, 4)."""
-    effects = unmodelled or Unmodelled()
+    effects = unmodelled or ScoopingUnmodelled()
     course = course_of(motion, X_BO, nuisance, unmodelled)
     return run(course, scene(course.drive, parameters, nuisance, effects), effects.dt_s or STEP_S)
 
 
 def mjcf(course: Course, parameters: Array, nuisance: Array) -> str:
     """The scene at the start of a trial as a file."""
-    spec, model = _scene(course.drive, parameters, nuisance, Unmodelled())
+    spec, model = _scene(course.drive, parameters, nuisance, ScoopingUnmodelled())
     return written(spec, model, course)
 
 
-def scene(drive: Drive, parameters: Array, nuisance: Array, effects: Unmodelled) -> Any:
+def scene(drive: Drive, parameters: Array, nuisance: Array, effects: ScoopingUnmodelled) -> Any:
     """The compiled model: table, piece, and spatula on its carriage."""
     return _scene(drive, parameters, nuisance, effects)[1]
 
 
-def _scene(drive: Drive, parameters: Array, nuisance: Array, effects: Unmodelled) -> tuple[Any, Any]:
+def _scene(drive: Drive, parameters: Array, nuisance: Array, effects: ScoopingUnmodelled) -> tuple[Any, Any]:
     """Specification and compiled model."""
     piece = piece_of(parameters, nuisance, effects)
     mass_kg = PIECE_DENSITY_KG_M3 * effects.density_scale * piece.volume_m3
@@ -98,7 +98,7 @@ def _scene(drive: Drive, parameters: Array, nuisance: Array, effects: Unmodelled
     return spec, model
 
 
-def _add_piece(spec: Any, bed: Bed, piece: Piece, mass_kg: float, effects: Unmodelled) -> None:
+def _add_piece(spec: Any, bed: Bed, piece: Piece, mass_kg: float, effects: ScoopingUnmodelled) -> None:
     body = spec.worldbody.add_body(name=OBJECT)
     body.add_freejoint(name=OBJECT)
     set_inertia(body, mass_kg, effects.com_offset_m, mass_kg * piece.unit_inertia_m2)
@@ -107,7 +107,7 @@ def _add_piece(spec: Any, bed: Bed, piece: Piece, mass_kg: float, effects: Unmod
         body.add_geom(name=f"point_{i}", type=sphere, size=(POINT_M, 0, 0), pos=p_m, **_UNTOUCHED)
 
 
-def _add_spatula(spec: Any, parent: Any, effects: Unmodelled) -> None:
+def _add_spatula(spec: Any, parent: Any, effects: ScoopingUnmodelled) -> None:
     """Add handle and blade, mounted and hinged as in training (`sim.tasks.scooping.scene`)."""
     rotation = RollPitchYaw(0.0, effects.pitch_bias_rad, 0.0)
     bias = RigidTransform(rotation, vector(-effects.distance_bias_m, 0.0, 0.0))

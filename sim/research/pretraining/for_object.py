@@ -33,7 +33,7 @@ LEARNING_RATE = 5e-4
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class HeldOutErrors:
     """The error of an emulator over the margin of an object, by rollouts that it has not learnt from."""
 
     rollouts: int
@@ -62,7 +62,7 @@ def make_ready(
     rollouts: int | None = None,
     prospects: ProspectSettings | None = None,
     held_out: int = HELD_OUT,
-) -> tuple[Path, HeldOut | None]:
+) -> tuple[Path, HeldOutErrors | None]:
     """Write the checkpoint of an object into `folder`; `rollouts` to learn from, if it is not inside.
 
     The error is None for a task that is solved exactly. Raises CheckpointError if the shipped checkpoint has no
@@ -105,13 +105,13 @@ def _learnt(
     return train_emulator(task, dataset, draws[1], settings, _stage("emulator", progress), start)[0]
 
 
-def judge(emulator: Emulator, count: int, seed: int, executor: Executor, progress: StageProgress) -> HeldOut:
+def judge(emulator: Emulator, count: int, seed: int, executor: Executor, progress: StageProgress) -> HeldOutErrors:
     """The error by fresh rollouts."""
     requests = draw_requests(emulator.task, count, np.random.default_rng(seed))
     true = run_many(emulator.task, requests, executor, _stage("held-out rollouts", progress))
     errors = held_out_errors(emulator, requests, true)
     ends = errors["end_state_error_median"]
-    return HeldOut(
+    return HeldOutErrors(
         rollouts=count,
         accuracy=float(errors["accuracy"].mean()),
         position_error_median=float(np.median(errors["position_error_median"])),

@@ -38,7 +38,7 @@ EVERY_S = 5.0
 """Time between two writes of the file: the most that an interruption can lose."""
 
 
-class Stopwatch:
+class StageTimer:
     """Passes on the progress of stages; the time since the last call counts for the reported stage.
 
     Not for subclassing.

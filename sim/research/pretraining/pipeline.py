@@ -33,9 +33,9 @@ from sim.research.methods.q_policy import MemoryName, QPolicy, restore_policy, t
 from sim.research.methods.search import RandomSearch
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
-from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, Solved, fill_library
+from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, SolverActing, fill_library
 from sim.research.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
-from sim.research.pretraining.logs import Stopwatch, curve_file
+from sim.research.pretraining.logs import StageTimer, curve_file
 from sim.research.pretraining.meta_training import (
     CURVE,
     Gate,
@@ -169,7 +169,7 @@ def pretrain(
     """
     require_sound(task, np.random.default_rng(seed))
     _agree_on_plan(task, folder, budget, seed, solver)
-    draws, progress = stage_seeds(seed), Stopwatch(folder, progress)
+    draws, progress = stage_seeds(seed), StageTimer(folder, progress)
     if task.exact:
         progress(EXACT, 1, 1)
         means = _exact(task, task.exact(task), budget, executor, stages)
@@ -350,7 +350,7 @@ def policy_files(folder: Path, memory: MemoryName) -> tuple[Path, Path]:
 def _acting(means: _Means, settings: MetaSettings, seed: int) -> Acting:
     """NAF reuses its policies by its own rules, and exact ones cost nothing."""
     solver = means.new_solver()
-    return fill_library(solver, seed, settings.library) if means.emulator else Solved(solver)
+    return fill_library(solver, seed, settings.library) if means.emulator else SolverActing(solver)
 
 
 def _simulator(means: _Means, acting: Acting, seed: int) -> Simulator:

@@ -108,5 +108,5 @@ ADAPTATION = AdaptationSettings(
 
 
 @dataclass(frozen=True)
-class Unmodelled:
+class PendulumUnmodelled:
     """Unmodelled effects of a world: none, because this is the control experiment."""

@@ -194,7 +194,7 @@ def goal_m(context: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Unmodelled:
+class PushingUnmodelled:
     """Effects of a lab's world that no simulation parameter expresses. Defaults are the training scene."""
 
     bottle_mass_scale: float = 1.0

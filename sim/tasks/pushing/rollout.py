@@ -14,7 +14,14 @@ from pydrake.math import RigidTransform
 
 from hw.types import Array
 from perception.types import SETTLE_S, ObjectTrack, Outcome
-from sim.tasks.pushing.params import BOTTLE_MASS_KG, BOTTLE_RADIUS_M, GOAL_SCALE_M, TIPPED_RAD, Unmodelled, goal_m
+from sim.tasks.pushing.params import (
+    BOTTLE_MASS_KG,
+    BOTTLE_RADIUS_M,
+    GOAL_SCALE_M,
+    TIPPED_RAD,
+    PushingUnmodelled,
+    goal_m,
+)
 from sim.tasks.pushing.plan import plan
 from sim.tasks.pushing.scene import build_scene, on_table, rest_pose, time_step_s
 from sim.tasks.shared.carriage import Compliance, drive_of
@@ -43,7 +50,7 @@ _NEAR_M = 0.002
 
 
 def simulate(
-    parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Unmodelled | None = None
+    parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: PushingUnmodelled | None = None
 ) -> ObjectTrack:
     """Push once (see `sim.tasks.task.Simulate`)."""
     X_BO = rest_pose(context, parameters, nuisance, unmodelled)
@@ -51,14 +58,14 @@ def simulate(
 
 
 def readings(
-    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
+    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: PushingUnmodelled | None
 ) -> Readings:
     """The readings of the motion against a bottle at X_BO (4, 4)."""
     course = course_of(motion, X_BO, nuisance, unmodelled)
     return read(Drake(course, build_scene, time_step_s(unmodelled), parameters, nuisance, unmodelled), course)
 
 
-def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Course:
+def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: PushingUnmodelled | None) -> Course:
     """The drive of the plate against a bottle at X_BO (4, 4), with start and end; the rest does not enter."""
     drive = drive_of(motion, ARM)
     start_s = _start_s(motion, X_BO[:3, 3])
@@ -67,7 +74,7 @@ def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: Unmo
     return Course(drive, start_s, X_BO, tool, partial(_still, motion), _has_fallen, latest_s)
 
 
-def bottle_mass_kg(parameters: Array, nuisance: Array, unmodelled: Unmodelled) -> float:
+def bottle_mass_kg(parameters: Array, nuisance: Array, unmodelled: PushingUnmodelled) -> float:
     """What every bottle of training weighs."""
     return BOTTLE_MASS_KG
 

@@ -47,7 +47,7 @@ from sim.tasks.pushing.params import (
     PATCH_X_M,
     PLATE_FRICTION,
     START_M,
-    Unmodelled,
+    PushingUnmodelled,
 )
 from sim.tasks.shared.contact import coefficient, compliant, rigid, set_contact, vector
 from sim.tasks.shared.gravity import gravity_m_s2
@@ -133,7 +133,7 @@ SLOSH_DAMPING_RATIO = 0.05
 SLOSH_LIMIT_M = 0.02
 
 
-def time_step_s(unmodelled: Unmodelled | None) -> float:
+def time_step_s(unmodelled: PushingUnmodelled | None) -> float:
     """The time step of the plant for `build_scene`, s."""
     return STEP_S if unmodelled is None or unmodelled.dt_s is None else unmodelled.dt_s
 
@@ -144,13 +144,13 @@ def build_scene(
     X_PT: Array,
     parameters: Array,
     nuisance: Array,
-    unmodelled: Unmodelled | None,
+    unmodelled: PushingUnmodelled | None,
 ) -> SceneBodies:
     """Add table, bottle and pusher, and set contact model and gravity. The pusher's body frame is T (see mount.py).
 
     Raises OutOfRange if the patch leaves the table.
     """
-    effects = unmodelled or Unmodelled()
+    effects = unmodelled or PushingUnmodelled()
     p = PARAMETERS.named(parameters)
     set_contact(plant, effects.contact)
     plant.mutable_gravity_field().set_gravity_vector(gravity_m_s2(*effects.table_tilt_rad))
@@ -166,7 +166,7 @@ def build_scene(
     return SceneBodies(tool=TOOL, object=OBJECT, visuals=visuals)
 
 
-def _add_bottle(plant: MultibodyPlant, e_Pa: float, effects: Unmodelled) -> None:
+def _add_bottle(plant: MultibodyPlant, e_Pa: float, effects: PushingUnmodelled) -> None:
     instance = plant.AddModelInstance(OBJECT)
     mass_kg = BOTTLE_MASS_KG * effects.bottle_mass_scale
     solid_kg = mass_kg * (1.0 - effects.slosh_share)
@@ -217,7 +217,7 @@ def _add_pusher(plant: MultibodyPlant, parent: Frame, X_PT: Array) -> None:
     plant.RegisterCollisionGeometry(pusher, RigidTransform(vector(*PLATE_CENTRE_M)), Box(*PLATE_M), "plate", properties)
 
 
-def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Array:
+def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: PushingUnmodelled | None) -> Array:
     """(4, 4) pose X_BO of the bottle ready for the push. The goal in `context` does not enter."""
     mass_kg = BOTTLE_MASS_KG * (1.0 if unmodelled is None else unmodelled.bottle_mass_scale)
     return translation([*(START_M + nuisance), BOTTLE_HEIGHT_M / 2 - sink_m(mass_kg)])

@@ -151,7 +151,7 @@ HOME_PITCH_RAD = -0.10
 
 
 @dataclass(frozen=True)
-class Unmodelled:
+class ScoopingUnmodelled:
     """Effects of a lab's world that no simulation parameter expresses. Defaults are the training scene."""
 
     semi_axis_scale: tuple[float, float] = (1.0, 1.0)  # half widths of the piece along X and Y, relative to its radius

@@ -17,7 +17,7 @@ from sim.tasks.scooping.params import (
     PARAMETERS,
     PIECE_DENSITY_KG_M3,
     REFERENCE_CONTEXT,
-    Unmodelled,
+    ScoopingUnmodelled,
 )
 from sim.tasks.scooping.piece import sink_m
 from sim.tasks.scooping.plan import DURATION_S, edge_height_m, plan
@@ -60,7 +60,7 @@ STILL_MOVING = f"still moving against the blade {LATEST_S:g} s after the start"
 _ASIDE_M = 0.02
 
 
-def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Array:
+def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: ScoopingUnmodelled | None) -> Array:
     """(4, 4) pose X_BO of the piece at rest on the table with its near side at `context`, before the trial."""
     piece = piece_of(parameters, nuisance, unmodelled)
     mass_kg = PIECE_DENSITY_KG_M3 * piece.volume_m3 * (1.0 if unmodelled is None else unmodelled.density_scale)
@@ -70,18 +70,18 @@ def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Un
     return translation([context[0] + ahead_m, context[1], height_m])
 
 
-def piece_mass_kg(parameters: Array, nuisance: Array, unmodelled: Unmodelled) -> float:
+def piece_mass_kg(parameters: Array, nuisance: Array, unmodelled: ScoopingUnmodelled) -> float:
     """What a piece of training's density weighs."""
     return PIECE_DENSITY_KG_M3 * piece_of(parameters, nuisance, unmodelled).volume_m3
 
 
-def _half_width_m(nuisance: Array, unmodelled: Unmodelled | None) -> float:
+def _half_width_m(nuisance: Array, unmodelled: ScoopingUnmodelled | None) -> float:
     """From the piece's centre to its near side."""
-    return NUISANCE.named(nuisance).radius * (unmodelled or Unmodelled()).semi_axis_scale[0]
+    return NUISANCE.named(nuisance).radius * (unmodelled or ScoopingUnmodelled()).semi_axis_scale[0]
 
 
 def simulate(
-    parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Unmodelled | None = None
+    parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: ScoopingUnmodelled | None = None
 ) -> ObjectTrack:
     """Scoop once (see `sim.tasks.task.Simulate`)."""
     motion, X_BO = plan(context, action), rest_pose(context, parameters, nuisance, unmodelled)
@@ -89,23 +89,23 @@ def simulate(
 
 
 def readings(
-    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: Unmodelled | None
+    motion: ToolMotion, X_BO: Array, parameters: Array, nuisance: Array, unmodelled: ScoopingUnmodelled | None
 ) -> Readings:
     """The readings of the motion against a piece at X_BO (4, 4)."""
     course = course_of(motion, X_BO, nuisance, unmodelled)
     return read(Drake(course, build_scene, time_step_s(unmodelled), parameters, nuisance, unmodelled), course)
 
 
-def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Course:
+def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: ScoopingUnmodelled | None) -> Course:
     """The drive of the spatula against a piece at X_BO (4, 4), with start and end."""
     drive = drive_of(motion, ARM)
     start_s = _start_s(motion, float(X_BO[0, 3]), nuisance, unmodelled)
     return Course(drive, start_s, X_BO, _on_table(drive, start_s), _still, _off_blade, LATEST_S)
 
 
-def _start_s(motion: ToolMotion, x_m: float, nuisance: Array, unmodelled: Unmodelled | None) -> float:
+def _start_s(motion: ToolMotion, x_m: float, nuisance: Array, unmodelled: ScoopingUnmodelled | None) -> float:
     """A time shortly before the edge reaches the piece, on the grid of readings."""
-    side_m, late_m = x_m - _half_width_m(nuisance, unmodelled), (unmodelled or Unmodelled()).distance_bias_m
+    side_m, late_m = x_m - _half_width_m(nuisance, unmodelled), (unmodelled or ScoopingUnmodelled()).distance_bias_m
     reached = motion.X_BT[:, 0, 3] - late_m >= side_m
     touch_s = float(motion.t_s[reached][0]) if reached.any() else 0.0
     return reading_before_s(touch_s - LEAD_S)

@@ -24,7 +24,15 @@ from pydrake.multibody.tree import (
 
 from hw.types import Array
 from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M
-from sim.tasks.scooping.params import CORNER_M, EDGE_M, LIP_M, NUISANCE, PARAMETERS, PIECE_DENSITY_KG_M3, Unmodelled
+from sim.tasks.scooping.params import (
+    CORNER_M,
+    EDGE_M,
+    LIP_M,
+    NUISANCE,
+    PARAMETERS,
+    PIECE_DENSITY_KG_M3,
+    ScoopingUnmodelled,
+)
 from sim.tasks.scooping.piece import Piece, blade, make_piece
 from sim.tasks.scooping.plan import DEPTH_LIMIT_M, VERTICAL_STIFFNESS_N_M
 from sim.tasks.scooping.spatula import (
@@ -55,15 +63,15 @@ FLEX_TIME_S = 0.010
 """Damping of a bent blade's return: nylon is well damped."""
 
 
-def time_step_s(unmodelled: Unmodelled | None) -> float:
+def time_step_s(unmodelled: ScoopingUnmodelled | None) -> float:
     """The time step of the plant for `build_scene`, s."""
-    effects = unmodelled or Unmodelled()
+    effects = unmodelled or ScoopingUnmodelled()
     return effects.dt_s or (BLUNT_STEP_S if effects.lip_m > LIP_M else STEP_S)
 
 
-def piece_of(parameters: Array, nuisance: Array, unmodelled: Unmodelled | None) -> Piece:
+def piece_of(parameters: Array, nuisance: Array, unmodelled: ScoopingUnmodelled | None) -> Piece:
     """The piece for parameters (p,) and nuisance (n,)."""
-    scale = (unmodelled or Unmodelled()).semi_axis_scale
+    scale = (unmodelled or ScoopingUnmodelled()).semi_axis_scale
     p, radius_m = PARAMETERS.named(parameters), NUISANCE.named(nuisance).radius
     return make_piece(round(p.g), p.h / 100.0, (radius_m * scale[0], radius_m * scale[1]))
 
@@ -74,10 +82,10 @@ def build_scene(
     X_PT: Array,
     parameters: Array,
     nuisance: Array,
-    unmodelled: Unmodelled | None,
+    unmodelled: ScoopingUnmodelled | None,
 ) -> SceneBodies:
     """Add table, piece and spatula, and set the contact model. The spatula's body frame is T (see plan.py)."""
-    effects = unmodelled or Unmodelled()
+    effects = unmodelled or ScoopingUnmodelled()
     mu = PARAMETERS.named(parameters).mu
     set_contact(plant, effects.contact)
     table = plant.RegisterCollisionGeometry(plant.world_body(), RigidTransform(), HalfSpace(), "table", rigid(mu))
@@ -96,7 +104,7 @@ def build_scene(
     return SceneBodies(TOOL, OBJECT, visuals, apart=((face, table), (neck, table)))
 
 
-def _add_piece(plant: MultibodyPlant, parameters: Array, nuisance: Array, effects: Unmodelled) -> None:
+def _add_piece(plant: MultibodyPlant, parameters: Array, nuisance: Array, effects: ScoopingUnmodelled) -> None:
     """The piece as a free body."""
     piece, p = piece_of(parameters, nuisance, effects), PARAMETERS.named(parameters)
     mass_kg = PIECE_DENSITY_KG_M3 * effects.density_scale * piece.volume_m3
@@ -108,7 +116,9 @@ def _add_piece(plant: MultibodyPlant, parameters: Array, nuisance: Array, effect
     plant.RegisterCollisionGeometry(body, RigidTransform(), _polyhedron(piece), OBJECT, soft)
 
 
-def _add_spatula(plant: MultibodyPlant, parent: Frame, X_PT: Array, effects: Unmodelled) -> tuple[RigidBody, RigidBody]:
+def _add_spatula(
+    plant: MultibodyPlant, parent: Frame, X_PT: Array, effects: ScoopingUnmodelled
+) -> tuple[RigidBody, RigidBody]:
     """Add handle and blade.
 
     A pitch or distance bias rotates or shifts the mount about the edge. A flexible blade is hinged at its root, with

@@ -12,7 +12,7 @@ import pytest
 import real_views
 
 from adaptsim_cli.calibration import pictures, running
-from adaptsim_cli.calibration.solving import Solved, Wishes, solve_folder
+from adaptsim_cli.calibration.solving import SolvedFolder, Wishes, solve_folder
 from calib.errors import CalibrationRejected, UnusableViews
 
 
@@ -24,11 +24,11 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def solved(folder: Path) -> Solved:
+def solved(folder: Path) -> SolvedFolder:
     return solve_folder(folder)
 
 
-def moved(solved: Solved, *mm: float) -> Solved:
+def moved(solved: SolvedFolder, *mm: float) -> SolvedFolder:
     """The camera believed to be elsewhere by (x, y, z) of the base."""
     X = np.array(solved.record.X_AC)
     X[:3, 3] += 1e-3 * np.array(mm)

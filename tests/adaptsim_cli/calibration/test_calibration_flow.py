@@ -26,13 +26,13 @@ def off_mm(X: object) -> float:
 
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, solving.Solved, Path, str]:
+def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, solving.SolvedFolder, Path, str]:
     root, screen = tmp_path_factory.mktemp("done"), quiet()
     solved, folder = run(root, ToyBench(), screen=screen)
     return root, solved, folder, said(screen)
 
 
-Done = tuple[Path, solving.Solved, Path, str]
+Done = tuple[Path, solving.SolvedFolder, Path, str]
 
 
 def views_of(root: Path) -> Path:
@@ -47,7 +47,7 @@ def copied(done: Done, tmp_path: Path) -> Path:
     return folder
 
 
-def solve(folder: Path) -> solving.Solved:
+def solve(folder: Path) -> solving.SolvedFolder:
     return solving.solve_folder(folder)
 
 

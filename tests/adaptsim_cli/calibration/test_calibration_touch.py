@@ -31,13 +31,13 @@ def views_of(root: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def touched(tmp_path_factory) -> tuple[Path, solving.Solved]:
+def touched(tmp_path_factory) -> tuple[Path, solving.SolvedFolder]:
     root, bench = tmp_path_factory.mktemp("touched"), ToyBench(warmth_C=lambda picture: 31.5)
     return root, run(root, bench, hands=ToyHands(bench))[0]
 
 
 @pytest.fixture
-def copied(touched: tuple[Path, solving.Solved], tmp_path) -> Path:
+def copied(touched: tuple[Path, solving.SolvedFolder], tmp_path) -> Path:
     folder = tmp_path / "views"
     shutil.copytree(views_of(touched[0]), folder)
     return folder

@@ -118,7 +118,7 @@ def test_the_times_of_an_iteration_add_up(store):
 
 
 def test_trials_held_out_say_whether_to_believe_the_posterior():
-    held = figures.HeldOut(16, 64, (0.9, 0.8, 1.0), (0.5, 0.4, 0.6), 0.97, before=0.25, after=0.006)
+    held = figures.HeldOutScore(16, 64, (0.9, 0.8, 1.0), (0.5, 0.4, 0.6), 0.97, before=0.25, after=0.006)
     assert held.in_words.startswith("Believe the posterior")
     assert replace(held, after=0.25).in_words.startswith("Do not believe the posterior")
 

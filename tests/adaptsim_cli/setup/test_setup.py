@@ -16,7 +16,7 @@ from adaptsim_cli.devices.rig_file.reading import read
 from adaptsim_cli.doctor import checks, readings, table
 from adaptsim_cli.doctor.checks import CHECKS
 from adaptsim_cli.doctor.readings import serial_ports
-from adaptsim_cli.doctor.table import Check, Examined, Finding, missing, ok
+from adaptsim_cli.doctor.table import DoctorCheck, Examined, Finding, missing, ok
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.setup import describing, moving, walk
 from adaptsim_cli.setup.answers import Answers, begun
@@ -161,7 +161,7 @@ def short(answers: Answers, monkeypatch) -> list[str]:
         def probe(_: Examined) -> Finding:
             return ok("there") if done.count(name) >= needed else missing("gone", "plug it in")
 
-        monkeypatch.setitem(CHECKS, name, Check("x", name, "", lambda _: "", probe))
+        monkeypatch.setitem(CHECKS, name, DoctorCheck("x", name, "", lambda _: "", probe))
         return walk.Step(name, lambda _: done.append(name), (name,))
 
     monkeypatch.setattr(walk, "STEPS", (step("arm"), step("camera", 2), step("trial")))

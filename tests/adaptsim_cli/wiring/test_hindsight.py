@@ -109,9 +109,9 @@ def test_sessions_are_compared_by_session_method_and_trial(root, tmp_path):
 def test_methods_are_paired_where_world_and_seed_agree(root):
     first, second = comparison.compared([SessionStore.open(root, name) for name in (ADAPTED, UDR)])
 
-    def seed(session: comparison.Compared, seed: int) -> comparison.Compared:
+    def seed(session: comparison.ComparedSession, seed: int) -> comparison.ComparedSession:
         facts = session.facts.model_copy(update={"seed": seed})
-        return comparison.Compared(facts, session.trials, session.result, session.iterations, session.table)
+        return comparison.ComparedSession(facts, session.trials, session.result, session.iterations, session.table)
 
     rows = comparison.by_method([seed(s, n) for s in (first, second) for n in (0, 1)] + [seed(second, 7)])
     assert [(row.method, row.sessions) for row in rows] == [("adaptsim", 2), ("udr", 3)]

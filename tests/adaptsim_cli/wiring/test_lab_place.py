@@ -16,7 +16,7 @@ from hw.types import Array
 from perception.errors import ObjectNotFound
 from sim.errors import RolloutError
 from sim.lab.world import load_world, rollouts_in
-from sim.research.benchmark.jobs import Job, Row
+from sim.research.benchmark.jobs import BenchmarkRow, Job
 from sim.research.benchmark.sessions import Conditions
 from sim.research.benchmark.trial_sources import TrialSource
 from sim.tasks import get_task
@@ -64,7 +64,7 @@ def test_an_object_that_is_never_found_is_moved_inward_and_then_ends_the_session
 def test_only_methods_with_trials_go_to_the_lab(monkeypatch):
     went = list[tuple[str, TrialSource | None]]()
 
-    def run(job: Job, trials: TrialSource | None = None) -> Row | None:
+    def run(job: Job, trials: TrialSource | None = None) -> BenchmarkRow | None:
         went.append((job.method, trials))
         return None
 

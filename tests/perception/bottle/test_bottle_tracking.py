@@ -10,7 +10,7 @@ from bottle_scenes import AREA, BODY, GONE, MARK, Pose, Stage, leaning, plate_ar
 from table_scenes import at
 
 from hw.types import Array, Frame
-from perception.arm_mask import Arm
+from perception.arm_mask import ArmShape
 from perception.bottle import BottleDetection, find_bottle, track_bottle
 from perception.errors import TrackingFailed
 from perception.sightings import OutcomeUnseen
@@ -38,7 +38,7 @@ def film(bottle: Pose, **others: Pose) -> list[Frame]:
 
 def track(frames: list[Frame], plate: Pose | None = None) -> ObjectTrack:
     s = scene()
-    arm = (lambda t: Arm()) if plate is None else plate_arm(lambda t: plate(t - T0))
+    arm = (lambda t: ArmShape()) if plate is None else plate_arm(lambda t: plate(t - T0))
     return track_bottle(frames, s.model, s.X_BC, detection(), arm, T0, 0.4, AREA)
 
 

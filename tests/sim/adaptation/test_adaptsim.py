@@ -14,7 +14,7 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Trial
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.adaptsim import AdaptSim, outlook_after
-from sim.adaptation.reality import FREEDOM, KEPT, Discrepancy, Reality, RealityPolicy, Scale, Simulators
+from sim.adaptation.reality import FREEDOM, KEPT, Discrepancy, DiscrepancyScale, Reality, RealityPolicy, Simulators
 from sim.errors import NotExecutable
 from sim.lab.drawn import drawn_world
 from sim.lab.world import load_world
@@ -60,7 +60,7 @@ def session(n, effects=None):
 
 
 def test_a_discrepancy_follows_its_residuals_nearby_and_forgets_them_far_away():
-    known = Discrepancy(Scale(0.0, 0.2), np.array([[0.1, 0.1], [0.15, 0.1]]), np.full(2, 1e-4))
+    known = Discrepancy(DiscrepancyScale(0.0, 0.2), np.array([[0.1, 0.1], [0.15, 0.1]]), np.full(2, 1e-4))
     shown = np.tile([[0.3], [0.3]], (1, 2000))
     drawn = known.drawn(np.array([[0.12, 0.1], [3.0, 3.0]]), shown, seed=0)
     assert drawn[0].mean() == pytest.approx(0.3, abs=0.03)
@@ -71,7 +71,7 @@ def test_a_discrepancy_follows_its_residuals_nearby_and_forgets_them_far_away():
 
 
 def test_the_evidence_is_that_of_a_student_t_process():
-    known = Discrepancy(Scale(0.1, 0.2), np.array([[0.2], [0.7]]), np.array([0.01, 0.02]))
+    known = Discrepancy(DiscrepancyScale(0.1, 0.2), np.array([[0.2], [0.7]]), np.array([0.01, 0.02]))
     covariance = known.scale.kernel(known.at, known.at) + np.diag(known.noise)
     residuals = np.array([[0.1, -0.3], [0.2, 0.0]])
     expected = multivariate_t(shape=covariance, df=FREEDOM).logpdf(residuals.T)

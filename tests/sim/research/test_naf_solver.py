@@ -12,7 +12,7 @@ from sim.research.methods.q_policy import QPolicy, new_policy, tensors_of
 from sim.research.naf.memory import RECORD, NafMemory, features, plan_training
 from sim.research.naf.policy import NafNetwork, NafPolicy, naf_training, train_together
 from sim.research.naf.solver import NafSolver, in_session, measure_misfit_limit, naf_facts, rules_of
-from sim.research.pretraining.episodes import Simulator, Solved
+from sim.research.pretraining.episodes import Simulator, SolverActing
 from sim.research.pretraining.evaluation import EvaluationSettings, evaluate
 from sim.research.pretraining.meta_training import MetaSettings, train_adaptation
 from sim.rollouts import Requests
@@ -189,7 +189,7 @@ def test_what_a_policy_says_of_itself_holds():
 @pytest.mark.long
 def test_phase_1_runs_on_it():
     solver = solver_with(QUICK)
-    simulator = Simulator(solver, Solved(solver), roll)
+    simulator = Simulator(solver, SolverActing(solver), roll)
     network, curve, _ = train_adaptation(simulator, MetaSettings(episodes=2, parallel=2), 0)
     assert len(curve[:, 0]) == 1
     assert curve[:, 0].min() > 0.0

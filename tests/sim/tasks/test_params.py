@@ -143,10 +143,10 @@ def test_an_observation_of_scooping_moves_with_the_piece_and_one_of_pushing_stay
 
 
 def test_friction_of_the_blade_gives_the_pair_its_share() -> None:
-    mu, effects = 0.3, scooping.Unmodelled(second_friction_scale=0.7)
+    mu, effects = 0.3, scooping.ScoopingUnmodelled(second_friction_scale=0.7)
     blade = effects.friction_of_blade(mu)
     assert 2 * mu * blade / (mu + blade) == pytest.approx(0.7 * mu)
-    assert scooping.Unmodelled().friction_of_blade(mu) == pytest.approx(mu)
+    assert scooping.ScoopingUnmodelled().friction_of_blade(mu) == pytest.approx(mu)
 
 
 @pytest.mark.parametrize(

@@ -12,13 +12,13 @@ from pydrake.systems.framework import DiagramBuilder
 
 from hw.dynamics import GRAVITY_M_S2
 from sim.errors import OutOfRange
-from sim.tasks.pushing.params import BOTTLE_MASS_KG, PATCH_X_M, Unmodelled
+from sim.tasks.pushing.params import BOTTLE_MASS_KG, PATCH_X_M, PushingUnmodelled
 from sim.tasks.pushing.scene import SLOSH_RAD_S, STEP_S, build_scene, sink_m
 
 MU, E_PA, MU_P, Y_P_M = 0.10, 3e5, 0.50, 0.20
 NOTHING_PLACED = np.zeros(2)
 ASIDE = RigidTransform([0.4, -0.4, 0.3])
-LARGE_PATCH = Unmodelled(patch_size_scale=3.0)
+LARGE_PATCH = PushingUnmodelled(patch_size_scale=3.0)
 SPEED_M_S, DURATION_S = 0.5, 0.15
 
 
@@ -89,7 +89,7 @@ def test_the_plate_rubs_with_its_own_friction():
     out = RollPitchYaw(0.0, 0.0, turned_rad).ToRotationMatrix()  # X out of the plate
     corner_m: Any = np.array([0.5, -0.3, 0.005])
     X_WT = RigidTransform(out, corner_m)
-    bench = Bench(np.array([1e-4, 1e6, 0.3, 0.2]), Unmodelled(table_tilt_rad=(0.0, -tilt_rad)), X_WT)
+    bench = Bench(np.array([1e-4, 1e6, 0.3, 0.2]), PushingUnmodelled(table_tilt_rad=(0.0, -tilt_rad)), X_WT)
     start = X_WT @ np.array([0.03, 0.02, 0.0])
     _, V = bench.slide(start[:2], (0.0, 0.0), duration_s)
     along = out.matrix()[:, 1]
@@ -98,14 +98,14 @@ def test_the_plate_rubs_with_its_own_friction():
 
 
 def test_a_tilted_table_lets_the_bottle_slide_downhill():
-    tilted = Unmodelled(table_tilt_rad=(0.0, 0.2))
+    tilted = PushingUnmodelled(table_tilt_rad=(0.0, 0.2))
     _, V = Bench(np.array([0.05, E_PA, MU_P, Y_P_M]), tilted).slide((0.6, -0.1), (0.0, 0.0), DURATION_S)
     expected = GRAVITY_M_S2 * (np.sin(0.2) - 0.05 * np.cos(0.2)) * DURATION_S
     assert V.translational()[0] == pytest.approx(expected, rel=0.03)
 
 
 def test_the_bottle_has_the_inertia_of_a_cylinder_about_its_centre_of_mass():
-    heavy = Unmodelled(bottle_mass_scale=2.0, com_height_m=0.03)
+    heavy = PushingUnmodelled(bottle_mass_scale=2.0, com_height_m=0.03)
     bench = Bench(np.array([MU, E_PA, MU_P, Y_P_M]), heavy)
     M = bench.bottle.CalcSpatialInertiaInBodyFrame(bench.state)
     about_com = M.Shift(M.get_com()).CalcRotationalInertia().get_moments()
@@ -116,7 +116,7 @@ def test_the_bottle_has_the_inertia_of_a_cylinder_about_its_centre_of_mass():
 
 def test_liquid_swings_at_the_first_mode_of_a_cylinder():
     """Half of the mass sloshes; the bottle stands on a rough patch and does not move."""
-    half_full = Unmodelled(slosh_share=0.5, patch_size_scale=3.0)
+    half_full = PushingUnmodelled(slosh_share=0.5, patch_size_scale=3.0)
     bench = Bench(np.array([0.2, 1e6, 0.9, 0.0]), half_full)
     joint = bench.plant.GetJointByName("slosh_x")
     joint.set_translation(bench.state, 0.005)

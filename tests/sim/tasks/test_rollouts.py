@@ -74,7 +74,7 @@ def test_yaw_turns_the_push_about_the_start():
 
 def test_a_rough_patch_in_the_way_throws_a_top_heavy_bottle_over():
     rough = [0.06, 1e5, 0.9, 0.0]
-    assert push(rough, effects=pushing.Unmodelled(com_height_m=0.08)).outcome is Outcome.TIPPED
+    assert push(rough, effects=pushing.PushingUnmodelled(com_height_m=0.08)).outcome is Outcome.TIPPED
     assert push(rough).outcome is Outcome.UPRIGHT
 
 
@@ -135,7 +135,7 @@ def test_elsewhere_on_the_table_the_same_happens_there(scooped):
 
 
 def test_a_blade_held_like_a_wall_lifts_nothing():
-    assert scoop(effects=scooping.Unmodelled(pitch_bias_rad=0.5)).outcome is not Outcome.ON_BLADE
+    assert scoop(effects=scooping.ScoopingUnmodelled(pitch_bias_rad=0.5)).outcome is not Outcome.ON_BLADE
 
 
 @pytest.mark.parametrize("parameters", [[0.30, 5e4, 0, 2.0], [0.2, 1e6, 0, 2.8], [0.4, 1e4, 2, 1.9]])
@@ -148,20 +148,20 @@ def test_the_piece_lies_still_until_it_is_touched(parameters):
 @pytest.mark.parametrize(
     ("run", "effects"),
     [
-        (push, pushing.Unmodelled(bottle_mass_scale=1.5)),
-        (push, pushing.Unmodelled(com_height_m=0.03)),
-        (push, pushing.Unmodelled(slosh_share=0.4)),
-        (push, pushing.Unmodelled(patch_size_scale=2.0)),
-        (push, pushing.Unmodelled(table_tilt_rad=(0.02, 0.0))),
-        (push, pushing.Unmodelled(plate_restitution_scale=10.0)),
-        (push, pushing.Unmodelled(contact="sap")),
-        (push, pushing.Unmodelled(dt_s=0.00125)),
-        (scoop, scooping.Unmodelled(semi_axis_scale=(1.2, 0.9))),
-        (scoop, scooping.Unmodelled(density_scale=0.8, com_offset_m=(0.002, 0.0, 0.0))),
-        (scoop, scooping.Unmodelled(second_friction_scale=0.5)),
-        (scoop, scooping.Unmodelled(blade_flex_rad=0.05)),
-        (scoop, scooping.Unmodelled(distance_bias_m=0.005)),
-        (scoop, scooping.Unmodelled(contact="lagged")),
+        (push, pushing.PushingUnmodelled(bottle_mass_scale=1.5)),
+        (push, pushing.PushingUnmodelled(com_height_m=0.03)),
+        (push, pushing.PushingUnmodelled(slosh_share=0.4)),
+        (push, pushing.PushingUnmodelled(patch_size_scale=2.0)),
+        (push, pushing.PushingUnmodelled(table_tilt_rad=(0.02, 0.0))),
+        (push, pushing.PushingUnmodelled(plate_restitution_scale=10.0)),
+        (push, pushing.PushingUnmodelled(contact="sap")),
+        (push, pushing.PushingUnmodelled(dt_s=0.00125)),
+        (scoop, scooping.ScoopingUnmodelled(semi_axis_scale=(1.2, 0.9))),
+        (scoop, scooping.ScoopingUnmodelled(density_scale=0.8, com_offset_m=(0.002, 0.0, 0.0))),
+        (scoop, scooping.ScoopingUnmodelled(second_friction_scale=0.5)),
+        (scoop, scooping.ScoopingUnmodelled(blade_flex_rad=0.05)),
+        (scoop, scooping.ScoopingUnmodelled(distance_bias_m=0.005)),
+        (scoop, scooping.ScoopingUnmodelled(contact="lagged")),
     ],
 )
 def test_every_effect_of_a_world_changes_what_happens(run, effects, pushed, scooped):
@@ -197,4 +197,4 @@ def test_scene_has_tool_piece_and_pictures_of_both():
         assert visual.triangles.max() < len(visual.vertices_m)
         assert visual.body == "world" or plant.HasBodyNamed(visual.body)
     assert plant.num_positions() == 7
-    assert hardware.time_step_s(scooping.Unmodelled(dt_s=0.001)) == 0.001
+    assert hardware.time_step_s(scooping.ScoopingUnmodelled(dt_s=0.001)) == 0.001

@@ -1,12 +1,12 @@
 import pytest
 
-from sim.research.benchmark.jobs import Row
+from sim.research.benchmark.jobs import BenchmarkRow
 from sim.research.benchmark.summary import summarise
 
 
 def row(target, method, seed, reward, shown=None, curve=((4, 0.1), (8, None)), set="drawn"):
     points = tuple((n, reward if r is None else r) for n, r in curve)
-    return Row("toy", set, target, method, seed, reward, (0.0, 1.0), points[-1][0], 0, 1.0, points, shown)
+    return BenchmarkRow("toy", set, target, method, seed, reward, (0.0, 1.0), points[-1][0], 0, 1.0, points, shown)
 
 
 def rows(rewards, shown=(0.2, 0.8)):

@@ -16,9 +16,17 @@ from sim.errors import CheckpointError, DatasetError, RolloutError
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import QPolicy, networks_of, new_policy
 from sim.research.methods.search import RandomSearch
-from sim.research.pretraining.episodes import EmulatedRolls, Library, Simulator, Solved, fill_library, sparse, visit
+from sim.research.pretraining.episodes import (
+    EmulatedRolls,
+    Library,
+    Simulator,
+    SolverActing,
+    fill_library,
+    sparse,
+    visit,
+)
 from sim.research.pretraining.evaluation import EvaluationSettings, evaluate
-from sim.research.pretraining.logs import TIMINGS, Stopwatch, curve_file, wall_times_s
+from sim.research.pretraining.logs import TIMINGS, StageTimer, curve_file, wall_times_s
 from sim.research.pretraining.meta_training import (
     MetaSettings,
     explore,
@@ -69,7 +77,7 @@ def simulator(acting=None, seed=0) -> Simulator:
 
 def test_a_visit_earns_more_at_the_right_parameters():
     solver = trained()[0]
-    true = Simulator(solver, Solved(solver, SolverSettings(candidates=64, scenarios=4)), roll)
+    true = Simulator(solver, SolverActing(solver, SolverSettings(candidates=64, scenarios=4)), roll)
     targets = PARAMETERS.sample(np.random.default_rng(0), 16)
     right = visit(true, targets, targets, np.random.default_rng(1))
     wrong = visit(true, targets[::-1], targets, np.random.default_rng(1))
@@ -106,7 +114,7 @@ def test_a_library_lets_every_distribution_act_like_the_nearest_one():
     means = PARAMETERS.sample(rng, 64)
     reused = visit(simulator(), means, means, np.random.default_rng(2)).rewards
     solver = trained()[0]
-    anew = visit(simulator(Solved(solver)), means, means, np.random.default_rng(2)).rewards
+    anew = visit(simulator(SolverActing(solver)), means, means, np.random.default_rng(2)).rewards
     assert abs(reused.mean() - anew.mean()) < 0.02
     assert np.corrcoef(reused, anew)[0, 1] > 0.5
 
@@ -271,7 +279,7 @@ def drifting(state):
 
 
 def gate(rule):
-    acting = Solved(trained()[0], SolverSettings(candidates=64, scenarios=4))
+    acting = SolverActing(trained()[0], SolverSettings(candidates=64, scenarios=4))
     return learning_gate(simulator(acting), cast("QNetwork", Choosing(rule)), "iteration", 0, count=48)
 
 
@@ -292,12 +300,12 @@ def test_time_counts_for_the_stage_that_is_reported_and_goes_on_after_a_kill(tmp
         now[0] += after_s
         watch(stage, done, 4)
 
-    first = Stopwatch(tmp_path, lambda *call: seen.append(call), lambda: now[0])
+    first = StageTimer(tmp_path, lambda *call: seen.append(call), lambda: now[0])
     report(first, "dataset", 3.0, 1)
     assert wall_times_s(tmp_path) == {}  # not written yet
     report(first, "dataset", 4.0, 2)  # 7 s since the start: written; then it is killed
     now[0] += 1000.0
-    second = Stopwatch(tmp_path, lambda *call: seen.append(call), lambda: now[0])
+    second = StageTimer(tmp_path, lambda *call: seen.append(call), lambda: now[0])
     report(second, "dataset", 2.0, 4)
     report(second, "emulator", 1.5, 4)
     assert wall_times_s(tmp_path) == {"dataset": 9.0, "emulator": 1.5}

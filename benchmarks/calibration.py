@@ -39,7 +39,7 @@ from simulated_views import (
 from calib.bundle import motion_of
 from calib.closed_form import opencv_methods
 from calib.condense import condense
-from calib.drift import drift, known
+from calib.drift import drift, unknowns_of
 from calib.errors import CalibrationError
 from calib.geometry import angle_deg, distance_mm, move
 from calib.solve import solve
@@ -125,7 +125,7 @@ def _drift(
     setup: Setup, truth: Truth, quality: Quality, solution: Solution, q: Array, rng: np.random.Generator
 ) -> dict[str, tuple[bool, float]]:
     """`calibrate check` with three new poses: untouched, moved by 2 mm, turned by 0.2 degrees, any direction."""
-    was = known(solution)
+    was = unknowns_of(solution)
     out = {}
     for name, size in (
         ("untouched", np.zeros(2)),

@@ -136,7 +136,7 @@ def readers(made: Path) -> list[Reader]:
         Reader("touch.json", touch, files.TOUCH, lambda p: read(TouchRecord, p)),
         Reader("calibration.json", calibration, "calibration.json", lambda p: read(SavedCalibration, p)),
         Reader("touch-off.json", touched, touch_offs.FILE, lambda p: read(touch_offs.SavedTouchOff, p)),
-        Reader("board.toml", BOARD, printing.BOARD_FILE, lambda p: printing.known(p.parent)),
+        Reader("board.toml", BOARD, printing.BOARD_FILE, lambda p: printing.stored_board(p.parent)),
         Reader("motion.json", json.dumps(motion).encode(), checking.MOTION, checking.read_motion),
         Reader("setup record", setup, "setup.toml", lambda p: read(SetupRecord, p)),
         Reader("world", world.read_bytes(), "world.toml", lambda p: load_world(str(p), get_task("scooping"))),

@@ -31,7 +31,7 @@ LEAST_JOINT_RAD = 5e-5
 """An arm does not repeat better than this (rad), whatever the calibration's residuals say."""
 
 
-def known(solution: Solution) -> tuple[Unknowns, float]:
+def unknowns_of(solution: Solution) -> tuple[Unknowns, float]:
     """The parts of a solution that a later check needs: `was` and `joint_rad` of `drift`."""
     joints = 0 if solution.joints is None else len(solution.joints.offsets_rad)
     return Unknowns(solution.X_AC[None], solution.X_HM, solution.offsets_rad(joints)), solution.noise.joint_rad

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.dynamics import asked
+from hw.dynamics import demand_of
 from hw.errors import MotionRefused
 from hw.joint_limits import DT_S, derivatives
 from hw.motion_limits import FLANGE, RATED_NM, TORQUE_RATE_NM_S, TORQUE_SHARE, MotionLimits
@@ -59,10 +59,10 @@ def _path_clock(path: JointPath, spline: CubicSpline, limits: MotionLimits) -> _
 
     first, second, third = (spline(path.t_s, order) for order in (1, 2, 3))
     true_rad, still = path.q_rad + limits.zeros_rad, np.zeros_like(first)
-    weight_Nm = asked(limits.model, true_rad, still, still, limits.load).torque_Nm
+    weight_Nm = demand_of(limits.model, true_rad, still, still, limits.load).torque_Nm
     at_speed, by_brake = (
-        asked(limits.model, true_rad, first, second, limits.load),
-        asked(limits.model, true_rad, still, first, limits.load),
+        demand_of(limits.model, true_rad, first, second, limits.load),
+        demand_of(limits.model, true_rad, still, first, limits.load),
     )
     slope = np.concatenate([first, by_brake.torque_Nm - weight_Nm], axis=1)  # of dv/dt
     curve = np.concatenate([second, at_speed.torque_Nm - weight_Nm], axis=1)  # of v²

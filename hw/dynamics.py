@@ -104,7 +104,7 @@ class Demand:
     flange_rad_s2: Array  # (..., 3)
 
 
-def asked(model: str, q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Demand:
+def demand_of(model: str, q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Demand:
     """Joints, velocities and accelerations (..., 7) of the arm `model` with `load` (flange frame) -> torques and motion
     of the flange."""
     q, dq, ddq = (np.asarray(v, dtype=np.float64) for v in (q_rad, dq_rad_s, ddq_rad_s2))
@@ -124,7 +124,7 @@ def asked(model: str, q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLi
 
 def torque_Nm(model: str, q_rad: ArrayLike, dq_rad_s: ArrayLike, ddq_rad_s2: ArrayLike, load: Mass) -> Array:
     """Joints, velocities and accelerations (..., 7) -> torques (..., 7) of the arm `model` with `load` (flange)."""
-    return asked(model, q_rad, dq_rad_s, ddq_rad_s2, load).torque_Nm
+    return demand_of(model, q_rad, dq_rad_s, ddq_rad_s2, load).torque_Nm
 
 
 def _forward(poses: Array, dq: Array, ddq: Array) -> tuple[list[Array], list[Array], list[Array], Array]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw.collision import Table, Tool, point_heights
-from hw.dynamics import Demand, asked
+from hw.dynamics import Demand, demand_of
 from hw.joint_limits import DT_S, JointLimits, derivatives
 from hw.kinematics import JOINTS, jacobian, link_poses
 from hw.limits import COLLISION_SHARE, Worst, worst
@@ -80,7 +80,9 @@ class MotionLimits:
 
     def ratio(self, q_rad: Array, dq_rad_s: Array, ddq_rad_s2: Array, step_s: float) -> Array:
         """Samples (N, ..., 7) along the first axis, `step_s` apart -> (...) the largest share of any limit."""
-        demand = self._quantities(asked(self.model, q_rad + self.zeros_rad, dq_rad_s, ddq_rad_s2, self.load), step_s)
+        demand = self._quantities(
+            demand_of(self.model, q_rad + self.zeros_rad, dq_rad_s, ddq_rad_s2, self.load), step_s
+        )
         lead = q_rad.shape[1:-1]
         largest = np.zeros(lead)
         for quantity in demand:
@@ -95,7 +97,7 @@ class MotionLimits:
         t_s = np.asarray(np.arange(len(q)) * DT_S, dtype=np.float64)
         return [
             worst((one.name, one.unit), one.ratio, one.values, one.limit, t_s, one.where)
-            for one in self._quantities(asked(self.model, q + self.zeros_rad, dq, ddq, self.load), DT_S)
+            for one in self._quantities(demand_of(self.model, q + self.zeros_rad, dq, ddq, self.load), DT_S)
         ]
 
     def _quantities(self, demand: Demand, step_s: float) -> list[_Quantity]:

@@ -45,10 +45,10 @@ class Watchdog:
 
     def begin(self) -> None:
         """Forget words from before this motion: a program that still wants a stop repeats it."""
-        self.wanted()
+        self.stop_reason()
         self._heard_s = self._clock()
 
-    def wanted(self) -> str:
+    def stop_reason(self) -> str:
         """The reason to stop the motion, or ""."""
         try:
             letters = os.read(self._pipe, 4096)

@@ -75,21 +75,21 @@ def overlay_bottle(
     image = np.ascontiguousarray(frame.colour.copy())
     thick = max(1, image.shape[1] // 640)
 
-    def seen(points_m: Array) -> Array:
+    def pixels_of(points_m: Array) -> Array:
         return project(model.colour, inverse(X_BC), points_m)
 
-    disc = _fixed(seen(_ring(goal_m, body.radius_m)))
+    disc = _fixed(pixels_of(_ring(goal_m, body.radius_m)))
     filled = image.copy()
     cv2.fillPoly(filled, [disc], _TARGET_RGB, cv2.LINE_AA, _SHIFT)
     cv2.addWeighted(filled, _FILL, image, 1 - _FILL, 0, dst=image)
     _line(image, disc, _TARGET_RGB, thick)
-    _line(image, _fixed(seen(_ring(goal_m, _NEAR_M))), _TARGET_RGB, thick)
-    _line(image, _fixed(seen(_ring(mark_m, body.radius_m))), _PLACE_RGB, thick)
-    u, v = seen(np.array([[*goal_m, 0.0]]))[0]
+    _line(image, _fixed(pixels_of(_ring(goal_m, _NEAR_M))), _TARGET_RGB, thick)
+    _line(image, _fixed(pixels_of(_ring(mark_m, body.radius_m))), _PLACE_RGB, thick)
+    u, v = pixels_of(np.array([[*goal_m, 0.0]]))[0]
     _label(image, u + 32 * thick, v, f"goal: {place(goal_m)}", _TARGET_RGB, thick)
     if detection is not None:
         X_BO = detection.X_BO
-        rims_px = seen(detection.body.rims_m @ X_BO[:3, :3].T + X_BO[:3, 3])
+        rims_px = pixels_of(detection.body.rims_m @ X_BO[:3, :3].T + X_BO[:3, 3])
         outline = cv2.convexHull(rims_px.astype(np.float32)).reshape(-1, 2)
         _line(image, _fixed(np.concatenate([outline, outline[:1]])), _FOUND_RGB, thick)
         _label(

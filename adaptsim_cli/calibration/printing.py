@@ -110,7 +110,7 @@ def remember(data: Path, board: Board, width_mm: float | None) -> PrintedBoard:
     return record
 
 
-def known(data: Path) -> PrintedBoard | None:
+def stored_board(data: Path) -> PrintedBoard | None:
     """The board in use; None if none was stored. Raises ViewFolderError if its file is damaged."""
     path = data / BOARD_FILE
     return read(PrintedBoard, path) if path.exists() else None

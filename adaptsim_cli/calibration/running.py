@@ -227,7 +227,7 @@ def board(
 
 def board_in_use(resolved: Resolved, screen: Screen, *, yes: bool) -> Board:
     """The board in use, with its measured size; asks for the size if a person is there."""
-    record = printing.known(resolved.places.data)
+    record = printing.stored_board(resolved.places.data)
     if record is None:
         if not resolved.config.is_simulated:
             raise UsageError("no board is known yet. Print one: adaptsim calibrate board")

@@ -111,7 +111,7 @@ def show(screen: Screen, record: SavedCalibration, path: Path) -> None:
     screen.plain(f"Report: {path / REPORT}")
 
 
-def told(record: SavedCalibration, path: Path) -> dict[str, Any]:
+def listing_row(record: SavedCalibration, path: Path) -> dict[str, Any]:
     """What a list says of one, for JSON."""
     report = path / REPORT
     return {

@@ -14,10 +14,10 @@ from adaptsim_cli.calibration import sights
 from adaptsim_cli.screen import views
 from calib import files
 from calib.errors import CalibrationRejected, UnusableViews
+from calib.foreign.cameras import CameraViews, Together, solve_together
 from calib.foreign.chains import any_arm
 from calib.foreign.labelling import told_apart
 from calib.foreign.pairing import Fault, pictures_exchanged
-from calib.foreign.several import CameraViews, Together, solve_together
 from calib.types import reasons
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from adaptsim_cli import options
-from adaptsim_cli.commands.kept import MeasurementKind, add_to
+from adaptsim_cli.commands.measurements import MeasurementKind, add_to
 
 if TYPE_CHECKING:
     from adaptsim_cli.config import Resolved

@@ -33,14 +33,14 @@ def _once(find: Find) -> Find:
     """`find` that searches a picture once: the object is needed before the motion, and again for its track."""
     last: list[tuple[tuple[bytes, ...], Detection]] = []
 
-    def found(frame: Frame, model: CameraModel, X_BC: Array) -> Detection:
+    def detect(frame: Frame, model: CameraModel, X_BC: Array) -> Detection:
         lenses = (model.colour.K, model.colour.distortion, model.depth.K, model.depth.distortion, model.X_CD)
         key = (frame.colour.tobytes(), frame.depth_mm.tobytes(), *(part.tobytes() for part in (X_BC, *lenses)))
         if not last or last[0][0] != key:
             last[:] = [(key, find(frame, model, X_BC))]
         return last[0][1]
 
-    return found
+    return detect
 
 
 def _piece(task: Task) -> Tracker:

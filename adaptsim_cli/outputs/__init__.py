@@ -21,12 +21,12 @@ Quantities = dict[str, float]
 """Values by the names of their parameters, contexts or actions, in `units`."""
 
 
-def said(meaning: str) -> Any:
+def described(meaning: str) -> Any:
     """A required field, with one line of meaning."""
     return Field(description=meaning)
 
 
-def maybe(meaning: str) -> Any:
+def optional(meaning: str) -> Any:
     """A field that may be null, with one line of meaning."""
     return Field(None, description=meaning)
 

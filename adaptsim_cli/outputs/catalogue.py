@@ -7,13 +7,13 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from adaptsim_cli.outputs import Output, learning, rig, said, sessions, trials, unit_of
+from adaptsim_cli.outputs import Output, described, learning, rig, sessions, trials, unit_of
 
 
 class Schemas(Output):
     """JSON schemas of outputs."""
 
-    schemas: dict[str, dict[str, Any]] = said("by command")
+    schemas: dict[str, dict[str, Any]] = described("by command")
 
 
 OUTPUTS: Mapping[str, type[Output]] = {

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import Field
 
-from adaptsim_cli.outputs import Output, Quantities, said
+from adaptsim_cli.outputs import Output, Quantities, described
 from hw.records import Record
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
@@ -25,30 +25,32 @@ UNITS = "unit of every parameter, context and action by its name; empty for a pl
 class PlayedTrial(Record):
     """One completed trial that counts."""
 
-    trial: int = said("number of the trial in the session, from 1")
-    context: Quantities = said("context as measured, in `units`")
-    action: Quantities = said("commanded action, in `units`")
-    reward: float = said("between 0 and 1")
-    outcome: Outcome = said("how it ended, a value of `perception.types.Outcome`")
-    observation: tuple[float, ...] = said("motion of the object, normalised with the task's fixed bounds, time by time")
+    trial: int = described("number of the trial in the session, from 1")
+    context: Quantities = described("context as measured, in `units`")
+    action: Quantities = described("commanded action, in `units`")
+    reward: float = described("between 0 and 1")
+    outcome: Outcome = described("how it ended, a value of `perception.types.Outcome`")
+    observation: tuple[float, ...] = described(
+        "motion of the object, normalised with the task's fixed bounds, time by time"
+    )
 
 
 class ParticleShown(Record):
     """One particle with its trials."""
 
-    params: Quantities = said("parameters that its trials were made with, in `units`")
-    trials: list[PlayedTrial] = said("its trials of this iteration")
-    mean_reward: float = said("of these trials")
-    next_params: Quantities = said("parameters of the next iteration, in `units`")
+    params: Quantities = described("parameters that its trials were made with, in `units`")
+    trials: list[PlayedTrial] = described("its trials of this iteration")
+    mean_reward: float = described("of these trials")
+    next_params: Quantities = described("parameters of the next iteration, in `units`")
 
 
 class BestRecord(Record):
     """The best parameters of the session so far."""
 
-    params: Quantities = said("parameters, in `units`")
-    mean_reward: float = said("estimated reward of their policy")
-    trials: int = said("trials behind the estimate")
-    ci95: tuple[float, float] = said("95 % interval of the estimate")
+    params: Quantities = described("parameters, in `units`")
+    mean_reward: float = described("estimated reward of their policy")
+    trials: int = described("trials behind the estimate")
+    ci95: tuple[float, float] = described("95 % interval of the estimate")
     tried: tuple[int, ...] | None = Field(
         default=None, description="trials that this policy would repeat, action for action; null: not known"
     )
@@ -62,14 +64,14 @@ NOTICEABLE = 0.05
 class OutlookRecord(Record):
     """The expected gain of another iteration, and the correction of the simulator's actions."""
 
-    gain: float = said("reward that one more iteration is expected to bring")
-    likely: float = said("chance that more than 0.05 is left to gain")
-    done: bool = said("another iteration is not worth its trials")
-    hopeless: bool = said("nothing in the ranges of the action is expected to work")
-    correction: tuple[float, ...] = said(
+    gain: float = described("reward that one more iteration is expected to bring")
+    likely: float = described("chance that more than 0.05 is left to gain")
+    done: bool = described("another iteration is not worth its trials")
+    hopeless: bool = described("nothing in the ranges of the action is expected to work")
+    correction: tuple[float, ...] = described(
         "the correction that the trials add to the simulator's action, in the order of the action"
     )
-    correction_std: tuple[float, ...] = said("its standard deviation over contexts")
+    correction_std: tuple[float, ...] = described("its standard deviation over contexts")
 
     def noticeable(self, dimensions: Sequence[Dimension]) -> list[tuple[Dimension, float]]:
         """The quantities of the action with a noticeable correction, each with its correction."""
@@ -92,9 +94,9 @@ class OutlookRecord(Record):
 class SuspicionRecord(Record):
     """What the trials of a session hint at about the rig."""
 
-    question: str = said("the question to the person")
-    why: str = said("what the trials showed")
-    look: str = said("how to find out without a command")
+    question: str = described("the question to the person")
+    why: str = described("what the trials showed")
+    look: str = described("how to find out without a command")
 
     @classmethod
     def of(cls, suspicion: Suspicion) -> SuspicionRecord:
@@ -105,32 +107,34 @@ class SuspicionRecord(Record):
 class IterationOutput(Output):
     """The result of one iteration: one object per line and iteration."""
 
-    task: str = said("which task")
-    session: str = said("which session")
-    iteration: int = said("number of the iteration, from 1")
-    hw: str = said("hardware: fake, panda or fr3")
-    world: str = said("world of the simulated lab; empty on a real arm")
-    seed: int = said("seed of all random numbers")
-    units: dict[str, str] = said(UNITS)
-    particles: list[ParticleShown] = said("particles, side by side")
-    best: BestRecord = said("the best parameters so far")
-    verdict: Verdict = said("whether to stop or to go on, and why")
-    outlook: OutlookRecord | None = said("null if the method does not look ahead")
-    suspicion: SuspicionRecord | None = said("what the trials so far hint at about the rig; null: nothing")
-    timing_s: dict[str, float] = said("wall time by stage; `other` has no name, `total` is their sum")
+    task: str = described("which task")
+    session: str = described("which session")
+    iteration: int = described("number of the iteration, from 1")
+    hw: str = described("hardware: fake, panda or fr3")
+    world: str = described("world of the simulated lab; empty on a real arm")
+    seed: int = described("seed of all random numbers")
+    units: dict[str, str] = described(UNITS)
+    particles: list[ParticleShown] = described("particles, side by side")
+    best: BestRecord = described("the best parameters so far")
+    verdict: Verdict = described("whether to stop or to go on, and why")
+    outlook: OutlookRecord | None = described("null if the method does not look ahead")
+    suspicion: SuspicionRecord | None = described("what the trials so far hint at about the rig; null: nothing")
+    timing_s: dict[str, float] = described("wall time by stage; `other` has no name, `total` is their sum")
 
 
 class TrackRecord(Record):
     """The tracked object, an `ObjectTrack`."""
 
-    t_s: tuple[float, ...] = said("times, from the start of the tool's motion")
-    state: tuple[tuple[float, ...], ...] = said(
+    t_s: tuple[float, ...] = described("times, from the start of the tool's motion")
+    state: tuple[tuple[float, ...], ...] = described(
         "a row for each time: position in m, or the states of a task without an arm"
     )
-    confidence: tuple[float, ...] = said("between 0 and 1, for each time")
-    outcome: Outcome = said("how it ended")
-    end_in_tool_m: tuple[float, ...] | None = said("the object's last position in the tool's frame; null if unknown")
-    flags: tuple[str, ...] = said("warnings of the tracking and of the end of the motion")
+    confidence: tuple[float, ...] = described("between 0 and 1, for each time")
+    outcome: Outcome = described("how it ended")
+    end_in_tool_m: tuple[float, ...] | None = described(
+        "the object's last position in the tool's frame; null if unknown"
+    )
+    flags: tuple[str, ...] = described("warnings of the tracking and of the end of the motion")
 
     @classmethod
     def from_track(cls, track: ObjectTrack) -> TrackRecord:
@@ -170,46 +174,48 @@ def named(names: Sequence[str], point: Array) -> Quantities:
 class Rollout(Output):
     """One single trial."""
 
-    task: str = said("which task")
-    hw: str = said("hardware: fake, panda or fr3")
-    world: str = said("world of the simulated lab; empty on a real arm")
-    seed: int = said("seed of all random numbers")
-    units: dict[str, str] = said(UNITS)
-    params: Quantities | None = said("parameters of the policy; null if the action was chosen by hand")
-    session: str | None = said("the session whose best policy acted; null: none")
-    iterations: int = said("complete iterations behind that policy")
-    context: Quantities = said("context as measured, in `units`")
-    goal_m: tuple[float, ...] | None = said("(x, y) of the goal, for a task with a goal on the table")
-    action: Quantities = said("commanded action, in `units`")
-    camera_late_s: float = said("calibrated delay of the camera's time stamps, already subtracted")
-    outcome: Outcome = said("how it ended")
-    reward: float = said("between 0 and 1")
-    flags: tuple[str, ...] = said("warnings of the tracking and of the end of the motion")
-    observation: tuple[float, ...] = said("motion of the object, normalised with the task's fixed bounds, time by time")
-    track: TrackRecord = said("the tracked object")
-    when: str = said("when it was made")
+    task: str = described("which task")
+    hw: str = described("hardware: fake, panda or fr3")
+    world: str = described("world of the simulated lab; empty on a real arm")
+    seed: int = described("seed of all random numbers")
+    units: dict[str, str] = described(UNITS)
+    params: Quantities | None = described("parameters of the policy; null if the action was chosen by hand")
+    session: str | None = described("the session whose best policy acted; null: none")
+    iterations: int = described("complete iterations behind that policy")
+    context: Quantities = described("context as measured, in `units`")
+    goal_m: tuple[float, ...] | None = described("(x, y) of the goal, for a task with a goal on the table")
+    action: Quantities = described("commanded action, in `units`")
+    camera_late_s: float = described("calibrated delay of the camera's time stamps, already subtracted")
+    outcome: Outcome = described("how it ended")
+    reward: float = described("between 0 and 1")
+    flags: tuple[str, ...] = described("warnings of the tracking and of the end of the motion")
+    observation: tuple[float, ...] = described(
+        "motion of the object, normalised with the task's fixed bounds, time by time"
+    )
+    track: TrackRecord = described("the tracked object")
+    when: str = described("when it was made")
 
 
 class Limit(Record):
     """One limit of one path."""
 
-    path: str = said("approach, motion or return")
-    quantity: str = said("the limited quantity")
-    where: str = said("joint or part")
-    t_s: float = said("time at which it comes closest to its limit, from the start of the path")
-    value: float = said("the value then, in `unit`")
-    limit: float = said("the limit, in `unit`")
-    unit: str = said("unit of both")
-    ratio: float = said("share of the limit that is used, 1 is all of it")
+    path: str = described("approach, motion or return")
+    quantity: str = described("the limited quantity")
+    where: str = described("joint or part")
+    t_s: float = described("time at which it comes closest to its limit, from the start of the path")
+    value: float = described("the value then, in `unit`")
+    limit: float = described("the limit, in `unit`")
+    unit: str = described("unit of both")
+    ratio: float = described("share of the limit that is used, 1 is all of it")
 
 
 class Preview(Output):
     """One planned motion."""
 
-    task: str = said("which task")
-    arm: str = said("for which arm")
-    units: dict[str, str] = said(UNITS)
-    context: Quantities = said("context that it was planned for, in `units`")
-    action: Quantities = said("its action, in `units`")
-    duration_s: list[float] = said("of approach, motion and return")
-    limits: list[Limit] = said("every limit of every path")
+    task: str = described("which task")
+    arm: str = described("for which arm")
+    units: dict[str, str] = described(UNITS)
+    context: Quantities = described("context that it was planned for, in `units`")
+    action: Quantities = described("its action, in `units`")
+    duration_s: list[float] = described("of approach, motion and return")
+    limits: list[Limit] = described("every limit of every path")

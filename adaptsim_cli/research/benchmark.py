@@ -54,7 +54,7 @@ def benchmark(
 
     resolved = config.load({"task": task, "workers": workers, "recorded": recorded, "held_out": held_out})
     screen = console.Screen(as_json=as_json)
-    request = wiring.asked(resolved, targets, methods, budget, fresh, seeds, checkpoints, out, in_lab=lab)
+    request = wiring.request_of(resolved, targets, methods, budget, fresh, seeds, checkpoints, out, in_lab=lab)
     for name, why in request.left_out:
         screen.note(f"{name} is left out: {why}")
     part = share_of(share, as_json=as_json)

@@ -113,7 +113,7 @@ class Comparison:
         }
 
 
-def asked(
+def request_of(
     resolved: Resolved,
     targets: str,
     methods: str,

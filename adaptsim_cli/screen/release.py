@@ -72,7 +72,7 @@ class Release:
             require_word(self.screen, question, Key("y", "to start", then), assurance)
             self._left = 1
 
-    def several(self, question: str, then: str, assurance: str = NOTHING_MOVED) -> None:
+    def sequence(self, question: str, then: str, assurance: str = NOTHING_MOVED) -> None:
         """Ask for the arm's model; motions may begin until the announced run is over."""
         if self.screen is not None:
             self.start()
@@ -84,7 +84,7 @@ class Release:
         if self.each == "motion" or not self.model:
             self.one(question, then, assurance)
         else:
-            self.several(question, then, assurance)
+            self.sequence(question, then, assurance)
 
     def motion(self, what: str = "makes its next motion", duration_s: float | None = None) -> None:
         """Returns once the next motion, which does `what`, may begin."""
@@ -93,7 +93,7 @@ class Release:
         if self._run is not None and (self._watched or self.each == "command"):
             what = self._run[1]
             then = f"It {what}. Ctrl-C stops it along its path; Enter lets nothing move."
-            self.several(clear_to_move(self.real, what) + ".", then, "everything completed is stored")
+            self.sequence(clear_to_move(self.real, what) + ".", then, "everything completed is stored")
         elif self._run is not None:
             self.one(clear_to_move(self.real, self._run[0], duration_s) + ".")
         elif self.each == "motion":

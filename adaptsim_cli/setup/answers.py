@@ -45,12 +45,12 @@ class Answers:
         return Resolved(self.config, {}, self.places)
 
     @property
-    def asked(self) -> Screen | None:
+    def prompt_screen(self) -> Screen | None:
         """Where somebody answers before a motion; None: nobody, in the simulated lab."""
         return None if self.defaults else self.screen
 
     @property
-    def known(self) -> KnownArm:
+    def known_arm(self) -> KnownArm:
         """What this computer remembers of the arm."""
         return KnownArm(folder_of(self.places, self.rig))
 

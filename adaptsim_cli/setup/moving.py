@@ -33,7 +33,7 @@ BOARD_PDF = Path("board.pdf")
 def board(answers: Answers) -> None:
     """Print the calibration board, unless one is known already; measure it, and say what it weighs."""
     screen, data = answers.screen, answers.places.data
-    record = printing.known(data)
+    record = printing.stored_board(data)
     if record is None:
         paper = answers.one_of("Paper for the calibration board?", tuple(printing.PAPERS_MM), "a4")
         calibrating.board(answers.resolved, BOARD_PDF, paper, None, None, screen)
@@ -56,7 +56,7 @@ def calibrate(answers: Answers) -> None:
         _slowly(answers, practice=False),
         calibration.calibrations(config, answers.places),
         rig_frames.open_sessions(config, answers.places),
-        partial(calibration.open_calibration_rig, screen=answers.asked),
+        partial(calibration.open_calibration_rig, screen=answers.prompt_screen),
         screen,
         guide=record is None and not config.is_simulated,
         yes=answers.defaults,
@@ -74,7 +74,7 @@ def touch(answers: Answers) -> None:
         open_guided = partial(touch_off.open_guided_rig, screen=screen)
         guiding.run(answers.resolved, store, sessions, open_guided, screen, yes=answers.defaults)
         return
-    open_rig = partial(touch_off.open_touch_rig, screen=answers.asked)
+    open_rig = partial(touch_off.open_touch_rig, screen=answers.prompt_screen)
     touching.run(_slowly(answers, practice=False), Grasp(), store, sessions, open_rig, screen, yes=answers.defaults)
 
 
@@ -83,7 +83,7 @@ def stop(answers: Answers) -> None:
     from sim.tasks import get_task
 
     mounted_task = mounted_for(answers.resolved, None)
-    with open_lab(answers.config, get_task(answers.config.task), screen=answers.asked) as lab:
+    with open_lab(answers.config, get_task(answers.config.task), screen=answers.prompt_screen) as lab:
         answers.screen.plain(f"  {lab.measure_stop(mounted_task)}")
 
 
@@ -103,7 +103,7 @@ def _trial(resolved: Resolved, answers: Answers) -> None:
     folder = resolved.places.sessions / f"rollout-{config.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
-            parts = stack.enter_context(open_parts(config, Path(learnt), screen=answers.asked))
+            parts = stack.enter_context(open_parts(config, Path(learnt), screen=answers.prompt_screen))
         store = single.rollout(config, parts, single.Chosen(), screen, folder, yes=answers.defaults)
     for record in trials_of(store):
         screen.plain(f"  {record.outcome_words}, reward {record.reward:.2f}, stored: {folder}")

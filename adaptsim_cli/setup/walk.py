@@ -90,7 +90,7 @@ def walk(answers: Answers, *, begin: str = "") -> None:
             later = begin and names.index(begin) < number
             if later or not _still_done(answers, step):
                 _do(answers, step)
-                answers.known.set_up(names[:number])
+                answers.known_arm.set_up(names[:number])
     screen.plain(f"\nThe lab is set up. Rig file: {answers.file}")
 
 
@@ -118,7 +118,7 @@ def _touches(answers: Answers) -> bool:
 
 def _still_done(answers: Answers, step: Step) -> bool:
     """Whether the step was done earlier, and its checks still pass."""
-    return step.name in answers.known.read().steps and not _missing(answers, step)
+    return step.name in answers.known_arm.read().steps and not _missing(answers, step)
 
 
 def _do(answers: Answers, step: Step) -> None:

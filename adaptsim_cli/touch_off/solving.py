@@ -113,18 +113,20 @@ def solve(
     sigma = np.sqrt(np.diag(tool_cov))
     tilt = np.sqrt(np.diag(table_cov))
 
-    def known(value: float, half_width: float) -> MeasuredValue:
+    def measured_value(value: float, half_width: float) -> MeasuredValue:
         return MeasuredValue(value=value, within=half_width)
 
     result = Result(
-        table_height_m=known(float(table.height_at(np.asarray(work_m))), wide[0] * float(np.sqrt(table_var))),
-        tilt_x=known(table.slope_x, wide[0] * float(tilt[1])),
-        tilt_y=known(table.slope_y, wide[0] * float(tilt[2])),
+        table_height_m=measured_value(float(table.height_at(np.asarray(work_m))), wide[0] * float(np.sqrt(table_var))),
+        tilt_x=measured_value(table.slope_x, wide[0] * float(tilt[1])),
+        tilt_y=measured_value(table.slope_y, wide[0] * float(tilt[2])),
         table_origin_m=table.height_m,
-        tool_height_m=known(correction.height_m, float(np.hypot(wide[1] * sigma[0], wide[0] * np.sqrt(table_var)))),
-        tool_forward_m=known(correction.forward_m, wide[1] * float(sigma[1])),
-        tool_pitch_rad=known(correction.pitch_rad, wide[1] * float(sigma[2])),
-        tool_roll_rad=known(correction.roll_rad, wide[1] * float(sigma[3])),
+        tool_height_m=measured_value(
+            correction.height_m, float(np.hypot(wide[1] * sigma[0], wide[0] * np.sqrt(table_var)))
+        ),
+        tool_forward_m=measured_value(correction.forward_m, wide[1] * float(sigma[1])),
+        tool_pitch_rad=measured_value(correction.pitch_rad, wide[1] * float(sigma[2])),
+        tool_roll_rad=measured_value(correction.roll_rad, wide[1] * float(sigma[3])),
         edge_over_table_m=wide[1] * float(sigma[0]),
         edge_too_high_m=_one_sided(tool_free) * float(sigma[0]),
         repeat_m=repeat_m,

@@ -72,7 +72,7 @@ def _described(node: ast.AnnAssign) -> tuple[str, str]:
                 text = str(keyword.value.value)
             if keyword.arg == "json_schema_extra" and isinstance(keyword.value, ast.Dict):
                 unit = str(ast.literal_eval(keyword.value)["unit"])
-        if isinstance(call.func, ast.Name) and call.func.id in ("said", "maybe"):
+        if isinstance(call.func, ast.Name) and call.func.id in ("described", "optional"):
             text = str(ast.literal_eval(call.args[0]))
         if isinstance(call.func, ast.Name) and call.func.id == "key":
             text, unit = [*(_computed(arg) for arg in call.args), ""][:2]
@@ -118,7 +118,7 @@ def _type(node: ast.expr) -> str:
 
 def _default(node: ast.expr | None) -> str:
     """The default as it stands in the source; a dash where the field must be given."""
-    if node is None or ast.unparse(node).startswith("said("):
+    if node is None or ast.unparse(node).startswith("described("):
         return "–"
     if ast.unparse(node).startswith(("_", "tuple(")):
         return "the maker's"

@@ -88,7 +88,7 @@ class Keeper:
     def _watch(self) -> Answer:
         self._listener.begin()
         while not self._worker.answers(WORD_EVERY_S):
-            if why := self._listener.wanted():
+            if why := self._listener.stop_reason():
                 return self._halt(why)
         return _known(self._worker.receive())
 

@@ -55,7 +55,7 @@ def play(
     detector = None if guard is None else Detector(guard)
     interrupted = partial(driver.interruption, motion.checked_s)
     playback = Playback(
-        motion, listener.wanted, time.monotonic, detector, start_s, interrupted=interrupted, sent_s=sent_s
+        motion, listener.stop_reason, time.monotonic, detector, start_s, interrupted=interrupted, sent_s=sent_s
     )
     driver.watch()  # both take a tenth of a second for a long motion
     gc.collect()

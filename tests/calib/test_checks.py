@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from simulated_views import Quality, Truth, board_in_camera, random_poses, seen
 
 from calib import checks
-from calib.drift import drift, known
+from calib.drift import drift, unknowns_of
 from calib.errors import TooFewViews
 from calib.gates import judge, of_camera
 from calib.geometry import move
@@ -185,7 +185,7 @@ def test_a_motion_too_slow_says_so(true: Truth, views: list[View], solution: Sol
 def test_a_moved_camera_is_told_from_one_that_stands(true: Truth, solution: Solution, seed: int) -> None:
     rng = np.random.default_rng(seed)
     q = random_poses(rig.SETUP, true, forward, rig.BOUNDS, 3, rng)
-    was = known(solution)
+    was = unknowns_of(solution)
     assert not drift(seen(rig.SETUP, true, forward, q, Quality(0.1, 5e-5), rng), rig.SETUP, forward, *was).moved
     axis = rng.standard_normal(3)
     axis /= np.linalg.norm(axis)
@@ -200,7 +200,7 @@ def test_a_moved_camera_is_told_from_one_that_stands(true: Truth, solution: Solu
 
 def test_two_views_are_too_few_for_a_verdict(views: list[View], solution: Solution) -> None:
     with pytest.raises(TooFewViews):
-        drift(views[:2], rig.SETUP, forward, *known(solution))
+        drift(views[:2], rig.SETUP, forward, *unknowns_of(solution))
 
 
 def test_a_board_that_slipped_is_dated() -> None:

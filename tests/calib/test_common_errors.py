@@ -15,7 +15,7 @@ import calib.estimate as estimator
 from calib.bundle import Fit
 from calib.closed_form import robust_start
 from calib.condense import condense
-from calib.drift import drift, known
+from calib.drift import drift, unknowns_of
 from calib.errors import DegenerateViews, TooFewViews
 from calib.foreign.intrinsics_check import settle
 from calib.foreign.labelling import told_apart
@@ -145,7 +145,7 @@ def test_a_view_with_corners_far_outside_its_picture_is_left_out(times: float) -
     found = solve(told_apart([spoilt, *others], SETUP, None), SETUP, None)
     assert [view.name for view in found.rejected] == [first.name]
     with pytest.raises(TooFewViews, match=f"view {first.name}"):
-        drift([spoilt, *others], SETUP, None, *known(found))
+        drift([spoilt, *others], SETUP, None, *unknowns_of(found))
 
 
 def test_a_matrix_that_cannot_be_inverted_means_degenerate_views(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,7 +158,7 @@ def test_a_matrix_that_cannot_be_inverted_means_degenerate_views(monkeypatch: py
     with pytest.raises(DegenerateViews):
         solve(views(0.0), SETUP, None)
     with pytest.raises(DegenerateViews):
-        drift(views(0.0), SETUP, None, *known(found))
+        drift(views(0.0), SETUP, None, *unknowns_of(found))
 
 
 def test_points_numbered_from_the_other_end_count_like_others() -> None:

@@ -12,7 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, SpatialInertia, UnitInertia
 
 from hw.collision import HAND_MASS
-from hw.dynamics import LINKS, asked, torque_Nm
+from hw.dynamics import LINKS, demand_of, torque_Nm
 from hw.joint_limits import LIMITS
 from hw.mass import Mass
 from sim.panda.model import FLANGE_NAME, add_panda
@@ -67,7 +67,7 @@ def test_torques_are_those_of_drake(model: str, load: Mass | None) -> None:
 def test_the_flange_travels_as_in_drake(model: str) -> None:
     plant, context = drake(model, None)
     q, dq, ddq = states(model)
-    found = asked(model, q, dq, ddq, HAND_MASS)
+    found = demand_of(model, q, dq, ddq, HAND_MASS)
     flange, world = plant.GetFrameByName(FLANGE_NAME), plant.world_frame()
     for row in range(STATES):
         plant.SetPositions(context, q[row])

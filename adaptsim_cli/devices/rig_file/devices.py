@@ -55,12 +55,12 @@ class DeviceKind(Generic[Part, Driver]):
 
 
 def _one_of(names: Callable[[], Sequence[str]]) -> AfterValidator:
-    def known(name: str) -> str:
+    def listed_name(name: str) -> str:
         if name not in names():
             raise ValueError(f"it must be one of {', '.join(names())}")
         return name
 
-    return AfterValidator(known)
+    return AfterValidator(listed_name)
 
 
 @dataclass(frozen=True, config=RULES)

@@ -184,7 +184,7 @@ def test_a_walk_goes_on_where_it_was_stopped_or_where_a_check_fails(answers, sho
     with pytest.raises(StoppedByOperator, match="every completed step is kept") as stopped:
         walk.walk(answers)
     assert stopped.value.__notes__ == ["Go on with: adaptsim setup --task scooping --hw panda"]
-    assert answers.known.read().steps == ("arm",)
+    assert answers.known_arm.read().steps == ("arm",)
     typing(monkeypatch, "")
     walk.walk(answers)
     assert short == ["arm", "camera", "camera", "trial"]
@@ -243,8 +243,8 @@ def test_the_stop_button_is_checked_with_the_arm_alone(answers, monkeypatch):
     told = said(answers.screen)
     assert told.count("Press the arm's stop button now (nothing moves).") == 2
     assert "The arm reports: ready to move" in told, "nobody has pressed it"
-    assert answers.known.read().stop_button == ""
-    answers.known.stop_button_checked("Kim")
+    assert answers.known_arm.read().stop_button == ""
+    answers.known_arm.stop_button_checked("Kim")
     describing.stop_button(answers)  # asks nothing
 
 

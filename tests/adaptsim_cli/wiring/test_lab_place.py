@@ -81,12 +81,12 @@ def test_what_the_lab_cannot_run_is_refused(refused):
         2, "benchmark", "--task", "pendulum", "--lab", "--targets", "wd"
     )
     with pytest.raises(UsageError, match="mujoco-wd in another physics"):
-        benchmark.asked(config.load({"task": "pushing"}), "wd,mujoco-wd", "udr", 4, 0, 1, "", None, in_lab=True)
+        benchmark.request_of(config.load({"task": "pushing"}), "wd,mujoco-wd", "udr", 4, 0, 1, "", None, in_lab=True)
 
 
 def test_results_of_the_lab_are_never_mixed_with_others():
     both = [
-        benchmark.asked(config.load({"task": "pushing"}), "wd", "udr", 4, 0, 1, "", None, in_lab=lab)
+        benchmark.request_of(config.load({"task": "pushing"}), "wd", "udr", 4, 0, 1, "", None, in_lab=lab)
         for lab in (False, True)
     ]
     assert both[0].plan != both[1].plan

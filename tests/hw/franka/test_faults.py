@@ -34,7 +34,7 @@ def test_the_fingers_stop_at_every_fault(kind: str) -> None:
 def test_fingers_that_nobody_stops_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(SEED)
     with monkeypatch.context() as patch:
-        patch.setattr(Watchdog, "wanted", lambda self: "")
+        patch.setattr(Watchdog, "stop_reason", lambda self: "")
         assert not one_hand("fingers: program hangs", rng).effective, "nobody listens, so nothing is said"
     monkeypatch.setattr(Fingers, "stop", lambda self: None)
     notes = one_hand("fingers: pedal released", rng).wrong

@@ -43,7 +43,7 @@ def test_the_player_goes_on_while_it_hears_that_all_is_well(pipe: list[int]) -> 
     for _ in range(100):
         clock.now_s += 0.05
         os.write(pipe[1], ALIVE)
-        assert listener.wanted() == ""
+        assert listener.stop_reason() == ""
 
 
 def test_silence_is_a_stop_after_60_ms_and_not_before(pipe: list[int]) -> None:
@@ -51,30 +51,30 @@ def test_silence_is_a_stop_after_60_ms_and_not_before(pipe: list[int]) -> None:
     listener = Watchdog(pipe[0], 0.06, clock)
     listener.begin()
     clock.now_s = 0.06
-    assert listener.wanted() == ""
+    assert listener.stop_reason() == ""
     clock.now_s = 0.0601
-    assert listener.wanted() == SILENT
+    assert listener.stop_reason() == SILENT
 
 
 @pytest.mark.parametrize(("word", "why"), [(PEDAL, "pedal"), (REQUESTED, "request"), (ALIVE + PEDAL + ALIVE, "pedal")])
 def test_a_stop_is_heard_wherever_it_stands(pipe: list[int], word: bytes, why: str) -> None:
     listener = Watchdog(pipe[0], 0.06)
     os.write(pipe[1], word)
-    assert listener.wanted() == why
+    assert listener.stop_reason() == why
 
 
 def test_what_was_said_before_a_motion_does_not_count(pipe: list[int]) -> None:
     listener = Watchdog(pipe[0], 0.06)
     os.write(pipe[1], PEDAL)
     listener.begin()
-    assert listener.wanted() == ""
+    assert listener.stop_reason() == ""
 
 
 def test_the_end_of_the_program_is_a_stop(pipe: list[int]) -> None:
     listener = Watchdog(pipe[0], 0.06)
     os.close(pipe[1])
     pipe[1] = -1
-    assert listener.wanted() == ORPHANED
+    assert listener.stop_reason() == ORPHANED
     assert listener.orphaned
 
 

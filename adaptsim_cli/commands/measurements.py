@@ -144,7 +144,7 @@ def _list(kind: MeasurementKind, screen: Screen, store: NumberedRecords[Any], se
     from adaptsim_cli.storage.numbered import remark
 
     kinds = kind.views()
-    entries = store.listed(lambda record, path: {"created": record.created} | kinds.told(record, path))
+    entries = store.listed(lambda record, path: {"created": record.created} | kinds.listing_row(record, path))
 
     def row(one: dict[str, Any]) -> tuple[str, ...]:
         if "error" in one:

@@ -10,7 +10,7 @@ import pytest
 import real_views
 
 from calib.errors import TooFewViews, UnusableViews
-from calib.foreign.several import CameraViews, Together, solve_together
+from calib.foreign.cameras import CameraViews, Together, solve_together
 from calib.foreign.sizing import solve_any_size
 from calib.geometry import distance_mm
 from calib.types import Mounting, Setup

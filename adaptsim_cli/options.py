@@ -35,7 +35,9 @@ def world_names(incomplete: str) -> list[str]:
 
 def export_formats(incomplete: str) -> list[str]:
     """Formats of `sessions export` that begin like this."""
-    return _like(incomplete, {"csv", "parquet", "mcap", "lerobot", "rerun", "sdf", "mjcf"})
+    from adaptsim_cli.session.formats import FORMATS
+
+    return _like(incomplete, set(FORMATS))
 
 
 def _folders(kind: str, incomplete: str) -> list[str]:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from adaptsim_cli import options
+from adaptsim_cli.session.formats import FORMATS
 
 
 def report(
@@ -95,7 +96,7 @@ def export(
         typer.Option(
             "--format",
             autocompletion=options.export_formats,
-            help="csv, parquet, mcap, lerobot, rerun, sdf or mjcf.",
+            help=f"{', '.join(FORMATS)}.",
         ),
     ] = "csv",
     out: Annotated[
@@ -112,18 +113,18 @@ def export(
     Example: adaptsim sessions export scooping-oreo --format mcap
     """
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import exporting
+    from adaptsim_cli.session import formats
     from adaptsim_cli.wiring.best import scene_files
 
     opened, screen = options.stored(name), console.Screen(as_json=as_json)
-    path = out or Path(exporting.default_name(opened, kind))
+    path = out or Path(formats.default_name(opened, kind))
     with screen.progress() as progress:
-        written = exporting.export(opened, kind, path, scene_files, progress)
+        written = formats.export(opened, kind, path, scene_files, progress)
     files = [str(file.absolute()) for file in written]
     if not screen.data("sessions export", {"session": name, "format": kind, "written": files}):
         for file in written:
             screen.plain(str(file))
-        screen.next(exporting.next_step(kind, written[0], path))
+        screen.next(FORMATS[kind].next_step(written[0], path))
 
 
 def replay(

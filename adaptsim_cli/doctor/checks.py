@@ -51,6 +51,7 @@ from hw.plugins import Offer, offers
 from hw.serial import balance
 from hw.stopping import WORST_STOP_S, worst_stop
 from sim import tasks
+from sim.adaptation import methods
 from sim.errors import SimError
 
 CHECKS: dict[str, DoctorCheck] = {}
@@ -120,6 +121,7 @@ PLUG_INS = {
     tasks.OFFERED: PlugIn("task", tasks.get_task, tasks.clashing),
     kinds.OFFERED: PlugIn("camera", kinds.camera_kind, kinds.clashing),
     balance.OFFERED: PlugIn("balance", balance.protocol_named, balance.clashing),
+    methods.OFFERED: PlugIn("method", methods.factory_of, methods.clashing),
     devices.OFFERED: PlugIn("device", devices.instrument, devices.clashing),
 }
 

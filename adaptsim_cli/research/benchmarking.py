@@ -131,16 +131,16 @@ def request_of(
     """
     from adaptsim_cli.wiring.recorded.folder import read_recorded
     from sim.adaptation.checkpoint import load_checkpoint
-    from sim.adaptation.methods import METHODS, make_method
+    from sim.adaptation.methods import make_method, method_names
     from sim.errors import CheckpointError
-    from sim.research.benchmark.jobs import BEST_ACTION, COMPARED, CONTROLS
+    from sim.research.benchmark.jobs import BEST_ACTION, CONTROLS, LIMITS
     from sim.research.benchmark.sessions import Conditions
     from sim.research.benchmark.worlds import targets_of
     from sim.tasks import get_task
 
     config = resolved.config
     task = get_task(config.task)
-    possible = (*METHODS, BEST_ACTION, *CONTROLS) if config.recorded else COMPARED
+    possible = (*method_names(), *((BEST_ACTION, *CONTROLS) if config.recorded else LIMITS))
     chosen = possible if methods == "all" else tuple(dict.fromkeys(_words(methods)))
     if unknown := [name for name in chosen if name not in possible]:
         raise UsageError(f"--methods {','.join(unknown)}: choose all, or any of {', '.join(possible)}")
@@ -151,7 +151,7 @@ def request_of(
     left_out = dict[str, str]()
     for name in chosen:
         try:
-            for _, checkpoint in loaded if name in METHODS else ():
+            for _, checkpoint in loaded if name in method_names() else ():
                 make_method(name, task, checkpoint)
         except CheckpointError as error:
             if methods != "all":

@@ -1,112 +1,18 @@
-"""A session in the formats of other programs: tables, MCAP with everything, Rerun, LeRobot, scenes."""
+"""The trials of a session as a table. Formats: `adaptsim_cli.session.formats`."""
 
 from __future__ import annotations
 
 import csv
 import io
-import sys
-from collections.abc import Callable, Mapping, Sequence
-from importlib import resources
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal, get_args
 
-from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.records import Facts, TrialRecord
 from adaptsim_cli.session.store import SessionStore, trials_of
 from adaptsim_cli.storage import durable
 
-Format = Literal["csv", "parquet", "mcap", "lerobot", "rerun", "sdf", "mjcf"]
-FORMATS: tuple[Format, ...] = get_args(Format)
-SCENES = {"sdf": "scene.sdf", "mjcf": "scene.xml"}
-"""Formats of scenes, and the name of the file that a simulator loads."""
-LAYOUT = "foxglove-layout.json"
-
-Progress = Callable[[str, int, int], None]
-
-
 Cell = str | int | float
 Row = dict[str, Cell]
-
-
-def export(
-    store: SessionStore,
-    kind: str,
-    out: Path,
-    scene_of: Callable[[SessionStore, str], Mapping[str, bytes]],
-    progress: Progress = lambda stage, done, total: None,
-) -> list[Path]:
-    """Write the counting trials to `out`: a file for tables, else a folder. Returns the written paths.
-
-    `scene_of` makes the files of a scene. Raises UsageError for an unknown format, for a session without trials, or if
-    a data set or scene would overwrite something; ExtraMissing, SessionError, and the errors of `scene_of`.
-    """
-    if kind not in FORMATS:
-        raise UsageError(f"--format {kind}: choose one of {', '.join(FORMATS)}")
-    if not (records := trials_of(store)):
-        raise UsageError(f"session {store.facts.name} has no completed trial yet; nothing to export")
-    if kind == "csv":
-        return [written(out, as_csv(rows(store)).encode())]
-    if kind == "parquet":
-        return [written(out, _parquet(store))]
-    if kind == "lerobot":
-        from adaptsim_cli.session import episodes
-
-        episodes.write(store, records, out)
-        return [out]
-    if kind in SCENES:
-        return _scene(out, kind, scene_of(store, kind))
-    if store.facts.curves:
-        raise UsageError(f"the task {store.facts.task} has no recordings: export it as csv, parquet or lerobot")
-    from adaptsim_cli.session import replaying
-
-    files, (suffix, encode) = [], ("rrd", replaying.rerun_file) if kind == "rerun" else ("mcap", replaying.encode)
-    for done, record in enumerate(records):
-        progress("trials", done + 1, len(records))
-        trial = replaying.open_trial(store, record)
-        files.append(written(out / f"{trial.title}.{suffix}", encode(trial)))
-    if kind == "mcap":
-        files.append(written(out / LAYOUT, layout()))
-    return files
-
-
-def _scene(folder: Path, kind: str, files: Mapping[str, bytes]) -> list[Path]:
-    if folder.exists():
-        raise UsageError(f"{folder} exists already: name another --out")
-    durable.make_folder(folder.absolute().parent)
-    durable.write_folder(folder.absolute(), files)
-    return [folder / SCENES[kind], folder / "trial.json"]
-
-
-def next_step(kind: str, first: Path, out: Path) -> tuple[str, str]:
-    """The command that shows the export, and its effect."""
-    python, table = sys.executable, f"import pyarrow.parquet as p; print(p.read_table('{out}'))"
-    return {
-        "csv": (f"column -s, -t {out} | less -S", "the table, in the terminal"),
-        "parquet": (f'{python} -c "{table}"', "the table, read back"),
-        "rerun": (f"{python} -m rerun {first}", "the first trial, in the Rerun viewer"),
-        "lerobot": (f"ls -R {out}", "the data set, ready for lerobot"),
-        "mcap": (f"xdg-open {first}", f"the first trial, in Foxglove, with the layout {out / LAYOUT}"),
-        "sdf": (f"{python} -m pydrake.visualization.model_visualizer {first}", "the scene, in a browser"),
-        "mjcf": (f"{python} -m mujoco.viewer --mjcf={first}", "the scene, in MuJoCo's viewer"),
-    }[kind]
-
-
-def layout() -> bytes:
-    """The Foxglove layout for such a file."""
-    return (resources.files("adaptsim_cli.session") / LAYOUT).read_bytes()
-
-
-def default_name(store: SessionStore, kind: str) -> str:
-    """The default name of an export, in the current folder."""
-    return f"{store.facts.name}.{kind}" if kind in ("csv", "parquet") else f"{store.facts.name}-{kind}"
-
-
-def _parquet(store: SessionStore) -> bytes:
-    from adaptsim_cli.session.episodes import as_parquet
-
-    table = rows(store)
-    metadata = {f"unit of {name}": unit for name, unit in units(store).items()}
-    return as_parquet({name: [row[name] for row in table] for name in table[0]}, metadata)
 
 
 def written(path: Path, content: bytes) -> Path:

@@ -8,7 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.method import LEAST_CHANCE, Best, ExpectedGain, Forecasting, Iteration, Method, OwnPolicies, Trial
+from sim.adaptation.method import (
+    LEAST_CHANCE,
+    Best,
+    Choosing,
+    ExpectedGain,
+    Forecasting,
+    Iteration,
+    Method,
+    OwnPolicies,
+    Trial,
+)
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
 from sim.solvers.misfit import misfit
 from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy, policy_for
@@ -49,13 +59,18 @@ def choose_best(task: Task, history: Sequence[Iteration]) -> Best:
     )
 
 
+def best_of(method: Method, task: Task, history: Sequence[Iteration]) -> Best:
+    """The final parameters: the method's own choice, else `choose_best`. Raises ValueError without a trial."""
+    return method.choose(history) if isinstance(method, Choosing) else choose_best(task, history)
+
+
 def final_policy(
     method: Method, policies: Policies, task: Task, history: Sequence[Iteration], executable: Executable | None = None
 ) -> SolvedPolicy:
     """The final task policy of a session. Raises ValueError if the history has no trial."""
     if isinstance(method, OwnPolicies):
         return method.final(history, executable)
-    return policy_for(policies, choose_best(task, history).particle.samples, executable)
+    return policy_for(policies, best_of(method, task, history).particle.samples, executable)
 
 
 SAME_ACTION = 0.02
@@ -75,7 +90,7 @@ def repeated_trials(policy: SolvedPolicy, task: Task, history: Sequence[Iteratio
 
 def assess(method: Method, task: Task, history: Sequence[Iteration]) -> tuple[Best, ExpectedGain | None]:
     """The final parameters, and the outlook of a method that forecasts. Raises ValueError if there is no trial."""
-    return method.assess(history) if isinstance(method, Forecasting) else (choose_best(task, history), None)
+    return method.assess(history) if isinstance(method, Forecasting) else (best_of(method, task, history), None)
 
 
 def _posterior(unit: Array, rewards: Array, variance: Array) -> tuple[Array, Array]:

@@ -152,6 +152,15 @@ class Forecasting(Protocol):
         ...
 
 
+@runtime_checkable
+class Choosing(Protocol):
+    """A method that chooses itself what its session keeps; of others `sim.adaptation.judging.choose_best` does."""
+
+    def choose(self, history: Sequence[Iteration]) -> Best:
+        """The final parameters. Raises ValueError without a trial."""
+        ...
+
+
 def policy_of(
     method: Method,
     policies: Policies,

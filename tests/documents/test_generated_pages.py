@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import pytest
 from generate import DOCS, stale
+from pages import files
 from pages.file_fields import SAID
 from pages.files import fields
 from pages.messages import error_classes
@@ -30,6 +33,19 @@ def test_every_number_of_every_task_is_explained():
         for space in (task.parameters, task.context, task.action, task.nuisance):
             for dimension in space.dimensions:
                 assert f"| `{dimension.name}` |" in page
+
+
+def test_the_table_of_meanings_has_no_entry_that_no_page_uses(monkeypatch):
+    class Asked(dict[str, str]):
+        names: ClassVar[set[str]] = set()
+
+        def get(self, name, default=None):
+            self.names.add(name)
+            return super().get(name, default)
+
+    monkeypatch.setattr(files, "SAID", Asked(SAID))
+    files.files()
+    assert set(SAID) - Asked.names == set()
 
 
 def test_a_field_without_a_meaning_is_an_error(tmp_path, monkeypatch):

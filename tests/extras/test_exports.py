@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from toy_session import run
 
-from adaptsim_cli.session import episodes, exporting, replaying
+from adaptsim_cli.session import episodes, exporting, formats, replaying
 from adaptsim_cli.session.exporting import rows
 from adaptsim_cli.session.store import SessionStore, trials_of
 from adaptsim_cli.wiring.best import scene_files
@@ -86,7 +86,7 @@ def test_in_rerun_depth_is_depth_and_the_arm_moves(store, tmp_path):
 
 
 def test_rerun_reads_the_mcap_file_itself(store, tmp_path):
-    file, *_ = exporting.export(store, "mcap", tmp_path, scene_files)
+    file, *_ = formats.export(store, "mcap", tmp_path, scene_files)
     out = tmp_path / "converted.rrd"
     subprocess.run([sys.executable, "-m", "rerun", "mcap", "convert", str(file), "-o", str(out)], check=True)
     assert "DepthImage:buffer" in components(out, "/camera/depth")
@@ -96,7 +96,7 @@ def test_rerun_reads_the_mcap_file_itself(store, tmp_path):
 def test_a_parquet_table_has_names_units_and_every_trial(store, tmp_path):
     import pyarrow.parquet as pq  # noqa: PLC0415 - collected without the extra too
 
-    (file,) = exporting.export(store, "parquet", tmp_path / "t.parquet", scene_files)
+    (file,) = formats.export(store, "parquet", tmp_path / "t.parquet", scene_files)
     found = pq.read_table(file)
     assert found.to_pylist() == rows(store)
     assert found.schema.metadata[b"unit of duration_s"] == b"s"

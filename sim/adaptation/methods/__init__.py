@@ -1,13 +1,25 @@
-"""Every adaptation method by name; the only list of them. Each is imported on first use."""
+"""Every adaptation method by name: ours, and those of installed packages. Each is imported on first use.
+
+A package offers one by an entry point of the group `adaptsim.methods`: the method's name, and a module with a `create`
+(or module:function), which makes a `Method` of a task and a checkpoint.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
+from typing import TYPE_CHECKING
 
-from sim.adaptation.checkpoint import Checkpoint
-from sim.adaptation.method import Method
+from hw.plugins import PluginError, clashes, offers
 from sim.errors import UnknownName, did_you_mean
-from sim.tasks.task import Task
+
+if TYPE_CHECKING:
+    from sim.adaptation.checkpoint import Checkpoint
+    from sim.adaptation.method import Method
+    from sim.tasks.task import Task
+
+OFFERED = "adaptsim.methods"
+"""The group of entry points by which packages offer methods."""
 
 METHODS = {
     "adaptsim": "sim.adaptation.methods.adaptsim:create",
@@ -27,12 +39,35 @@ METHODS = {
 """Name -> the function (task, checkpoint) that makes it; imported on first use."""
 
 
+def method_names() -> tuple[str, ...]:
+    """Names of our methods, then of those of installed packages."""
+    return (*METHODS, *dict.fromkeys(offer.name for offer in offers(OFFERED) if offer.name not in METHODS))
+
+
+def factory_of(name: str) -> Callable[[Task, Checkpoint | None], Method]:
+    """The function that makes the method. Raises UnknownName, also for a package that cannot be loaded."""
+    if name in METHODS:
+        module, _, function = METHODS[name].partition(":")
+        ours: Callable[[Task, Checkpoint | None], Method] = getattr(import_module(module), function)
+        return ours
+    offer = next((one for one in offers(OFFERED) if one.name == name), None)
+    if offer is None:
+        names = method_names()
+        raise UnknownName(
+            f'method "{name}" is not known: it must be one of {", ".join(names)}{did_you_mean(name, names)}'
+        )
+    try:
+        theirs: Callable[[Task, Checkpoint | None], Method] = offer.load("create")
+    except PluginError as error:
+        raise UnknownName(f"method {error}") from error
+    return theirs
+
+
 def make_method(name: str, task: Task, checkpoint: Checkpoint | None) -> Method:
     """Raises UnknownName, and CheckpointError if the method needs a checkpoint and there is none."""
-    if name not in METHODS:
-        raise UnknownName(
-            f'method "{name}" is not known: it must be one of {", ".join(METHODS)}{did_you_mean(name, METHODS)}'
-        )
-    module, _, function = METHODS[name].partition(":")
-    method: Method = getattr(import_module(module), function)(task, checkpoint)
-    return method
+    return factory_of(name)(task, checkpoint)
+
+
+def clashing() -> tuple[str, ...]:
+    """A sentence for each method of a package that cannot be used because of its name."""
+    return clashes(OFFERED, set(METHODS))

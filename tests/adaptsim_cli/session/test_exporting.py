@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from toy_session import NAME
 
 from adaptsim_cli import app
-from adaptsim_cli.session import exporting, recording, replaying, topics
+from adaptsim_cli.session import formats, recording, replaying, topics
 from adaptsim_cli.wiring.best import scene_files
 
 
@@ -26,7 +26,7 @@ def messages(file: Path) -> dict[str, list[bytes]]:
 @pytest.fixture(scope="module")
 def exported(undisturbed, tmp_path_factory) -> tuple[Path, ...]:
     """A file for each trial, and the layout that shows them."""
-    return tuple(exporting.export(undisturbed, "mcap", tmp_path_factory.mktemp("exported") / "mcap", scene_files))
+    return tuple(formats.export(undisturbed, "mcap", tmp_path_factory.mktemp("exported") / "mcap", scene_files))
 
 
 def test_one_file_holds_everything_of_a_trial(store, exported):

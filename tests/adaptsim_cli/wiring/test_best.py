@@ -12,7 +12,8 @@ import pytest
 
 from adaptsim_cli import api, app
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session import exporting
+from adaptsim_cli.session import formats
+from adaptsim_cli.session import store as stored
 from adaptsim_cli.wiring import best as wiring
 from adaptsim_cli.wiring.best import TaskPolicy
 from adaptsim_cli.wiring.hindsight import Hindsight
@@ -138,13 +139,13 @@ def store(monkeypatch) -> SimpleNamespace:
     )
     monkeypatch.setattr(Hindsight, "of", lambda store: found)
     monkeypatch.setattr(wiring, "policy_of_session", lambda store, checkpoint: lambda context: ACTION)
-    for module in (wiring, exporting):
+    for module in (wiring, stored):
         monkeypatch.setattr(module, "trials_of", lambda store: [SimpleNamespace(context_array=CONTEXT)])
     return SimpleNamespace(facts=SimpleNamespace(name="s", units={}, curves={}))
 
 
 def test_it_holds_the_mean_the_interval_and_the_policys_action(store, tmp_path):
-    (file, trial) = exporting.export(store, "sdf", tmp_path / "adapted", wiring.scene_files)
+    (file, trial) = formats.export(store, "sdf", tmp_path / "adapted", wiring.scene_files)
     told, text = json.loads(trial.read_text()), file.read_text()
     assert told["parameters"] == pytest.approx({"mu": 0.15, "e": 1e5, "mu_p": 0.4, "y_p": 0.02})
     assert told["interval"]["mu"] == [0.1, 0.2]
@@ -157,4 +158,4 @@ def test_it_holds_the_mean_the_interval_and_the_policys_action(store, tmp_path):
 
 def test_nothing_is_overwritten(store, tmp_path):
     with pytest.raises(UsageError, match="exists already: name another --out"):
-        exporting.export(store, "sdf", tmp_path, wiring.scene_files)
+        formats.export(store, "sdf", tmp_path, wiring.scene_files)

@@ -1,13 +1,18 @@
+import sys
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from documents import install
 from toy_learning import iteration, train_one, trained, tried
 from toy_task import PARAMETERS, TOY, Unmodelled
 
-from sim.adaptation.judging import Misfits, choose_best, judge
-from sim.adaptation.method import ExpectedGain, Particle, ParticleTrials, Trial
+from adaptsim_cli.doctor import checks
+from hw import plugins
+from sim.adaptation import methods
+from sim.adaptation.judging import Misfits, assess, choose_best, final_policy, judge
+from sim.adaptation.method import Best, ExpectedGain, Particle, ParticleTrials, Trial
 from sim.adaptation.methods import make_method
 from sim.adaptation.verdict import Kind, Reason
 from sim.errors import CheckpointError, UnknownName
@@ -191,6 +196,50 @@ def test_a_method_without_its_checkpoint_and_an_unknown_one_say_what_they_need(n
         make_method(name, TOY, None)
     with pytest.raises(UnknownName, match="did you mean adaptsim"):
         make_method("adaptsym", TOY, None)
+
+
+class FirstForever:
+    """A method that keeps the particle it began with, whatever it earned."""
+
+    def start(self, n, rng):
+        return tuple(Particle(PARAMETERS.sample(rng, 1)) for _ in range(n))
+
+    def next(self, history, rng):
+        return self.start(len(history[-1]), rng)
+
+    def choose(self, history):
+        first = history[0][0]
+        return Best(first.particle, 0.25, (0.0, 0.5), len(first.trials))
+
+
+def test_a_method_may_choose_what_its_session_keeps():
+    emulator, _ = trained()
+    other = PARAMETERS.denormalise(np.array([0.9, 0.5, 0.0, 0.5]))
+    history = [iteration((MEAN, [0.0, 0.1]), (other, [1.0, 1.0]))]
+    udr = make_method("udr", TOY, None)
+    assert np.array_equal(assess(udr, TOY, history)[0].particle.mean, other)
+    best, ahead = assess(FirstForever(), TOY, history)
+    assert (best.particle.mean.tolist(), best.mean_reward, ahead) == (MEAN.tolist(), 0.25, None)
+    final = final_policy(FirstForever(), emulator, TOY, history)
+    context = TOY.reference_context
+    assert np.array_equal(final(context), train_one(emulator, MEAN[None], np.random.default_rng(0))(context))
+
+
+def test_a_method_may_come_from_a_package(tmp_path, monkeypatch):
+    code = "from test_methods import FirstForever\n\ndef create(task, checkpoint):\n    return FirstForever()\n"
+    (tmp_path / "first_forever.py").write_text(code, encoding="utf-8")
+    install(tmp_path, "first-forever", {"first": "first_forever", "torn": "first_forever:nothing"}, methods.OFFERED)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setitem(sys.modules, "test_methods", sys.modules[__name__])
+    plugins.offers.cache_clear()
+    try:
+        assert methods.method_names()[-2:] == ("first", "torn")
+        assert isinstance(make_method("first", TOY, None), FirstForever)
+        with pytest.raises(UnknownName, match=r"torn of first-forever 1\.0 .* has no nothing"):
+            make_method("torn", TOY, None)
+        assert "method torn of first-forever" in checks.CHECKS["plug-ins"].probe(None).detail
+    finally:
+        plugins.offers.cache_clear()
 
 
 def test_best_pools_neighbours_instead_of_trusting_two_lucky_trials():

@@ -1,0 +1,185 @@
+"""A session in the formats of other programs: tables, MCAP with everything, Rerun, LeRobot, scenes. A row each.
+
+Cheap to import, because the command names its formats in its help.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from adaptsim_cli.errors import UsageError
+
+if TYPE_CHECKING:
+    from adaptsim_cli.session.records import TrialRecord
+    from adaptsim_cli.session.store import SessionStore
+
+LAYOUT = "foxglove-layout.json"
+
+Progress = Callable[[str, int, int], None]
+
+SceneOf = Callable[["SessionStore", str], Mapping[str, bytes]]
+"""Makes the files of a scene, by the name of its format."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One export: a session with trials, and where to."""
+
+    store: SessionStore
+    records: Sequence[TrialRecord]
+    out: Path
+    scene_of: SceneOf
+    progress: Progress
+
+    def recordings(self, suffix: str, encode: Callable[[Any], bytes]) -> list[Path]:
+        """A file for each trial with its recording. Raises UsageError for a task without recordings."""
+        from adaptsim_cli.session import replaying
+        from adaptsim_cli.session.exporting import written
+
+        facts, paths = self.store.facts, list[Path]()
+        if facts.curves:
+            raise UsageError(f"the task {facts.task} has no recordings: export it as {', '.join(WITHOUT_RECORDINGS)}")
+        for done, record in enumerate(self.records):
+            self.progress("trials", done + 1, len(self.records))
+            trial = replaying.open_trial(self.store, record)
+            paths.append(written(self.out / f"{trial.title}.{suffix}", encode(trial)))
+        return paths
+
+    def scene(self, kind: str, file: str) -> list[Path]:
+        """The folder of a scene; a simulator loads `file`. Raises UsageError if the folder exists."""
+        from adaptsim_cli.storage import durable
+
+        if self.out.exists():
+            raise UsageError(f"{self.out} exists already: name another --out")
+        durable.make_folder(self.out.absolute().parent)
+        durable.write_folder(self.out.absolute(), self.scene_of(self.store, kind))
+        return [self.out / file, self.out / "trial.json"]
+
+
+@dataclass(frozen=True)
+class ExportFormat:
+    """One format, whole: a row of `FORMATS`."""
+
+    suffix: str  # of the default name: .csv for a file, -mcap for a folder
+    write: Callable[[Job], list[Path]]  # returns the written paths
+    next_step: Callable[[Path, Path], tuple[str, str]]
+    """(first written path, `out`) -> the command that shows the export, and its effect."""
+
+
+def _csv(job: Job) -> list[Path]:
+    from adaptsim_cli.session.exporting import as_csv, rows, written
+
+    return [written(job.out, as_csv(rows(job.store)).encode())]
+
+
+def _parquet(job: Job) -> list[Path]:
+    from adaptsim_cli.session.episodes import as_parquet
+    from adaptsim_cli.session.exporting import rows, units, written
+
+    table = rows(job.store)
+    metadata = {f"unit of {name}": unit for name, unit in units(job.store).items()}
+    return [written(job.out, as_parquet({name: [row[name] for row in table] for name in table[0]}, metadata))]
+
+
+def _mcap(job: Job) -> list[Path]:
+    from adaptsim_cli.session import replaying
+    from adaptsim_cli.session.exporting import written
+
+    return [*job.recordings("mcap", replaying.encode), written(job.out / LAYOUT, layout())]
+
+
+def _rerun(job: Job) -> list[Path]:
+    from adaptsim_cli.session import replaying
+
+    return job.recordings("rrd", replaying.rerun_file)
+
+
+def _lerobot(job: Job) -> list[Path]:
+    from adaptsim_cli.session import episodes
+
+    episodes.write(job.store, job.records, job.out)
+    return [job.out]
+
+
+_PYTHON = sys.executable
+
+FORMATS: dict[str, ExportFormat] = {
+    "csv": ExportFormat(
+        ".csv", _csv, lambda first, out: (f"column -s, -t {out} | less -S", "the table, in the terminal")
+    ),
+    "parquet": ExportFormat(
+        ".parquet",
+        _parquet,
+        lambda first, out: (
+            f"{_PYTHON} -c \"import pyarrow.parquet as p; print(p.read_table('{out}'))\"",
+            "the table, read back",
+        ),
+    ),
+    "mcap": ExportFormat(
+        "-mcap",
+        _mcap,
+        lambda first, out: (f"xdg-open {first}", f"the first trial, in Foxglove, with the layout {out / LAYOUT}"),
+    ),
+    "lerobot": ExportFormat(
+        "-lerobot", _lerobot, lambda first, out: (f"ls -R {out}", "the data set, ready for lerobot")
+    ),
+    "rerun": ExportFormat(
+        "-rerun", _rerun, lambda first, out: (f"{_PYTHON} -m rerun {first}", "the first trial, in the Rerun viewer")
+    ),
+    "sdf": ExportFormat(
+        "-sdf",
+        lambda job: job.scene("sdf", "scene.sdf"),
+        lambda first, out: (f"{_PYTHON} -m pydrake.visualization.model_visualizer {first}", "the scene, in a browser"),
+    ),
+    "mjcf": ExportFormat(
+        "-mjcf",
+        lambda job: job.scene("mjcf", "scene.xml"),
+        lambda first, out: (f"{_PYTHON} -m mujoco.viewer --mjcf={first}", "the scene, in MuJoCo's viewer"),
+    ),
+}
+"""Every format by its name: the option, its completion, the default name and the next step derive from here."""
+
+WITHOUT_RECORDINGS = ("csv", "parquet", "lerobot")
+"""The formats for a task without recordings."""
+
+
+def format_named(kind: str) -> ExportFormat:
+    """Raises UsageError naming the formats there are."""
+    if kind not in FORMATS:
+        raise UsageError(f"--format {kind}: choose one of {', '.join(FORMATS)}")
+    return FORMATS[kind]
+
+
+def export(
+    store: SessionStore,
+    kind: str,
+    out: Path,
+    scene_of: SceneOf,
+    progress: Progress = lambda stage, done, total: None,
+) -> list[Path]:
+    """Write the counting trials to `out`: a file for tables, else a folder. Returns the written paths.
+
+    Raises UsageError for an unknown format, for a session without trials, or if a data set or scene would overwrite
+    something; ExtraMissing, SessionError, and the errors of `scene_of`.
+    """
+    chosen = format_named(kind)
+    from adaptsim_cli.session.store import trials_of
+
+    if not (records := trials_of(store)):
+        raise UsageError(f"session {store.facts.name} has no completed trial yet; nothing to export")
+    return chosen.write(Job(store, records, out, scene_of, progress))
+
+
+def layout() -> bytes:
+    """The Foxglove layout for such a file."""
+    return (resources.files("adaptsim_cli.session") / LAYOUT).read_bytes()
+
+
+def default_name(store: SessionStore, kind: str) -> str:
+    """The default name of an export, in the current folder. Raises UsageError for an unknown format."""
+    return f"{store.facts.name}{format_named(kind).suffix}"

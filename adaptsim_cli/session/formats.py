@@ -27,7 +27,7 @@ SceneOf = Callable[["SessionStore", str], Mapping[str, bytes]]
 
 
 @dataclass(frozen=True)
-class Job:
+class Export:
     """One export: a session with trials, and where to."""
 
     store: SessionStore
@@ -66,44 +66,44 @@ class ExportFormat:
     """One format, whole: a row of `FORMATS`."""
 
     suffix: str  # of the default name: .csv for a file, -mcap for a folder
-    write: Callable[[Job], list[Path]]  # returns the written paths
+    write: Callable[[Export], list[Path]]  # returns the written paths
     next_step: Callable[[Path, Path], tuple[str, str]]
     """(first written path, `out`) -> the command that shows the export, and its effect."""
 
 
-def _csv(job: Job) -> list[Path]:
+def _csv(request: Export) -> list[Path]:
     from adaptsim_cli.session.exporting import as_csv, rows, written
 
-    return [written(job.out, as_csv(rows(job.store)).encode())]
+    return [written(request.out, as_csv(rows(request.store)).encode())]
 
 
-def _parquet(job: Job) -> list[Path]:
+def _parquet(request: Export) -> list[Path]:
     from adaptsim_cli.session.episodes import as_parquet
     from adaptsim_cli.session.exporting import rows, units, written
 
-    table = rows(job.store)
-    metadata = {f"unit of {name}": unit for name, unit in units(job.store).items()}
-    return [written(job.out, as_parquet({name: [row[name] for row in table] for name in table[0]}, metadata))]
+    table = rows(request.store)
+    metadata = {f"unit of {name}": unit for name, unit in units(request.store).items()}
+    return [written(request.out, as_parquet({name: [row[name] for row in table] for name in table[0]}, metadata))]
 
 
-def _mcap(job: Job) -> list[Path]:
+def _mcap(request: Export) -> list[Path]:
     from adaptsim_cli.session import replaying
     from adaptsim_cli.session.exporting import written
 
-    return [*job.recordings("mcap", replaying.encode), written(job.out / LAYOUT, layout())]
+    return [*request.recordings("mcap", replaying.encode), written(request.out / LAYOUT, layout())]
 
 
-def _rerun(job: Job) -> list[Path]:
+def _rerun(request: Export) -> list[Path]:
     from adaptsim_cli.session import replaying
 
-    return job.recordings("rrd", replaying.rerun_file)
+    return request.recordings("rrd", replaying.rerun_file)
 
 
-def _lerobot(job: Job) -> list[Path]:
+def _lerobot(request: Export) -> list[Path]:
     from adaptsim_cli.session import episodes
 
-    episodes.write(job.store, job.records, job.out)
-    return [job.out]
+    episodes.write(request.store, request.records, request.out)
+    return [request.out]
 
 
 _PYTHON = sys.executable
@@ -133,12 +133,12 @@ FORMATS: dict[str, ExportFormat] = {
     ),
     "sdf": ExportFormat(
         "-sdf",
-        lambda job: job.scene("sdf", "scene.sdf"),
+        lambda request: request.scene("sdf", "scene.sdf"),
         lambda first, out: (f"{_PYTHON} -m pydrake.visualization.model_visualizer {first}", "the scene, in a browser"),
     ),
     "mjcf": ExportFormat(
         "-mjcf",
-        lambda job: job.scene("mjcf", "scene.xml"),
+        lambda request: request.scene("mjcf", "scene.xml"),
         lambda first, out: (f"{_PYTHON} -m mujoco.viewer --mjcf={first}", "the scene, in MuJoCo's viewer"),
     ),
 }
@@ -172,7 +172,7 @@ def export(
 
     if not (records := trials_of(store)):
         raise UsageError(f"session {store.facts.name} has no completed trial yet; nothing to export")
-    return chosen.write(Job(store, records, out, scene_of, progress))
+    return chosen.write(Export(store, records, out, scene_of, progress))
 
 
 def layout() -> bytes:

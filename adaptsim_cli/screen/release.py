@@ -29,9 +29,12 @@ def require_word(screen: Screen, question: str, word: Key, assurance: str = NOTH
 
 def before_first(robot: str, table: str, pedal: bool) -> str:
     """What is said before the first motion of a command. `robot` is its name, `table` what may lie on the table."""
+    from hw.stopping import WORST_STOP_S
+
     return (
         f"{robot} is about to move for the first time. Check: nobody within its reach, {table}, a hand on the arm's "
-        "stop button" + (", a foot at the pedal." if pedal else ".")
+        f"stop button{', a foot at the pedal' if pedal else ''}. Once told to stop, it moves on for up to "
+        f"{WORST_STOP_S:.2f} s; `adaptsim doctor` says how far."
     )
 
 

@@ -6,14 +6,22 @@
     session.run_iteration()
     session.posterior().mean
 
-Everything runs in the simulated lab without questions. A real arm needs a confirmation at a terminal, so only `adaptsim
-run-iteration` moves it; its sessions can be opened and read here. Stored files and random numbers are those of the
-command line, so both may continue the same session.
+A robot of your own (`hw="own"`) is asked and told:
+
+    session = api.begin("pushing", hw="own")
+    for _ in range(20):
+        trial = session.ask()
+        session.tell(trial, times_s, states, "upright")
+
+Everything else runs in the simulated lab without questions. A real arm needs a confirmation at a terminal, so only
+`adaptsim run-iteration` moves it; its sessions can be opened and read here. Stored files and random numbers are those
+of the command line, so both may continue the same session.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +29,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adaptsim_cli import config
-from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.errors import AnswerAwaited, SessionError, UsageError
+from adaptsim_cli.outputs.exchange import Question
 from adaptsim_cli.outputs.trials import BestRecord
 from adaptsim_cli.session import exporting, recording, store
 from adaptsim_cli.session.exporting import Row
@@ -39,6 +48,7 @@ __all__ = [
     "BestRecord",
     "Facts",
     "Iteration",
+    "Question",
     "Recording",
     "Row",
     "Session",
@@ -106,6 +116,10 @@ class Session:
         from adaptsim_cli.wiring.hindsight import Reports
 
         stored = self._stored
+        if config.is_own(stored.facts.hw):
+            raise UsageError(
+                f"session {self.name!r} asks your robot: use ask and tell; they adapt after the last trial"
+            )
         if not config.is_simulated(stored.facts.hw):
             raise UsageError(
                 f"session {self.name!r} moves a real arm, and its motions are confirmed at a terminal: "
@@ -114,6 +128,88 @@ class Session:
         request = running.SessionRequest(self.name, frozenset(), yes=True)
         running.run_session(config.load(), request, wiring.open_parts, Reports().draw, screen=_silent())
         return self.iterations[-1]
+
+    def ask(self) -> Question:
+        """The next trial that your robot is to make; the same one until it is told.
+
+        Raises UsageError for a session in the simulated lab or on an arm of ours, and the errors of a session.
+        """
+        return self.asks()[0]
+
+    def asks(self) -> tuple[Question, ...]:
+        """All trials that may be made now, by several robots at once; they are told in any order."""
+        self._require_own()
+        if not (open_ones := self._open()):
+            self._go_on()
+            open_ones = self._open()
+        if not open_ones:  # the last answers completed an iteration
+            self._go_on()
+            open_ones = self._open()
+        return open_ones
+
+    def tell(
+        self,
+        trial: Question,
+        times_s: Sequence[float] | Array | None = None,
+        states: Sequence[Sequence[float]] | Array | None = None,
+        outcome: str | None = None,
+        *,
+        context: Mapping[str, float] | None = None,
+        end: Sequence[float] | Array | None = None,
+        rest_s: float | None = None,
+        end_in_tool_m: Sequence[float] | Array | None = None,
+        note: str = "",
+        rejected: str | None = None,
+        impossible: str | None = None,
+    ) -> None:
+        """Tell how a trial went: its trajectory, times (N,) in s and states (N, d) in the units of `trial.state`; or
+        only its `end` (d,); or why it was `rejected` or is `impossible`. A question with `ask = "place"` wants the
+        measured `context`; then the same trial is asked with its action.
+
+        The session adapts once its iteration is complete. Raises AnswerRefused, and nothing is kept, for an answer that
+        cannot count; UsageError if the trial is not open.
+        """
+        from adaptsim_cli.session.own.telling import keep
+
+        self._require_own()
+        if not any(
+            (one.trial, one.attempt, one.ask) == (trial.trial, trial.attempt, trial.ask) for one in self._open()
+        ):
+            raise UsageError(f"trial {trial.trial} is not open: it was told already, or another session asked for it")
+        rows = None if states is None else np.asarray(states, dtype=np.float64).tolist()
+        table = {
+            "trial": trial.trial, "t_s": _row(times_s), "state": rows, "outcome": outcome, "end": _row(end),
+            "rest_s": rest_s, "end_in_tool_m": _row(end_in_tool_m), "note": note, "rejected": rejected,
+            "impossible": impossible, "context": None if context is None else {k: float(v) for k, v in context.items()},
+        }  # fmt: skip
+        keep(self._stored, trial, {key: value for key, value in table.items() if value is not None})
+        self._go_on()
+
+    def _require_own(self) -> None:
+        if not config.is_own(self.facts.hw):
+            raise UsageError(
+                f"session {self.name!r} has hw = {self.facts.hw}: only a session with hw = own asks and is told"
+            )
+
+    def _open(self) -> tuple[Question, ...]:
+        from adaptsim_cli.session.own.telling import open_questions
+
+        return open_questions(self._stored)
+
+    def _go_on(self) -> None:
+        """Take what was told, and go on until the next answers are awaited or an iteration is complete."""
+        from functools import partial
+
+        from adaptsim_cli.session import running
+        from adaptsim_cli.session.own.mailbox import Mailbox
+        from adaptsim_cli.wiring import session as wiring
+        from adaptsim_cli.wiring.hindsight import Reports
+
+        request = running.SessionRequest(self.name, frozenset(), yes=True)
+        opener = partial(wiring.open_parts, answerer=Mailbox())
+        settings = config.load({"answer_with": "", "answer_moves": "robot"})
+        with suppress(AnswerAwaited):
+            running.run_session(settings, request, opener, Reports().draw, screen=_silent())
 
     def recording(self, trial: int) -> Recording:
         """Frames, joints and camera of a completed trial that counts. Raises SessionError, UsageError."""
@@ -168,6 +264,7 @@ def open_session(name: str) -> Session:
 def begin(
     task: str,
     *,
+    hw: str = config.SIMULATED,
     world: str = "wd",
     method: str = "adaptsim",
     seed: int = 0,
@@ -178,26 +275,33 @@ def begin(
     held_out: float = 0.5,
     start_from: str = "",
 ) -> Session:
-    """Begin a session in the simulated lab, or with the trials `recorded` in a folder; nothing is executed yet.
+    """Begin a session in the simulated lab, with a robot of your own (`hw="own"`), or with the trials `recorded` in a
+    folder; nothing is executed yet.
 
     `held_out` is the share of recorded trials that only score the final policy. `start_from` names an earlier session;
     this one begins with its posterior. Without a name it gets the default name of `adaptsim run-iteration`. Raises
     UsageError if a session of this name exists, UnknownName, WorldError, CheckpointError, RecordingsRefused.
     """
     from adaptsim_cli.session import running
+    from adaptsim_cli.session.own.mailbox import Mailbox
     from adaptsim_cli.wiring import session as wiring
 
     flags: dict[str, Any] = {
         "task": task, "world": world, "method": method, "seed": seed, "particles": particles, "checkpoint": checkpoint,
         "recorded": recorded, "held_out": held_out, "start_from": start_from,
-        "hw": config.SIMULATED,
+        "hw": hw, "answer_with": "", "answer_moves": "robot",
     }  # fmt: skip
+    if hw not in (config.SIMULATED, config.OWN):
+        raise UsageError(
+            f"hw = {hw}: Python begins sessions in the simulated lab, or with hw = own; an arm needs a terminal"
+        )
     resolved = config.load(flags)
     settings = running.anywhere(resolved.config)
     root, chosen = resolved.places.sessions, name or running.default_name(settings)
     if store.folder_of(root, chosen).is_dir():
         raise UsageError(f"session {chosen!r} exists already: api.open_session continues it; or choose another name")
-    with wiring.open_parts(settings, store.folder_of(root, chosen) / "naf") as parts:
+    answerer = Mailbox() if settings.is_own else None
+    with wiring.open_parts(settings, store.folder_of(root, chosen) / "naf", answerer=answerer) as parts:
         running.begin(root, chosen, settings, parts)
     return Session(chosen, root)
 
@@ -220,6 +324,13 @@ def _iteration(stored: store.SessionStore, number: int) -> Iteration:
         verdict=result.verdict,
         next_parameters=tuple(dict(zip(names, map(float, mean), strict=True)) for mean in means),
     )
+
+
+def _row(values: Sequence[float] | Array | None) -> list[float] | None:
+    if values is None:
+        return None
+    row: list[float] = np.asarray(values, dtype=np.float64).tolist()
+    return row
 
 
 def _silent() -> Any:

@@ -9,7 +9,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import platformdirs
 from pydantic import Field, ValidationError
@@ -19,13 +19,21 @@ from adaptsim_cli.storage.validation import place, plain, unknown
 from hw.bounded import Unreadable, read_table
 from hw.records import Record
 
-Hardware = Literal["fake", "panda", "fr3"]
+Hardware = Literal["fake", "panda", "fr3", "own"]
 SIMULATED: Hardware = "fake"
+OWN: Hardware = "own"
+"""A robot of one's own, which answers questions (docs/guide/own-robot.md)."""
+PERSON = "person"
 
 
 def is_simulated(hw: str) -> bool:
     """Whether `hw` names the simulated lab. No other code compares hardware names."""
     return hw == SIMULATED
+
+
+def is_own(hw: str) -> bool:
+    """Whether `hw` names a robot of one's own, of which this program owns no device."""
+    return hw == OWN
 
 
 def same_lab(task: str, hw: str, world: str, seed: int | None = None) -> str:
@@ -54,13 +62,27 @@ _OF_TESTS = _PREFIX + "TEST_"
 class Config(Record):
     """All settings, checked; the description of a key is its help, with its unit."""
 
-    hw: Annotated[Hardware, Field(description="hardware: fake, panda or fr3")] = "fake"
+    hw: Annotated[Hardware, Field(description="hardware: fake, panda, fr3, or own: a robot that answers questions")] = (
+        "fake"
+    )
     rig: Annotated[str, Field(description="rig file of a real lab; empty: rig.toml beside the settings")] = ""
     task: Annotated[str, Field(description="task of a command without --task")] = "scooping"
     world: Annotated[str, Field(description="world of the simulated lab: a name or a TOML file")] = "wd"
     recorded: Annotated[
         str, Field(description="folder of recorded trials that replace the lab (docs/guide/recorded-trials.md)")
     ] = ""
+    answer_with: Annotated[
+        str,
+        Field(description="with hw = own: command of the program that answers, or person (docs/guide/own-robot.md)"),
+    ] = ""
+    answer_moves: Annotated[
+        Literal["robot", "nothing"],
+        Field(description="what that program moves: robot, then every trial is confirmed; or nothing"),
+    ] = "robot"
+    answer_limit_s: Annotated[
+        float,
+        Field(gt=0.0, le=86400.0, allow_inf_nan=False, description="after which a silent program is asked about, s"),
+    ] = 600.0
     held_out: Annotated[
         float,
         Field(
@@ -96,6 +118,11 @@ class Config(Record):
     def is_simulated(self) -> bool:
         """Whether everything happens in the simulated lab: no real robot moves."""
         return is_simulated(self.hw)
+
+    @property
+    def is_own(self) -> bool:
+        """Whether a robot of one's own makes the trials."""
+        return is_own(self.hw)
 
     @property
     def lab_world(self) -> str:
@@ -240,7 +267,8 @@ def _message(error: ValidationError) -> str:
     if first["type"] == "extra_forbidden":
         return unknown(key, key, keys, "Known keys")
     if first["type"] == "literal_error":
-        return f"{key} = {first['input']!r}: choose one of {', '.join(get_args(Hardware))}"
+        choices = first["ctx"]["expected"].replace(" or ", ", ").replace("'", "")
+        return f"{key} = {first['input']!r}: choose one of {choices}"
     return (
         f"{key} = {first['input']!r}: {plain(first['msg'])} ({Config.model_fields[str(first['loc'][0])].description})"
     )

@@ -5,6 +5,8 @@ CliError
 ├── PreflightFailed      something is not ready; nothing has moved
 ├── StoppedByOperator    the operator chose to stop; everything completed is kept
 ├── Interrupted          Ctrl-C; everything completed is kept
+├── AnswerAwaited        a trial was asked for, and its answer comes later
+├── AnswerRefused        the answer to a trial is missing or cannot count; it is kept, and may be corrected
 └── SessionError         a stored session is corrupt, missing or cannot be written
     └── DiskFull         no room left for the next record
 """
@@ -28,6 +30,14 @@ class StoppedByOperator(CliError):
 
 class Interrupted(CliError):
     """The operator pressed Ctrl-C."""
+
+
+class AnswerAwaited(CliError):
+    """A trial was asked for, and its answer comes later."""
+
+
+class AnswerRefused(CliError):
+    """The answer to a trial is missing or cannot count; it is kept, and may be corrected."""
 
 
 class SessionError(CliError):

@@ -57,7 +57,14 @@ World = Annotated[
     typer.Option("--world", autocompletion=world_names, help="World of the simulated lab: name or TOML file."),
 ]
 Seed = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
-Hw = Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda or fr3.")]
+Hw = Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda, fr3 or own.")]
+AnswerWith = Annotated[
+    str | None,
+    typer.Option("--answer-with", metavar="COMMAND", help="With --hw own: the program that answers, or person."),
+]
+AnswerMoves = Annotated[
+    str | None, typer.Option("--answer-moves", help="What that program moves: robot (each trial confirmed) or nothing.")
+]
 Object = Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of your own object.")]
 Solver = Annotated[str | None, typer.Option("--solver", help="How task policies are found: emulator or naf.")]
 Recorded = Annotated[str | None, typer.Option("--recorded", help="Folder of recorded trials that replace the lab.")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -17,6 +18,10 @@ SETTLE_S = 2.0
 relative to the table or to the tool that carries it, for `REST_S`; at the latest `SETTLE_S` after the tool's motion.
 Then it is judged, with the tool still where its motion ended (docs/decisions/0003).
 """
+
+
+_SAME_S = 1e-6
+"""Times that differ by less are the same."""
 
 
 class Outcome(StrEnum):
@@ -46,6 +51,8 @@ class ObjectTrack:
     end_in_tool_m: Array  # (3,) object centre in the tool frame at the end; NaN without a tool
     confidence: Array  # (N,) 0 lost ... 1 fully visible and well fitted; simulation: 1
     flags: tuple[str, ...] = ()  # warnings for the operator, in words
+    watched_s: tuple[float, float] = (-math.inf, math.inf)
+    """From when to when the state is known; before and after it is missing, not held."""
 
     def __post_init__(self) -> None:
         t_s = frozen_array(self.t_s, (None,), "t_s")
@@ -57,8 +64,11 @@ class ObjectTrack:
         object.__setattr__(self, "end_in_tool_m", end)
 
     def at(self, times_s: Array) -> Array:
-        """State interpolated at `times_s` (M,) -> (M, d); held constant beyond the ends."""
-        return np.stack([np.interp(times_s, self.t_s, column) for column in self.state.T], axis=-1)
+        """State interpolated at `times_s` (M,) -> (M, d); held constant beyond the ends, NaN outside of `watched_s`."""
+        states = np.stack([np.interp(times_s, self.t_s, column) for column in self.state.T], axis=-1)
+        first_s, last_s = self.watched_s
+        states[(times_s < first_s - _SAME_S) | (times_s > last_s + _SAME_S)] = np.nan
+        return states
 
 
 def in_frames(what: str, which: NDArray[np.bool_], t_s: Array) -> tuple[str, ...]:

@@ -7,10 +7,12 @@ SimError
 ├── OutOfRange           a value lies outside its space; the message names value and range
 ├── NoHardware           the task runs in simulation only, and an arm was asked for
 ├── NotExecutable        no joint path within the limits does this action
+│   └── ActionImpossible  the robot of a lab cannot do this action; another one is chosen
 ├── RolloutError         a rollout raised or its worker died; the message names them
 ├── ClusterUnavailable   no scheduler answers, it was lost, or a worker has other versions
 ├── ExtraMissing         a method or world needs packages that are not installed; the message has the line to install
 │                        them
+├── MomentsMissing       a method needs moments of a trial that were not observed
 ├── RecordingsRefused    recorded trials cannot serve as a target; the message names the trial and the defect
 ├── DatasetError         a stored dataset is corrupt or of another kind
 └── CheckpointError      a checkpoint is corrupt, or of another task or version
@@ -48,6 +50,10 @@ class NotExecutable(SimError):
     """No joint path within the limits does this action."""
 
 
+class ActionImpossible(NotExecutable):
+    """The robot of a lab cannot do this action; another one is chosen."""
+
+
 class RolloutError(SimError):
     """A rollout raised, or its worker died."""
 
@@ -66,6 +72,10 @@ class DatasetError(SimError):
 
 class CheckpointError(SimError):
     """A checkpoint is corrupt, or belongs to another task or version."""
+
+
+class MomentsMissing(SimError):
+    """A method needs moments of a trial that were not observed."""
 
 
 class RecordingsRefused(SimError):

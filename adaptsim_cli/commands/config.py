@@ -69,6 +69,7 @@ def schema(
 ) -> None:
     """Print the JSON schema of what a command prints with --json: names, types, units, meanings.
 
+    `own-robot question` and `own-robot answer` are what a robot of your own is asked, and answers.
     Without a command it lists those that take --json. Every output begins with its `version`.
 
     Example: adaptsim schema sessions list
@@ -81,17 +82,17 @@ def schema(
     from adaptsim_cli.screen import console, views
 
     name = " ".join(command or ()).removeprefix("adaptsim ").strip()
-    if name and name not in catalogue.OUTPUTS:
-        near = difflib.get_close_matches(name, catalogue.OUTPUTS, n=3)
+    if name and name not in catalogue.SCHEMAS:
+        near = difflib.get_close_matches(name, catalogue.SCHEMAS, n=3)
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise UsageError(f"no command {name!r} takes --json{hint} `adaptsim schema` lists those that do")
     screen = console.Screen(as_json=as_json)
-    names = [name] if name else list(catalogue.OUTPUTS)
+    names = [name] if name else list(catalogue.SCHEMAS)
     if screen.data("schema", {"schemas": {one: catalogue.schema(one) for one in names}}):
         return
     if name:
         screen.plain(json.dumps(catalogue.schema(name), indent=2, ensure_ascii=False))
     else:
-        rows = [(one, (kind.__doc__ or "").splitlines()[0]) for one, kind in catalogue.OUTPUTS.items()]
+        rows = [(one, (kind.__doc__ or "").splitlines()[0]) for one, kind in catalogue.SCHEMAS.items()]
         screen.show(views.rows(("command", "its output with --json"), rows))
         screen.next(("adaptsim schema run-iteration", "every key with its type, unit and meaning"))

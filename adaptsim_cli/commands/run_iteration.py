@@ -35,6 +35,8 @@ def run_iteration(
     solver: options.Solver = None,
     own: options.Object = None,
     hw: options.Hw = None,
+    answer_with: options.AnswerWith = None,
+    answer_moves: options.AnswerMoves = None,
     yes: options.Yes = False,
     own_calibration: Annotated[
         bool, typer.Option("--own-calibration", help="Go on with the calibration and touch-off of the session.")
@@ -64,6 +66,7 @@ def run_iteration(
 
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
     options = {"recorded": recorded, "held_out": held_out, "start_from": start_from}
+    options |= {"answer_with": answer_with, "answer_moves": answer_moves}
     options |= {"realtime": realtime or None, "pace": pace, "operator": operator}
     resolved = settings.load({**flags, **options})
     flag_keys = frozenset(key for key, source in resolved.sources.items() if source.startswith(("flag", "world ")))

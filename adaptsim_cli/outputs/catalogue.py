@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel
 
 from adaptsim_cli.outputs import Output, described, learning, rig, sessions, trials, unit_of
+from adaptsim_cli.outputs.exchange import EXCHANGES
+from hw.records import Record
 
 
 class Schemas(Output):
@@ -69,6 +71,10 @@ OUTPUTS: Mapping[str, type[Output]] = {
 """The output of every command that takes `--json`."""
 
 
+SCHEMAS: Mapping[str, type[Record]] = {**OUTPUTS, **EXCHANGES}
+"""The outputs, and the records that a robot of one's own is asked and answers with."""
+
+
 def output(command: str, value: Mapping[str, Any] | BaseModel) -> dict[str, Any]:
     """`value` as the output of `command`, with its version first.
 
@@ -79,8 +85,9 @@ def output(command: str, value: Mapping[str, Any] | BaseModel) -> dict[str, Any]
 
 def schema(command: str) -> dict[str, Any]:
     """JSON schema of the output of `command`. A field gets the unit that its name ends with."""
-    document = OUTPUTS[command].model_json_schema(mode="serialization")
-    document["title"] = f"adaptsim {command} --json"
+    mode: Literal["serialization", "validation"] = "serialization" if command in OUTPUTS else "validation"
+    document = SCHEMAS[command].model_json_schema(mode=mode)
+    document["title"] = f"adaptsim {command} --json" if command in OUTPUTS else command
     for part in (document, *document.get("$defs", {}).values()):
         for name, field in part.get("properties", {}).items():
             if unit := unit_of(name):

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 UNITS = "unit of every parameter, context and action by its name; empty for a plain number"
 
 
+OBSERVED = "motion of the object, normalised with the task's fixed bounds, time by time; null: not observed"
+
+
 class PlayedTrial(Record):
     """One completed trial that counts."""
 
@@ -30,9 +33,7 @@ class PlayedTrial(Record):
     action: Quantities = described("commanded action, in `units`")
     reward: float = described("between 0 and 1")
     outcome: Outcome = described("how it ended, a value of `perception.types.Outcome`")
-    observation: tuple[float, ...] = described(
-        "motion of the object, normalised with the task's fixed bounds, time by time"
-    )
+    observation: tuple[float | None, ...] = described(OBSERVED)
 
 
 class ParticleShown(Record):
@@ -135,6 +136,9 @@ class TrackRecord(Record):
         "the object's last position in the tool's frame; null if unknown"
     )
     flags: tuple[str, ...] = described("warnings of the tracking and of the end of the motion")
+    watched_s: tuple[float | None, float | None] = Field(
+        default=(None, None), description="from when to when the state is known; null: no such bound"
+    )
 
     @classmethod
     def from_track(cls, track: ObjectTrack) -> TrackRecord:
@@ -147,6 +151,7 @@ class TrackRecord(Record):
             outcome=track.outcome,
             end_in_tool_m=as_row(end) if np.isfinite(end).all() else None,
             flags=track.flags,
+            watched_s=(_bound(track.watched_s[0]), _bound(track.watched_s[1])),
         )
 
     def track(self) -> ObjectTrack:
@@ -158,7 +163,20 @@ class TrackRecord(Record):
             end_in_tool_m=np.full(3, math.nan) if self.end_in_tool_m is None else np.array(self.end_in_tool_m),
             confidence=np.array(self.confidence),
             flags=self.flags,
+            watched_s=(
+                -math.inf if self.watched_s[0] is None else self.watched_s[0],
+                math.inf if self.watched_s[1] is None else self.watched_s[1],
+            ),
         )
+
+
+def _bound(t_s: float) -> float | None:
+    return t_s if math.isfinite(t_s) else None
+
+
+def as_observed(observation: Array) -> tuple[float | None, ...]:
+    """An observation (size,) as a row, with null where nothing was observed."""
+    return tuple(None if math.isnan(x) else x for x in as_row(observation))
 
 
 def as_row(array: Array) -> tuple[float, ...]:
@@ -189,9 +207,7 @@ class Rollout(Output):
     outcome: Outcome = described("how it ended")
     reward: float = described("between 0 and 1")
     flags: tuple[str, ...] = described("warnings of the tracking and of the end of the motion")
-    observation: tuple[float, ...] = described(
-        "motion of the object, normalised with the task's fixed bounds, time by time"
-    )
+    observation: tuple[float | None, ...] = described(OBSERVED)
     track: TrackRecord = described("the tracked object")
     when: str = described("when it was made")
 

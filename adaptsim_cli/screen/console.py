@@ -293,9 +293,10 @@ def _last_words(mark: str, style: str, message: str) -> None:
     console.print(Text.assemble((mark, style), message), soft_wrap=True)
 
 
-def require_terminal(
-    otherwise: str = "there is no terminal to confirm motions at: run in a terminal, or add --yes to run unattended",
-) -> None:
+NO_TERMINAL = "there is no terminal to confirm motions at: run in a terminal, or add --yes to run unattended"
+
+
+def require_terminal(otherwise: str = NO_TERMINAL) -> None:
     """Raises UsageError with `otherwise` if no terminal can answer questions."""
     if not sys.stdin.isatty():
         raise UsageError(otherwise)

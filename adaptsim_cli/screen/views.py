@@ -14,7 +14,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from adaptsim_cli.config import is_simulated
+from adaptsim_cli.config import is_own, is_simulated
 from adaptsim_cli.errors import UsageError
 from hw.types import Array, JointPath
 from sim.types import Space
@@ -118,12 +118,14 @@ def where(hw: str, world: str) -> str:
     """Where the trials of a session or rollout happened, from its facts."""
     if is_simulated(hw):
         return f"SIMULATED world {world.rsplit('/', maxsplit=1)[-1]}" if world else "recorded trials"
-    return f"REAL ROBOT {hw}"
+    return "YOUR ROBOT" if is_own(hw) else f"REAL ROBOT {hw}"
 
 
 def badge(hw: str, hardware: str) -> Text:
     """The badge on every screen that says which hardware moves."""
     rest = "no real robot moves" if is_simulated(hw) or hw == RECORDED else "keep clear of the arm"
+    if is_own(hw):
+        rest = "adaptsim checks none of its motion"
     return Text.assemble(mark(hw), f" {hardware}: {rest}")
 
 
@@ -131,6 +133,8 @@ def mark(hw: str) -> Text:
     """Only the short badge, for narrow places."""
     if hw == RECORDED:
         return Text(" RECORDED ", "black on yellow")
+    if is_own(hw):
+        return Text(" YOUR ROBOT ", "white on red")
     return Text(" SIMULATED ", "black on cyan") if is_simulated(hw) else Text(" REAL ROBOT ", "white on red")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.outputs.sessions import Amended
-from adaptsim_cli.outputs.trials import as_row
+from adaptsim_cli.outputs.trials import as_observed
 from adaptsim_cli.screen.views import words
 from adaptsim_cli.session import records
 from adaptsim_cli.session.operator import Choices
@@ -82,7 +82,7 @@ def choices_of(task: Task, outcomes: tuple[Outcome, ...], track: ObjectTrack, co
 def overruled(task: Task, record: TrialRecord, outcome: Outcome) -> TrialRecord:
     """The trial with the outcome that the operator saw, scored again."""
     track = replace(record.track.track(), outcome=outcome)
-    return record.counting_as(outcome, task.score(track, record.context_array), as_row(task.observation(track)))
+    return record.counting_as(outcome, task.score(track, record.context_array), as_observed(task.observation(track)))
 
 
 def amend(
@@ -104,7 +104,7 @@ def amend(
             outcome_before=record.outcome,
             reward=reward,
             reward_before=record.reward,
-            observation=as_row(task.observation(track)),
+            observation=as_observed(task.observation(track)),
         )
         store.amend(*record.place, amendment)
         return _told(store, record.place[1], amended_words(number, amendment))

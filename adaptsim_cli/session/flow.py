@@ -10,18 +10,20 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from adaptsim_cli.errors import AnswerAwaited, SessionError
 from adaptsim_cli.outputs.trials import (
     BestRecord,
     IterationOutput,
     OutlookRecord,
     SuspicionRecord,
     TrackRecord,
+    as_observed,
     as_row,
     named,
 )
@@ -55,8 +57,8 @@ from sim.adaptation.method import Iteration as LearntIteration
 from sim.adaptation.method import Particle
 from sim.adaptation.posterior import Posterior
 from sim.adaptation.sessions import Policies, PolicySource, Progress, play_iteration, train
-from sim.adaptation.stages import Adapt, RunTrial, Show, Stage, changes_until, next_stage
-from sim.errors import NotExecutable
+from sim.adaptation.stages import Adapt, RunTrial, Show, Stage, TrialKey, changes_until, next_stage
+from sim.errors import ActionImpossible, NotExecutable
 from sim.tasks.task import SolvedPolicy, Task
 
 TOTAL, REJECTED = "total", "rejected attempts"
@@ -77,6 +79,7 @@ class RunningSession:
     thread: Executor | None = None  # for work beside the operator
     policies: Policies = field(default_factory=dict)
     context_of: Callable[[RunTrial], Array] | None = None  # chosen by hand for a rollout; None: drawn
+    awaited: set[TrialKey] = field(default_factory=set)  # trials that were asked for, and whose answers come later
     overhead_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
     @property
@@ -90,9 +93,16 @@ class RunningSession:
         return self.screen.busy
 
     def next_stage(self) -> Stage:
-        """See `PlayableSession`; by what is on the disk. The time until here belongs to no trial."""
-        facts = self.store.facts
-        stage = next_stage(self.store.existing(), facts.particles, facts.trials)
+        """See `PlayableSession`; by what is on the disk. The time until here belongs to no trial.
+
+        Raises AnswerAwaited once nothing is left but trials whose answers come later.
+        """
+        facts, existing = self.store.facts, self.store.existing()
+        asked = replace(existing, completed=existing.completed | self.awaited)
+        stage = next_stage(asked, facts.particles, facts.trials)
+        if self.awaited and not isinstance(stage, RunTrial):
+            which = ", ".join(str(key.number) for key in sorted(self.awaited))
+            raise AnswerAwaited(f"answers are awaited of trials {which}")
         self.beside()
         return stage
 
@@ -109,8 +119,11 @@ class RunningSession:
         return generator(self.store.facts.seed, Draw.NEXT, iteration)
 
     def play_trial(self, stage: RunTrial, policy: PolicySource) -> None:
-        """See `PlayableSession`."""
-        run_trial(self, stage, policy)
+        """See `PlayableSession`; a trial whose answer comes later is put aside."""
+        try:
+            run_trial(self, stage, policy)
+        except AnswerAwaited:
+            self.awaited.add(stage.key)
 
     def keep_particles(self, stage: Adapt, history: Sequence[LearntIteration], particles: tuple[Particle, ...]) -> None:
         """See `PlayableSession`."""
@@ -143,6 +156,9 @@ def run_trial(session: RunningSession, stage: RunTrial, policy: PolicySource) ->
         session.screen.note(
             f"Trial {stage.key.number} continues from its recording: the motion is over, nothing moves."
         )
+    elif _goes_on(session, stage):
+        if (recorded := _execute(session, stage, *_begun(session, stage))) is None:
+            return
     elif stage.interrupted and session.parts.target.spent(stage, session.operator):
         _reject(session, stage, "interrupted while the arm may have moved")
         return
@@ -163,22 +179,49 @@ def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Mot
         proposal = propose(session.parts.task, stage, mean, policy, planned, partial(store.scratch, "overlay.jpg"))
         show_proposal(session.parts.task, proposal, planned, session.screen, session.watcher)
         operator.approve(proposal, target.needs_consent, target.release)
+    except (HardwareError, PerceptionError, NotExecutable) as error:
+        _again(session, stage, error)
+        return None
+    store.mark_started(stage.iteration, stage.key, now(), proposal.trial)
+    return _execute(session, stage, proposal.trial, planned)
 
-        started = now()
-        store.mark_started(stage.iteration, stage.key, started)
-        motion = target.execute(planned, progress)
-        with progress("Storing the recording", "storing"):
+
+def _goes_on(session: RunningSession, stage: RunTrial) -> bool:
+    return stage.interrupted and session.parts.target.goes_on(stage.key)
+
+
+def _begun(session: RunningSession, stage: RunTrial) -> tuple[MotionRecord, Placement]:
+    """An interrupted attempt as it was proposed. Raises SessionError if no file tells."""
+    proposed = session.store.proposed(stage.iteration, stage.key)
+    if proposed is None:
+        raise SessionError(f"trial {stage.key.number} was begun, and its proposal is missing: redo it")
+    drawn = np.array(list(proposed.drawn_context.values()))
+    return proposed, Placement(drawn, proposed.context_array, action=proposed.action_array, key=stage.key)
+
+
+def _execute(session: RunningSession, stage: RunTrial, proposed: MotionRecord, planned: Placement) -> Motion | None:
+    """Execute the trial, store the recording and return the motion. None: try again."""
+    started = now()
+    try:
+        motion = session.parts.target.execute(planned, session.screen.busy)
+        with session.screen.busy("Storing the recording", "storing"):
             files = motion.files()
-            store.save_motion(motion_record(proposal, started, motion, session.screen.lap_s()), files)
+            record = motion_record(proposed, started, motion, session.screen.lap_s())
+            session.store.save_motion(record, files)
         if motion.stopped is not None:
             raise motion.stopped
         _say_drift(session)
     except (HardwareError, PerceptionError, NotExecutable) as error:
-        _reject(session, stage, str(error))
-        if isinstance(error, PerceptionError) and operator.try_again(stage):
-            return None
-        raise
+        _again(session, stage, error)
+        return None
     return motion
+
+
+def _again(session: RunningSession, stage: RunTrial, error: Exception) -> None:
+    """Note why an attempt does not count. Raises `error` unless the trial is made again at once."""
+    _reject(session, stage, str(error))
+    if not (isinstance(error, PerceptionError | ActionImpossible) and session.operator.try_again(stage)):
+        raise error
 
 
 def _say_drift(session: RunningSession) -> None:
@@ -374,7 +417,7 @@ def propose(
         predicted_high=high,
     )
     overlay = None if planned.overlay is None else keep(planned.overlay)
-    return Proposal(trial, planned.summary, planned.announcement, overlay)
+    return Proposal(trial, planned.summary, planned.announcement, planned.then, overlay)
 
 
 def show_proposal(task: Task, proposal: Proposal, planned: Placement, screen: Screen, watcher: Watcher) -> None:
@@ -383,17 +426,17 @@ def show_proposal(task: Task, proposal: Proposal, planned: Placement, screen: Sc
     watcher.proposed(proposal, planned.preview)
 
 
-def motion_record(proposal: Proposal, started: str, motion: Motion, timing_s: dict[str, float]) -> MotionRecord:
+def motion_record(made: MotionRecord, started: str, motion: Motion, timing_s: dict[str, float]) -> MotionRecord:
     """The record of a finished motion."""
     stopped = None if motion.stopped is None else str(motion.stopped)
-    return proposal.trial.model_copy(update={"started": started, "stopped": stopped, "timing_s": timing_s})
+    return made.model_copy(update={"started": started, "stopped": stopped, "timing_s": timing_s})
 
 
 def trial_record(task: Task, motion: MotionRecord, tracked_trial: TrackedTrial) -> TrialRecord:
     """The record of a tracked trial."""
     return TrialRecord(
         **dict(motion),
-        observation=as_row(task.observation(tracked_trial.track)),
+        observation=as_observed(task.observation(tracked_trial.track)),
         reward=task.score(tracked_trial.track, motion.context_array),
         outcome=tracked_trial.track.outcome,
         track=TrackRecord.from_track(tracked_trial.track),

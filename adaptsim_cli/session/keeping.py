@@ -28,6 +28,7 @@ from adaptsim_cli.session.records import (
     Note,
     Pruned,
     ResultRecord,
+    Started,
     TrialRecord,
 )
 from adaptsim_cli.session.store import (
@@ -48,6 +49,9 @@ from hw.records import AnyRecord, Record
 from sim.storage.files import flush_folder, sha256
 
 T = TypeVar("T")
+
+_MARKERS: dict[str, type[Note]] = {".started.": Started, ".amended": Amendment}
+"""The kinds of markers beside a trial that hold more than a sentence."""
 
 
 def verify(root: Path, name: str) -> Verified:
@@ -83,7 +87,7 @@ class _Examination:
         for folder in store.entries():
             for entry in entries(folder):
                 if entry.is_file():
-                    self._record(Amendment if ".amended" in entry.name else Note, entry)
+                    self._record(next((kind for name, kind in _MARKERS.items() if name in entry.name), Note), entry)
                 elif (entry / RESULT).exists():
                     self._result(entry)
                 else:

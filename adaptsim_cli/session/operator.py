@@ -27,6 +27,7 @@ class Proposal:
     trial: MotionRecord
     summary: str  # of the plan, one sentence
     announcement: str  # what happens if the operator agrees, one sentence
+    then: str  # what the agreement leads to
     overlay: Path | None  # picture of the detection; None without a camera
 
 
@@ -114,9 +115,8 @@ class Attended:
         """See `Operator`."""
         if proposal.overlay is not None:
             self.screen.plain(f"  Detection: {proposal.overlay}")
-        then = "The motion starts at once. Ctrl-C stops it along its path; then this trial does not count."
         asking = release if release.screen else Release(self.screen)
-        asking.announced(f"{proposal.announcement}.", then, "everything completed is stored")
+        asking.announced(f"{proposal.announcement}.", proposal.then, "everything completed is stored")
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """See `Operator`; Enter accepts."""

@@ -182,7 +182,7 @@ class MotionRecord(Record):
 class TrialRecord(MotionRecord):
     """trial.json: one tracked trial; JSON, tables, pages and films are views of it."""
 
-    observation: Row
+    observation: tuple[float | None, ...]  # null: not observed
     reward: float
     outcome: Outcome
     overruled_from: Outcome | None = None
@@ -202,7 +202,7 @@ class TrialRecord(MotionRecord):
         """Distance of the object's final place from its goal; None without a goal."""
         return None if self.goal_m is None else 1e3 * math.dist(self.track.state[-1][:2], self.goal_m)
 
-    def counting_as(self, outcome: Outcome, reward: float, observation: Row) -> TrialRecord:
+    def counting_as(self, outcome: Outcome, reward: float, observation: tuple[float | None, ...]) -> TrialRecord:
         """The trial with the outcome that an operator set."""
         tracked = self.overruled_from or self.outcome
         return self.model_copy(
@@ -257,6 +257,12 @@ class Note(Record):
     text: str
 
 
+class Started(Note):
+    """started.json beside a trial: its motion was about to start, as it was proposed."""
+
+    proposed: MotionRecord | None = None
+
+
 class Amendment(Note):
     """amended.json beside a completed trial: the outcome that counts from then on."""
 
@@ -264,7 +270,7 @@ class Amendment(Note):
     outcome_before: Outcome
     reward: float
     reward_before: float
-    observation: Row
+    observation: tuple[float | None, ...]
 
 
 class ResultRecord(Record):

@@ -123,6 +123,10 @@ class RigTarget:
             self.rig.attendant.recover()
         return rig_checks(self.rig)
 
+    def goes_on(self, key: TrialKey) -> bool:
+        """See `Target`; never: a motion that was interrupted cannot be told from its recording."""
+        return False
+
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         """Ask the operator first, because the arm may have moved; on a real arm the attempt is spent."""
         operator.repeat_interrupted(stage)

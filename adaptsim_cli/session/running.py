@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
-from adaptsim_cli.config import Config, Resolved
-from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
+from adaptsim_cli.config import Config, Resolved, is_own
+from adaptsim_cli.errors import AnswerRefused, PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.outputs.trials import IterationOutput
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
@@ -22,7 +22,8 @@ from adaptsim_cli.session import terminal_views
 from adaptsim_cli.session.advice import after_iteration
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.flow import RunningSession, rows_of, run_iteration, tell
-from adaptsim_cli.session.operator import Attended, Unattended
+from adaptsim_cli.session.operator import Attended, Operator, Unattended
+from adaptsim_cli.session.own.trust import require_trusted
 from adaptsim_cli.session.preflight import preflight
 from adaptsim_cli.session.records import ROLLOUT, Draw, Facts, SessionStart, as_records, generator, now
 from adaptsim_cli.session.store import SessionStore
@@ -30,7 +31,7 @@ from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
 from hw.memory import return_pictures
 from sim.adaptation.stages import next_stage
-from sim.errors import did_you_mean
+from sim.errors import MomentsMissing, did_you_mean
 
 OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
 """(settings, folder for a solver's policies) -> the connected parts."""
@@ -42,6 +43,9 @@ _FROZEN = (
     *("task", "hw", "world", "recorded", "held_out", "start_from"),
     *("method", "solver", "object", "seed", "particles"),
 )
+
+
+NO_CONSENT = "each motion of a real robot is confirmed at a terminal, also with --yes: run in a terminal"
 
 
 @dataclass(frozen=True)
@@ -84,17 +88,14 @@ def run_session(
         raise UsageError(f"session {name!r} is a rollout: nothing adapts in it. To begin a session, give --task alone")
     config = _continued(requested_config, earlier, request) if earlier else requested_config
     if not request.yes:
-        console.require_terminal()
+        console.require_terminal(console.NO_TERMINAL if config.is_simulated else NO_CONSENT)
     screen = screen or Screen()
-    _confirm_session(screen, request, root, earlier)
-    unattended = config.unattended(request.yes)
+    _confirm_session(screen, request, resolved, earlier)
     with ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(open_parts(config, stores.folder_of(root, name) / "naf"))
-        if not config.is_simulated:  # even with --yes, a person confirms the motions of a real arm
-            console.require_terminal()
+        operator = _operator(config, parts, request, screen)
         store = _same_parts(earlier, parts) if earlier else begin(root, name, config, parts)
-        operator = Unattended(screen) if unattended else Attended(screen)
         watcher = stack.enter_context(open_view(screen, store, parts))
         stack.enter_context(store.locked())
         log = stack.enter_context(logged(store, screen, parts.provenance.versions))
@@ -103,7 +104,8 @@ def run_session(
             return_pictures()
             thread.submit(_import_for_a_film)
         session = RunningSession(store, parts, operator, screen, AllOf(watcher, log), thread)
-        stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}"))
+        also = (AnswerRefused, MomentsMissing)
+        stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}", also=also))
         _ready(session, config)
         tell(session)
         left, report = request.iterations or parts.task.adaptation.horizon, None
@@ -113,6 +115,7 @@ def run_session(
                 report.drop()
             report = submit(thread, partial(_report, session, draw, store.until(summary.iteration)))
             screen.data("run-iteration", summary)
+            unattended = isinstance(operator, Unattended)
             if left and summary.verdict.stops and not _goes_on(screen, store, request, summary, unattended=unattended):
                 left = 0
             if not left:
@@ -123,6 +126,14 @@ def run_session(
     if (result := store.result(summary.iteration - 1)) is not None:
         screen.next(*after_iteration(store.facts, result))
     return path
+
+
+def _operator(config: Config, parts: Parts, request: SessionRequest, screen: Screen) -> Operator:
+    """Who answers. Even with --yes, a person confirms the motions of a real robot. Raises UsageError."""
+    if parts.target.needs_consent or not (config.is_simulated or config.is_own):
+        console.require_terminal(NO_CONSENT)
+        return Attended(screen)
+    return Unattended(screen) if request.yes else Attended(screen)
 
 
 def _import_for_a_film() -> None:
@@ -171,16 +182,19 @@ def _meant(root: Path, config: Config, request: SessionRequest) -> str:
     return stores.newest(root, without=ROLLOUT)
 
 
-def _confirm_session(screen: Screen, request: SessionRequest, root: Path, earlier: SessionStore | None) -> None:
-    """Note what a newer version wrote to a known session; ask whether a new one is meant whose name is like another's.
+def _confirm_session(screen: Screen, request: SessionRequest, resolved: Resolved, earlier: SessionStore | None) -> None:
+    """Note what a newer version wrote to a known session; ask whether a new one is meant whose name is like another's,
+    and whether a program that a file of the current folder names may run.
 
-    Raises StoppedByOperator if it is not.
+    Raises StoppedByOperator if not, UsageError if nobody can be asked about that program.
     """
+    if is_own(resolved.config.hw if earlier is None else earlier.facts.hw):
+        require_trusted(resolved, screen, yes=request.yes)
     if earlier is not None and (keys := earlier.additions()):
         screen.note(terminal_views.newer_note(earlier.facts.name, keys).plain)
     if earlier is not None or request.session is None:
         return
-    name = request.session
+    name, root = request.session, resolved.places.sessions
     near = did_you_mean(name, stores.names(root))
     if not near or request.yes:
         return

@@ -30,11 +30,12 @@ class KnownMotion:
     """A `Motion` without a recording: its trajectory is known."""
 
     trajectory: ObjectTrack
+    others: Mapping[str, bytes] = field(default_factory=dict)  # further files, name -> content
     stopped: None = None
 
     def files(self) -> Mapping[str, bytes]:
         """See `Motion`: the trajectory."""
-        return {FILE: to_json(TrackRecord.from_track(self.trajectory))}
+        return {FILE: to_json(TrackRecord.from_track(self.trajectory)), **self.others}
 
     def track(self, progress: Progress = silently) -> TrackedTrial:
         """See `Motion`: the trajectory is the track."""
@@ -47,6 +48,10 @@ class WithoutDevices:
     moves = needs_consent = owns_devices = False
     release = Release()
     outcomes: tuple[Outcome, ...] = ()  # nobody watches, so nobody overrules
+
+    def goes_on(self, key: TrialKey) -> bool:
+        """See `Target`; never."""
+        return False
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         """See `Target`; never: nothing can have moved."""

@@ -96,6 +96,8 @@ def rollout(
     Raises UsageError for a wrong value, and the errors of a session's trials.
     """
     task, target = parts.task, parts.target
+    if config.is_own:
+        raise UsageError("--hw own: only a session asks your robot for trials: adaptsim run-iteration --hw own")
     unattended = yes and not target.needs_consent
     if not unattended:
         console.require_terminal()

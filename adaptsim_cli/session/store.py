@@ -24,6 +24,7 @@ from adaptsim_cli.session.records import (
     Pruned,
     ResultRecord,
     SessionStart,
+    Started,
     TrialRecord,
 )
 from adaptsim_cli.storage import durable
@@ -229,12 +230,19 @@ class SessionStore:
         """The iteration that a trial belongs to."""
         return (number - 1) // (self.facts.particles * self.facts.trials)
 
-    def mark_started(self, iteration: int, key: TrialKey, at: str) -> None:
+    def proposed(self, iteration: int, key: TrialKey) -> MotionRecord | None:
+        """The trial as it was proposed before its motion started; None if it did not. Raises SessionError."""
+        path = self._marker(iteration, key, "started")
+        return records.read(Started, path).proposed if path.exists() else None
+
+    def mark_started(self, iteration: int, key: TrialKey, at: str, proposed: MotionRecord | None = None) -> None:
         """Note that the arm is about to move; on the disk before this returns."""
         path = self._marker(iteration, key, "started")
         if not path.exists():
             durable.make_folder(path.parent)
-            durable.write_file(path, records.to_json(Note(at=at, text="the motion was about to start")))
+            durable.write_file(
+                path, records.to_json(Started(at=at, text="the motion was about to start", proposed=proposed))
+            )
 
     def reject(self, iteration: int, key: TrialKey, at: str, reason: str) -> None:
         """Note that this attempt does not count; the next one takes its place."""
@@ -477,7 +485,7 @@ def _learnt_from(task: Task, record: TrialRecord) -> Trial:
     return Trial(
         context=record.context_array,
         action=record.action_array,
-        observation=np.array(record.observation),
+        observation=np.array(record.observation, dtype=np.float64),
         reward=record.reward,
         end_state=task.end_of(record.track.track()),
     )

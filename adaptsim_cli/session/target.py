@@ -55,6 +55,9 @@ class MotionPreview:
     goal_m: Array | None  # (2,) where it should come to rest, for a task with such a goal
 
 
+AT_ONCE = "The motion starts at once. Ctrl-C stops it along its path; then this trial does not count."
+
+
 @dataclass(frozen=True, eq=False)
 class Placement:
     """A trial before its motion: `Target.place` fills in the object's place, `Target.plan` action and motion."""
@@ -67,6 +70,8 @@ class Placement:
     action: Array = field(default_factory=lambda: np.zeros(0))  # (a,)
     summary: str = ""  # the plan in one sentence
     announcement: str = ""  # what happens if the operator agrees, in one sentence
+    then: str = AT_ONCE  # what the agreement leads to
+    key: TrialKey | None = None  # of the trial, for a target that asks for it by its number
     preview: MotionPreview | None = None  # None without a camera
     paths: Paths | None = None  # None without an arm
 
@@ -144,6 +149,10 @@ class Target(Protocol):
 
     def checks(self) -> tuple[Readiness, ...]:
         """The checks of its devices."""
+        ...
+
+    def goes_on(self, key: TrialKey) -> bool:
+        """Whether `execute` goes on with an interrupted attempt as it was proposed, and begins nothing again."""
         ...
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:

@@ -11,11 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adaptsim_cli.config import Config, Places, places
+from adaptsim_cli.config import PERSON, Config, Places, places
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.release import Release
+from adaptsim_cli.session.own.exchange import Answerer
+from adaptsim_cli.session.own.person import Person
+from adaptsim_cli.session.own.program import Program
+from adaptsim_cli.session.own.target import OwnTarget
 from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.running import OpenView
@@ -35,6 +40,7 @@ from hw.errors import MotionRefused
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.learner import Learner
+from sim.adaptation.methods import WHOLE
 from sim.errors import NotExecutable
 from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.solver import Executable, Expectations, Policies
@@ -42,7 +48,6 @@ from sim.tasks.task import Hardware, Task
 
 if TYPE_CHECKING:
     from adaptsim_cli.devices.lab import Drivers
-    from adaptsim_cli.screen.console import Screen
     from sim.adaptation.checkpoint import Checkpoint
 
 
@@ -53,10 +58,12 @@ def open_parts(
     drivers: Drivers | None = None,
     own: Facts | None = None,
     screen: Screen | None = None,
+    answerer: Answerer | None = None,
 ) -> Iterator[Parts]:
     """All parts of a session, with its devices connected. `drivers` are those of a real lab's devices.
 
-    `own`: with the calibration and the touch-off of this session instead of those in use.
+    `own`: with the calibration and the touch-off of this session instead of those in use. `answerer`: who answers for a
+    robot of one's own, instead of the program or the person of the settings.
 
     NAF stores policies and rollouts in the folder `learnt`, which no other process may use meanwhile.
 
@@ -65,6 +72,12 @@ def open_parts(
     checkpoint, prior = started_from(checkpoint_of(config), config)
     if config.recorded:
         yield _recorded_parts(config, checkpoint, prior, learnt.parent)
+        return
+    if config.is_own:
+        yours = _own_target(config, checkpoint.solver.task, learnt.parent, screen, answerer)
+        with solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations):
+            learner = _learner(config, checkpoint, policies, expectations, yours.executable)
+            yield Parts(yours.task, yours, learner, _provenance(checkpoint, prior, ""))
         return
     with (
         _open_target(config, checkpoint.solver.task, drivers, own, screen) as (task, target, executable, calibration),
@@ -94,6 +107,34 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
     target = RecordedTarget(recordings.shown, title, _spent(recordings.shown, session))
     learner = _learner(config, recordings.checkpoint, solver, solver, target.executable)
     return Parts(solver.task, target, learner, _provenance(checkpoint, prior, recordings.sha256))
+
+
+def _own_target(
+    config: Config, task: Task, session: Path, screen: Screen | None, answerer: Answerer | None
+) -> OwnTarget:
+    """The target that asks and is told. Raises UsageError, NoHardware for a task that no lab can report."""
+    task.require_report()
+    if config.pace < FULL or config.realtime:
+        raise UsageError("--hw own: your code decides how fast your robot moves, so leave out --pace and --realtime")
+    if answerer is None and config.answer_with == PERSON:
+        if screen is None:
+            raise UsageError(f"--answer-with {PERSON}: a person answers at a terminal; leave out --yes")
+        if config.method in WHOLE:
+            raise UsageError(
+                f"--method {config.method} needs every moment of a trial, and a person may report its end alone: "
+                "adapt with adaptsim, or have a program report whole trajectories"
+            )
+        answerer = Person(screen, task)
+    elif answerer is None and config.answer_with:
+        moves = config.answer_moves == "robot"
+        release = Release(screen, real=True) if moves else Release()
+        answerer = Program(config.answer_with, moves, config.answer_limit_s, screen, release)
+    if answerer is None:
+        raise UsageError(
+            "--hw own: who answers for your robot? Name a program (--answer-with 'python my_robot.py'), or "
+            "--answer-with person, or ask from Python: api.begin(..., hw='own'), session.ask (docs/guide/own-robot.md)"
+        )
+    return OwnTarget(task, session, answerer, config.method)
 
 
 def _learner(

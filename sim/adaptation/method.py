@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from hw.types import Array, frozen_array
+from sim.errors import MomentsMissing
 from sim.solvers.solver import Executable, Policies, SolvedPolicy, policy_for
 
 WORTHWHILE = 0.05
@@ -55,6 +56,16 @@ class Trial:
     def key(self) -> bytes:
         """The same for the same trial."""
         return b"".join(part.tobytes() for part in (self.context, self.action, self.observation))
+
+
+def require_whole(method: str, trials: Iterable[Trial]) -> None:
+    """Raises MomentsMissing unless all moments of the trials were observed, for a method that needs them."""
+    missing = sum(not np.isfinite(trial.observation).all() for trial in trials)
+    if missing:
+        raise MomentsMissing(
+            f"{method} needs every moment of a trial, and {missing} of the trials miss some: adapt with adaptsim, "
+            "which learns from what was observed, or report whole trajectories"
+        )
 
 
 def trials_of_rows(

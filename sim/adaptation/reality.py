@@ -24,7 +24,7 @@ from sim.adaptation.method import Trial
 from sim.adaptation.reward_table import RewardTable
 from sim.rollouts.draws import Disturbances, cover, sobol, varies
 from sim.solvers.candidates import Among, CandidatePolicy, Outcomes, first_executable
-from sim.solvers.misfit import log_likelihood, squares
+from sim.solvers.misfit import log_likelihood, observed_share, squares
 from sim.solvers.solver import Executable, Solver
 from sim.tasks.task import Task
 
@@ -221,7 +221,9 @@ class Simulators:
         spread = (weight * (ends - mean[:, :, None]) ** 2).sum(axis=2) / weight.sum(axis=2)
         paths = self.solver.trajectories(where, executed, nuisance).reshape(*shape, -1)
         likely = [
-            log_likelihood(squares(self.solver, trial.context, trial.observation, path))
+            log_likelihood(
+                squares(self.solver, trial.context, trial.observation, path), observed_share(trial.observation)
+            )
             for trial, path in zip(trials, paths, strict=True)
         ]
         return _Predicted(np.array(likely), chance.mean(axis=2), mean, spread)

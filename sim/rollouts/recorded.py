@@ -150,20 +150,11 @@ class RecordedTrials:
                 f"trial {name}: after {at_s:.4g} s there is no sample for {gaps.max():.4g} s, limit {LONGEST_GAP_S:g}: "
                 "are its times in seconds, of one clock, and is no part lost?"
             )
-        if t_s[-1] < end_s and not self._rests(track):
+        if t_s[-1] < end_s and not rests(self.task, track):
             raise RecordingsRefused(
                 f"trial {name}: it ends at {t_s[-1]:.4g} s while the object moves, and {self.task.name} observes it "
                 f"until {end_s:.4g} s: are its times in seconds?"
             )
-
-    def _rests(self, track: ObjectTrack) -> bool:
-        observation = self.task.observation
-        columns = list(observation.columns)
-        lately = track.state[track.t_s >= track.t_s[-1] - _REST_S][:, columns]
-        if len(lately) < 2:
-            lately = track.state[-2:, columns]
-        moved = np.ptp(lately, axis=0) / (observation.high - observation.low)
-        return bool((moved < _REST_SHARE).all())
 
     def _check_states(self, i: int) -> None:
         """Refuse states of another unit or of other columns, by where the task's object can be."""
@@ -180,26 +171,17 @@ class RecordedTrials:
                 f"{observation.times_s[row]:.3g} s, and {task.name} expects {low[column]:.3g} to {high[column]:.3g}: "
                 "are the columns of the state in the task's order, its units (m, rad) and its frame, the arm's base?"
             )
-        start_m = self._start_m(i)
-        if start_m is None:
+        place_m = start_m(task, None if self.contexts is None else self.contexts[i])
+        if place_m is None:
             return
-        off_m = float(np.linalg.norm(track.at(np.zeros(1))[0, :2] - start_m))
+        off_m = float(np.linalg.norm(track.at(np.zeros(1))[0, :2] - place_m))
         if off_m > START_M:
             x, y = track.at(np.zeros(1))[0, :2]
             raise RecordingsRefused(
                 f"trial {name}: at time 0 the object lies at ({x:.3f}, {y:+.3f}) m, {1e3 * off_m:.0f} mm from its "
-                f"start at ({start_m[0]:.3f}, {start_m[1]:+.3f}) m, limit {1e3 * START_M:.0f}: are x and y in this "
+                f"start at ({place_m[0]:.3f}, {place_m[1]:+.3f}) m, limit {1e3 * START_M:.0f}: are x and y in this "
                 "order, in m, in the frame of the arm's base, and is time 0 the start of the motion?"
             )
-
-    def _start_m(self, i: int) -> Array | None:
-        """(2,) where the object of a trial begins; None: the task does not say."""
-        hardware = self.task.hardware
-        if hardware is None:
-            return None
-        if hardware.standing is not None:
-            return np.asarray(hardware.standing.mark_m, dtype=np.float64)
-        return None if self.contexts is None or scores_only(self.task) else self.contexts[i, :2]
 
     def _check_duplicates(self) -> None:
         names = dict[bytes, str]()
@@ -225,6 +207,27 @@ def require_enough(trials: RecordedTrials) -> RecordedTrials:
             "columns of the state name the object, or something that never moves?"
         )
     return trials
+
+
+def rests(task: Task, track: ObjectTrack) -> bool:
+    """Whether the object rests at the end of a track."""
+    observation = task.observation
+    columns = list(observation.columns)
+    lately = track.state[track.t_s >= track.t_s[-1] - _REST_S][:, columns]
+    if len(lately) < 2:
+        lately = track.state[-2:, columns]
+    moved = np.ptp(lately, axis=0) / (observation.high - observation.low)
+    return bool((moved < _REST_SHARE).all())
+
+
+def start_m(task: Task, context: Array | None) -> Array | None:
+    """(2,) where the object of a trial in a context (c,) begins; None: the task does not say."""
+    hardware = task.hardware
+    if hardware is None:
+        return None
+    if hardware.standing is not None:
+        return np.asarray(hardware.standing.mark_m, dtype=np.float64)
+    return None if context is None or scores_only(task) else context[:2]
 
 
 def scores_only(task: Task) -> bool:

@@ -36,12 +36,24 @@ def misfit(expectations: Expectations, context: Array, action: Array, observatio
     return float(np.sqrt(squares(expectations, context, observation, paths).min()))
 
 
+def observed_share(observation: Array) -> float:
+    """The share of the values of an observation (size,) that are not missing (NaN)."""
+    return float(np.isfinite(observation).mean())
+
+
 def squares(expectations: Expectations, context: Array, observation: Array, paths: Array) -> Array:
-    """(...,) mean squares of that distance to expected trajectories (..., size) at the task's reference context."""
+    """(...,) mean squares of that distance to expected trajectories (..., size) at the task's reference context.
+
+    Over the observed values alone: those that are missing (NaN) count for nothing; 0 if all are.
+    """
     task, sight = expectations.task, expectations.task.observation
     local_paths = task.relocate(paths, np.broadcast_to(context, (*paths.shape[:-1], len(context))))
     expected = sight.normalise(sight.denormalise(local_paths) + sight.noise_mean)
-    return np.asarray((((expected - observation) / tolerance(expectations)) ** 2).mean(axis=-1))
+    shown = np.isfinite(observation)
+    if not shown.any():
+        return np.zeros(expected.shape[:-1])
+    off = (expected[..., shown] - observation[shown]) / tolerance(expectations)[shown]
+    return np.asarray((off**2).mean(axis=-1))
 
 
 def tolerance(expectations: Expectations) -> Array:
@@ -51,7 +63,13 @@ def tolerance(expectations: Expectations) -> Array:
     return np.sqrt(camera**2 + expectations.residual_std**2 + LEAST_STD**2)
 
 
-def log_likelihood(squared: Array) -> Array:
-    """(..., D) mean squares for D draws -> (...,) log-likelihood of a trajectory, up to a constant."""
-    density = (1.0 + VALUES * squared / FREEDOM) ** (-(FREEDOM + VALUES) / 2.0)
+def log_likelihood(squared: Array, observed: float) -> Array:
+    """(..., D) mean squares for D draws -> (...,) log-likelihood of a trajectory, up to a constant.
+
+    `observed` is the share of its values that are not missing: without any, all parameters are equally likely.
+    """
+    values = VALUES * observed
+    if values == 0.0:
+        return np.zeros(squared.shape[:-1])
+    density = (1.0 + values * squared / FREEDOM) ** (-(FREEDOM + values) / 2.0)
     return np.asarray(np.log(density.mean(axis=-1)))

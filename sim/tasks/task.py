@@ -18,7 +18,7 @@ import numpy as np
 from hw.capsules import Capsule
 from hw.mass import Mass
 from hw.types import Array
-from perception.types import ObjectTrack
+from perception.types import ObjectTrack, Outcome
 from sim.errors import NoHardware
 from sim.panda.tool import Touchable
 from sim.types import Part, Space, Suspicion, ToolMotion, Visual
@@ -225,6 +225,18 @@ class Hardware:
     which a scene is exported; None: not possible."""
 
 
+@dataclass(frozen=True)
+class LabReport:
+    """What a lab with a robot of its own reports of a trial (docs/guide/own-robot.md)."""
+
+    columns: tuple[str, ...]  # of `ObjectTrack.state`, each with its unit: "x [m]"
+    outcomes: tuple[Outcome, ...]  # how a trial can end
+    successes: tuple[Outcome, ...]  # those that may earn a reward
+    ends_in_tool: bool = False  # the end of a success is that of the object in the tool's frame, `end_in_tool_m`
+    places_first: bool = False  # the context is where the object lies: measured, then the action is chosen
+    computed: tuple[str, ...] = ()  # columns that only the simulation can compute, so that no lab can report them
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     """Everything that is specific to one task. Without `hardware` its trials need neither arm nor camera."""
@@ -258,6 +270,7 @@ class Task:
     plausible: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
     """The plausible range of each unmodelled effect, from which worlds are drawn."""
     hardware: Hardware | None = None  # None: it runs in simulation only
+    report: LabReport | None = None  # None: no robot of one's own can run it
     scene: Any = None
     """The effects of an own object that its scene always has (`sim.tasks.own_object`); None: the task's scene."""
 
@@ -266,6 +279,20 @@ class Task:
         if self.hardware is None:
             raise NoHardware(f"the task {self.name} has no motion for a robot arm; it runs in simulation only")
         return self.hardware
+
+    def require_report(self) -> LabReport:
+        """What a lab reports of its trials. Raises NoHardware for a task that no lab can report."""
+        if self.report is None:
+            raise NoHardware(
+                f"the task {self.name} does not say what a lab reports of a trial, so no robot of yours can run it: "
+                "declare Task.report (docs/guide/add-a-task.md)"
+            )
+        if self.report.computed:
+            raise NoHardware(
+                f"the task {self.name} does not fit a robot of your own: its reward needs "
+                f"{', '.join(self.report.computed)}, which only its simulation computes"
+            )
+        return self.report
 
     def score(self, track: ObjectTrack, context: Array) -> float:
         """Reward of one trial in [0, 1]."""

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from perception.types import Outcome
+from sim.errors import NoHardware
 from sim.lab.world import list_worlds, load_world
+from sim.rollouts.recorded import scores_only
 from sim.tasks import TASKS, get_task
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
@@ -113,3 +115,39 @@ def test_an_exact_solver_expects_what_rollouts_earn(name: str) -> None:
     assert np.allclose(
         solver.trajectories(targets, actions[:, 0], nuisance), [task.observation(track) for track in tracks], atol=1e-9
     )
+
+
+def test_what_a_lab_reports_of_a_trial_is_what_the_simulator_reports(task: Task) -> None:
+    report = task.report
+    assert report is not None
+    assert set(report.successes) <= set(report.outcomes)
+    ended = set()
+    for seed in range(3):
+        parameters, context, action, nuisance = draw(task, seed)
+        track = task.simulate(parameters, context, action, nuisance)
+        assert track.state.shape[1] == len(report.columns)
+        ended.add(track.outcome)
+        for outcome in report.outcomes:
+            changed = dataclasses.replace(track, outcome=outcome)
+            assert task.succeeded(changed) == (outcome in report.successes)
+        without = dataclasses.replace(track, outcome=report.successes[0], end_in_tool_m=np.full(3, np.nan))
+        assert np.isfinite(task.score(without, context)) is not report.ends_in_tool
+    assert ended - {Outcome.SOLVER_FAILED} <= set(report.outcomes)
+    assert all(column in report.columns for column in report.computed)
+    if len(task.context):
+        assert report.places_first is not scores_only(task)
+    if report.computed:
+        with pytest.raises(NoHardware, match=f"the task {task.name} does not fit a robot of your own.*only its sim"):
+            task.require_report()
+    else:
+        assert task.require_report() is report
+
+
+def test_moments_that_were_not_watched_are_missing_and_count_for_nothing(task: Task) -> None:
+    track = task.simulate(*draw(task, 0))
+    times_s = task.observation.times_s
+    late = dataclasses.replace(track, watched_s=(float(times_s[2]), float(times_s[-2])))
+    whole, seen = task.observation(track), task.observation(late)
+    missing = np.isnan(seen).reshape(len(times_s), -1)
+    assert [bool(row.all()) for row in missing] == [t < times_s[2] or t > times_s[-2] for t in times_s]
+    assert np.array_equal(seen[np.isfinite(seen)], whole[np.isfinite(seen)])

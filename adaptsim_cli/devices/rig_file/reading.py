@@ -60,6 +60,11 @@ def rig_of(config: Config, tools: Collection[str] = ()) -> RigDescription:
     """The lab of the settings. Raises UsageError if a real arm has no rig file, or one for another arm."""
     if config.is_simulated:
         return read(Path(config.rig), tools) if practised(config) else as_shipped("panda")
+    if config.is_own:
+        raise UsageError(
+            "hw = own: your robot belongs to your code, so it has no rig file, calibration, touch-off or doctor here. "
+            "Its trials: adaptsim run-iteration --hw own (docs/guide/own-robot.md)"
+        )
     begin = f"adaptsim setup --hw {config.hw}"
     if not config.rig:
         raise UsageError(f"hw = {config.hw}: there is no rig file, so nothing has moved. Write one: {begin}")

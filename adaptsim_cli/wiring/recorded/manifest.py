@@ -32,7 +32,7 @@ class Tables(Record):
     state: tuple[str, ...] = Field(description="columns of a trajectory, in the order of the task's track")
     columns: dict[str, str] = Field(
         default_factory=dict,
-        description="our name = theirs, for trial, t_s, outcome, reward, and every context and action",
+        description="our name = theirs, for trial, t_s, outcome, reward, contexts, actions, end_in_tool_x_m (y, z)",
     )
 
     def named(self, ours: str) -> str:
@@ -88,6 +88,8 @@ def read_manifest(path: Path) -> Manifest:
 
 
 REWARD, OUTCOME, TRIAL, TIME = "reward", "outcome", "trial", "t_s"
+END = ("end_in_tool_x_m", "end_in_tool_y_m", "end_in_tool_z_m")
+"""The object's last position in the tool's frame, for a task whose successes end there (`LabReport.ends_in_tool`)."""
 AGREES = 0.02
 """How far a recorded reward may be from that of the task."""
 
@@ -114,6 +116,7 @@ def checked(task: Task, raw: Sequence[RawTrial], outcome: Outcome | None) -> Rec
         np.array([_point(trial, task.action) for trial in raw]).reshape(len(raw), len(task.action)),
         tuple(_track(trial, outcome) for trial in raw),
     )
+    _require_ends(trials)
     if trials.contexts is not None and REWARD in named:
         _require_rewards(trials, raw)
     return trials
@@ -140,10 +143,24 @@ def _track(trial: RawTrial, outcome: Outcome | None) -> ObjectTrack:
     n = len(trial.t_s)
     if trial.state.shape[:1] != (n,):
         raise RecordingsRefused(f"trial {trial.name}: it has {n} times and {len(trial.state)} states")
+    end_m = trial.end_in_tool_m
+    if any(name in trial.values and trial.values[name] not in ("", None) for name in END):
+        end_m = np.array([_number(trial, name) for name in END])
     try:
-        return ObjectTrack(trial.t_s, trial.state, outcome or _outcome(trial), trial.end_in_tool_m, np.ones(n))
+        return ObjectTrack(trial.t_s, trial.state, outcome or _outcome(trial), end_m, np.ones(n))
     except ValueError as error:
         raise RecordingsRefused(f"trial {trial.name}: {error}") from error
+
+
+def _require_ends(trials: RecordedTrials) -> None:
+    """Raises RecordingsRefused for a success whose reward needs an end that was not recorded."""
+    for name, track in zip(trials.names, trials.tracks, strict=True):
+        ending = trials.task.end_of(track)
+        if ending is not None and not np.isfinite(ending).all():
+            raise RecordingsRefused(
+                f"trial {name}: it ended {track.outcome.value}, and its reward needs the object's last position in "
+                f"the tool's frame: give {', '.join(END)} in m, as columns of the trials (empty for other outcomes)"
+            )
 
 
 def _outcome(trial: RawTrial) -> Outcome:
@@ -166,7 +183,7 @@ def _require_rewards(trials: RecordedTrials, raw: Sequence[RawTrial]) -> None:
         raw, trials.tracks, [] if trials.contexts is None else trials.contexts, strict=True
     ):
         reward, scored = _number(trial, REWARD), trials.task.score(track, context)
-        if abs(reward - scored) > AGREES:
+        if not abs(reward - scored) <= AGREES:  # so that NaN does not pass
             raise RecordingsRefused(
                 f"trial {trial.name}: its recorded reward is {reward:.3f}, and the task scores it {scored:.3f}: "
                 "check columns and units, or leave the rewards out"

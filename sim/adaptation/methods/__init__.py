@@ -39,6 +39,10 @@ METHODS = {
 """Name -> the function (task, checkpoint) that makes it; imported on first use."""
 
 
+WHOLE = frozenset(name for name in METHODS if name.startswith(("sysid-", "adaptsim-")) and name != "adaptsim-belief")
+"""The methods that need every moment of a trial; the others learn from what was observed of it."""
+
+
 def method_names() -> tuple[str, ...]:
     """Names of our methods, then of those of installed packages."""
     return (*METHODS, *dict.fromkeys(offer.name for offer in offers(OFFERED) if offer.name not in METHODS))

@@ -24,7 +24,7 @@ from sim.adaptation.checkpoint import Checkpoint, prospects_of
 from sim.adaptation.method import Iteration, Particle, Trial
 from sim.adaptation.reward_table import RewardTable
 from sim.rollouts.draws import Disturbances, varies
-from sim.solvers.misfit import log_likelihood, squares
+from sim.solvers.misfit import log_likelihood, observed_share, squares
 from sim.solvers.solver import Expectations
 from sim.tasks.task import Task
 
@@ -113,4 +113,4 @@ class Belief:
             np.tile(drawn.nuisance, (len(truths), 1)),
         )
         squared = squares(self.expectations, trial.context, trial.observation, paths)
-        return log_likelihood(squared.reshape(len(truths), draws))
+        return log_likelihood(squared.reshape(len(truths), draws), observed_share(trial.observation))

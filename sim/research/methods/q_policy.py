@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 from sim.adaptation.checkpoint import Checkpoint
-from sim.adaptation.method import Iteration, Particle
+from sim.adaptation.method import Iteration, Particle, require_whole
 from sim.errors import CheckpointError
 from sim.research.methods.q_network import QNetwork, new_network, restore_network
 from sim.rollouts.draws import cover
@@ -139,6 +139,7 @@ def seen_in_session(task: Task, history: Sequence[Iteration], particle: int) -> 
             if i >= len(history[k]) or not (trials := history[k][i].trials):
                 continue
             sample = [trials[-count:][t % min(count, len(trials))] for t in range(count)]
+            require_whole("the paper's adaptation policy", sample)
             observed = np.concatenate([t.observation for t in sample])
             contexts = np.concatenate([task.context.normalise(t.context) for t in sample])
             reward = np.array([t.reward for t in sample])

@@ -21,7 +21,7 @@ import torch
 
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
-from sim.adaptation.method import Iteration, Particle, Trial
+from sim.adaptation.method import Iteration, Particle, Trial, require_whole
 from sim.errors import CheckpointError
 from sim.research.methods.search import calculating, require
 from sim.rollouts.draws import sobol
@@ -109,6 +109,7 @@ class SysId:
 
     def _updated(self, believed: Array, trials: Sequence[Trial], seed: int) -> Array:
         """Update draws of the belief, `believed` (SIMULATED, p), by these trials."""
+        require_whole("sysid-bayes", trials)
         rng = np.random.default_rng(seed)
         simulated = np.concatenate([self._simulated(believed, trial, rng) for trial in trials], axis=1)
         observed = np.concatenate([self._seen(trial.observation) for trial in trials])

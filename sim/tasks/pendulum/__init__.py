@@ -1,8 +1,9 @@
 """Balancing a double pendulum: no robot, no contact, every answer exact. The control experiment of the method."""
 
+from perception.types import Outcome
 from sim.tasks.pendulum import params, rollout
 from sim.tasks.pendulum.solver import LqrSolver
-from sim.tasks.task import Task
+from sim.tasks.task import LabReport, Task
 
 TASK = Task(
     name="pendulum",
@@ -25,4 +26,10 @@ TASK = Task(
     reward_of_success=rollout.reward_of_success,
     object_name="pendulum",
     exact=LqrSolver,
+    report=LabReport(
+        columns=("q1 [rad]", "q2 [rad]", "q1' [rad/s]", "q2' [rad/s]", "excess cost"),
+        outcomes=(Outcome.SETTLED, Outcome.DIVERGED),
+        successes=(Outcome.SETTLED,),
+        computed=("excess cost",),
+    ),
 )

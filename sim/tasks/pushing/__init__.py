@@ -1,7 +1,8 @@
 """Pushing a bottle to a goal."""
 
+from perception.types import Outcome
 from sim.tasks.pushing import mount, params, plan, rollout, scene
-from sim.tasks.task import Hardware, Standing, Task
+from sim.tasks.task import Hardware, LabReport, Standing, Task
 
 HARDWARE = Hardware(
     X_FT=mount.X_FT,
@@ -43,4 +44,9 @@ TASK = Task(
     object_name="bottle",
     goal_m=params.goal_m,
     hardware=HARDWARE,
+    report=LabReport(
+        columns=("x [m]", "y [m]", "z [m]"),
+        outcomes=(Outcome.UPRIGHT, Outcome.TIPPED, Outcome.LOST),
+        successes=(Outcome.UPRIGHT,),
+    ),
 )

@@ -1,7 +1,8 @@
 """Scooping food with a spatula."""
 
+from perception.types import Outcome
 from sim.tasks.scooping import params, plan, rollout, scene, spatula, suspicion
-from sim.tasks.task import Hardware, Task
+from sim.tasks.task import Hardware, LabReport, Task
 
 HARDWARE = Hardware(
     X_FT=spatula.X_FT,
@@ -45,4 +46,11 @@ TASK = Task(
     reward_of_success=rollout.reward_of_success,
     object_name="piece of food",
     hardware=HARDWARE,
+    report=LabReport(
+        columns=("x [m]", "y [m]", "z [m]"),
+        outcomes=(Outcome.ON_BLADE, Outcome.ON_TABLE, Outcome.LOST),
+        successes=(Outcome.ON_BLADE,),
+        ends_in_tool=True,
+        places_first=True,
+    ),
 )

@@ -1,0 +1,206 @@
+"""A robot of one's own as a `Target`: every step is a question, and its answer a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from adaptsim_cli.errors import AnswerRefused
+from adaptsim_cli.outputs.exchange import Answer, Question
+from adaptsim_cli.outputs.trials import TrackRecord, as_row, named
+from adaptsim_cli.screen.release import Release
+from adaptsim_cli.screen.views import Readiness
+from adaptsim_cli.session.operator import Operator
+from adaptsim_cli.session.own.exchange import QUESTIONS, Answerer, Exchange
+from adaptsim_cli.session.own.reading import measured_context, track_of
+from adaptsim_cli.session.records import read
+from adaptsim_cli.session.simulated_target import FILE, KnownMotion
+from adaptsim_cli.session.target import Placement
+from hw.types import Array
+from perception.errors import TrackingFailed
+from perception.types import Outcome
+from sim.adaptation.methods import WHOLE
+from sim.adaptation.sessions import Progress, silently
+from sim.adaptation.stages import RunTrial, TrialKey
+from sim.errors import ActionImpossible, MomentsMissing
+from sim.solvers.misfit import observed_share
+from sim.tasks.task import Task
+
+NEAR = 0.05
+"""An action is as impossible as one within this share of every range of it, for a context that near."""
+
+
+@dataclass(frozen=True)
+class OwnTarget:
+    """A `Target` whose robot, camera and code belong to the lab."""
+
+    task: Task
+    session: Path  # folder of the session
+    answerer: Answerer
+    method: str
+    _impossible: list[tuple[Array, Array]] = field(default_factory=list)  # (context, action), normalised
+
+    owns_devices = False
+
+    def __post_init__(self) -> None:
+        for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
+            exchange = Exchange(file.parent, "trial")
+            try:
+                answer, question = exchange.answer(), exchange.question()
+            except (AnswerRefused, OSError, ValueError):
+                continue
+            if answer is not None and answer.impossible and question.action is not None:
+                self._note_impossible(question)
+
+    @property
+    def title(self) -> str:
+        """See `Target`."""
+        return f"your robot, {self.answerer.title}"
+
+    @property
+    def moves(self) -> bool:
+        """See `Target`."""
+        return self.answerer.moves
+
+    @property
+    def needs_consent(self) -> bool:
+        """See `Target`."""
+        return self.answerer.needs_consent
+
+    @property
+    def release(self) -> Release:
+        """See `Target`."""
+        return self.answerer.release
+
+    @property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """See `Target`: those of the task."""
+        return self.task.require_report().outcomes
+
+    def checks(self) -> tuple[Readiness, ...]:
+        """See `Target`: adaptsim checks nothing of this robot."""
+        return (Readiness("your robot", True, f"{self.answerer.title}; adaptsim checks none of its motion"),)
+
+    def goes_on(self, key: TrialKey) -> bool:
+        """See `Target`: once the question is out, its answer is taken, and it is not asked twice."""
+        return self._exchange(key, "trial").question_file.exists()
+
+    def spent(self, stage: RunTrial, operator: Operator) -> bool:
+        """See `Target`; never: before the question is out, nothing has moved."""
+        return False
+
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placement:
+        """See `Target`: the measured context is asked for, if the task needs it.
+
+        Raises AnswerAwaited, AnswerRefused.
+        """
+        if not self.task.require_report().places_first:
+            return Placement(drawn, drawn, key=key)
+        question = self._question("place", key, drawn, None)
+        answer = self._answer(question, key, progress)
+        if answer.rejected or answer.impossible:
+            raise TrackingFailed(f"your robot's answer: {answer.rejected or answer.impossible}")
+        with _explained(self._exchange(key, "place")):
+            return Placement(drawn, measured_context(answer, question, self.task), key=key)
+
+    def executable(self, context: Array, action: Array) -> bool:
+        """Whether no answer has said that such an action is impossible."""
+        here = self._normalised(context, action)
+        return not any(
+            np.abs(here[0] - there[0]).max(initial=0.0) <= NEAR and np.abs(here[1] - there[1]).max() <= NEAR
+            for there in self._impossible
+        )
+
+    def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
+        """See `Target`: whether the action can be done, the robot's own code knows."""
+        who = self.answerer
+        return replace(
+            placed, action=action, summary="Your robot makes this trial", announcement=who.announcement, then=who.then
+        )
+
+    def execute(self, planned: Placement, progress: Progress = silently) -> KnownMotion:
+        """See `Target`: ask for the trial. Raises AnswerAwaited, AnswerRefused, ActionImpossible, TrackingFailed."""
+        key = planned.key
+        assert key is not None
+        question = self._question("trial", key, planned.context, planned.action)
+        answer = self._answer(question, key, progress)
+        if answer.impossible:
+            self._note_impossible(question)
+            raise ActionImpossible(f"your robot cannot do this action: {answer.impossible}")
+        if answer.rejected:
+            raise TrackingFailed(f"your robot's answer rejects it: {answer.rejected}")
+        exchange = self._exchange(key, "trial")
+        with _explained(exchange):
+            track = track_of(answer, question, self.task)
+            if self.method in WHOLE and observed_share(self.task.observation(track)) < 1.0:
+                raise MomentsMissing(
+                    f"{self.method} needs every moment of a trial, and this answer misses some: report the whole "
+                    "trajectory, or begin another session with --method adaptsim"
+                )
+        files = {file.name: file.read_bytes() for file in (exchange.question_file, exchange.answer_file)}
+        return KnownMotion(track, others=files)
+
+    def read(self, folder: Path, context: Array, action: Array) -> KnownMotion:
+        """See `Target`: the trajectory."""
+        return KnownMotion(read(TrackRecord, folder / FILE).track())
+
+    def _exchange(self, key: TrialKey, ask: str) -> Exchange:
+        return Exchange.of(self.session / QUESTIONS, key, ask)
+
+    def _question(self, ask: str, key: TrialKey, context: Array, action: Array | None) -> Question:
+        task, report = self.task, self.task.require_report()
+        spaces = (task.context, task.action)
+        return Question(
+            ask="place" if ask == "place" else "trial",
+            session=self.session.name,
+            task=task.name,
+            trial=key.number,
+            attempt=key.attempt + 1,
+            context=named(task.context.names, context),
+            action=None if action is None else named(task.action.names, action),
+            goal_m=None if task.goal_m is None else as_row(task.goal_m(context)),
+            units={d.name: d.unit for space in spaces for d in space.dimensions},
+            times_s=as_row(task.observation.times_s),
+            state=report.columns,
+            outcomes=report.outcomes,
+            success=report.successes,
+            needs=("end_in_tool_m",) if report.ends_in_tool else (),
+        )
+
+    def _answer(self, question: Question, key: TrialKey, progress: Progress) -> Answer:
+        """The answer that counts; it is asked for if there is none yet. Raises AnswerAwaited, AnswerRefused."""
+        exchange = self._exchange(key, question.ask)
+        exchange.pose(question)
+        with _explained(exchange):
+            answer = exchange.answer()
+        if answer is None:
+            self.answerer.ask(exchange, question, progress)
+            with _explained(exchange):
+                answer = exchange.answer()
+        if answer is None:
+            raise AnswerRefused(f"trial {key.number} has no answer: {exchange.answer_file} is missing")
+        return answer
+
+    def _normalised(self, context: Array, action: Array) -> tuple[Array, Array]:
+        return self.task.context.normalise(context), self.task.action.normalise(action)
+
+    def _note_impossible(self, question: Question) -> None:
+        context = np.array([question.context[name] for name in self.task.context.names])
+        action = np.array([(question.action or {})[name] for name in self.task.action.names])
+        self._impossible.append(self._normalised(context, action))
+
+
+@contextmanager
+def _explained(exchange: Exchange) -> Iterator[None]:
+    """Adds to a refused answer where it is kept, and what to do."""
+    try:
+        yield
+    except (AnswerRefused, MomentsMissing) as error:
+        raise AnswerRefused(
+            f"the answer to trial {exchange.question().trial} does not count: {error}. It is kept in "
+            f"{exchange.answer_file}: correct it there, or delete it to be asked again"
+        ) from error

@@ -98,8 +98,8 @@ class RunningSession:
         Raises AnswerAwaited once nothing is left but trials whose answers come later.
         """
         facts, existing = self.store.facts, self.store.existing()
-        asked = replace(existing, completed=existing.completed | self.awaited)
-        stage = next_stage(asked, facts.particles, facts.trials)
+        with_awaited = replace(existing, completed=existing.completed | self.awaited)
+        stage = next_stage(with_awaited, facts.particles, facts.trials)
         if self.awaited and not isinstance(stage, RunTrial):
             which = ", ".join(str(key.number) for key in sorted(self.awaited))
             raise AnswerAwaited(f"answers are awaited of trials {which}")
@@ -426,10 +426,10 @@ def show_proposal(task: Task, proposal: Proposal, planned: Placement, screen: Sc
     watcher.proposed(proposal, planned.preview)
 
 
-def motion_record(made: MotionRecord, started: str, motion: Motion, timing_s: dict[str, float]) -> MotionRecord:
+def motion_record(proposed: MotionRecord, started: str, motion: Motion, timing_s: dict[str, float]) -> MotionRecord:
     """The record of a finished motion."""
     stopped = None if motion.stopped is None else str(motion.stopped)
-    return made.model_copy(update={"started": started, "stopped": stopped, "timing_s": timing_s})
+    return proposed.model_copy(update={"started": started, "stopped": stopped, "timing_s": timing_s})
 
 
 def trial_record(task: Task, motion: MotionRecord, tracked_trial: TrackedTrial) -> TrialRecord:

@@ -18,7 +18,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.own.exchange import Answerer
-from adaptsim_cli.session.own.person import Person
+from adaptsim_cli.session.own.person import TypedAnswers
 from adaptsim_cli.session.own.program import Program
 from adaptsim_cli.session.own.target import OwnTarget
 from adaptsim_cli.session.records import Facts
@@ -124,7 +124,7 @@ def _own_target(
                 f"--method {config.method} needs every moment of a trial, and a person may report its end alone: "
                 "adapt with adaptsim, or have a program report whole trajectories"
             )
-        answerer = Person(screen, task)
+        answerer = TypedAnswers(screen, task)
     elif answerer is None and config.answer_with:
         moves = config.answer_moves == "robot"
         release = Release(screen, real=True) if moves else Release()

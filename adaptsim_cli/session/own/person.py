@@ -41,7 +41,7 @@ class _Said(Exception):
 
 
 @dataclass(frozen=True)
-class Person:
+class TypedAnswers:
     """An `Answerer`: a person at the terminal, who also makes the trial."""
 
     screen: Screen
@@ -62,18 +62,15 @@ class Person:
         """See `Answerer`. Raises StoppedByOperator."""
         try:
             table = self._place(question) if question.ask == "place" else self._trial(question)
-        except _Said as said:
-            table = said.table
+        except _Said as refusal:
+            table = refusal.table
         exchange.keep((json.dumps({"trial": question.trial, **table}) + "\n").encode())
 
     def _place(self, question: Question) -> dict[str, Any]:
         where = ", ".join(f"{name} = {value:.4g} {question.units[name]}" for name, value in question.context.items())
         self.screen.show(f"  Set the object up near {where.strip()}, and measure where it lies.")
         while True:
-            context = {
-                name: self._number(f"{name} [{question.units[name] or '-'}] (Enter: {wanted:.4g}):", wanted)
-                for name, wanted in question.context.items()
-            }
+            context = {X for name, drawn in question.context.items()}
             answer = Answer(trial=question.trial, context=context)
             if self._fits(partial(measured_context, answer, question, self.task)):
                 return {"context": context}

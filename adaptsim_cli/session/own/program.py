@@ -227,9 +227,9 @@ def _take(exchange: Exchange, run: Run, trial: int) -> None:
 
 
 def _meaning(code: str) -> str:
-    known = {"127": " (no such command)", "126": " (it may not be executed)"}
-    if code in known:
-        return known[code]
+    meanings = {"127": " (no such command)", "126": " (it may not be executed)"}
+    if code in meanings:
+        return meanings[code]
     return f" (killed by signal {int(code) - 128})" if code.isdigit() and int(code) > 128 else ""
 
 

@@ -114,11 +114,11 @@ def track_of(answer: Answer, question: Question, task: Task) -> ObjectTrack:
     outcome = answer.outcome
     if outcome is None and len(report.outcomes) == 1:
         outcome = report.outcomes[0]
-    known = ", ".join(report.outcomes)
+    listing = ", ".join(report.outcomes)
     if outcome is None:
-        raise AnswerRefused(f"outcome is missing: it must be one of {known}")
+        raise AnswerRefused(f"outcome is missing: it must be one of {listing}")
     if outcome not in report.outcomes:
-        raise AnswerRefused(f"outcome = {outcome.value}: a trial of {task.name} ends as one of {known}")
+        raise AnswerRefused(f"outcome = {outcome.value}: a trial of {task.name} ends as one of {listing}")
     t_s, state = _samples(answer, task, report.columns)
     end_m = np.full(3, np.nan) if answer.end_in_tool_m is None else np.array(answer.end_in_tool_m)
     track = ObjectTrack(t_s, state, outcome, end_m, np.ones(len(t_s)))
@@ -189,9 +189,9 @@ def _require_rest(rest_s: float, track: ObjectTrack, task: Task) -> None:
 
 def _require_plausible(track: ObjectTrack, question: Question, task: Task) -> None:
     """Refuse states of another unit, and a start in another frame. Raises AnswerRefused."""
-    seen = task.observation
-    columns, wide = list(seen.columns), WIDENED * (seen.high - seen.low)
-    states, low, high = track.state[:, columns], seen.low - wide, seen.high + wide
+    sight = task.observation
+    columns, wide = list(sight.columns), WIDENED * (sight.high - sight.low)
+    states, low, high = track.state[:, columns], sight.low - wide, sight.high + wide
     outside = np.argwhere((states < low) | (states > high))
     if len(outside):
         row, column = outside[0]
@@ -216,9 +216,9 @@ def _require_plausible(track: ObjectTrack, question: Question, task: Task) -> No
 def _flags(answer: Answer, t_s: Array, last_s: float, task: Task) -> tuple[str, ...]:
     times_s = task.observation.times_s
     missing = int(((times_s < t_s[0] - 1e-6) | (times_s > last_s + 1e-6)).sum())
-    told = [answer.note] if answer.note else []
+    notes = [answer.note] if answer.note else []
     if missing == len(times_s):
-        told.append("only its end was observed: reward and end count, the posterior of the parameters stays as it was")
+        notes.append("only its end was observed: reward and end count, the posterior of the parameters stays as it was")
     elif missing:
-        told.append(f"{missing} of {len(times_s)} moments were not observed, and count for nothing")
-    return tuple(told)
+        notes.append(f"{missing} of {len(times_s)} moments were not observed, and count for nothing")
+    return tuple(notes)

@@ -111,8 +111,8 @@ class OwnTarget:
         """Whether no answer has said that such an action is impossible."""
         here = self._normalised(context, action)
         return not any(
-            np.abs(here[0] - there[0]).max(initial=0.0) <= NEAR and np.abs(here[1] - there[1]).max() <= NEAR
-            for there in self._impossible
+            np.abs(here[0] - other[0]).max(initial=0.0) <= NEAR and np.abs(here[1] - other[1]).max() <= NEAR
+            for other in self._impossible
         )
 
     def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:

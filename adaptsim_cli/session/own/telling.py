@@ -21,7 +21,7 @@ def open_questions(store: SessionStore) -> tuple[Question, ...]:
     """The questions without an answer, in the order of their trials; without those of rejected attempts."""
     existing = store.existing()
     over = existing.completed | existing.recorded | existing.rejected
-    found = []
+    questions = []
     for folder in sorted((store.folder / QUESTIONS).glob("trial-*")):
         match = _ATTEMPT.fullmatch(folder.name)
         if match is None or TrialKey(int(match[1]), int(match[2]) - 1) in over:
@@ -29,8 +29,8 @@ def open_questions(store: SessionStore) -> tuple[Question, ...]:
         for ask in ("place", "trial"):
             exchange = Exchange(folder, ask)
             if exchange.question_file.exists() and not exchange.answer_file.exists():
-                found.append(exchange.question())
-    return tuple(found)
+                questions.append(exchange.question())
+    return tuple(questions)
 
 
 def keep(store: SessionStore, question: Question, table: Mapping[str, Any]) -> None:

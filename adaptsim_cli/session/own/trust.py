@@ -62,7 +62,7 @@ def _digest(command: str, moves: str) -> str:
 
 def _trusted(file: Path) -> set[str]:
     try:
-        known = json.loads(read_bytes(file, _MOST_BYTES))
+        digests = json.loads(read_bytes(file, _MOST_BYTES))
     except (FileNotFoundError, ValueError):
         return set()
-    return {str(one) for one in known} if isinstance(known, list) else set()
+    return {str(one) for one in digests} if isinstance(digests, list) else set()

@@ -70,7 +70,10 @@ class TypedAnswers:
         where = ", ".join(f"{name} = {value:.4g} {question.units[name]}" for name, value in question.context.items())
         self.screen.show(f"  Set the object up near {where.strip()}, and measure where it lies.")
         while True:
-            context = {X for name, drawn in question.context.items()}
+            context = {
+                name: self._number(f"{name} [{question.units[name] or '-'}] (Enter: {drawn:.4g}):", drawn)
+                for name, drawn in question.context.items()
+            }
             answer = Answer(trial=question.trial, context=context)
             if self._fits(partial(measured_context, answer, question, self.task)):
                 return {"context": context}

@@ -159,7 +159,7 @@ class Run:
         return Path(f"{self.stem}.lock")
 
     @property
-    def taken(self) -> Path:
+    def receipt(self) -> Path:
         """There once its output was taken as an answer: who deletes that wants another run."""
         return Path(f"{self.stem}.taken")
 
@@ -167,7 +167,7 @@ class Run:
     def has_answered(self) -> bool:
         """Whether it ended well, with an output that was not taken yet."""
         return (
-            not self.taken.exists()
+            not self.receipt.exists()
             and self.exit.exists()
             and self.exit.read_text().strip() == "0"
             and self.out.stat().st_size > 0
@@ -223,7 +223,7 @@ def _take(exchange: Exchange, run: Run, trial: int) -> None:
             f"the program of trial {trial} printed {size / 2**20:.0f} MB, limit {MOST_BYTES // 2**20}. {here}"
         )
     exchange.keep(run.out.read_bytes())
-    run.taken.touch()
+    run.receipt.touch()
 
 
 def _meaning(code: str) -> str:

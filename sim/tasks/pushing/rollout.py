@@ -15,7 +15,6 @@ from pydrake.math import RigidTransform
 from hw.types import Array
 from perception.types import SETTLE_S, ObjectTrack, Outcome
 from sim.tasks.pushing.params import (
-    BOTTLE_MASS_KG,
     BOTTLE_RADIUS_M,
     GOAL_SCALE_M,
     TIPPED_RAD,
@@ -72,11 +71,6 @@ def course_of(motion: ToolMotion, X_BO: Array, nuisance: Array, unmodelled: Push
     latest_s = float(motion.t_s[-1]) + SETTLE_S
     tool = drive.trajectory.value(start_s)[:, 0]
     return Course(drive, start_s, X_BO, tool, partial(_still, motion), _has_fallen, latest_s)
-
-
-def bottle_mass_kg(parameters: Array, nuisance: Array, unmodelled: PushingUnmodelled) -> float:
-    """What every bottle of training weighs."""
-    return BOTTLE_MASS_KG
 
 
 def _start_s(motion: ToolMotion, p_BO_m: Array) -> float:

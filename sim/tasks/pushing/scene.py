@@ -217,6 +217,11 @@ def _add_pusher(plant: MultibodyPlant, parent: Frame, X_PT: Array) -> None:
     plant.RegisterCollisionGeometry(pusher, RigidTransform(vector(*PLATE_CENTRE_M)), Box(*PLATE_M), "plate", properties)
 
 
+def bottle_mass_kg(parameters: Array, nuisance: Array, unmodelled: PushingUnmodelled) -> float:
+    """What every bottle of training weighs."""
+    return BOTTLE_MASS_KG
+
+
 def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: PushingUnmodelled | None) -> Array:
     """(4, 4) pose X_BO of the bottle ready for the push. The goal in `context` does not enter."""
     mass_kg = BOTTLE_MASS_KG * (1.0 if unmodelled is None else unmodelled.bottle_mass_scale)

@@ -20,11 +20,12 @@ of the command line, so both may continue the same session.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -32,10 +33,13 @@ from adaptsim_cli import config
 from adaptsim_cli.errors import AnswerAwaited, SessionError, UsageError
 from adaptsim_cli.outputs.exchange import Question
 from adaptsim_cli.outputs.trials import BestRecord
+from adaptsim_cli.report.agreement import mean_of, trial_std
+from adaptsim_cli.screen.views import between
 from adaptsim_cli.session import exporting, recording, store
 from adaptsim_cli.session.exporting import Row
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, TrialRecord
+from sim.adaptation import methods
 
 if TYPE_CHECKING:
     from adaptsim_cli.wiring.best import TaskPolicy
@@ -48,16 +52,24 @@ __all__ = [
     "BestRecord",
     "Facts",
     "Iteration",
+    "Policy",
     "Question",
     "Recording",
     "Row",
     "Session",
     "TrialRecord",
     "begin",
+    "benchmark",
+    "methods",
     "open_session",
     "read_recording",
+    "rollout",
     "sessions",
 ]
+
+
+Policy = Callable[["Array"], "Array | Sequence[float] | Mapping[str, float]"] | Sequence[float] | Mapping[str, float]
+"""A function context (c,) -> action in units, or one action for every context; an action as numbers or by name."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +83,7 @@ class Iteration:
     next_parameters: tuple[Mapping[str, float], ...]  # mean of each particle, by name, in units
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Session:
     """A stored session. Every call reads it from the disk again."""
 
@@ -100,6 +112,43 @@ class Session:
         return tuple(
             _iteration(stored, number) for number in range(stored.iterations()) if stored.result(number) is not None
         )
+
+    def __repr__(self) -> str:
+        try:
+            facts, trials = self.facts, self.trials
+        except SessionError as error:
+            return f"Session({self.name!r}: {error})"
+        where = facts.recorded or facts.world or facts.hw
+        done = [f"{_count(len(trials), 'trial')}, {_count(len(self.iterations), 'iteration')}"]
+        if trials:
+            newest = [t.reward for t in trials if t.iteration == trials[-1].iteration]
+            done.append(f"reward {np.mean(newest):.2f} in the newest")
+        return f"Session({self.name!r}: {facts.task} in {where}, {facts.method}, seed {facts.seed}; {', '.join(done)})"
+
+    def _repr_html_(self) -> str:
+        try:
+            curve = self.learning_curve()
+        except SessionError as error:
+            return f"<p>{escape(str(error))}</p>"
+        head = "".join(f"<th>{name}</th>" for name in ("iteration", "trials", "mean reward", "95 %"))
+        body = "".join(
+            f"<tr><td>{row['iteration']}</td><td>{row['trials']}</td><td>{row['mean_reward']:.2f}</td>"
+            f"<td>{between(float(row['low']), float(row['high']))}</td></tr>"
+            for row in curve
+        )
+        return f"<p>{escape(repr(self))}</p><table><tr>{head}</tr>{body}</table>"
+
+    def learning_curve(self) -> list[Row]:
+        """A row for each iteration: trials so far, mean reward of its own ones, 95 % interval. Raises SessionError."""
+        trials, std = self.trials, trial_std(self.facts.task)
+        rows = list[Row]()
+        for number in sorted({trial.iteration for trial in trials}):
+            mean = mean_of([trial.reward for trial in trials if trial.iteration == number], std)
+            so_far = sum(trial.iteration <= number for trial in trials)
+            rows.append(
+                {"iteration": number, "trials": so_far, "mean_reward": mean.mean, "low": mean.low, "high": mean.high}
+            )
+        return rows
 
     def rows(self) -> list[Row]:
         """One flat row per trial, as in `adaptsim sessions export --format csv`. Raises SessionError."""
@@ -214,7 +263,13 @@ class Session:
     def recording(self, trial: int) -> Recording:
         """Frames, joints and camera of a completed trial that counts. Raises SessionError, UsageError."""
         stored = self._stored
-        folder = stored.trial_folder(*store.completed(stored, trial).place)
+        record = store.completed(stored, trial)
+        if stored.facts.curves:
+            raise UsageError(
+                f"trial {trial} of session {self.name!r} has no recording: nothing films the "
+                f"{stored.facts.object_name}. Its curves are in session.trials[{trial - 1}].track"
+            )
+        folder = stored.trial_folder(*record.place)
         return recording.read(folder / recording.FILE)
 
     def hindsight(self) -> Hindsight:
@@ -306,9 +361,58 @@ def begin(
     return Session(chosen, root)
 
 
+def rollout(
+    task: str,
+    policy: Policy,
+    *,
+    world: str = "wd",
+    n: int = 20,
+    seed: int = 0,
+    through: Literal["direct", "lab"] = "direct",
+) -> list[Row]:
+    """Try an own policy `n` times in a simulated world, at contexts drawn from `seed`: a row each, for a data frame.
+
+    `policy` is a function of the context (c,) in units, or one action: numbers in the task's order, or by name. The
+    tool is driven directly, or the trials go through the whole `lab`: arm, camera and tracking. Nothing is stored.
+    Raises UnknownName, WorldError, UsageError, OutOfRange for an action beyond its range, RolloutError.
+    """
+    from adaptsim_cli.research import from_python
+
+    return from_python.rollout(task, policy, world=world, n=n, seed=seed, through=through)
+
+
+def benchmark(
+    task: str,
+    *,
+    worlds: str = "wd",
+    methods: str = "udr,adaptsim",
+    budget: int = 20,
+    seeds: int | None = None,
+    fresh: int = 0,
+    out: Path | None = None,
+) -> list[Row]:
+    """Compare methods as `adaptsim benchmark` does, in this process: a row for each world, method, seed and number of
+    trials, for a data frame.
+
+    Results are kept and a repeated call continues. A contact task needs tables (`adaptsim world-tables`), or `fresh`
+    rollouts. Raises the errors of `adaptsim benchmark`.
+    """
+    from adaptsim_cli.research import from_python
+
+    return from_python.benchmark(task, worlds=worlds, methods=methods, budget=budget, seeds=seeds, fresh=fresh, out=out)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
 def read_recording(path: Path | str) -> Recording:
     """The frames, joints and camera of a `recording.mcap`, of any version. Raises SessionError naming the file."""
     return recording.read(Path(path))
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}{'s' * (n != 1)}"
 
 
 def _iteration(stored: store.SessionStore, number: int) -> Iteration:

@@ -23,7 +23,7 @@ import numpy as np
 from scipy import stats
 
 from hw.types import Array
-from sim.research.benchmark.jobs import COMPARED
+from sim.research.benchmark.jobs import compared
 from sim.research.benchmark.sessions import Conditions
 
 PAGE, SESSIONS, FOLDER = Path("docs/results/methods.md"), Path("docs/results/sessions.csv"), Path("build/results")
@@ -184,7 +184,7 @@ def written(parts: Sequence[Part], sessions: Sequence[Session], *, short: bool) 
 def section(part: Part, sessions: Sequence[Session]) -> list[str]:
     """The table of one set of worlds; a method is shown if it ran in all of them."""
     worlds = sorted({s.world for s in sessions})
-    earned = {m: by_world(sessions, m) for m in COMPARED}
+    earned = {m: by_world(sessions, m) for m in compared()}
     earned = {method: there for method, there in earned.items() if there.keys() == set(worlds)}
     best = max(means(there).mean() for m, there in earned.items() if m not in LIMITS)
     after = max((s.after for s in sessions), key=len)

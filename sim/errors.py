@@ -14,6 +14,7 @@ SimError
 │                        them
 ├── MomentsMissing       a method needs moments of a trial that were not observed
 ├── RecordingsRefused    recorded trials cannot serve as a target; the message names the trial and the defect
+├── CollapsedPosterior   too few samples carry a posterior for an interval
 ├── DatasetError         a stored dataset is corrupt or of another kind
 └── CheckpointError      a checkpoint is corrupt, or of another task or version
 """
@@ -64,6 +65,10 @@ class ClusterUnavailable(SimError):
 
 class ExtraMissing(SimError):
     """Packages of an optional extra are not installed."""
+
+
+class CollapsedPosterior(SimError):
+    """Too few samples carry a posterior for an interval."""
 
 
 class DatasetError(SimError):

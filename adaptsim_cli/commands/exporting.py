@@ -72,6 +72,7 @@ def compare(
         "task": rows[0].facts.task,
         "sessions": [c.as_row() for c in rows],
         "methods": comparison.by_method(rows),
+        "identical": comparison.identical(rows),
         "posteriors": beliefs,
         "page": str(path),
         "tables": [str(path.with_name(name)) for name in (comparison.SESSIONS, comparison.TRIALS)],
@@ -83,7 +84,11 @@ def compare(
     ]
     screen.show(views.rows(("session", "first", "last", "trials"), body, right=(1, 2, 3)))
     screen.plain("First and last: mean reward of the first and of the last iteration.")
-    for sentence in (*comparison.conclusions(rows), *comparison.disagreements(beliefs)):
+    for sentence in (
+        *comparison.repetitions(rows),
+        *comparison.conclusions(rows),
+        *comparison.disagreements(beliefs),
+    ):
         screen.plain(sentence)
     screen.plain(f"Page: {path}")
     screen.next((f"xdg-open {path}", "the page, in the browser"))

@@ -29,7 +29,7 @@ def show(
     Example: adaptsim lab show --task scooping --world oreo --json
     """
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.screen import console
     from adaptsim_cli.wiring import settings
     from sim.lab.simulated import SimulatedLab, truth_of
     from sim.lab.world import load_world
@@ -38,21 +38,19 @@ def show(
 
     chosen = settings.load({"task": task, "world": world, "seed": seed}).config
     the_task = get_task(chosen.task)
-    if the_task.hardware is None:
-        target = load_world(chosen.world, the_task)
-        raise UsageError(
-            f"the task {the_task.name} has no lab scene: it runs in simulation only. World {target.name} has "
-            f"{views.values(the_task.parameters, target.parameters)}"
-        )
     the_world = load_world(chosen.world, the_task)
-    screen = console.Screen(as_json=as_json)
-    if the_world.physics != "drake":
+    screen, session_world = console.Screen(as_json=as_json), chosen.lab_world
+    if the_task.hardware is None:
+        if png is not None:
+            raise UsageError(f"--png: {the_task.name} has no lab scene, it runs in simulation only; leave --png out")
+        _show(screen, the_task, session_world, truth_of(the_task, the_world))
+    elif the_world.physics != "drake":
         if png is not None:
             the_world.require_lab()
-        _show(screen, the_task, truth_of(the_task, the_world))
+        _show(screen, the_task, session_world, truth_of(the_task, the_world))
     else:
         lab = SimulatedLab(the_task, the_world, chosen.seed, cell_as_shipped(the_task.hardware, "panda"))
-        _show(screen, the_task, lab.truth())
+        _show(screen, the_task, session_world, lab.truth())
         if png is not None:
             import cv2
 
@@ -64,15 +62,21 @@ def show(
     screen.next((command, "a session in this world; it never sees this table"))
 
 
-def _show(screen: Screen, task: Task, truth: dict[str, Any]) -> None:
+def _show(screen: Screen, task: Task, world: str, truth: dict[str, Any]) -> None:
+    from adaptsim_cli.config import load
     from adaptsim_cli.screen import views
+    from adaptsim_cli.session import truth_view
+    from adaptsim_cli.wiring.hindsight import Reports
+    from adaptsim_cli.wiring.truth import newest_in
 
     spaces = (task.parameters, task.nuisance)
+    store = newest_in(load().places.sessions, task.name, world)
+    revealed = None if store is None else Reports().truth(store)
     units = {d.name: d.unit for space in spaces for d in space.dimensions}
-    if screen.data("lab show", truth | {"units": units}):
+    if screen.data("lab show", truth | {"units": units, "revealed": revealed}):
         return
     screen.plain(f"{truth['world']}: {truth['description']}")
-    if truth["physics"] != "drake":
+    if task.hardware is not None and truth["physics"] != "drake":
         screen.plain(f"Its physics is {truth['physics']}: the tool is driven directly, without arm and camera.")
     groups = ("parameters", "nuisance", "unmodelled", "sensing", "mount", "faults")
     named = {
@@ -88,6 +92,9 @@ def _show(screen: Screen, task: Task, truth: dict[str, Any]) -> None:
     rows = truth.get("X_BC", [])
     body += [("camera", f"X_BC row {i}", "  ".join(f"{v:8.4f}" for v in row), "") for i, row in enumerate(rows)]
     screen.show(views.rows(("", "name", "value", "plain name"), body))
+    if revealed is not None:
+        screen.show(truth_view.table(revealed))
+        screen.plain(f"Found by session {revealed.session}, the newest in this world.")
 
 
 @app.command("list")

@@ -77,4 +77,5 @@ def run_iteration(
     screen = Screen(as_json=as_json)
     prompt_screen = None if resolved.config.unattended(yes) else screen
     opener = partial(wiring.open_parts, own=begun, screen=prompt_screen)
-    running.run_session(resolved, request, opener, Reports().draw, screen, looking_on)
+    reports = Reports()
+    running.run_session(resolved, request, opener, reports.draw, screen, looking_on, reports.ending)

@@ -178,6 +178,7 @@ def prune(
     """
     from adaptsim_cli.errors import StoppedByOperator
     from adaptsim_cli.screen import console
+    from adaptsim_cli.screen.keys import Key, agree
     from adaptsim_cli.session import keeping, terminal_views
 
     opened, screen = options.stored(name), console.Screen(as_json=as_json)
@@ -186,7 +187,9 @@ def prune(
     if room.files and not yes:
         console.require_terminal("pruning asks first: run in a terminal, or add --yes")
         screen.plain(f"This removes {what}. It cannot be undone.")
-        if screen.ask("Type yes to remove them, or Enter to keep them:") != "yes":
+        remove = agree("to remove them", "The recordings are removed for good; records, key moments and report stay.")
+        keep = Key("", "to keep them", "Nothing is removed.", is_way_out=True)
+        if screen.choose("Remove them?", remove, keep) != "y":
             raise StoppedByOperator(f"kept: the recordings of {name} are unchanged")
     if room.files:
         room = keeping.prune(opened, rejected_only=rejected)

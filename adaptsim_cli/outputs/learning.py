@@ -36,6 +36,37 @@ class Worlds(Output):
     quantities: list[Described] = described("parameters, contexts, actions and nuisance of the task")
 
 
+class RevealedParameter(Record):
+    """One parameter of a simulated world, beside the belief of a session."""
+
+    name: str = described("its name")
+    plain_name: str = described("its plain name")
+    unit: str = described("its unit")
+    meaning: str = described("what it is, in one line")
+    scale: str = described("how it is normalised: linear, log or integer")
+    truth: float = described("its true value, which no session sees")
+    low: float = described("lower end of the range of training")
+    high: float = described("upper end of it")
+    believed: tuple[float, float, float] | None = described(
+        "lower end, median and upper end of 90 % of the posterior; null where it collapsed onto one sample"
+    )
+
+
+class Revealed(Record):
+    """The truth of a simulated world beside a session in it."""
+
+    session: str = described("which session")
+    method: str = described("its method")
+    world: str = described("which world")
+    parameters: list[RevealedParameter] = described("one each")
+    iterations: int = described("its iterations so far")
+    trials: int = described("its trials so far")
+    first_reward: float = described("mean reward of its first iteration")
+    last_reward: float = described("mean reward of its last iteration")
+    udr_reward: float = described("mean reward there of the policies for all parameters, the tool driven directly")
+    udr_trials: int = described("simulated trials behind it")
+
+
 class WorldOutput(Output):
     """The hidden values of a world. A session never sees them."""
 
@@ -54,6 +85,7 @@ class WorldOutput(Output):
     X_BC: list[list[float]] | None = optional("true pose of the camera in the arm's base, 4 x 4, m")
     joint_zeros_rad: list[float] | None = optional("true zeros of the joints")
     X_FT: list[list[float]] | None = optional("true pose of the tool in the flange, 4 x 4, m")
+    revealed: Revealed | None = optional("truth, range and belief of the newest session in this world")
     trials: list[dict[str, Any]] | None = optional("place and motion of the object in every trial so far")
 
 

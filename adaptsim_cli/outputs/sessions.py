@@ -63,6 +63,13 @@ class ShownResult(Record):
     timing_s: dict[str, float] = described("wall time by stage; `total` is their sum")
 
 
+class ShownWaiting(Record):
+    """One recorded attempt before its review."""
+
+    trial: int = described("number of the trial, from 1")
+    attempt: int = described("which attempt at it, from 1")
+
+
 class ShownRejection(Record):
     """One attempt that does not count."""
 
@@ -80,6 +87,7 @@ class SessionShown(Output):
     units: dict[str, str] = described(UNITS)
     trials: list[ShownTrial] = described("its trials, in order")
     rejected: list[ShownRejection] = described("attempts that do not count, in order")
+    waiting: list[ShownWaiting] = described("recorded attempts that count once they are tracked and reviewed, in order")
     results: list[ShownResult] = described("its complete iterations, in order")
     newer_keys: tuple[str, ...] = described("keys that a newer version of adaptsim wrote; they are kept and not used")
 
@@ -204,7 +212,8 @@ class ComparedMethod(Record):
     """The pooled result of the sessions of one method."""
 
     method: str = described("which method")
-    sessions: int = described("how many sessions")
+    sessions: int = described("how many different sessions")
+    identical: int = described("how many more repeat one of these, trial by trial; they do not count")
     last_reward: float = described("mean reward of their last iterations")
     last_ci95: tuple[float, float] | None = described("its 95 % interval; null for one session")
     pairs: int = described("sessions that have a partner of the first method in the same world with the same seed")
@@ -218,9 +227,9 @@ class ParameterBelief(Record):
     session: str = described("which session")
     parameter: str = described("which parameter")
     unit: str = described("its unit")
-    low: float = described("lower end of the 90 % interval")
-    median: float = described("median of the posterior")
-    high: float = described("upper end of the interval")
+    low: float | None = described("lower end of the 90 % interval; null where the posterior collapsed onto one sample")
+    median: float | None = described("median of the posterior; null where it collapsed")
+    high: float | None = described("upper end of the interval; null where the posterior collapsed")
 
 
 class Compared(Output):
@@ -229,6 +238,7 @@ class Compared(Output):
     task: str = described("which task")
     sessions: list[dict[str, str | int | float]] = described("the rows of sessions.csv")
     methods: list[ComparedMethod] = described("one for each method")
+    identical: list[list[str]] = described("groups of sessions that repeat each other, trial by trial")
     posteriors: list[ParameterBelief] = described("one for each session with a posterior and each parameter")
     page: str = described("page that was written")
     tables: list[str] = described("tables that were written")

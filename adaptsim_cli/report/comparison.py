@@ -22,6 +22,7 @@ from adaptsim_cli.session.exporting import Row, as_csv, rows
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore, results_of, trials_of
 from adaptsim_cli.storage import durable
+from sim.adaptation.posterior import COLLAPSED
 
 UDR = "udr"
 PAGE, SESSIONS, TRIALS = "comparison.html", "sessions.csv", "trials.csv"
@@ -71,6 +72,12 @@ class ComparedSession:
         return parameters_in_words(self.facts, self.result.best.params) if self.result else ""
 
     @property
+    def course(self) -> tuple[tuple[str, tuple[float, ...], float], ...]:
+        """Method, action and reward of every trial: the same for sessions that repeat each other."""
+        method = self.facts.method
+        return tuple((method, tuple(trial.action_array.tolist()), trial.reward) for trial in self.trials)
+
+    @property
     def pair(self) -> tuple[str, str, int]:
         """The key for pairing sessions of different methods."""
         return self.facts.hw, self.facts.world_sha256, self.facts.seed
@@ -109,8 +116,34 @@ def compared(stores: Sequence[SessionStore]) -> tuple[ComparedSession, ...]:
     return tuple(_compared(store) for store in stores)
 
 
-def by_method(sessions: Sequence[ComparedSession]) -> tuple[ComparedMethod, ...]:
-    """The sessions of each method, pooled, and paired with the first method by world and seed."""
+def identical(sessions: Sequence[ComparedSession]) -> tuple[tuple[str, ...], ...]:
+    """Names of the sessions whose trials all repeat each other, group by group."""
+    groups: dict[object, list[str]] = {}
+    for c in sessions:
+        groups.setdefault((c.pair[:2], c.course), []).append(c.facts.name)
+    return tuple(tuple(names) for names in groups.values() if len(names) > 1)
+
+
+def repetitions(sessions: Sequence[ComparedSession]) -> tuple[str, ...]:
+    """A sentence for each group of identical sessions."""
+    return tuple(
+        f"{', '.join(names[:-1])} and {names[-1]} are identical, trial by trial: they count as one session."
+        for names in identical(sessions)
+    )
+
+
+def _different(sessions: Sequence[ComparedSession]) -> list[ComparedSession]:
+    """The sessions without those that repeat an earlier one."""
+    again = {name for names in identical(sessions) for name in names[1:]}
+    return [c for c in sessions if c.facts.name not in again]
+
+
+def by_method(every: Sequence[ComparedSession]) -> tuple[ComparedMethod, ...]:
+    """The sessions of each method, pooled, and paired with the first method by world and seed.
+
+    Of identical sessions one counts.
+    """
+    sessions = _different(every)
     methods = tuple(dict.fromkeys(c.facts.method for c in sessions))
     ends = {m: {c.pair: c.iterations[-1].mean for c in sessions if c.facts.method == m} for m in methods}
     result = []
@@ -123,6 +156,7 @@ def by_method(sessions: Sequence[ComparedSession]) -> tuple[ComparedMethod, ...]
             ComparedMethod(
                 method=method,
                 sessions=len(values),
+                identical=sum(c.facts.method == method for c in every) - len(values),
                 last_reward=float(np.mean(values)),
                 last_ci95=None if last is None else last[1:],
                 pairs=0 if above is None else len(apart),
@@ -149,26 +183,37 @@ def conclusions(sessions: Sequence[ComparedSession]) -> tuple[str, ...]:
 
 
 def within(belief: ParameterBelief) -> str:
-    """The interval of a belief, with its unit."""
+    """The interval of a belief, with its unit; without one, why."""
+    if belief.low is None or belief.high is None:
+        return COLLAPSED
     return f"{plain(belief.low)} to {plain(belief.high)} {belief.unit}".rstrip()
 
 
 def disagreements(beliefs: Sequence[ParameterBelief]) -> tuple[str, ...]:
     """One sentence for each parameter whose 90 % intervals in two sessions do not overlap, or one if all overlap."""
-    sentences = []
+    collapsed = dict.fromkeys(one.session for one in beliefs if one.low is None)
+    sentences = [f"The posterior of {name} is {COLLAPSED}." for name in collapsed]
+    beliefs = [one for one in beliefs if one.session not in collapsed]
     for parameter in dict.fromkeys(one.parameter for one in beliefs):
         mine = [one for one in beliefs if one.parameter == parameter]
-        apart = [(a, b) for a, b in itertools.combinations(mine, 2) if a.high < b.low or b.high < a.low]
+        apart = [(a, b) for a, b in itertools.combinations(mine, 2) if _gap(a, b) > 0.0]
         if apart:
-            a, b = max(apart, key=lambda pair: max(pair[0].low - pair[1].high, pair[1].low - pair[0].high))
+            a, b = max(apart, key=lambda pair: _gap(*pair))
             count = f"; {len(apart)} pairs in all" if len(apart) > 1 else ""
             sentences.append(
                 f"The posteriors disagree in {parameter}: {a.session} has {within(a)}, {b.session} {within(b)} "
                 f"(90 %){count}."
             )
     if len({one.session for one in beliefs}) < 2:
-        return ()
+        return tuple(sentences)
     return tuple(sentences) or ("The posteriors disagree in no parameter: all 90 % intervals overlap.",)
+
+
+def _gap(a: ParameterBelief, b: ParameterBelief) -> float:
+    """How far two intervals are apart, in the parameter's unit; negative if they overlap, or if one is missing."""
+    if a.low is None or a.high is None or b.low is None or b.high is None:
+        return -1.0
+    return max(a.low - b.high, b.low - a.high)
 
 
 def write(sessions: Sequence[ComparedSession], folder: Path, beliefs: Sequence[ParameterBelief] = ()) -> Path:
@@ -202,6 +247,7 @@ def render(sessions: Sequence[ComparedSession], beliefs: Sequence[ParameterBelie
         figure_lines=both(lambda width: figures.lines(lines, width)),
         beliefs=[(one, within(one)) for one in sorted(beliefs, key=lambda one: one.parameter)],
         disagreements=disagreements(beliefs),
+        repetitions=repetitions(sessions),
         sessions_csv=SESSIONS,
         trials_csv=TRIALS,
     )

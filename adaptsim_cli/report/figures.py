@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from adaptsim_cli.outputs.learning import RevealedParameter
 from adaptsim_cli.report.svg import Canvas, Scale, plain
+from adaptsim_cli.screen.views import between
 from adaptsim_cli.session.records import DimensionRecord, TrialRecord
+from adaptsim_cli.session.truth_view import positions
 from hw.types import Array
-from sim.adaptation.posterior import Posterior
+from sim.adaptation.posterior import COLLAPSED, Posterior
 from sim.types import Estimate
 
 
@@ -96,7 +99,7 @@ def rewards(
             canvas.rect(x - half, high, 2 * half, max(low - high, 1.5), f"expected c{trial.particle - 1}", 3)
             mean = y(trial.predicted_reward)
             canvas.line(x - half, mean, x + half, mean, f"mean-expected c{trial.particle - 1}")
-            css = "dot" if trial.reward > 0 else "dot open"
+            css = "dot" if trial.succeeded else "dot open"
             canvas.dot(x, y(trial.reward), min(5.0, half + 1.0), f"{css} c{trial.particle - 1}", _told(trial))
     if len(means) > 1:
         canvas.curve(means, "mean-curve")
@@ -141,7 +144,7 @@ def parameter(
 
 def _seen(dimension: DimensionRecord, posteriors: Sequence[Posterior], index: int) -> tuple[float, float]:
     """The range, extended to include the posterior's bands."""
-    ends = [p.quantiles((LEVELS[0], LEVELS[-1]))[:, index] for p in posteriors]
+    ends = [p.quantiles((LEVELS[0], LEVELS[-1]))[:, index] for p in posteriors if not p.is_collapsed]
     return (
         float(min([dimension.low, *(low for low, _ in ends)])),
         float(max([dimension.high, *(high for _, high in ends)])),
@@ -155,10 +158,26 @@ def _belief(canvas: Canvas, posterior: Posterior, index: int, x: float, y: Scale
             if share > 0.005 and y.low <= value <= y.high:
                 canvas.dot(x, y(value), 16.0 * share**0.5, "likely", f"{plain(float(value))}: {100 * share:.0f} %")
         return
+    if posterior.is_collapsed:
+        at = min(max(float(posterior.mean[index]), y.low), y.high)
+        canvas.dot(x, y(at), 7, "dot open", COLLAPSED)
+        return
     low, lower, upper, high = (float(v) for v in posterior.quantiles(LEVELS)[:, index])
     tooltip = f"90 % between {plain(float(f'{low:.3g}'))} and {plain(float(f'{high:.3g}'))}"
     for bottom, top in ((low, high), (lower, upper)):
         canvas.rect(x - 14, y(top), 28, max(y(bottom) - y(top), 2.0), "likely", 4, tooltip)
+
+
+def truth(one: RevealedParameter) -> str:
+    """A parameter's range of training as a field, what the session found as a bar, the truth as a dot."""
+    canvas = Canvas(220, 22, f"{one.plain_name}: truth, range and belief")
+    ends = [one.low, one.high, one.truth, *(one.believed or ())]
+    at = [8.0 + x for x in positions(one, ends, 204)]
+    canvas.rect(at[0], 4, at[1] - at[0], 14, "range", 3, "range of training")
+    if one.believed is not None:
+        canvas.rect(at[3], 7, max(at[5] - at[3], 2.0), 8, "likely", 3, "found, 90 %")
+    canvas.dot(at[2], 11, 4.5, "dot c2", "truth")
+    return canvas.svg()
 
 
 @dataclass(frozen=True)
@@ -191,7 +210,7 @@ def levels(rows: Sequence[Level], width: float = WIDE) -> str:
         if wide:
             canvas.text(0.0, y + 11.0, row.detail)
         canvas.line(x(row.low), y, x(row.high), y, f"interval {css}")
-        tooltip = f"{row.label}: {row.mean:.2f}, {row.low:.2f} to {row.high:.2f}, {row.detail}"
+        tooltip = f"{row.label}: {row.mean:.2f}, {between(row.low, row.high)}, {row.detail}"
         canvas.dot(x(row.mean), y, 5.5, f"dot {'open ' if row.is_open else ''}{css}", tooltip)
         canvas.text(right + 10, y + 4, f"{row.mean:.2f}", "row")
     return canvas.svg()
@@ -235,7 +254,7 @@ def table_view(trials: Sequence[TrialRecord], area: Sequence[DimensionRecord], n
         if trial.goal_m is not None:
             end = x(path[-1, 0]), y(path[-1, 1])
             canvas.line(*end, x(trial.goal_m[0]), y(trial.goal_m[1]), f"miss {css}")
-        _path(canvas, x, y, path, trial.goal_m, css, _told(trial), is_success=trial.reward > 0)
+        _path(canvas, x, y, path, trial.goal_m, css, _told(trial), is_success=trial.succeeded)
     return canvas.svg()
 
 
@@ -244,7 +263,7 @@ def curve_view(trials: Sequence[TrialRecord], label: str, column: int, newest: i
     curves = []
     for trial in trials:
         css = f"c{trial.particle - 1}" + ("" if trial.iteration == newest else " faint")
-        css += "" if trial.reward > 0 else " failed"
+        css += "" if trial.succeeded else " failed"
         curves.append((np.array(trial.track.t_s), np.array(trial.track.state)[:, column], css, _told(trial)))
     return _over_time(curves, label, width)
 
@@ -266,7 +285,7 @@ def prediction(trial: TrialRecord, expected: Prediction, curves: Sequence[str] =
             canvas.dot(x(path[-1, 0]), y(path[-1, 1]), 2, "later-end")
         canvas.curve(_pixels(x, y, expected.guess[:, 0], expected.guess[:, 1]), "before")
         canvas.dot(x(expected.guess[-1, 0]), y(expected.guess[-1, 1]), 4, "before-end", "predicted end")
-        _path(canvas, x, y, course, trial.goal_m, css, "observed", is_success=trial.reward > 0)
+        _path(canvas, x, y, course, trial.goal_m, css, "observed", is_success=trial.succeeded)
         return canvas.svg()
     canvas = Canvas(400, 150 * len(curves) + 14, f"Trial {trial.trial}, observed and predicted")
     t_s = np.array(trial.track.t_s)

@@ -12,11 +12,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adaptsim_cli.outputs.learning import Revealed
 from adaptsim_cli.outputs.trials import OutlookRecord
 from adaptsim_cli.report import figures
 from adaptsim_cli.report.agreement import MeanReward, agreement, mean_of, trial_std
 from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
+from adaptsim_cli.screen.views import between, predicted_between
+from adaptsim_cli.session import truth_view
 from adaptsim_cli.session.advice import in_words, tried_in
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.records import (
@@ -28,6 +31,7 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.session.store import Change, SessionStore, means_of, particles_of
 from adaptsim_cli.storage import durable
+from sim.adaptation.method import FAILED
 from sim.tasks import TASKS, get_task
 from sim.types import Dimension
 
@@ -82,15 +86,17 @@ def write(
     judgement: Judgement | str = "",
     reference: Reference | None = None,
     confirmed: Sequence[float] = (),
+    truth: Revealed | None = None,
 ) -> Path:
     """Write the page (default: `report.html` in the session's folder) and return its path. Raises SessionError.
 
     `judgement` is the simulator's judgement in hindsight, or the reason why it is missing; `confirmed` are the
-    rewards of trials that the best policy of the session has made since.
+    rewards of trials that the best policy of the session has made since; `truth` is what a simulated session could
+    not see.
     """
     path = out if out is not None else store.folder / "report.html"
     durable.make_folder(path.absolute().parent)
-    durable.replace_file(path.absolute(), render(store, judgement, reference, confirmed).encode())
+    durable.replace_file(path.absolute(), render(store, judgement, reference, confirmed, truth).encode())
     return path
 
 
@@ -99,6 +105,7 @@ def render(
     judgement: Judgement | str = "",
     reference: Reference | None = None,
     confirmed: Sequence[float] = (),
+    truth: Revealed | None = None,
 ) -> str:
     """The page as HTML. Raises SessionError if a record is corrupt."""
     facts, assessment = store.facts, None if isinstance(judgement, str) else judgement
@@ -121,7 +128,8 @@ def render(
         verdict=in_words(results[-1].verdict, facts.object_name, facts.recorded) if results else "",
         best=parameters_in_words(facts, results[-1].best.params) if results else "",
         correction=_correction(facts, results[-1].outlook) if results else "",
-        successes=sum(t.reward > 0 for t in trials),
+        failed=FAILED,
+        successes=sum(t.succeeded for t in trials),
         figure_levels=both(lambda width: figures.levels(rows, width)) if rows else "",
         figure_rewards=both(lambda w: figures.rewards(trials, len(views), facts.particles, facts.trials, w))
         if trials
@@ -133,6 +141,8 @@ def render(
             )
         ],
         known=assessment,
+        truth=None if truth is None else truth_view.in_words(truth),
+        truths=[] if truth is None else [(truth_view.row(one), figures.truth(one)) for one in truth.parameters],
         agreement=agreement(
             trials,
             assessment.predictions if assessment else None,
@@ -141,6 +151,7 @@ def render(
         ),
         measured_udr=reference is not None,
         waivers=sorted({(w.safeguard, w.reason, w.by, w.on, w.until) for rig in store.rigs() for w in rig.waivers}),
+        predicted_between=predicted_between,
         tried=tried_in(results[-1].best) if results and not confirmed else "",
         unknown=judgement if isinstance(judgement, str) else "",
         quantities=[
@@ -165,7 +176,7 @@ def fill(template: str, **values: object) -> str:
     """Fill a template of this package, with the page's style and script."""
     folder = resources.files("adaptsim_cli.report")
     style, script = ((folder / name).read_text(encoding="utf-8") for name in ("style.css", "enlarge.js"))
-    return _compiled(template).render(style=style, script=script, **values)
+    return _compiled(template).render(style=style, script=script, between=between, **values)
 
 
 @cache

@@ -24,7 +24,12 @@ def benchmark(
     lab: Annotated[
         bool, typer.Option("--lab", help="Run every trial through the whole simulated lab: arm, camera and tracking.")
     ] = False,
-    seeds: Annotated[int, typer.Option("--seeds", min=1, help="Sessions of each method in each world.")] = 10,
+    seeds: Annotated[
+        int | None,
+        typer.Option(
+            "--seeds", min=1, help="Sessions of each method in each world.", show_default="10; 1 if no method draws"
+        ),
+    ] = None,
     checkpoints: Annotated[
         str, typer.Option("--checkpoints", help="One per training seed, by name or folder; used in turn.")
     ] = "",

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from adaptsim_cli.report.svg import Canvas, Scale
 from adaptsim_cli.research.benchmarking import PAGE, Comparison
+from adaptsim_cli.screen import views
 from adaptsim_cli.storage import durable
 from sim.adaptation.methods.udr import DRAWS
 from sim.research.benchmark.jobs import UDR
@@ -104,7 +105,7 @@ def differences(methods: Sequence[MethodSummary]) -> str:
     x = Scale(max(FAR_BELOW, min(-0.05, *ends)), max(0.05, *ends), 170.0, 740.0)
     for tick in x.ticks(7):
         canvas.line(x(tick), 4.0, x(tick), height + 8.0, "mean" if abs(tick) < 1e-9 else "grid")
-        canvas.text(x(tick), height + 26.0, f"{tick:+.2f}" if tick else "0", anchor="middle")
+        canvas.text(x(tick), height + 26.0, signed_tick(tick) if tick else "0", anchor="middle")
     for i, (method, mean, (low, high)) in enumerate(rows):
         middle = 20.0 + 26.0 * i
         canvas.text(160.0, middle + 4.0, method.method, anchor="end")
@@ -113,7 +114,7 @@ def differences(methods: Sequence[MethodSummary]) -> str:
             continue
         left = x(max(low, x.low))
         canvas.rect(left, middle - 5.0, max(x(high) - left, 1.5), 10.0, "expected c0", 3)
-        canvas.dot(x(mean), middle, 4.5, "dot c0", f"{mean:+.3f} ({low:+.3f} to {high:+.3f})")
+        canvas.dot(x(mean), middle, 4.5, "dot c0", f"{signed(mean)} ({views.between(low, high, '+.3f')})")
     return canvas.svg()
 
 
@@ -139,7 +140,8 @@ def title(summary: SetSummary) -> str:
     """The heading of a set: the basis of its numbers."""
     gap = "" if summary.with_gap is None else f", {len(summary.with_gap)} with a gap between oracle and udr"
     worlds, seeds = _count(summary.worlds, "world"), _count(summary.seeds, "seed")
-    return f"{summary.set}: {worlds}, {seeds}{gap}"
+    again = ", ".join(m.method for m in summary.methods if m.same_for_every_seed)
+    return f"{summary.set}: {worlds}, {seeds}{gap}" + (f"; every seed gave {again} the same sessions" if again else "")
 
 
 def cells(method: MethodSummary) -> tuple[str, ...]:
@@ -162,11 +164,14 @@ def signed(value: float | None) -> str:
     return "" if value is None else f"{value:+.3f}".replace("-", MINUS)
 
 
+def signed_tick(value: float) -> str:
+    """The label of a tick: as many decimals as it needs, two at least."""
+    return f"{value:+.3f}".removesuffix("0").replace("-", MINUS)
+
+
 def between(interval: Interval | None) -> str:
-    """Both ends of an interval; empty if unknown, or without a width, as of a single session."""
-    if interval is None or interval[0] == interval[1]:
-        return ""
-    return f"{interval[0]:.3f} to {interval[1]:.3f}".replace("-", MINUS)
+    """Both ends of an interval; empty if unknown, `–` without a width, as of a single session."""
+    return "" if interval is None else views.between(*interval, ".3f")
 
 
 def _count(n: int, what: str) -> str:

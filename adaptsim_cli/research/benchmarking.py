@@ -119,7 +119,7 @@ def request_of(
     methods: str,
     budget: int,
     fresh: int,
-    seeds: int,
+    seeds: int | None,
     checkpoints: str,
     out: Path | None,
     *,
@@ -158,6 +158,7 @@ def request_of(
                 raise
             left_out[name] = str(error)
     chosen = tuple(name for name in chosen if name not in left_out)
+    seeds = _seeds(seeds, task, chosen, trained=len(loaded), recorded=config.recorded)
     conditions = Conditions(budget, config.particles, fresh=fresh)
     conditions.iterations(task)
     worlds: tuple[BenchmarkWorld, ...] = ()
@@ -172,6 +173,31 @@ def request_of(
             _require_lab(task, worlds)
     rest = tuple(left_out.items())
     return BenchmarkRequest(resolved, task, worlds, chosen, conditions, seeds, loaded, out, in_lab, trials, rest)
+
+
+SEEDS = 10
+"""Sessions of each method in each world, where seeds change anything."""
+
+
+def _seeds(number: int | None, task: Task, methods: Sequence[str], *, trained: int, recorded: str) -> int:
+    """The number of sessions of each method in each world; 1 by default if every seed would give the same ones.
+
+    `trained` checkpoints are used in turn. Raises UsageError if identical sessions are requested.
+    """
+    from sim.adaptation.methods import ignores_seed
+    from sim.research.benchmark.jobs import LIMITS
+    from sim.rollouts.draws import repeats_exactly
+
+    same = all(ignores_seed(name, task) or (name in LIMITS and repeats_exactly(task)) for name in methods)
+    if not same or trained > 1 or recorded:
+        return SEEDS if number is None else number
+    if number is not None and number > 1:
+        raise UsageError(
+            f"--seeds {number}: nothing is drawn in {task.name}, nor by {', '.join(methods)}, so every seed gives the "
+            "same session. It is deterministic: one session is enough. Leave --seeds out, or add a method that draws, "
+            "e.g. udr"
+        )
+    return 1
 
 
 def benchmark(

@@ -138,7 +138,7 @@ class Screen:
             elif (key := chosen(keys, answer)) is not None:
                 return key.typed
             else:
-                self.note(f"  {unknown(answer)}")
+                self.note(f"  {unknown(answer, listed or keys)}")
 
     def go_on(
         self,

@@ -18,6 +18,7 @@ class Key:
     does: str  # after the key: "to start", "when it lies there"
     meaning: str  # the effect, one sentence
     is_way_out: bool = False  # q means it too
+    aliases: tuple[str, ...] = ()  # words that mean it too
 
     @property
     def name(self) -> str:
@@ -30,6 +31,11 @@ def enter(does: str, meaning: str) -> Key:
     return Key("", does, meaning)
 
 
+def agree(does: str, meaning: str) -> Key:
+    """The key that agrees, y or yes. Never for a motion: that has one key, which is typed."""
+    return Key("y", does, meaning, aliases=("yes",))
+
+
 def stop(meaning: str) -> Key:
     """The key that ends the command."""
     return Key("q", "to stop", meaning, is_way_out=True)
@@ -37,7 +43,7 @@ def stop(meaning: str) -> Key:
 
 def chosen(keys: Sequence[Key], answer: str) -> Key | None:
     """The typed key; None if it is not one of `keys`."""
-    return next((key for key in keys if answer == key.typed or (key.is_way_out and answer == "q")), None)
+    return next((key for key in keys if answer in (key.typed, *key.aliases, *("q",) * key.is_way_out)), None)
 
 
 def prompt(keys: Sequence[Key]) -> str:
@@ -57,10 +63,11 @@ def explained(keys: Sequence[Key]) -> list[tuple[str, str]]:
     return [(key.name, key.meaning) for key in keys]
 
 
-def unknown(answer: str) -> str:
-    """The message for an unknown answer."""
+def unknown(answer: str, keys: Sequence[Key] = ()) -> str:
+    """The message for an unknown answer, with the keys that are known."""
     shown = answer if answer.isprintable() else repr(answer)
-    return f"{shown or 'Enter alone'} means nothing here, and nothing has happened."
+    names = f" The keys: {', '.join([*(key.name for key in keys), HELP])}." if keys else ""
+    return f"{shown or 'Enter alone'} means nothing here, and nothing has happened.{names}"
 
 
 def read_line() -> str:

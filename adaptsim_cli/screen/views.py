@@ -76,11 +76,30 @@ def number(value: float) -> str:
     return f"{mantissa.rstrip('0').rstrip('.')}e{int(exponent)}"
 
 
+NO_INTERVAL = "–"
+"""In place of an interval that has no width, or would show none."""
+
+
+def between(low: float, high: float, form: str = ".2f") -> str:
+    """Both ends of an interval, `0.68 to 0.96`; `NO_INTERVAL` if they would read alike."""
+    ends = [f"{end:{form}}".replace("-", "−") for end in (low, high)]
+    return NO_INTERVAL if ends[0] == ends[1] else " to ".join(ends)
+
+
+def predicted_between(low: float, high: float) -> str:
+    """The interval of a predicted reward: `0.68 to 0.96`; without a width, the reason why there is none."""
+    interval = between(low, high)
+    return interval if interval != NO_INTERVAL else f"{interval}: all that may be true predict the same"
+
+
 def quantity(value: float, unit: str) -> str:
     """A number with its unit for people; a length under 10 cm in millimetres: −1.0 mm for −0.000976 m."""
     if unit == "m" and 0 < abs(value) < 0.1:
-        return f"{1e3 * value:.1f} mm".replace("-0.0 ", "0.0 ")
-    return f"{number(value)} {unit}".rstrip()
+        return f"{1e3 * value:.1f} mm".replace("-0.0 ", "0.0 ").replace("-", "−")
+    if unit == "Pa" and abs(value) >= 1e3:
+        large = "MPa" if abs(value) >= 1e6 else "kPa"
+        return f"{value / (1e6 if large == 'MPa' else 1e3):.3g} {large}"
+    return f"{number(value)} {unit}".rstrip().replace("-", "−" if "e-" not in number(value) else "-")
 
 
 def _examples(space: Space) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from adaptsim_cli.config import same_lab
 from adaptsim_cli.outputs.trials import BestRecord
+from adaptsim_cli.screen.views import predicted_between
 from adaptsim_cli.session.records import Facts, ResultRecord
 from sim.adaptation.method import WORTHWHILE
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
@@ -31,7 +32,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "") -> str:
     if verdict.kind is Kind.TOO_FEW:
         return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, at least {LEAST_TRIALS} are needed."
     kind = "estimated" if verdict.gain is None else "predicted"
-    reward = f"{kind} reward {verdict.reward:.2f} (95 % {verdict.ci95[0]:.2f} to {verdict.ci95[1]:.2f})"
+    reward = f"{kind} reward {verdict.reward:.2f} (95 % {predicted_between(*verdict.ci95)})"
     sentences = [f"{HEADLINES[verdict.kind]}: {reward}{_worth(verdict)}."]
     if Reason.FAILURES in verdict.reasons:
         sentences.append("The latest trials all failed.")

@@ -11,7 +11,7 @@ from rich.text import Text
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.keys import Key, enter, stop
+from adaptsim_cli.screen.keys import Key, agree, enter, stop
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
@@ -98,7 +98,7 @@ class Attended:
             "the arm and the object may have moved."
         )
         question = "Have you looked: is the arm at rest and its path clear?"
-        yes = Key("y", "to repeat this trial", "The trial begins again; the program asks again before the arm moves.")
+        yes = agree("to repeat this trial", "The trial begins again; the program asks again before the arm moves.")
         if self.screen.choose(question, yes, _LEAVE) == "q":
             raise StoppedByOperator("stopped by the operator; everything completed is stored")
 

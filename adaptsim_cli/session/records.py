@@ -25,6 +25,7 @@ from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
 from hw.records import AnyRecord, Record, content_of, from_any_version
 from hw.types import Array
 from perception.types import Outcome
+from sim.adaptation.method import FAILED
 from sim.adaptation.stages import TrialKey
 from sim.adaptation.verdict import Verdict
 from sim.types import Space
@@ -191,6 +192,11 @@ class TrialRecord(MotionRecord):
     film: Film | None = None  # None without a camera
     control_success_rate: float
     files: dict[str, int] = Field(default_factory=dict)  # name -> bytes of the other files, without motion.json
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether it earned more than a failure may (`FAILED`); a person's mark for dots, pills and counts."""
+        return self.reward > FAILED
 
     @property
     def outcome_words(self) -> str:

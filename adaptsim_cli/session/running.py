@@ -10,16 +10,17 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
+from rich.console import RenderableType
+
 from adaptsim_cli.config import Config, Resolved, is_own
 from adaptsim_cli.errors import AnswerRefused, PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.outputs.trials import IterationOutput
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
-from adaptsim_cli.screen.keys import Key
+from adaptsim_cli.screen.keys import Key, agree
 from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session import terminal_views
-from adaptsim_cli.session.advice import after_iteration
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.flow import RunningSession, rows_of, run_iteration, tell
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
@@ -30,6 +31,7 @@ from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
 from hw.memory import return_pictures
+from sim.adaptation.methods import ignores_seed
 from sim.adaptation.stages import next_stage
 from sim.errors import MomentsMissing, did_you_mean
 
@@ -38,6 +40,9 @@ OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
 
 OpenView = Callable[[Screen, SessionStore, Parts], AbstractContextManager[Watcher]]
 """(screen, session, parts) -> a watcher besides the terminal."""
+
+Ending = Callable[[SessionStore], RenderableType | None]
+"""session -> its last words, None for none."""
 
 _FROZEN = (
     *("task", "hw", "world", "recorded", "held_out", "start_from"),
@@ -71,8 +76,11 @@ def run_session(
     draw: Callable[[SessionStore], Path],
     screen: Screen | None = None,
     open_view: OpenView = terminal_alone,
+    ending: Ending | None = None,
 ) -> Path:
     """Run the iterations and return the path of the report, which `draw` makes beside the session after each.
+
+    `ending` makes what a person sees after the last iteration.
 
     The last iteration is done only once its result and report have reached the operator; a run that was killed just
     before shows them after a restart. Raises any error that stops a session or a report, with the command to continue.
@@ -122,10 +130,17 @@ def run_session(
                 with screen.busy("Drawing the report", "reporting"):
                     path = report.result()
             store.mark_shown(summary.iteration - 1, now())
-    screen.plain(f"Report: {path}")
-    if (result := store.result(summary.iteration - 1)) is not None:
-        screen.next(*after_iteration(store.facts, result))
+    _end(screen, store, path, ending)
     return path
+
+
+def _end(screen: Screen, store: SessionStore, path: Path, ending: Ending | None) -> None:
+    """The last words of the command: those of `ending`, the report, the next commands."""
+    if ending is not None and (words := ending(store)) is not None:
+        screen.show(words)
+    screen.plain(f"Report: {path}")
+    if results := stores.results_of(store):
+        screen.next(*after_iteration(store.facts, results[-1]))
 
 
 def _operator(config: Config, parts: Parts, request: SessionRequest, screen: Screen) -> Operator:
@@ -163,7 +178,7 @@ def _goes_on(
         if earlier is None or not earlier.verdict.stops:
             screen.note("The verdict says stop. The command runs on; with --until-done it would end here.")
         return True
-    on = Key("y", "to run the next iteration", "The session goes on with the next iteration.")
+    on = agree("to run the next iteration", "The session goes on with the next iteration.")
     end = Key("", "to end here", "The command ends. The session can be continued at any time.", is_way_out=True)
     return screen.choose("The verdict says stop. Run another iteration?", on, end) == "y"
 
@@ -198,7 +213,7 @@ def _confirm_session(screen: Screen, request: SessionRequest, resolved: Resolved
     near = did_you_mean(name, stores.names(root))
     if not near or request.yes:
         return
-    begin = Key("y", "to begin it", f"A new session is begun in {root / name}.")
+    begin = agree("to begin it", f"A new session is begun in {root / name}.")
     leave = Key("", "to leave it", "The command ends. No session is begun.", is_way_out=True)
     if screen.choose(f"There is no session {name} yet{near}", begin, leave) != "y":
         raise StoppedByOperator("no session was begun")
@@ -326,6 +341,11 @@ def _ready(session: RunningSession, config: Config) -> None:
     stage = next_stage(existing, facts.particles, facts.trials)
     task, title, is_new = session.parts.task, session.parts.target.title, not existing.started
     screen.show(terminal_views.session_header(task, facts, stage.iteration, title, is_new=is_new))
+    if is_new and facts.seed and not facts.recorded and ignores_seed(facts.method, task):
+        screen.note(
+            f"Deterministic: nothing is drawn in {task.name}, nor by {facts.method}. Every seed gives this session, so "
+            "one is enough."
+        )
     if existing.completed:
         count = len(existing.completed)
         screen.note(

@@ -15,6 +15,7 @@ from adaptsim_cli.outputs.sessions import (
     ShownRejection,
     ShownResult,
     ShownTrial,
+    ShownWaiting,
 )
 from adaptsim_cli.outputs.trials import IterationOutput, ParticleShown, PlayedTrial, named
 from adaptsim_cli.session.keeping import about, size_bytes
@@ -89,7 +90,7 @@ def overview_or_damage(root: Path, name: str) -> SessionRow | Damaged:
 
 def details(store: SessionStore) -> SessionShown:
     """One session with all its counting trials and results. Raises SessionError."""
-    facts = store.facts
+    facts, existing = store.facts, store.existing()
     shown = SessionShown(
         facts=facts.model_dump(mode="json"),
         folder=str(store.folder),
@@ -98,6 +99,10 @@ def details(store: SessionStore) -> SessionShown:
         rejected=[
             ShownRejection(trial=one.key.number, attempt=one.key.attempt + 1, at=one.note.at, reason=one.note.text)
             for one in store.rejections()
+        ],
+        waiting=[
+            ShownWaiting(trial=key.number, attempt=key.attempt + 1)
+            for key in sorted(existing.recorded - existing.rejected, key=lambda key: (key.number, key.attempt))
         ],
         results=[result.view(ShownResult) for result in results_of(store)],
         newer_keys=(),

@@ -65,10 +65,11 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle, left_s:
 def proposal(task: Task, proposal: Proposal) -> RenderableType:
     """The proposed action, and its expected outcome."""
     trial = proposal.trial
+    between = views.predicted_between(trial.predicted_low, trial.predicted_high)
     lines = (
         *_where(task, trial),
         f"Action   {views.values(task.action, trial.action_array)}",
-        f"Expected reward {trial.predicted_reward:.2f} ({trial.predicted_low:.2f} to {trial.predicted_high:.2f})",
+        f"Expected reward {trial.predicted_reward:.2f} ({between})",
         proposal.summary,
     )
     return views.indent(Group(*map(Text, lines)))
@@ -85,7 +86,7 @@ def _where(task: Task, trial: MotionRecord) -> tuple[str, ...]:
 
 def tracked(record: TrialRecord) -> RenderableType:
     """The result of a trial beside its prediction."""
-    style = "green" if record.reward > 0 else "yellow"
+    style = "green" if record.succeeded else "yellow"
     result = Text.assemble("Tracked: ", (f"{record.outcome_words}, reward {record.reward:.2f}", style))
     result.append(f" (expected {record.predicted_reward:.2f})", "dim")
     if (off_mm := record.off_goal_mm) is not None:
@@ -116,7 +117,7 @@ def adapted(
         "Best policy so far" + (f", {where}" if (where := tried_in(best)) else ""),
         f"; {'estimated' if result.outlook is None else 'predicted'}",
         (f" reward {best.mean_reward:.2f}", "bold"),
-        f" (95 % {best.ci95[0]:.2f} to {best.ci95[1]:.2f}, from {best.trials} trial{'s' * (best.trials != 1)}) at ",
+        f" (95 % {views.predicted_between(*best.ci95)}, from {best.trials} trial{'s' * (best.trials != 1)}) at ",
         ", ".join(f"{name}={views.number(value)}" for name, value in best.params.items()),
     )
     verdict = Text(in_words(result.verdict, task.object_name, recordings), style=_style(result))
@@ -211,9 +212,13 @@ def session(shown: SessionShown) -> RenderableType:
     rejected = [
         Text(f"Rejected: trial {r.trial}, attempt {r.attempt}: {r.reason}", style="yellow") for r in shown.rejected
     ]
+    waiting = [
+        Text(f"Recorded: trial {w.trial}, attempt {w.attempt}. It counts once it is reviewed.", style="yellow")
+        for w in shown.waiting
+    ]
     last = [Text(in_words(results[-1].verdict, facts["object_name"]))] if results else []
     newer = [newer_note(facts["name"], shown.newer_keys)] if shown.newer_keys else []
-    return Group(head, Text(shown.folder, style="dim"), Text(""), table, *rejected, *last, *newer)
+    return Group(head, Text(shown.folder, style="dim"), Text(""), table, *rejected, *waiting, *last, *newer)
 
 
 def tell_amended(screen: Screen, command: str, changed: Amended, consequence: str) -> None:

@@ -232,7 +232,7 @@ def _parameters(
     space = task.parameters
     means = means_of(store, results)
     unit = space.normalise(means)
-    marginals = None if posterior is None else _marginals(space, posterior)
+    marginals = None if posterior is None or posterior.is_collapsed else _marginals(space, posterior)
     return [
         {
             "name": d.name,

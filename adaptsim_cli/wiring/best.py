@@ -165,27 +165,31 @@ def scene_files(store: SessionStore, kind: str) -> dict[str, bytes]:
     OutOfRange, ExtraMissing.
     """
     from adaptsim_cli.wiring.hindsight import Hindsight
+    from sim.adaptation.posterior import COLLAPSED
     from sim.lab.scene_files import PlannedTrial, as_mjcf, as_sdf
 
     hindsight = Hindsight.of(store)
     task = hindsight.checkpoint.solver.task
     task.require_hardware()
     posterior = hindsight.posterior(store)
-    low, high = posterior.quantiles(INTERVAL)
+    interval = None if posterior.is_collapsed else posterior.quantiles(INTERVAL)
+    ends = [COLLAPSED] * len(task.parameters)
+    if interval is not None:
+        share = round(100 * (INTERVAL[1] - INTERVAL[0]))
+        ends = [f"{share} % of the posterior between {low:.4g} and {high:.4g}" for low, high in interval.T]
     context = trials_of(store)[-1].context_array
     action = policy_of_session(store, hindsight.checkpoint)(context)
     trial = PlannedTrial(task, posterior.mean, context, action)
-    share = round(100 * (INTERVAL[1] - INTERVAL[0]))
     notes = [f"{task.title}: session {store.facts.name}, after {len(trials_of(store))} trials."]
     notes += [
-        f"{d.title} = {mean:.4g}, {share} % of the posterior between {a:.4g} and {b:.4g}"
-        for d, mean, a, b in zip(task.parameters.dimensions, posterior.mean, low, high, strict=True)
+        f"{d.title} = {mean:.4g}, {between}"
+        for d, mean, between in zip(task.parameters.dimensions, posterior.mean, ends, strict=True)
     ]
     facts = {
         "session": store.facts.name,
         "task": task.name,
         "parameters": _named(task.parameters, posterior.mean),
-        "interval": _named(task.parameters, np.stack([low, high], axis=-1)),
+        "interval": None if interval is None else _named(task.parameters, interval.T),
         "context": _named(task.context, context),
         "action": _named(task.action, action),
         "units": store.facts.units,

@@ -13,11 +13,13 @@ import numpy as np
 from pydantic import ValidationError
 
 from adaptsim_cli.errors import SessionError
+from adaptsim_cli.outputs.learning import Revealed
 from adaptsim_cli.outputs.sessions import ParameterBelief
 from adaptsim_cli.outputs.trials import Rollout
 from adaptsim_cli.report import page
 from adaptsim_cli.report.agreement import end_error, mean_of
 from adaptsim_cli.report.figures import HeldOutScore, Judgement, Prediction
+from adaptsim_cli.session import truth_view
 from adaptsim_cli.session.records import ROLLOUT, TrialRecord, read_object
 from adaptsim_cli.session.store import (
     RESULT,
@@ -30,9 +32,12 @@ from adaptsim_cli.session.store import (
     trials_of,
 )
 from adaptsim_cli.wiring.settings import checkpoint_of_session, recordings_of
-from sim.errors import RecordingsRefused, SimError
+from adaptsim_cli.wiring.truth import revealed
+from sim.errors import CollapsedPosterior, RecordingsRefused, SimError
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.method import Iteration, Method
     from sim.adaptation.methods.belief import Belief
@@ -185,10 +190,12 @@ def believed(stores: Sequence[SessionStore]) -> tuple[ParameterBelief, ...]:
     beliefs = list[ParameterBelief]()
     for store in stores:
         try:
-            levels = Hindsight.of(store).posterior(store).quantiles(BELIEVED)
+            levels = Hindsight.of(store).posterior(store).quantiles(BELIEVED).T.tolist()
+        except CollapsedPosterior:
+            levels = [(None, None, None)] * len(store.facts.parameters)
         except SimError:
             continue
-        for d, (low, median, high) in zip(store.facts.parameters, levels.T, strict=True):
+        for d, (low, median, high) in zip(store.facts.parameters, levels, strict=True):
             named = {"session": store.facts.name, "parameter": d.name, "unit": d.unit}
             beliefs.append(ParameterBelief(**named, low=low, median=median, high=high))
     return tuple(beliefs)
@@ -205,12 +212,28 @@ class Reports:
 
         If its checkpoint is gone or has no parts for inference, the page says so.
         """
-        return page.write(store, out, self.judgement(store), measured_udr(store), confirmed(store))
+        judgement = self.judgement(store)
+        return page.write(store, out, judgement, measured_udr(store), confirmed(store), self.truth(store))
+
+    def ending(self, store: SessionStore) -> RenderableType | None:
+        """The last words of a session: truth, range and belief in a simulated world; None beside a real arm."""
+        shown = self.truth(store)
+        return None if shown is None else truth_view.table(shown)
+
+    def truth(self, store: SessionStore) -> Revealed | None:
+        """Truth, range and belief of a simulated session; None if there is none. Raises SessionError on damage."""
+        key = _key(store)
+        try:
+            if key not in self._known:
+                self._known[key] = Hindsight.of(store)
+        except SimError:
+            return None
+        hindsight = self._known[key]
+        return revealed(store, hindsight.checkpoint, lambda: hindsight.posterior(store))
 
     def judgement(self, store: SessionStore) -> Judgement | str:
         """The judgement of a session, or the reason why there is none. Raises SessionError on damage."""
-        facts = store.facts
-        sha256 = facts.checkpoint_sha256 + facts.start_from_sha256 + (facts.name if facts.recorded else "")
+        sha256 = _key(store)
         try:
             if sha256 not in self._known:
                 self._known[sha256] = Hindsight.of(store)
@@ -220,6 +243,12 @@ class Reports:
             return self._known[sha256].judge(store) if store.existing().completed else "No trial is complete yet."
         except RecordingsRefused as error:
             return str(error)
+
+
+def _key(store: SessionStore) -> str:
+    """The same for sessions with the same checkpoint, prior and recordings."""
+    facts = store.facts
+    return facts.checkpoint_sha256 + facts.start_from_sha256 + (facts.name if facts.recorded else "")
 
 
 def _unit(task: Task) -> str:

@@ -230,6 +230,7 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
 
     from adaptsim_cli.session.store import SessionStore, history_of
     from sim.adaptation.methods.belief import create
+    from sim.adaptation.posterior import posterior
     from sim.adaptation.reward_table import weighed
 
     if not settings.start_from:
@@ -247,7 +248,7 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
         )
     before, _ = started_from(checkpoint, store.facts)  # it may have begun so itself
     task = before.solver.task
-    weights = create(task, before).weights(history_of(task, store, store.iterations() - 1))
+    weights = posterior(create(task, before), history_of(task, store, store.iterations() - 1)).weights
     assert before.prospects is not None  # else there is no belief
     prospects = weighed(before.prospects, weights)
     return replace(checkpoint, prospects=prospects), hashlib.sha256(prospects.truths.tobytes()).hexdigest()

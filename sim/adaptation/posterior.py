@@ -2,6 +2,11 @@
 
 For display only: no method decides with it. It needs only the checkpoint's simulator, so it can be computed again for
 any stored session.
+
+It weighs a fixed grid of parameter vectors. Sharp trajectories would leave all weight on the nearest of them, and the
+interval would be that of the grid. So the likelihood is tempered (raised to a power below 1) until `RESOLVED` vectors
+carry the weight: no interval is narrower than what the grid resolves. `benchmarks/coverage.py` measures how often it
+holds the truth.
 """
 
 from __future__ import annotations
@@ -17,8 +22,20 @@ from hw.types import Array, frozen_array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration
 from sim.adaptation.methods.belief import Belief
+from sim.errors import CollapsedPosterior
 from sim.solvers.solver import Expectations, SolvedPolicy
 from sim.types import Estimate, Space
+
+RESOLVED = 24.0
+"""Least effective number of samples behind a posterior."""
+
+LEAST_EFFECTIVE = 10.0
+"""With fewer effective samples there is no interval: a grid of fewer vectors than `RESOLVED` cannot be tempered."""
+
+COLLAPSED = "collapsed onto one sample: not an interval"
+"""In place of an interval."""
+
+_HALVINGS = 40
 
 TARGETS, CONTEXTS = 128, 8
 """Numbers of parameter draws and of contexts for the expected reward of a policy."""
@@ -27,6 +44,8 @@ TARGETS, CONTEXTS = 128, 8
 @dataclass(frozen=True, eq=False)
 class Posterior:
     """Weighted parameter vectors: the probability that each is the true one, given the trajectories.
+
+    Fewer than `LEAST_EFFECTIVE` of them give no interval (`is_collapsed`).
 
     `space` contains the parameters with the margin around their ranges, where the truth is searched.
     """
@@ -48,13 +67,23 @@ class Posterior:
         """(p,) in units; for a parameter on a logarithmic scale, the mean of its logarithm."""
         return self.space.denormalise(self.space.normalise(self.samples).T @ self.weights)
 
-    @property
+    @cached_property
     def effective(self) -> float:
-        """The effective number of samples (Kish): all of them means no knowledge, 1 means certainty."""
-        return float(1.0 / np.sum(self.weights**2))
+        """The effective number of different samples (Kish): all of them means no knowledge, 1 that one is left."""
+        return _effective(self.weights, _groups(self.samples))
+
+    @property
+    def is_collapsed(self) -> bool:
+        """Whether too few samples carry the weight for an interval."""
+        return self.effective < LEAST_EFFECTIVE
 
     def quantiles(self, levels: Sequence[float]) -> Array:
-        """(len(levels), p) in units, parameter by parameter. Levels lie in [0, 1]."""
+        """(len(levels), p) in units, parameter by parameter. Levels lie in [0, 1].
+
+        Raises CollapsedPosterior if `is_collapsed`.
+        """
+        if self.is_collapsed:
+            raise CollapsedPosterior(f"the posterior is {COLLAPSED} ({self.effective:.1f} effective samples)")
         if not all(0.0 <= level <= 1.0 for level in levels):
             raise ValueError(f"levels {list(levels)}: each lies in [0, 1]")
         columns = zip(self.samples.T, self._order.T, strict=True)
@@ -64,8 +93,22 @@ class Posterior:
     def _order(self) -> NDArray[np.intp]:
         return np.argsort(self.samples, axis=0)
 
-    def draw(self, n: int, rng: np.random.Generator) -> Array:
-        """(n, p) in units, drawn with these weights."""
+    def table(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> list[dict[str, str | float]]:
+        """The quantiles of each parameter with its unit, a row each, for a data frame. Raises CollapsedPosterior."""
+        ends = self.quantiles(levels)
+        return [
+            {
+                "parameter": d.name,
+                "unit": d.unit,
+                "mean": float(mean),
+                **{f"q{level:g}": float(value) for level, value in zip(levels, column, strict=True)},
+            }
+            for d, mean, column in zip(self.space.dimensions, self.mean, ends.T, strict=True)
+        ]
+
+    def draw(self, n: int, seed: int | np.random.Generator = 0) -> Array:
+        """(n, p) in units, drawn with these weights; the same for the same seed."""
+        rng = np.random.default_rng(seed)
         return np.asarray(self.samples[rng.choice(len(self.samples), size=n, p=self.weights)])
 
 
@@ -77,7 +120,8 @@ def posterior(belief: Belief, history: Sequence[Iteration]) -> Posterior:
 def posterior_after_each(belief: Belief, history: Sequence[Iteration]) -> tuple[Posterior, ...]:
     """The prior, and the posterior after each iteration of `history`."""
     space, truths = belief.expectations.task.margin, belief.prospects.truths
-    return tuple(Posterior(space, truths, weights) for weights in belief.weights_after_each(history))
+    groups = _groups(truths)
+    return tuple(Posterior(space, truths, _tempered(log, groups)) for log in belief.log_likelihoods_after_each(history))
 
 
 def predicted(expectations: Expectations, parameters: Array, context: Array, action: Array) -> Array:
@@ -109,6 +153,31 @@ def prospect(
 def _earned(expectations: Expectations, targets: Array, contexts: Array, policy: SolvedPolicy, seed: int) -> Array:
     actions = np.tile(policy.actions(contexts)[None], (len(targets), 1, 1))
     return expectations.expected_rewards(targets, contexts, actions, np.random.default_rng(seed))
+
+
+def _groups(samples: Array) -> NDArray[np.intp]:
+    """(T,) the index of each sample among the different ones."""
+    return np.asarray(np.unique(samples, axis=0, return_inverse=True)[1], dtype=np.intp).reshape(-1)
+
+
+def _effective(weights: Array, groups: NDArray[np.intp]) -> float:
+    return float(1.0 / np.sum(np.bincount(groups, weights=weights) ** 2))
+
+
+def _tempered(log: Array, groups: NDArray[np.intp]) -> Array:
+    """(T,) weights: likelihoods to the largest power up to 1 that leaves `RESOLVED` effective samples."""
+
+    def weights(power: float) -> Array:
+        likely = np.exp(power * (log - log.max()))
+        return np.asarray(likely / likely.sum())
+
+    if _effective(weights(1.0), groups) >= RESOLVED:
+        return weights(1.0)
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _effective(weights(middle), groups) >= RESOLVED else (low, middle)
+    return weights(low)
 
 
 def _quantiles(values: Array, weights: Array, levels: Sequence[float]) -> Array:

@@ -35,6 +35,11 @@ def varies(task: Task) -> bool:
     return bool(len(task.nuisance)) or bool(np.any(task.action_noise))
 
 
+def repeats_exactly(task: Task) -> bool:
+    """Whether nothing in a task is drawn: neither contexts nor disturbances nor noise of observation."""
+    return not (len(task.context) or varies(task) or np.any(task.observation.noise_std))
+
+
 @dataclass(frozen=True, eq=False)
 class Disturbances:
     """The random parts of N trials: action error and nuisance."""

@@ -11,6 +11,7 @@ from adaptsim_cli import api
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, to_toml
+from sim.errors import NoHardware, OutOfRange
 
 
 @pytest.mark.long
@@ -58,7 +59,8 @@ def test_everything_public_is_there_and_documented():
     page = (Path(__file__).parents[2] / "docs/reference/python.md").read_text(encoding="utf-8")
     for name in api.__all__:
         assert (getattr(api, name).__doc__ or "").strip(), name
-    for name in ("begin", "open_session", "sessions", "read_recording"):
+    assert dir(api) == sorted(api.__all__)
+    for name in ("begin", "open_session", "sessions", "read_recording", "rollout", "benchmark", "methods"):
         assert f"api.{name}" in page
 
 
@@ -72,3 +74,71 @@ def test_the_best_policy_needs_a_complete_iteration() -> None:
     assert session.best_policy()(np.zeros(0)).shape == (8,)
     assert session.rows()[0]["trial"] == 1
     assert session.report().name == "report.html"
+
+
+GAIN = [44.2, 6.75, 13.8, 3.01, 3.35, 6.08, 1.79, 1.3]
+
+
+def test_an_own_policy_is_a_function_an_action_or_an_action_by_name() -> None:
+    by_name = dict(zip(("k11", "k12", "k13", "k14", "k21", "k22", "k23", "k24"), GAIN, strict=True))
+    tried = [api.rollout("pendulum", one, world="ood-1", n=2) for one in (lambda context: GAIN, GAIN, by_name)]
+    assert tried[0] == tried[1] == tried[2]
+    assert [row["trial"] for row in tried[0]] == [1, 2]
+    assert tried[0][0]["action_k11"] == 44.2
+    assert tried[0][0]["succeeded"] is True
+    assert 0.9 < tried[0][0]["reward"] < 0.95
+
+
+@pytest.mark.parametrize(
+    ("policy", "kind", "told"),
+    [
+        ([1.0, 2.0], UsageError, "an action has 8 numbers"),
+        ({"k11": 1.0}, UsageError, "an action by name has k11, k12"),
+        ([*GAIN[:7], 1e3], OutOfRange, r"k24 .* = 1000 lies outside of \[0, 25\]"),
+        ([*GAIN[:7], float("nan")], OutOfRange, "= nan lies outside"),
+    ],
+)
+def test_an_impossible_action_names_the_quantity(policy: object, kind: type[Exception], told: str) -> None:
+    with pytest.raises(kind, match=told):
+        api.rollout("pendulum", policy, n=1)  # type: ignore[arg-type]
+
+
+def test_a_pendulum_has_no_arm_for_the_lab_and_its_trials_have_curves_instead_of_recordings() -> None:
+    with pytest.raises(NoHardware):
+        api.rollout("pendulum", GAIN, n=1, through="lab")
+
+
+@pytest.mark.long
+def test_a_session_shows_its_progress_its_learning_curve_and_its_posterior_in_units() -> None:
+    session = api.begin("pendulum", world="ood-1", name="mine")
+    assert repr(session) == "Session('mine': pendulum in ood-1, adaptsim, seed 0; 0 trials, 0 iterations)"
+    session.run_iteration()
+    assert "2 trials, 1 iteration, reward 0.00 in the newest" in repr(session)
+    assert "<td>1</td><td>2</td><td>0.00</td>" in session._repr_html_()
+    (row,) = session.learning_curve()
+    assert (row["iteration"], row["trials"]) == (1, 2)
+    assert row["mean_reward"] == pytest.approx(np.mean([trial.reward for trial in session.trials]))
+    table = session.posterior().table((0.05, 0.95))
+    assert [(one["parameter"], one["unit"]) for one in table][:2] == [("m1", "kg"), ("m2", "kg")]
+    assert all(one["q0.05"] < one["mean"] < one["q0.95"] for one in table)
+    drawn = session.posterior().draw(5, seed=1)
+    assert np.array_equal(drawn, session.posterior().draw(5, seed=1))
+    assert not np.array_equal(drawn, session.posterior().draw(5, seed=2))
+    with pytest.raises(UsageError, match=r"nothing films the pendulum. Its curves are in session.trials\[0\].track"):
+        session.recording(1)
+    (tmp := session.folder / "session.toml").unlink()
+    assert "Session('mine': " in repr(session), "a broken session is still shown"
+    assert not tmp.exists()
+
+
+@pytest.mark.long
+def test_a_benchmark_gives_rows_for_a_data_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = api.benchmark("pendulum", worlds="wd", methods="udr,random", budget=4, seeds=2)
+    finals = [row for row in rows if row["is_final"]]
+    assert sorted((row["method"], row["seed"]) for row in finals) == [
+        ("random", 0),
+        ("random", 1),
+        ("udr", 0),
+        ("udr", 1),
+    ]
+    assert [row["trials"] for row in rows if row["method"] == "random" and row["seed"] == 0] == [2, 4]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from hw.plugins import PluginError, clashes, offers
 from sim.errors import UnknownName, did_you_mean
+from sim.rollouts.draws import repeats_exactly
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
@@ -43,9 +44,30 @@ WHOLE = frozenset(name for name in METHODS if name.startswith(("sysid-", "adapts
 """The methods that need every moment of a trial; the others learn from what was observed of it."""
 
 
+DRAW_NOTHING = ("adaptsim", "adaptsim-belief")
+"""Methods without a random number: the same trials give the same particles and policies."""
+
+_registered: dict[str, Callable[[Task, Checkpoint | None], Method]] = {}
+
+
+def ignores_seed(name: str, task: Task) -> bool:
+    """Whether every seed gives the same session: one is enough then."""
+    return name in DRAW_NOTHING and repeats_exactly(task)
+
+
+def register(name: str, create: Callable[[Task, Checkpoint | None], Method]) -> None:
+    """Offer a method in this process: `create(task, checkpoint)` returns it.
+
+    Registering a name again replaces the earlier one. Raises ValueError for a name of ours or of an installed package.
+    """
+    if name in METHODS or any(offer.name == name for offer in offers(OFFERED)):
+        raise ValueError(f"the method {name!r} exists already: choose another name")
+    _registered[name] = create
+
+
 def method_names() -> tuple[str, ...]:
-    """Names of our methods, then of those of installed packages."""
-    return (*METHODS, *dict.fromkeys(offer.name for offer in offers(OFFERED) if offer.name not in METHODS))
+    """Names of our methods, of those of installed packages, and of those registered in this process."""
+    return tuple(dict.fromkeys((*METHODS, *(offer.name for offer in offers(OFFERED)), *_registered)))
 
 
 def factory_of(name: str) -> Callable[[Task, Checkpoint | None], Method]:
@@ -54,6 +76,8 @@ def factory_of(name: str) -> Callable[[Task, Checkpoint | None], Method]:
         module, _, function = METHODS[name].partition(":")
         ours: Callable[[Task, Checkpoint | None], Method] = getattr(import_module(module), function)
         return ours
+    if name in _registered:
+        return _registered[name]
     offer = next((one for one in offers(OFFERED) if one.name == name), None)
     if offer is None:
         names = method_names()

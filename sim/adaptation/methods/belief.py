@@ -66,13 +66,17 @@ class Belief:
 
     def weights_after_each(self, history: Sequence[Iteration]) -> list[Array]:
         """The same before the first iteration, and after each."""
-        log, weights = np.zeros(len(self.prospects.truths)), list[Array]()
+        likely = (np.exp(log - log.max()) for log in self.log_likelihoods_after_each(history))
+        return [np.asarray(weights / weights.sum()) for weights in likely]
+
+    def log_likelihoods_after_each(self, history: Sequence[Iteration]) -> list[Array]:
+        """(T,) log-likelihoods of all trajectories up to a constant: before the first iteration, and after each."""
+        log, sums = np.zeros(len(self.prospects.truths)), list[Array]()
         for iteration in ((), *history):
             for trial in (t for entry in iteration for t in entry.trials):
                 log = log + self._log_likelihood(trial)
-            likely = np.exp(log - log.max())
-            weights.append(np.asarray(likely / likely.sum()))
-        return weights
+            sums.append(log)
+        return sums
 
     def estimate(self, history: Sequence[Iteration]) -> tuple[Array, Array]:
         """(C,) mean and (C,) standard deviation of the real reward of each candidate E: Rasmussen & Williams 2006,

@@ -15,7 +15,7 @@ from functools import lru_cache
 
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.judging import final_policy
-from sim.adaptation.methods import METHODS, make_method
+from sim.adaptation.methods import make_method, method_names
 from sim.lab.world import World
 from sim.research.benchmark.sessions import (
     Commands,
@@ -39,7 +39,11 @@ UDR, ORACLE, BEST_ACTION = "udr", "oracle", "best-action"
 LIMITS = (ORACLE, BEST_ACTION)
 """Upper bounds with knowledge that no method has: the best E, or the best action, in the world."""
 
-COMPARED = (*METHODS, *LIMITS)
+
+def compared() -> tuple[str, ...]:
+    """Everything that a benchmark compares in worlds."""
+    return (*method_names(), *LIMITS)
+
 
 WITHOUT_SIMULATION = ("learn-in-target",)
 LEARNT_FROM_EPISODES = ("adaptsim-iteration", "adaptsim-state", "adaptsim-history")

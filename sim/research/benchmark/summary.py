@@ -43,6 +43,7 @@ class MethodSummary:
     trials: tuple[int, ...]  # real trials after each iteration
     curve: tuple[float, ...]  # mean reward after each iteration
     curve_ci95: tuple[Interval, ...]
+    same_for_every_seed: bool  # several seeds gave the same rewards in every world: repetitions of one session
 
 
 @dataclass(frozen=True)
@@ -133,6 +134,7 @@ def _of_method(method: str, earned: dict[str, _Earned], worlds: Sequence[str], g
         trials=mine.trials,
         curve=tuple(float(m) for m in mine.curve.mean(axis=(0, 1))),
         curve_ci95=tuple(_interval(_means(mine.curve[..., k], drawn)) for k in range(mine.curve.shape[-1])),
+        same_for_every_seed=mine.curve.shape[1] > 1 and bool((mine.curve == mine.curve[:, :1]).all()),
     )
 
 

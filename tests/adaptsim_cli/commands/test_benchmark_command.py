@@ -79,6 +79,23 @@ def test_what_cannot_be_compared_is_said_before_anything_runs(capsys, home):
     assert not (home / "data/benchmarks").exists()
 
 
+def test_more_than_one_seed_is_refused_where_every_seed_gives_the_same_session(capsys):
+    asked = ["benchmark", "--task", "pendulum", "--targets", "wd", "--budget", "2", "--methods", "adaptsim,oracle"]
+    assert run([*asked, "--seeds", "2"]) == 2
+    assert "It is deterministic: one session is enough" in said(capsys)[1]
+
+
+@pytest.mark.long
+def test_one_session_is_the_default_there_and_its_interval_is_a_dash(capsys):
+    asked = ["benchmark", "--task", "pendulum", "--targets", "wd", "--budget", "2", "--methods"]
+    assert run([*asked, "adaptsim"]) == 0
+    out = said(capsys)[0]
+    assert "1 world, 1 seed" in out
+    assert "–" in next(line for line in out.splitlines() if line.split()[:1] == ["adaptsim"])
+    assert run([*asked, "adaptsim,random", "--seeds", "2"]) == 0
+    assert "every seed gave adaptsim the same sessions" in " ".join(said(capsys)[0].split())
+
+
 def test_a_missing_extra_gives_its_install_line(capsys, monkeypatch):
     monkeypatch.setattr("sim.research.methods.search.find_spec", lambda name: None)
     assert run([*PENDULUM, "--methods", "all"]) == 3

@@ -16,7 +16,7 @@ from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import CleanConsole, Screen, clean
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.screen.views import clear_to_move, top_speed_m_s
+from adaptsim_cli.screen.views import between, clear_to_move, predicted_between, top_speed_m_s
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.operator import Attended, Proposal
 from hw.errors import ArmFault
@@ -218,3 +218,10 @@ def test_progress_off_a_terminal_is_a_line_a_tenth() -> None:
     lines = said.getvalue().splitlines()
     assert len(lines) == 11
     assert lines[-1].strip() == "dataset: 100 % (1000 of 1000)"
+
+
+def test_an_interval_without_a_width_is_a_dash_with_the_reason():
+    assert between(0.68, 0.96) == "0.68 to 0.96"
+    assert between(-0.1, 0.2, "+.2f") == "−0.10 to +0.20"
+    assert between(0.961, 0.964) == "–"
+    assert predicted_between(0.96, 0.96) == "–: all that may be true predict the same"

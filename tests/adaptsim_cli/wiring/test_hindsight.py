@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import re
 from pathlib import Path
 
@@ -13,9 +14,10 @@ from adaptsim_cli import app, config
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.report import comparison, page
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.wiring.hindsight import Hindsight, Reports, measured_udr
+from adaptsim_cli.wiring.hindsight import Hindsight, Reports, believed, measured_udr
 from adaptsim_cli.wiring.settings import checkpoint_of_session
-from sim.errors import CheckpointError
+from sim.adaptation import posterior as posteriors
+from sim.errors import CheckpointError, CollapsedPosterior
 
 pytestmark = pytest.mark.long
 
@@ -120,6 +122,38 @@ def test_methods_are_paired_where_world_and_seed_agree(root):
     assert apart.pairs == 2
     assert apart.difference == pytest.approx(second.iterations[-1].mean - first.iterations[-1].mean)
     assert apart.difference_ci95[0] <= apart.difference <= apart.difference_ci95[1]
+
+
+def test_sessions_that_repeat_each_other_are_named_and_count_as_one(root):
+    first, second = comparison.compared([SessionStore.open(root, name) for name in (ADAPTED, UDR)])
+    again = dataclasses.replace(first, facts=first.facts.model_copy(update={"name": "again", "seed": 1}))
+    found = [first, again, second]
+    assert comparison.identical(found) == ((ADAPTED, "again"),)
+    assert comparison.repetitions(found) == (
+        f"{ADAPTED} and again are identical, trial by trial: they count as one session.",
+    )
+    adapted, udr = comparison.by_method(found)
+    assert (adapted.sessions, adapted.identical, adapted.last_ci95) == (1, 1, None)
+    assert (udr.sessions, udr.identical) == (1, 0)
+    html = comparison.render(found)
+    assert "they count as one session" in html
+    assert "1 (2 with repetitions)" in html
+
+
+def test_a_collapsed_posterior_offers_no_interval_anywhere(root, monkeypatch):
+    monkeypatch.setattr(posteriors, "RESOLVED", 1.0)  # as a grid that is too coarse to be tempered
+    monkeypatch.setattr(posteriors, "LEAST_EFFECTIVE", 1e6)
+    store = SessionStore.open(root, ADAPTED)
+    beliefs = believed([store])
+    assert {(one.low, one.median, one.high) for one in beliefs} == {(None, None, None)}
+    told = "collapsed onto one sample: not an interval"
+    assert comparison.within(beliefs[0]) == told
+    assert comparison.disagreements(beliefs) == (f"The posterior of {ADAPTED} is {told}.",)
+    with pytest.raises(CollapsedPosterior, match=told):
+        Hindsight.of(store).posterior(store).quantiles((0.05, 0.95))
+    html = page.render(store, Reports().judgement(store))
+    assert told in html
+    assert "90 % between" not in html
 
 
 def test_what_cannot_be_compared_is_refused(root):

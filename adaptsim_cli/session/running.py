@@ -21,6 +21,7 @@ from adaptsim_cli.screen.keys import Key, agree
 from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session import terminal_views
+from adaptsim_cli.session.advice import after_iteration
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.flow import RunningSession, rows_of, run_iteration, tell
 from adaptsim_cli.session.operator import Attended, Operator, Unattended

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cells import cell
 from fr3_process import RELAXED, Fr3Process
-from real_lab import RIG, ToyDevices, calibrated, quiet, said, typing, write_rig
+from real_lab import RIG, ToyDevices, calibrated, quiet, said, typing, waivers, write_rig
 from touch_rig import HARDWARE, PITCH_RAD, TASK, world
 
 from adaptsim_cli import app, config
@@ -155,7 +155,7 @@ def test_q_stops_and_nothing_is_stored(monkeypatch: pytest.MonkeyPatch) -> None:
         by_hand(monkeypatch, lambda q: [("", q[0]), ("q", None)])
 
 
-SCREWED = RIG.replace('"stop_button"', '"stop_button", "hand"')
+SCREWED = RIG + waivers("hand")
 
 
 def resolved(place: Path, text: str) -> Resolved:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from adaptsim_cli.config import same_lab
+from adaptsim_cli.config import is_own, same_lab
 from adaptsim_cli.outputs.trials import BestRecord
 from adaptsim_cli.screen.views import predicted_between
 from adaptsim_cli.session.records import Facts, ResultRecord
@@ -86,6 +86,9 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     again = (go_on, f"iteration {done + 1}")
     best = f"adaptsim rollout --session {facts.name} --best"
     use, confirm = (best, "one trial with the best policy so far"), (f"{best} --trials 5", "measures what is predicted")
+    if is_own(facts.hw):  # only a session asks a robot of one's own
+        use = (f"adaptsim sessions policy {facts.name}", "the best policy so far, as a table")
+        confirm = (f"adaptsim report {facts.name}", "every trial on one page")
     if facts.recorded:  # there is nothing to try a policy on
         use = confirm = (f"adaptsim compare {facts.name} OTHER", "beside another session, e.g. with --method udr")
     checks = _checks(facts)

@@ -82,7 +82,7 @@ _SAW = Key("o", "to say what you saw", "You choose the outcome from a list; the 
 _REPEAT = Key("r", "to repeat the trial", "It does not count, and is made again.")
 _UNSEEN = "The camera lost sight of the object. Say only what you saw yourself; else repeat the trial."
 _BACK = Key("", "to go back", "Nothing is overruled.", is_way_out=True)
-_REVIEW = "Outcome and reward come from the pictures of the camera. Compare them with what you saw yourself."
+_REVIEW = "Outcome and reward come from the recording or from the answer. Compare them with what you saw yourself."
 
 
 @dataclass(frozen=True)

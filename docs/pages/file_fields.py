@@ -179,7 +179,6 @@ SAID = {
     "timing_s": "seconds spent on each stage",
     "iteration": "number of the iteration, from 1",
     "particle": "number of the particle, from 1",
-    "observation": "positions at the task's times, normalised",
     "reward": "between 0 and 1",
     "overruled_from": "outcome that tracking had found, if the operator set another",
     "track": "the tracked object",

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -87,6 +91,41 @@ def test_a_program_outlives_adaptsim_and_its_answer_is_taken_without_a_second_ru
     threading.Timer(0.2, (place / "go").touch).start()
     done = run(place / "home", program(slow))
     assert len(trials_of(done)) == 4
+    assert runs(place) == [f"trial {n}.1" for n in range(1, 5)]
+
+
+CHILD = """
+import sys
+from pathlib import Path
+from own_robot import program, run
+run(Path(sys.argv[1]), program(sys.argv[2]))
+"""
+
+
+@pytest.mark.long
+def test_a_kill_of_adaptsim_and_of_all_that_it_started_in_its_group_leaves_the_program_alive(place: Path) -> None:
+    command = robot(place)
+    body = (place / "robot.py").read_text()
+    begun, go = place / "begun", place / "go"
+    wait = (
+        f"import os, time\nopen({str(begun)!r}, 'w').close()\nwhile not os.path.exists({str(go)!r}): time.sleep(0.01)\n"
+    )
+    (place / "robot.py").write_text(wait + body)
+    path = os.pathsep.join(sys.path)
+    child = subprocess.Popen(
+        [sys.executable, "-c", CHILD, str(place / "home"), command],
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": path},
+        stdout=subprocess.DEVNULL,
+    )
+    while not begun.exists():
+        assert child.poll() is None
+        threading.Event().wait(0.02)
+    os.killpg(child.pid, signal.SIGKILL)
+    child.wait()
+    go.touch()
+    done = run(place / "home", program(command))
+    assert [t.attempt for t in trials_of(done)] == [1] * 4
     assert runs(place) == [f"trial {n}.1" for n in range(1, 5)]
 
 

@@ -67,6 +67,15 @@ LEVELS = (0.05, 0.25, 0.75, 0.95)
 """Quantiles of a posterior: the ends of the pale and of the strong band."""
 
 
+ROOM_PX = 26.0
+"""Room for the number of an iteration below a figure."""
+
+
+def _every(count: int, width: float) -> int:
+    """Every which iteration has room for its number."""
+    return max(1, int(np.ceil(count * ROOM_PX / width)))
+
+
 def rewards(
     trials: Sequence[TrialRecord], iterations: int, particles: int, per_particle: int, width: float = WIDE
 ) -> str:
@@ -84,9 +93,9 @@ def rewards(
         middle = left + band * (iteration + 0.5)
         if iteration:
             canvas.line(left + band * iteration, top, left + band * iteration, bottom, "band")
-        canvas.text(
-            middle, bottom + 18, f"iteration {iteration + 1}" if band > 80 else str(iteration + 1), anchor="middle"
-        )
+        if iteration % _every(iterations, right - left) == 0:
+            label = f"iteration {iteration + 1}" if band > 80 else str(iteration + 1)
+            canvas.text(middle, bottom + 18, label, anchor="middle")
         here = [t for t in trials if t.iteration == iteration + 1]
         if here:
             mean = y(float(np.mean([t.reward for t in here])))
@@ -130,9 +139,11 @@ def parameter(
     x = Scale(0.0, max(count - 1.0, 1.0), left + 22, right - 22)
     for i, posterior in enumerate(posteriors):
         _belief(canvas, posterior, index, x(i), y, whole=whole)
+    every = _every(count, right - left)
     for i in range(count):
         last = i == count - 1 and count > 1
-        canvas.text(x(i), bottom + 18, "next" if last else str(i + 1), anchor="middle")
+        if last or (i % every == 0 and (count < 3 or x(count - 1) - x(i) > ROOM_PX)):
+            canvas.text(x(i), bottom + 18, "next" if last else str(i + 1), anchor="middle")
     for particle, path in enumerate(paths):
         nudge = 2.0 * (particle - (len(paths) - 1) / 2)  # particles at the same value stay visible
         points = [(x(i), y(value) + nudge) for i, value in enumerate(path)]
@@ -224,7 +235,7 @@ def lines(sessions: Sequence[Sequence[Level]], width: float = WIDE) -> str:
     canvas.rewards(left, right, y)
     count = max(map(len, sessions))
     x = Scale(0.0, max(count - 1.0, 1.0), left + 30, right - 30)
-    for index in range(count):
+    for index in range(0, count, _every(count, right - left)):
         canvas.text(x(index), bottom + 18, str(index + 1), anchor="middle")
     canvas.text((left + right) / 2, bottom + 38, "iteration", anchor="middle")
     for place, session in enumerate(sessions):

@@ -18,7 +18,7 @@ from adaptsim_cli.report import figures
 from adaptsim_cli.report.agreement import MeanReward, agreement, mean_of, trial_std
 from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
-from adaptsim_cli.screen.views import between, predicted_between
+from adaptsim_cli.screen.views import between, predicted_between, quantity
 from adaptsim_cli.session import truth_view
 from adaptsim_cli.session.advice import in_words, tried_in
 from adaptsim_cli.session.film import FILM
@@ -287,9 +287,7 @@ def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:
 
 def _quantities(dimensions: Sequence[Dimension], values: Iterable[float]) -> str:
     """Plain name, value and unit of each quantity, without a line break inside one."""
-    each = (
-        f"{d.plain_name} {plain(float(f'{v:.3g}'))} {d.unit}".rstrip() for d, v in zip(dimensions, values, strict=True)
-    )
+    each = (f"{d.plain_name} {quantity(v, d.unit)}" for d, v in zip(dimensions, values, strict=True))
     return ", ".join(text.replace(" ", NO_BREAK) for text in each)
 
 
@@ -310,7 +308,7 @@ def _correction(facts: Facts, outlook: OutlookRecord | None) -> str:
     if outlook is None:
         return ""
     terms = outlook.noticeable(_described(facts, facts.action))
-    signed = [f"{d.plain_name} {'+' if off > 0 else '−'}{abs(off):.2g} {d.unit}".rstrip() for d, off in terms]
+    signed = [f"{d.plain_name} {'+' if off > 0 else '−'}{quantity(abs(off), d.unit)}" for d, off in terms]
     return ", ".join(signed) or "none"
 
 

@@ -19,9 +19,9 @@ from adaptsim_cli.outputs.sessions import (
 )
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.advice import HEADLINES, in_words, tried_in
+from adaptsim_cli.session.advice import ENOUGH_ITERATIONS, HEADLINES, in_words, tried_in
 from adaptsim_cli.session.operator import Proposal
-from adaptsim_cli.session.records import Facts, MotionRecord, ResultRecord, TrialRecord
+from adaptsim_cli.session.records import ROLLOUT, Facts, MotionRecord, ResultRecord, TrialRecord
 from hw.types import Array
 from sim.adaptation.method import Particle
 from sim.adaptation.stages import RunTrial
@@ -50,7 +50,7 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle, left_s:
     left = f", about {left_s / 60.0:.0f} min left" if left_s >= 60.0 else ""
     head = Text.assemble(
         views.mark(views.RECORDED if facts.recorded else facts.hw),
-        (f" Trial {stage.key.number}", "bold"),
+        (f" Trial {stage.key.number}{_of_session(facts, stage)}", "bold"),
         f"{again}   {place}, particle {stage.particle + 1}{left}",
     )
     why = (
@@ -60,6 +60,12 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle, left_s:
         f"mean {views.values(task.parameters, particle.mean)}"
     )
     return Group(Text(""), head, views.indent(Text(why, style="dim")))
+
+
+def _of_session(facts: Facts, stage: RunTrial) -> str:
+    """` of 20`: how many trials a usual session has, or this rollout; "" beyond that."""
+    trials = facts.particles * facts.trials * (1 if facts.method == ROLLOUT else ENOUGH_ITERATIONS)
+    return f" of {trials}" if stage.key.number <= trials else ""
 
 
 def proposal(task: Task, proposal: Proposal) -> RenderableType:

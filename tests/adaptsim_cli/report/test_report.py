@@ -5,6 +5,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from toy_session import ScriptedOperator, attended
 
@@ -12,6 +13,7 @@ from adaptsim_cli.report import figures, page
 from adaptsim_cli.report.svg import Scale, plain
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.operator import Review
+from adaptsim_cli.session.records import DimensionRecord
 from adaptsim_cli.session.store import SessionStore
 from perception.types import Outcome
 
@@ -130,3 +132,14 @@ def test_a_line_never_breaks_within_a_quantity(store: SessionStore) -> None:
 
 def test_the_default_place_is_the_session_folder_and_it_is_replaced(store: SessionStore) -> None:
     assert page.write(store) == page.write(store) == store.folder / "report.html"
+
+
+@pytest.mark.parametrize("count", [2, 5, 21, 80])
+def test_the_numbers_of_iterations_never_touch_each_other(count):
+    record = DimensionRecord(name="mu", unit="", low=0.0, high=1.0, scale="linear")
+    drawn = figures.parameter(record, [[0.5] * count])
+    labels = re.findall(r'<text x="([\d.]+)" y="176.0"[^>]*>([^<]+)</text>', drawn)
+    places = [float(x) for x, _ in labels]
+    assert labels[-1][1] == "next"
+    assert labels[0][1] == "1"
+    assert min(np.diff(places)) > 20.0

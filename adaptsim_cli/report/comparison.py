@@ -134,8 +134,10 @@ def repetitions(sessions: Sequence[ComparedSession]) -> tuple[str, ...]:
 
 def _different(sessions: Sequence[ComparedSession]) -> list[ComparedSession]:
     """The sessions without those that repeat an earlier one."""
-    again = {name for names in identical(sessions) for name in names[1:]}
-    return [c for c in sessions if c.facts.name not in again]
+    first: dict[object, ComparedSession] = {}
+    for c in sessions:
+        first.setdefault((c.pair[:2], c.course), c)
+    return list(first.values())
 
 
 def by_method(every: Sequence[ComparedSession]) -> tuple[ComparedMethod, ...]:

@@ -113,7 +113,9 @@ def test_methods_are_paired_where_world_and_seed_agree(root):
 
     def seed(session: comparison.ComparedSession, seed: int) -> comparison.ComparedSession:
         facts = session.facts.model_copy(update={"seed": seed})
-        return comparison.ComparedSession(facts, session.trials, session.result, session.iterations, session.table)
+        first = session.trials[0].model_copy(update={"reward": seed / 10})
+        trials = (first, *session.trials[1:])
+        return comparison.ComparedSession(facts, trials, session.result, session.iterations, session.table)
 
     rows = comparison.by_method([seed(s, n) for s in (first, second) for n in (0, 1)] + [seed(second, 7)])
     assert [(row.method, row.sessions) for row in rows] == [("adaptsim", 2), ("udr", 3)]

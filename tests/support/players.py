@@ -79,7 +79,7 @@ class _Told:
 
     def begin(self) -> None: ...
 
-    def wanted(self) -> str:
+    def stop_reason(self) -> str:
         return WHY.get(self.word(), "")
 
 

@@ -40,6 +40,7 @@ from adaptsim_cli.session.exporting import Row
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, TrialRecord
 from sim.adaptation import methods
+from sim.adaptation.stages import Role
 
 if TYPE_CHECKING:
     from adaptsim_cli.wiring.best import TaskPolicy
@@ -102,8 +103,13 @@ class Session:
 
     @property
     def trials(self) -> tuple[TrialRecord, ...]:
-        """Every completed trial that counts, in order. Raises SessionError."""
+        """Every completed trial that counts, in order; without control trials. Raises SessionError."""
         return store.trials_of(self._stored)
+
+    @property
+    def controls(self) -> tuple[TrialRecord, ...]:
+        """Every completed control trial that counts, in order. Raises SessionError."""
+        return tuple(trial for trial in store.played_of(self._stored) if trial.role is Role.CONTROL)
 
     @property
     def iterations(self) -> tuple[Iteration, ...]:

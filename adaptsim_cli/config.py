@@ -91,6 +91,9 @@ class Config(Record):
     ] = 0.5
     start_from: Annotated[str, Field(description="session whose posterior a new session begins with; empty: none")] = ""
     method: Annotated[str, Field(description="method: adaptsim, random, udr, ...")] = "adaptsim"
+    control: Annotated[
+        str, Field(description="method or session whose policy makes control trials, e.g. udr; empty: none")
+    ] = ""
     checkpoint: Annotated[
         str, Field(description="name or folder of a checkpoint; empty: the shipped one, or that of the own object")
     ] = ""

@@ -32,6 +32,10 @@ def run_iteration(
         ),
     ] = None,
     method: Annotated[str | None, typer.Option("--method", help="How to adapt, e.g. adaptsim, udr or random.")] = None,
+    control: Annotated[
+        str | None,
+        typer.Option("--control", help="Add blind control trials by a method's first policies, or a session's best."),
+    ] = None,
     solver: options.Solver = None,
     own: options.Object = None,
     hw: options.Hw = None,
@@ -54,6 +58,9 @@ def run_iteration(
     none of these it is the newest session. Only --task begins a new one. With --until-done it ends where the
     verdict says stop, after --iterations at most; without it, a terminal asks there.
 
+    With --control udr each trial from the second iteration on has a partner in the same place, in random order, by a
+    policy that does not adapt; the result says whether adapting helps here.
+
     Example: adaptsim run-iteration --task scooping --world oreo --seed 0 --yes
     """
     from functools import partial
@@ -65,7 +72,7 @@ def run_iteration(
     from adaptsim_cli.wiring.hindsight import Reports
 
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
-    options = {"recorded": recorded, "held_out": held_out, "start_from": start_from}
+    options = {"recorded": recorded, "held_out": held_out, "start_from": start_from, "control": control}
     options |= {"answer_with": answer_with, "answer_moves": answer_moves}
     options |= {"realtime": realtime or None, "pace": pace, "operator": operator}
     resolved = settings.load({**flags, **options})

@@ -8,6 +8,7 @@ from adaptsim_cli.outputs import Output, Quantities, described
 from adaptsim_cli.outputs.trials import UNITS, BestRecord, PlayedTrial
 from hw.records import Record
 from perception.types import Outcome
+from sim.adaptation.stages import Role
 from sim.adaptation.verdict import Verdict
 
 
@@ -49,6 +50,7 @@ class ShownTrial(PlayedTrial):
     attempt: int = described("which attempt at it counts, from 1")
     iteration: int = described("number of its iteration, from 1")
     particle: int = described("number of its particle, from 1")
+    role: Role = described("`own` or `control`: whose policy acted; `alone`: an iteration without control trials")
     predicted_reward: float = described("reward that the simulator predicted")
     overruled_from: Outcome | None = described("tracked outcome, if the operator set another")
     timing_s: dict[str, float] = described("wall time by stage")

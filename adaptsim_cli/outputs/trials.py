@@ -13,6 +13,7 @@ from adaptsim_cli.outputs import Output, Quantities, described
 from hw.records import Record
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
+from sim.adaptation.paired import Claim
 from sim.adaptation.verdict import Verdict
 from sim.types import Dimension, Suspicion
 
@@ -105,6 +106,22 @@ class SuspicionRecord(Record):
         return cls(question=suspicion.question, why=suspicion.why, look=suspicion.look)
 
 
+class ControlRecord(Record):
+    """What pairs of a trial and its control trial show: an answer that stays valid after every pair."""
+
+    control: str = described("method or session whose policy made the control trials")
+    pairs: int = described("complete pairs so far")
+    mean_reward: float = described("mean reward of the session's trials in them")
+    control_reward: float = described("mean reward of their control trials")
+    difference: float = described("the first minus the second")
+    ci95: tuple[float, float] = described("95 % interval of the difference, valid at any time")
+    claim: Claim = described(
+        "`shown`: the session is better; `worse`; `no gain`: better by less than 0.05, if at all; `open`: not shown yet"
+    )
+    decided_after: int | None = described("pairs after which this was first shown; null: open")
+    further: int | None = described("further pairs expected until it is shown; null: not open, or not known")
+
+
 class IterationOutput(Output):
     """The result of one iteration: one object per line and iteration."""
 
@@ -120,6 +137,7 @@ class IterationOutput(Output):
     verdict: Verdict = described("whether to stop or to go on, and why")
     outlook: OutlookRecord | None = described("null if the method does not look ahead")
     suspicion: SuspicionRecord | None = described("what the trials so far hint at about the rig; null: nothing")
+    control: ControlRecord | None = described("comparison with the control trials; null: no pair of trials yet")
     timing_s: dict[str, float] = described("wall time by stage; `other` has no name, `total` is their sum")
 
 

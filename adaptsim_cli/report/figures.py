@@ -14,6 +14,7 @@ from adaptsim_cli.session.records import DimensionRecord, TrialRecord
 from adaptsim_cli.session.truth_view import positions
 from hw.types import Array
 from sim.adaptation.posterior import COLLAPSED, Posterior
+from sim.adaptation.stages import Layout, Role
 from sim.types import Estimate
 
 
@@ -76,16 +77,14 @@ def _every(count: int, width: float) -> int:
     return max(1, int(np.ceil(count * ROOM_PX / width)))
 
 
-def rewards(
-    trials: Sequence[TrialRecord], iterations: int, particles: int, per_particle: int, width: float = WIDE
-) -> str:
+def rewards(trials: Sequence[TrialRecord], iterations: int, layout: Layout, width: float = WIDE) -> str:
     """Reward of every trial, grouped by iteration; a bar is the expected range, a line the mean of the iteration."""
     canvas = Canvas(width, 250, "Reward of every trial")
     left, right, top, bottom = 38.0, width - 8.0, 12.0, 212.0
     y = Scale(0.0, 1.0, bottom, top)
     canvas.rewards(left, right, y)
     band = (right - left) / iterations
-    slots = particles * per_particle
+    slots = layout.particles * layout.trials
     step = min(band / (slots + 1), 46.0)
     half = min(7.0, 0.4 * step)
     means = []
@@ -101,8 +100,10 @@ def rewards(
             mean = y(float(np.mean([t.reward for t in here])))
             means.append((middle, mean))
             canvas.line(middle - band * 0.42, mean, middle + band * 0.42, mean, "mean")
+        places = zip(layout.numbers(iteration), layout.slots(iteration), strict=True)
+        own = [number for number, slot in places if slot.role is not Role.CONTROL]
         for trial in here:
-            slot = (trial.trial - 1) % (particles * per_particle)
+            slot = own.index(trial.trial)
             x = middle + step * (slot - (slots - 1) / 2)
             low, high = y(trial.predicted_low), y(trial.predicted_high)
             canvas.rect(x - half, high, 2 * half, max(low - high, 1.5), f"expected c{trial.particle - 1}", 3)

@@ -20,7 +20,8 @@ from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.screen.views import between, predicted_between, quantity
 from adaptsim_cli.session import truth_view
-from adaptsim_cli.session.advice import in_words, tried_in
+from adaptsim_cli.session.advice import compared_in_words, control_name, in_words, tried_in
+from adaptsim_cli.session.control import compared, is_hidden, pairs_of
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.records import (
     DimensionRecord,
@@ -32,6 +33,7 @@ from adaptsim_cli.session.records import (
 from adaptsim_cli.session.store import Change, SessionStore, means_of, particles_of
 from adaptsim_cli.storage import durable
 from sim.adaptation.method import FAILED
+from sim.adaptation.stages import Role
 from sim.tasks import TASKS, get_task
 from sim.types import Dimension
 
@@ -69,7 +71,7 @@ class IterationView:
     @property
     def mean(self) -> float:
         """Mean reward of its trials."""
-        return float(np.mean([t.record.reward for t in self.trials]))
+        return float(np.mean([t.record.reward for t in self.trials if t.record.role is not Role.CONTROL]))
 
 
 @dataclass(frozen=True)
@@ -110,10 +112,10 @@ def render(
     """The page as HTML. Raises SessionError if a record is corrupt."""
     facts, assessment = store.facts, None if isinstance(judgement, str) else judgement
     rejected = store.rejections()
-    views = tuple(
-        view for i in range(store.iterations()) if (view := _iteration(store, i, assessment, rejected)).trials
-    )
-    trials = sorted((t.record for view in views for t in view.trials), key=lambda trial: trial.trial)
+    public = [i for i in range(store.iterations()) if not is_hidden(store, i)]
+    views = tuple(view for i in public if (view := _iteration(store, i, assessment, rejected)).trials)
+    played = sorted((t.record for view in views for t in view.trials), key=lambda trial: trial.trial)
+    trials = [trial for trial in played if trial.role is not Role.CONTROL]
     results = [view.result for view in views if view.result is not None]
     newest = trials[-1].iteration if trials else 1
     curves = facts.curves.items() if trials else ()
@@ -131,9 +133,7 @@ def render(
         failed=FAILED,
         successes=sum(t.succeeded for t in trials),
         figure_levels=both(lambda width: figures.levels(rows, width)) if rows else "",
-        figure_rewards=both(lambda w: figures.rewards(trials, len(views), facts.particles, facts.trials, w))
-        if trials
-        else "",
+        figure_rewards=both(lambda w: figures.rewards(trials, len(views), facts.layout, w)) if trials else "",
         figure_parameters=[
             (d, figures.parameter(record, paths, assessment.posteriors if assessment else (), index))
             for index, (d, record, paths) in enumerate(
@@ -152,6 +152,10 @@ def render(
         measured_udr=reference is not None,
         waivers=sorted({(w.safeguard, w.reason, w.by, w.on, w.until) for rig in store.rigs() for w in rig.waivers}),
         predicted_between=predicted_between,
+        pairs=pairs_of(facts, played),
+        control=control_name(facts.control),
+        hidden=len(public) < store.iterations(),
+        compared="" if (comparison := compared(facts, played)) is None else compared_in_words(comparison),
         tried=tried_in(results[-1].best) if results and not confirmed else "",
         unknown=judgement if isinstance(judgement, str) else "",
         quantities=[
@@ -223,7 +227,7 @@ def levels(
                 Level("Adapted policy", "predicted", detail, best.mean_reward, *best.ci95, _ADAPTED, is_open=True)
             )
         if best.tried:
-            repeated = mean_of([t.reward for n, t in enumerate(trials, start=1) if n in best.tried], std)
+            repeated = mean_of([t.reward for t in trials if t.trial in best.tried], std)
             rows.append(_measured("Adapted policy", repeated, "that it would repeat", _ADAPTED))
         if confirmed:
             rows.append(_measured("Adapted policy", mean_of(confirmed, std), "after the session", _ADAPTED))
@@ -257,7 +261,7 @@ def _iteration(
     now = [_quantities(parameters, particle.mean) for particle in particles_of(store, iteration)]
     then = [_quantities(parameters, np.mean(samples, axis=0)) for samples in result.next_particles] if result else []
     pairs = tuple(zip(now, then or [""] * len(now), strict=True))
-    trials = tuple(_trial(store, record, judgement) for record in reversed(store.trials(iteration)))
+    trials = tuple(_trial(store, record, judgement) for record in reversed(store.played(iteration)))
     rejected = tuple(
         f"Trial {one.key.number}, attempt {one.key.attempt + 1}: {one.note.text}"
         for one in rejections
@@ -273,9 +277,10 @@ def _trial(store: SessionStore, record: TrialRecord, judgement: Judgement | None
     facts = store.facts
     context = _quantities(_described(facts, facts.context), tuple(record.context.values()))
     action = _quantities(_described(facts, facts.action), tuple(record.action.values()))
-    drawn = figures.prediction(record, judgement.predictions[record.trial], tuple(facts.curves)) if judgement else ""
+    expected = judgement.predictions.get(record.trial) if judgement else None  # None: a control trial
+    drawn = figures.prediction(record, expected, tuple(facts.curves)) if expected else ""
     film = picture(folder / FILM) if FILM in record.files else ""
-    over = figures.over_film(record, judgement.predictions[record.trial]) if judgement and not facts.curves else ""
+    over = figures.over_film(record, expected) if expected and not facts.curves else ""
     return TrialView(record, strip, film, over, overlay, context, action, drawn)
 
 

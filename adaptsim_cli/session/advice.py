@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from adaptsim_cli.config import is_own, same_lab
-from adaptsim_cli.outputs.trials import BestRecord
+from adaptsim_cli.outputs.trials import BestRecord, ControlRecord
 from adaptsim_cli.screen.views import predicted_between
 from adaptsim_cli.session.records import Facts, ResultRecord
 from sim.adaptation.method import WORTHWHILE
+from sim.adaptation.paired import MOST_FURTHER, WORTH, Claim
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
 
 ENOUGH_ITERATIONS = 5
@@ -68,6 +69,36 @@ def _worth(verdict: Verdict) -> str:
     return f"; {', and '.join(clauses) or 'another iteration is predicted to gain nothing'}"
 
 
+def control_name(control: str) -> str:
+    """The control in a sentence."""
+    return "UDR" if control == "udr" else control
+
+
+def compared_in_words(shown: ControlRecord) -> str:
+    """What the pairs show, in one sentence."""
+    low, high = shown.ci95
+    sentence = (
+        f"Adapted {shown.mean_reward:.2f}, {control_name(shown.control)} {shown.control_reward:.2f}, "
+        f"difference {shown.difference:+.2f} ({low:+.2f} to {high:+.2f}, valid at any time): "
+    )
+    after = f"after {shown.decided_after} pairs"
+    match shown.claim:
+        case Claim.SHOWN:
+            return sentence + f"shown {after}."
+        case Claim.WORSE:
+            return sentence + f"the control is better, shown {after}."
+        case Claim.NO_GAIN:
+            return sentence + f"no gain worth {WORTH:.2f}, shown {after}."
+        case Claim.OPEN:
+            return sentence + f"not shown yet: {_further(shown)}."
+
+
+def _further(shown: ControlRecord) -> str:
+    if shown.further is not None:
+        return f"about {shown.further} more pair{'s' * (shown.further != 1)}"
+    return "one pair says little" if shown.pairs < 2 else f"at this difference more than {MOST_FURTHER} more pairs"
+
+
 def tried_in(best: BestRecord) -> str:
     """Which trials the best policy would repeat, and their mean reward; "" for a record that does not say."""
     if best.tried is None:
@@ -106,7 +137,9 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
         case Kind.ENOUGH | Kind.CONVERGED:
             if result.best.tried:
                 confirm = (f"adaptsim report {facts.name}", "every trial on one page")
-            steps: Steps = (confirm, (go_on, "only to know the reward more precisely"))
+            is_open = result.control is not None and result.control.claim is Claim.OPEN
+            why = "only for more pairs with the control" if is_open else "only to know the reward more precisely"
+            steps: Steps = (confirm, (go_on, why))
         case Kind.NOT_CONVERGED if done >= ENOUGH_ITERATIONS:
             steps = (use, (go_on, f"{done} iterations are done; more rarely help"))
         case _:

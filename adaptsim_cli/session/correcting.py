@@ -17,7 +17,7 @@ from adaptsim_cli.session.records import Amendment, TrialRecord
 from adaptsim_cli.session.store import SessionStore, completed
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.adaptation.stages import TrialKey, current_key, trial_numbers
+from sim.adaptation.stages import TrialKey, current_key
 from sim.tasks.task import Task
 
 _STEP = timedelta(seconds=1)
@@ -167,7 +167,7 @@ def redo(store: SessionStore, number: int, reason: str) -> int:
         iteration, key = store.iteration_of(number), current_key(existing, number)
         if key not in existing.recorded:
             completed(store, number)  # raises
-        later = trial_numbers(iteration + 1, facts.particles, facts.trials).start
+        later = facts.layout.numbers(iteration + 1).start
         if any(k.number >= later for k in existing.started | existing.completed):
             raise UsageError(
                 f"trial {number} belongs to iteration {iteration + 1}, and later trials use the result of "

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from adaptsim_cli.session.records import Facts, TrialRecord
-from adaptsim_cli.session.store import SessionStore, trials_of
+from adaptsim_cli.session.store import SessionStore, played_of
 from adaptsim_cli.storage import durable
 
 Cell = str | int | float
@@ -28,7 +28,7 @@ def rows(store: SessionStore) -> list[Row]:
     A quantity's column is named `parameter_`, `context_` or `action_` plus its name; `units` gives its unit. Raises
     SessionError.
     """
-    return [_row(store.facts, trial) for trial in trials_of(store)]
+    return [_row(store.facts, trial) for trial in played_of(store)]
 
 
 def units(store: SessionStore) -> dict[str, str]:
@@ -61,6 +61,7 @@ def _row(facts: Facts, trial: TrialRecord) -> Row:
         "trial": trial.trial,
         "attempt": trial.attempt,
         "particle": trial.particle,
+        "role": trial.role.value,
         "outcome": trial.outcome.value,
         "overruled_from": trial.overruled_from.value if trial.overruled_from else "",
         "reward": trial.reward,

@@ -30,6 +30,7 @@ from adaptsim_cli.outputs.trials import (
 from adaptsim_cli.screen.console import ANSWERING, Screen
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
+from adaptsim_cli.session.control import ControlPolicy, compared, is_hidden, policy_of_trial
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.film import FILM
@@ -44,7 +45,7 @@ from adaptsim_cli.session.records import (
     generator,
     now,
 )
-from adaptsim_cli.session.store import SessionStore, history_of, particles_of, result_of, trials_of
+from adaptsim_cli.session.store import SessionStore, history_of, particles_of, played_of, result_of, trials_of
 from adaptsim_cli.session.summary import summary
 from adaptsim_cli.session.target import Motion, OutcomeUndecided, Parts, Placement, TrackedTrial
 from adaptsim_cli.session.watching import AllOf, Watcher
@@ -57,7 +58,7 @@ from sim.adaptation.method import Iteration as LearntIteration
 from sim.adaptation.method import Particle
 from sim.adaptation.posterior import Posterior
 from sim.adaptation.sessions import Policies, PolicySource, Progress, play_iteration, train
-from sim.adaptation.stages import Adapt, RunTrial, Show, Stage, TrialKey, changes_until, next_stage
+from sim.adaptation.stages import Adapt, Role, RunTrial, Show, Stage, TrialKey, changes_until, next_stage
 from sim.errors import ActionImpossible, NotExecutable
 from sim.tasks.task import SolvedPolicy, Task
 
@@ -79,6 +80,7 @@ class RunningSession:
     thread: Executor | None = None  # for work beside the operator
     policies: Policies = field(default_factory=dict)
     context_of: Callable[[RunTrial], Array] | None = None  # chosen by hand for a rollout; None: drawn
+    control_policies: list[ControlPolicy] = field(default_factory=list)
     awaited: set[TrialKey] = field(default_factory=set)  # trials that were asked for, and whose answers come later
     overhead_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
@@ -97,9 +99,9 @@ class RunningSession:
 
         Raises AnswerAwaited once nothing is left but trials whose answers come later.
         """
-        facts, existing = self.store.facts, self.store.existing()
+        existing = self.store.existing()
         with_awaited = replace(existing, completed=existing.completed | self.awaited)
-        stage = next_stage(with_awaited, facts.particles, facts.trials)
+        stage = next_stage(with_awaited, self.store.facts.layout)
         if self.awaited and not isinstance(stage, RunTrial):
             which = ", ".join(str(key.number) for key in sorted(self.awaited))
             raise AnswerAwaited(f"answers are awaited of trials {which}")
@@ -124,6 +126,14 @@ class RunningSession:
             run_trial(self, stage, policy)
         except AnswerAwaited:
             self.awaited.add(stage.key)
+
+    def controls(self) -> tuple[ControlPolicy, ...]:
+        """The policies of the control trials; trained before the first of them."""
+        if not self.control_policies:
+            assert self.parts.control is not None, "a session with control trials has their policies"
+            with self.progress("Training the policies of the control trials", "training"):
+                self.control_policies.extend(self.parts.control())
+        return tuple(self.control_policies)
 
     def keep_particles(self, stage: Adapt, history: Sequence[LearntIteration], particles: tuple[Particle, ...]) -> None:
         """See `PlayableSession`."""
@@ -162,12 +172,24 @@ def run_trial(session: RunningSession, stage: RunTrial, policy: PolicySource) ->
     elif stage.interrupted and session.parts.target.spent(stage, session.operator):
         _reject(session, stage, "interrupted while the arm may have moved")
         return
-    elif (recorded := _move(session, stage, policy())) is None:
+    elif (recorded := _move(session, stage, *_acting(session, stage, policy))) is None:
         return
     _look(session, stage, recorded)
 
 
-def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Motion | None:
+def _acting(session: RunningSession, stage: RunTrial, policy: PolicySource) -> tuple[SolvedPolicy, Array]:
+    """The policy that acts, and (p,) the mean of the parameters that it was trained for.
+
+    Both policies of a pair are trained before its first trial, so that no wait tells an operator which of them acts.
+    """
+    own = policy(), particles_of(session.store, stage.iteration)[stage.particle].mean
+    if stage.role is Role.ALONE:
+        return own
+    control = policy_of_trial(session.controls(), session.store.facts, stage)
+    return own if stage.role is Role.OWN else (control.policy, control.mean)
+
+
+def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy, mean: Array) -> Motion | None:
     """Set up, propose, confirm, execute, store the recording and return the motion. None: try again."""
     store, operator, target, progress = session.store, session.operator, session.parts.target, session.screen.busy
     try:
@@ -175,7 +197,6 @@ def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Mot
         with progress("Choosing the action: the best that the arm can do", "choosing"):
             action = policy(placed.context)
         planned = target.plan(placed, action, progress)
-        mean = particles_of(store, stage.iteration)[stage.particle].mean
         proposal = propose(session.parts.task, stage, mean, policy, planned, partial(store.scratch, "overlay.jpg"))
         show_proposal(session.parts.task, proposal, planned, session.screen, session.watcher)
         operator.approve(proposal, target.needs_consent, target.release)
@@ -292,10 +313,11 @@ def keep_particles(
     for index, particle in enumerate(particles):
         train(session, stage.iteration + 1, index, particle, history)
 
-    records, lap_s = store.trials(stage.iteration), session.screen.lap_s()
+    records, lap_s = store.played(stage.iteration), session.screen.lap_s()
     timing_s = added(*(record.timing_s for record in records), session.overhead_s, lap_s)
     names = session.parts.task.parameters.names
     changes = changes_until(store.existing(), stage.iteration)
+    numbers = [trial.trial for trial in trials_of(store)]
     change_count = max(
         (one.changes for i in range(stage.iteration + 1) if (one := store.result(i)) is not None), default=0
     )
@@ -308,12 +330,13 @@ def keep_particles(
             mean_reward=judgement.best.mean_reward,
             trials=judgement.best.trials,
             ci95=judgement.best.ci95,
-            tried=judgement.tried,
+            tried=tuple(numbers[number - 1] for number in judgement.tried),
             tried_reward=_mean_reward(history, judgement.tried),
         ),
         verdict=judgement.verdict,
         outlook=None if judgement.outlook is None else OutlookRecord.of(judgement.outlook),
         suspicion=_suspicion(session),
+        control=compared(store.facts, played_of(store)),
         timing_s={**timing_s, TOTAL: sum(timing_s.values())},
         proposal_s=sum(lap_s.values()) + sum(records[-1].timing_s.get(name, 0.0) for name in ("tracking", "storing")),
         changes=changes,
@@ -330,18 +353,21 @@ def _suspicion(session: RunningSession) -> SuspicionRecord | None:
     hardware = session.parts.task.hardware
     if hardware is None:
         return None
-    suspicion = hardware.suspect([record.track.track() for record in trials_of(session.store)])
+    suspicion = hardware.suspect([record.track.track() for record in played_of(session.store)])
     return None if suspicion is None else SuspicionRecord.of(suspicion)
 
 
 def tell(session: RunningSession) -> None:
     """Show watchers the present state of the session."""
-    learner, last = session.parts.learner, session.store.iterations() - 1
+    learner, store = session.parts.learner, session.store
+    last = store.iterations() - 1
+    if last >= 0 and is_hidden(store, last):
+        last -= 1  # what the trials of this iteration taught would say which of them are the session's own
 
     def posterior() -> Posterior | None:
-        return learner.posterior(history_of(session.parts.task, session.store, last))
+        return learner.posterior(history_of(session.parts.task, store, last))
 
-    session.watcher.changed(session.store, posterior)
+    session.watcher.changed(store, posterior)
 
 
 def show(session: RunningSession, stage: Show) -> IterationOutput:
@@ -383,9 +409,9 @@ def _left_s(store: SessionStore, stage: RunTrial) -> float:
     """How long the rest of the iteration takes, answers aside, if each trial takes as long as those of this iteration
     or the one before; 0 without any.
     """
-    trials = store.trials(stage.iteration) or (store.trials(stage.iteration - 1) if stage.iteration else ())
+    trials = store.played(stage.iteration) or (store.played(stage.iteration - 1) if stage.iteration else ())
     took_s = [sum(spent for name, spent in one.timing_s.items() if name != ANSWERING) for one in trials]
-    missing = store.facts.particles * store.facts.trials - stage.particle * store.facts.trials - stage.trial
+    missing = store.facts.layout.numbers(stage.iteration).stop - stage.key.number
     return missing * sum(took_s) / len(took_s) if took_s else 0.0
 
 
@@ -415,6 +441,7 @@ def propose(
         predicted_reward=expected,
         predicted_low=low,
         predicted_high=high,
+        role=stage.role,
     )
     overlay = None if planned.overlay is None else keep(planned.overlay)
     return Proposal(trial, planned.summary, planned.announcement, planned.then, overlay)

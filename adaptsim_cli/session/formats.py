@@ -168,9 +168,9 @@ def export(
     something; ExtraMissing, SessionError, and the errors of `scene_of`.
     """
     chosen = format_named(kind)
-    from adaptsim_cli.session.store import trials_of
+    from adaptsim_cli.session.store import played_of
 
-    if not (records := trials_of(store)):
+    if not (records := played_of(store)):
         raise UsageError(f"session {store.facts.name} has no completed trial yet; nothing to export")
     return chosen.write(Export(store, records, out, scene_of, progress))
 

@@ -18,7 +18,7 @@ from pydantic import Field, ValidationError
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs import Quantities
-from adaptsim_cli.outputs.trials import BestRecord, OutlookRecord, SuspicionRecord, TrackRecord
+from adaptsim_cli.outputs.trials import BestRecord, ControlRecord, OutlookRecord, SuspicionRecord, TrackRecord
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.validation import explained
 from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
@@ -26,7 +26,7 @@ from hw.records import AnyRecord, Record, content_of, from_any_version
 from hw.types import Array
 from perception.types import Outcome
 from sim.adaptation.method import FAILED
-from sim.adaptation.stages import TrialKey
+from sim.adaptation.stages import Layout, Role, TrialKey
 from sim.adaptation.verdict import Verdict
 from sim.types import Space
 
@@ -42,6 +42,7 @@ class Draw(IntEnum):
     START = 0
     CONTEXT = 1
     NEXT = 2
+    CONTROL = 3
 
 
 def generator(
@@ -52,6 +53,9 @@ def generator(
 
 
 FORMAT = 4
+
+WITH_CONTROL = 5
+"""The format of a session with control trials: an older program would learn from them. Else it is that of FORMAT."""
 
 ROLLOUT = "rollout"
 """The `method` of a session without a learner: trials with a chosen action or policy."""
@@ -91,6 +95,9 @@ class Facts(Record):
     start_from: str = ""  # session whose posterior this one began with
     start_from_sha256: str = ""  # hash of that posterior
     policy_of: str = ""  # of a rollout: session whose best policy acts
+    control: str = ""  # method or session whose policy makes the control trials; empty: there are none
+    control_sha256: str = ""  # hash of what that session had learnt
+    control_seed: int = 0  # of the order of control trials; random on a real arm, where a person must not know it
     seed: int
     method: str  # "rollout": nothing is adapted
     solver: str = ""  # how task policies are trained; empty: the checkpoint's solver
@@ -116,6 +123,16 @@ class Facts(Record):
         """The facts that identify this session, the first columns of every table."""
         keys = {"session": self.name, "task": self.task, "hw": self.hw, "world": self.world}
         return {**keys, "method": self.method, "seed": self.seed}
+
+    @property
+    def layout(self) -> Layout:
+        """The trials of its iterations.
+
+        The first policies have learnt nothing yet, unless they begin with the posterior of another session. So control
+        trials begin with the second iteration.
+        """
+        begin = None if not self.control else 0 if self.start_from else 1
+        return Layout(self.particles, self.trials, begin, self.control_seed)
 
     @property
     def units(self) -> dict[str, str]:
@@ -163,6 +180,12 @@ class MotionRecord(Record):
     stopped: str | None = None  # why the motion ended early; None: it did not
     timing_s: dict[str, float] = Field(default_factory=dict)  # wall time by stage
     checksums: dict[str, str] = Field(default_factory=dict)  # name -> SHA-256 of each recorded file
+    role: Role = Role.ALONE  # whose policy acts
+
+    @property
+    def is_blind(self) -> bool:
+        """Whether it has a partner, so that the operator must not know whose policy acts."""
+        return self.role is not Role.ALONE
 
     @property
     def place(self) -> tuple[int, TrialKey]:
@@ -292,6 +315,7 @@ class ResultRecord(Record):
     timing_s: dict[str, float]
     proposal_s: float  # wall time from the end of the last motion until the next task policies are trained
     summary_sha256: str = ""
+    control: ControlRecord | None = None  # None: no pair of a trial and its control yet
     changes: int = 0
     """The number of amended outcomes and restored attempts, up to this iteration, that the result includes."""
     amended: tuple[str, ...] = ()
@@ -323,11 +347,11 @@ def to_toml(record: Record) -> bytes:
 def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
     """Read a record, of this version or a newer one of the same format. Raises SessionError naming file and defect."""
     data = _table(path, is_sealed=True)
-    if (version := data.get("format", FORMAT)) != FORMAT:
-        is_newer = isinstance(version, int) and version > FORMAT
+    if (version := data.get("format", FORMAT)) not in (FORMAT, WITH_CONTROL):
+        is_newer = isinstance(version, int) and version > WITH_CONTROL
         way = "Update adaptsim" if is_newer else "Open it with the version that wrote it"
         raise SessionError(
-            f"{path} is of format {version}, and this version of adaptsim reads format {FORMAT}. {way}, or start "
+            f"{path} is of format {version}, and this version of adaptsim reads format {WITH_CONTROL}. {way}, or start "
             "another session with --session"
         )
     try:

@@ -16,7 +16,7 @@ from adaptsim_cli.screen.views import words
 from adaptsim_cli.session import recording, topics
 from adaptsim_cli.session.records import TrialRecord, corrupt
 from adaptsim_cli.session.rig_target import come_home, track_request
-from adaptsim_cli.session.store import SessionStore, trials_of
+from adaptsim_cli.session.store import SessionStore, played_of
 from adaptsim_cli.session.target import Tracker
 from hw.types import Array
 from perception.errors import PerceptionError, TrackingFailed
@@ -31,7 +31,7 @@ def retrack(store: SessionStore, task: Task, tracker: Tracker, trial: int | None
     A trial that can no longer be tracked carries its failure. Raises UsageError if there is no such trial, SessionError
     naming a missing or damaged file.
     """
-    records: Sequence[TrialRecord] = trials_of(store)
+    records: Sequence[TrialRecord] = played_of(store)
     if trial is not None:
         numbers = ", ".join(str(record.trial) for record in records) or "none"
         records = [record for record in records if record.trial == trial]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import secrets
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, nullcontext
@@ -22,12 +23,23 @@ from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import store as stores
 from adaptsim_cli.session import terminal_views
 from adaptsim_cli.session.advice import after_iteration
+from adaptsim_cli.session.control import cost_in_words
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.flow import RunningSession, rows_of, run_iteration, tell
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.own.trust import require_trusted
 from adaptsim_cli.session.preflight import preflight
-from adaptsim_cli.session.records import ROLLOUT, Draw, Facts, SessionStart, as_records, generator, now
+from adaptsim_cli.session.records import (
+    FORMAT,
+    ROLLOUT,
+    WITH_CONTROL,
+    Draw,
+    Facts,
+    SessionStart,
+    as_records,
+    generator,
+    now,
+)
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
@@ -47,7 +59,7 @@ Ending = Callable[[SessionStore], RenderableType | None]
 
 _FROZEN = (
     *("task", "hw", "world", "recorded", "held_out", "start_from"),
-    *("method", "solver", "object", "seed", "particles"),
+    *("method", "control", "solver", "object", "seed", "particles"),
 )
 
 
@@ -115,9 +127,9 @@ def run_session(
         session = RunningSession(store, parts, operator, screen, AllOf(watcher, log), thread)
         also = (AnswerRefused, MomentsMissing)
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}", also=also))
-        _ready(session, config)
-        tell(session)
         left, report = request.iterations or parts.task.adaptation.horizon, None
+        _ready(session, config, left)
+        tell(session)
         while left:
             summary, left = run_iteration(session), left - 1
             if report is not None:
@@ -234,7 +246,8 @@ def default_name(config: Config) -> str:
     usual = Config()
     method = config.method if config.method != usual.method else ""
     seed = f"seed{config.seed}" if config.seed != usual.seed else ""
-    parts = (config.task, Path(config.object).stem, config.place, method, config.solver, seed)
+    control = f"control-{config.control}" if config.control else ""
+    parts = (config.task, Path(config.object).stem, config.place, method, control, config.solver, seed)
     return re.sub(r"[^A-Za-z0-9._-]", "-", "-".join(part for part in parts if part))
 
 
@@ -282,6 +295,7 @@ def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
 def facts_for(name: str, config: Config, parts: Parts, **changes: str | int) -> Facts:
     """The facts of a new session; `changes` are fields that do not come from the settings."""
     facts = Facts(
+        format=WITH_CONTROL if config.control else FORMAT,
         name=name,
         task=parts.task.name,
         hw=config.hw,
@@ -291,6 +305,8 @@ def facts_for(name: str, config: Config, parts: Parts, **changes: str | int) -> 
         start_from=config.start_from,
         seed=config.seed,
         method=config.method,
+        control=config.control,
+        control_seed=config.seed if config.is_simulated or not config.control else secrets.randbits(31),
         solver=config.solver,
         object=config.object,
         particles=config.particles,
@@ -322,6 +338,7 @@ def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
         ("camera's time offset", _ms(facts.camera_late_s), _ms(now.camera_late_s)),
         ("recording" if facts.recorded else "world", facts.world_sha256, now.world_sha256),
         ("posterior that it started from", facts.start_from_sha256, now.start_from_sha256),
+        ("policy of its control trials", facts.control_sha256, now.control_sha256),
     ):
         if was != digest:
             raise UsageError(
@@ -336,10 +353,10 @@ def _ms(t_s: float) -> str:
     return f"{1e3 * t_s:.3f} ms"
 
 
-def _ready(session: RunningSession, config: Config) -> None:
+def _ready(session: RunningSession, config: Config, iterations: int) -> None:
     facts, screen = session.store.facts, session.screen
     existing = session.store.existing()
-    stage = next_stage(existing, facts.particles, facts.trials)
+    stage = next_stage(existing, facts.layout)
     task, title, is_new = session.parts.task, session.parts.target.title, not existing.started
     screen.show(terminal_views.session_header(task, facts, stage.iteration, title, is_new=is_new))
     if is_new and facts.seed and not facts.recorded and ignores_seed(facts.method, task):
@@ -352,6 +369,8 @@ def _ready(session: RunningSession, config: Config) -> None:
         screen.note(
             f"Continuing after {count} trial{'s' if count > 1 else ''}. Another --session starts from the beginning."
         )
+    if facts.control:
+        screen.note(cost_in_words(session.store, stage.iteration, iterations))
     target = session.parts.target
     with (
         nullcontext() if target.needs_consent else screen.busy("Checking arm and camera", "checking")

@@ -33,7 +33,7 @@ from hw.bounded import read_table
 from hw.records import AnyRecord, Record
 from hw.types import Array
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
-from sim.adaptation.stages import Existing, TrialKey, current_key, trial_numbers
+from sim.adaptation.stages import Existing, Role, TrialKey, current_key
 from sim.errors import did_you_mean
 from sim.tasks.task import Task
 
@@ -199,10 +199,13 @@ class SessionStore:
                     yield records.read(records.RigFacts, entry / records.RIG)
 
     def trials(self, iteration: int) -> tuple[TrialRecord, ...]:
-        """The completed trials of an iteration that count, in order."""
+        """The completed trials of an iteration that count, in order; without control trials, which teach nothing."""
+        return tuple(trial for trial in self.played(iteration) if trial.role is not Role.CONTROL)
+
+    def played(self, iteration: int) -> tuple[TrialRecord, ...]:
+        """The completed trials of an iteration that count, in order, control trials too."""
         existing = self.existing(iteration)
-        numbers = trial_numbers(iteration, self.facts.particles, self.facts.trials)
-        keys = (current_key(existing, number) for number in numbers)
+        keys = (current_key(existing, number) for number in self.facts.layout.numbers(iteration))
         return tuple(self.trial(iteration, key) for key in keys if key in existing.completed)
 
     def result(self, iteration: int) -> ResultRecord | None:
@@ -228,7 +231,7 @@ class SessionStore:
 
     def iteration_of(self, number: int) -> int:
         """The iteration that a trial belongs to."""
-        return (number - 1) // (self.facts.particles * self.facts.trials)
+        return self.facts.layout.iteration_of(number)
 
     def proposed(self, iteration: int, key: TrialKey) -> MotionRecord | None:
         """The trial as it was proposed before its motion started; None if it did not. Raises SessionError."""
@@ -491,8 +494,13 @@ def _learnt_from(task: Task, record: TrialRecord) -> Trial:
     )
 
 
+def played_of(store: SessionStore) -> tuple[TrialRecord, ...]:
+    """Every completed trial that counts, in order, control trials too. Raises SessionError."""
+    return tuple(trial for i in range(store.iterations()) for trial in store.played(i))
+
+
 def trials_of(store: SessionStore) -> tuple[TrialRecord, ...]:
-    """Every completed trial that counts, in order. Raises SessionError."""
+    """Every completed trial that counts, in order; without control trials. Raises SessionError."""
     return tuple(trial for i in range(store.iterations()) for trial in store.trials(i))
 
 
@@ -503,7 +511,7 @@ def results_of(store: SessionStore) -> tuple[ResultRecord, ...]:
 
 def completed(store: SessionStore, number: int) -> TrialRecord:
     """The completed trial `number` (from 1) that counts. Raises UsageError naming those that are, SessionError."""
-    trials = {trial.trial: trial for trial in trials_of(store)}
+    trials = {trial.trial: trial for trial in played_of(store)}
     if number not in trials:
         listing = ", ".join(map(str, trials)) or "none"
         raise UsageError(f"trial {number} of {store.facts.name} is not completed; completed are {listing}")

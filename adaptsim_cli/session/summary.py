@@ -20,7 +20,7 @@ from adaptsim_cli.outputs.sessions import (
 from adaptsim_cli.outputs.trials import IterationOutput, ParticleShown, PlayedTrial, named
 from adaptsim_cli.session.keeping import about, size_bytes
 from adaptsim_cli.session.records import ResultRecord, Samples, TrialRecord
-from adaptsim_cli.session.store import SessionStore, particles_of, results_of, trials_of
+from adaptsim_cli.session.store import SessionStore, particles_of, played_of, results_of, trials_of
 from sim.adaptation.method import Particle
 
 
@@ -45,6 +45,7 @@ def summary(store: SessionStore, result: ResultRecord) -> IterationOutput:
         verdict=result.verdict,
         outlook=result.outlook,
         suspicion=result.suspicion,
+        control=result.control,
         timing_s={key: round(value, 3) for key, value in result.timing_s.items()},
     )
 
@@ -95,7 +96,7 @@ def details(store: SessionStore) -> SessionShown:
         facts=facts.model_dump(mode="json"),
         folder=str(store.folder),
         units=facts.units,
-        trials=[trial.view(ShownTrial) for trial in trials_of(store)],
+        trials=[trial.view(ShownTrial) for trial in played_of(store)],
         rejected=[
             ShownRejection(trial=one.key.number, attempt=one.key.attempt + 1, at=one.note.at, reason=one.note.text)
             for one in store.rejections()

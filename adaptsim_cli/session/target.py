@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
+from adaptsim_cli.session.control import ControlPolicies
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import Film, KeyMoment, RigFacts
 from calib.types import HandEye
@@ -300,6 +301,7 @@ class Provenance:
     versions: dict[str, str]
     camera_late_s: float = 0.0  # subtracted from the camera's time stamps
     start_from_sha256: str = ""  # of the posterior that the session begins with
+    control_sha256: str = ""  # of what the control's session had learnt
 
 
 @dataclass(frozen=True)
@@ -310,3 +312,4 @@ class Parts:
     target: Target
     learner: Learner
     provenance: Provenance
+    control: ControlPolicies | None = None  # of the control trials; None: there are none

@@ -19,12 +19,12 @@ from adaptsim_cli.outputs.sessions import (
 )
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.advice import ENOUGH_ITERATIONS, HEADLINES, in_words, tried_in
+from adaptsim_cli.session.advice import ENOUGH_ITERATIONS, HEADLINES, compared_in_words, in_words, tried_in
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import ROLLOUT, Facts, MotionRecord, ResultRecord, TrialRecord
 from hw.types import Array
 from sim.adaptation.method import Particle
-from sim.adaptation.stages import RunTrial
+from sim.adaptation.stages import Role, RunTrial
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
@@ -46,13 +46,19 @@ def session_header(task: Task, facts: Facts, iteration: int, hardware: str, *, i
 def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle, left_s: float) -> RenderableType:
     """The heading of a trial: number, attempt, particle, and the time left in its iteration (0: unknown)."""
     again = f", attempt {stage.key.attempt + 1}" if stage.key.attempt else ""
-    place = f"{stage.particle * facts.trials + stage.trial + 1} of {facts.particles * facts.trials} in this iteration"
+    numbers = facts.layout.numbers(stage.iteration)
+    place = f"{stage.key.number - numbers.start + 1} of {len(numbers)} in this iteration"
     left = f", about {left_s / 60.0:.0f} min left" if left_s >= 60.0 else ""
     head = Text.assemble(
         views.mark(views.RECORDED if facts.recorded else facts.hw),
         (f" Trial {stage.key.number}{_of_session(facts, stage)}", "bold"),
         f"{again}   {place}, particle {stage.particle + 1}{left}",
     )
+    if stage.role is not Role.ALONE:
+        blind = (
+            "The session's own policy acts, or the control's; which one stays hidden until the iteration is complete"
+        )
+        return Group(Text(""), head, views.indent(Text(blind, style="dim")))
     why = (
         f"The task policy was trained for {views.values(task.parameters, particle.mean)}"
         if len(particle.samples) == 1
@@ -75,7 +81,7 @@ def proposal(task: Task, proposal: Proposal) -> RenderableType:
     lines = (
         *_where(task, trial),
         f"Action   {views.values(task.action, trial.action_array)}",
-        f"Expected reward {trial.predicted_reward:.2f} ({between})",
+        *(() if trial.is_blind else (f"Expected reward {trial.predicted_reward:.2f} ({between})",)),
         proposal.summary,
     )
     return views.indent(Group(*map(Text, lines)))
@@ -94,7 +100,8 @@ def tracked(record: TrialRecord) -> RenderableType:
     """The result of a trial beside its prediction."""
     style = "green" if record.succeeded else "yellow"
     result = Text.assemble("Tracked: ", (f"{record.outcome_words}, reward {record.reward:.2f}", style))
-    result.append(f" (expected {record.predicted_reward:.2f})", "dim")
+    if not record.is_blind:
+        result.append(f" (expected {record.predicted_reward:.2f})", "dim")
     if (off_mm := record.off_goal_mm) is not None:
         result.append(f", {off_mm:.0f} mm from the goal")
     return views.indent(Group(result, *[Text(f"note: {flag}", style="yellow") for flag in record.track.flags]))
@@ -131,8 +138,13 @@ def adapted(
     spent = f"The iteration took {took}; the next proposal was ready {result.proposal_s:.1f} s after the last trial"
     return Group(
         Text(""), Text("What changed", style="bold"), *amended, *(views.indent(table) for table in tables),
-        estimate, *_correction(task, result), verdict, *_suspicion(result), Text(spent, style="dim"),
+        estimate, *_correction(task, result), verdict, *_control(result), *_suspicion(result), Text(spent, style="dim"),
     )  # fmt: skip
+
+
+def _control(result: ResultRecord) -> list[Text]:
+    """What the control trials show."""
+    return [] if result.control is None else [Text(compared_in_words(result.control), style="bold")]
 
 
 def _suspicion(result: ResultRecord) -> list[Text]:

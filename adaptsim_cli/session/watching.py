@@ -78,6 +78,9 @@ class AllOf:
 
 FILE = "log.jsonl"
 
+BLIND = {"role", "parameters", "predicted_reward", "predicted_low", "predicted_high"}
+"""Fields of a trial that would say whose policy acts; the log may be read while a session runs."""
+
 Kind = Literal["begun", "asked", "answered", "done", "noted", "planned", "tracked", "stored", "reported", "ended"]
 
 
@@ -120,7 +123,8 @@ class SessionLog:
 
     def proposed(self, proposal: Proposal, preview: MotionPreview | None) -> None:
         """See `Watcher`."""
-        self.write("planned", proposal.summary, **proposal.trial.model_dump(mode="json", exclude_defaults=True))
+        trial, hidden = proposal.trial, BLIND if proposal.trial.is_blind else set()
+        self.write("planned", proposal.summary, **trial.model_dump(mode="json", exclude_defaults=True, exclude=hidden))
 
     def tracked(self, record: TrialRecord, tracked_trial: TrackedTrial) -> None:
         """See `Watcher`."""

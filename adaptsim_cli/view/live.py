@@ -16,15 +16,16 @@ from numpy.typing import NDArray
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import number
-from adaptsim_cli.session.advice import in_words
+from adaptsim_cli.session.advice import compared_in_words, in_words
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import ResultRecord, TrialRecord
-from adaptsim_cli.session.store import SessionStore, means_of, results_of, trials_of
+from adaptsim_cli.session.store import SessionStore, means_of, played_of, results_of
 from adaptsim_cli.session.target import MotionPreview, Parts, TrackedTrial
 from adaptsim_cli.session.watching import PosteriorSource
 from adaptsim_cli.view.server import Page
 from sim.adaptation.posterior import Posterior
+from sim.adaptation.stages import Role
 from sim.tasks.task import Task
 from sim.types import Space
 
@@ -156,10 +157,10 @@ def trial_shown(task: Task, particles: int, proposal: Proposal) -> dict[str, Any
         "iteration": trial.iteration,
         "particle": trial.particle,
         "particles": particles,  # 0: a single rollout
-        "parameters": quantities(task.parameters, trial.parameters),
+        "parameters": [] if trial.is_blind else quantities(task.parameters, trial.parameters),
         "context": quantities(task.context, trial.context),
         "action": quantities(task.action, trial.action),
-        "expected": [trial.predicted_reward, trial.predicted_low, trial.predicted_high],
+        "expected": None if trial.is_blind else [trial.predicted_reward, trial.predicted_low, trial.predicted_high],
         "summary": proposal.summary,
     }
 
@@ -198,24 +199,27 @@ def tracked_shown(record: TrialRecord, tracked_trial: TrackedTrial, url: str) ->
 
 def so_far(store: SessionStore, task: Task, posterior: Posterior | None) -> dict[str, Any]:
     """Rewards and parameters of the whole session."""
-    trials = trials_of(store)
-    results = results_of(store)
+    results, layout = results_of(store), store.facts.layout
     return {
-        "rewards": [_reward(record) for record in trials],
-        "per_iteration": store.facts.particles * store.facts.trials,
+        "rewards": [_reward(record, len(results)) for record in played_of(store)],
+        "ends": [layout.numbers(i).stop - 1 for i in range(max(1, store.iterations()))],
+        "control": compared_in_words(results[-1].control) if results and results[-1].control is not None else "",
         "parameters": _parameters(store, task, results, posterior),
         "verdict": in_words(results[-1].verdict, store.facts.object_name) if results else "",
         "best": _best(task, results[-1]) if results else None,
     }
 
 
-def _reward(record: TrialRecord) -> dict[str, Any]:
+def _reward(record: TrialRecord, complete: int) -> dict[str, Any]:
+    """A trial among all; whose policy acted is told once its iteration is among the `complete` ones."""
+    is_control = record.role is Role.CONTROL and record.iteration <= complete
     return {
         "number": record.trial,
         "particle": record.particle,
         "reward": record.reward,
-        "expected": [record.predicted_low, record.predicted_high],
-        "outcome": record.outcome_words,
+        "expected": None if record.is_blind else [record.predicted_low, record.predicted_high],
+        "outcome": record.outcome_words + (", control" if is_control else ""),
+        "control": is_control,
     }
 
 

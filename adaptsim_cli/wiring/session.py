@@ -31,6 +31,7 @@ from adaptsim_cli.session.watching import Watcher
 from adaptsim_cli.storage.durable import versions
 from adaptsim_cli.view.live import live_view
 from adaptsim_cli.view.server import require_free
+from adaptsim_cli.wiring.control import control_of
 from adaptsim_cli.wiring.rig_frames import ground_of, hash_of, own_ground
 from adaptsim_cli.wiring.settings import checkpoint_of, recordings_of, solver_of, started_from, task_of
 from adaptsim_cli.wiring.touch_off import origin
@@ -92,7 +93,8 @@ def open_parts(
                 calibration_sha256=hash_of(calibration.X_BC, task.require_hardware().X_FT),
                 camera_late_s=calibration.camera_late_s,
             )
-        yield Parts(task, target, learner, origin)
+        control, sha256 = control_of(config, checkpoint, policies, executable)
+        yield Parts(task, target, learner, replace(origin, control_sha256=sha256), control)
 
 
 def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> Parts:
@@ -101,6 +103,8 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
         raise UsageError(f"--recorded: nothing moves, so leave out --hw {config.hw}")
     if config.solver:
         raise UsageError(f"--recorded: policies choose among recorded actions, so leave out --solver {config.solver}")
+    if config.control:
+        raise UsageError(f"--recorded: no further trial can be made, so leave out --control {config.control}")
     recordings = recordings_of(checkpoint, config)
     solver = recordings.checkpoint.solver
     title = f"recorded trials of {config.recorded}, {len(recordings.held_out)} of them held out"
@@ -172,8 +176,7 @@ def _spent(trials: RecordedTrials, session: Path) -> set[int]:
     store = SessionStore.open(session.parent, session.name)
     done = store.existing()
     keys = done.completed | done.recorded
-    each = store.facts.particles * store.facts.trials
-    used = [store.motion((key.number - 1) // each, key).action_array for key in keys]
+    used = [store.motion(store.iteration_of(key.number), key).action_array for key in keys]
     return {int(row) for row in trials.at(np.array(used))} if used else set()
 
 

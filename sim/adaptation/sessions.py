@@ -17,7 +17,7 @@ import numpy as np
 
 from sim.adaptation.learner import Learner
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
-from sim.adaptation.stages import Adapt, Existing, RunTrial, Show, Stage, TrialKey, next_stage, trial_numbers
+from sim.adaptation.stages import Adapt, Existing, Layout, RunTrial, Show, Stage, TrialKey, next_stage
 from sim.solvers.solver import SolvedPolicy
 
 Progress = Callable[[str, str], AbstractContextManager[None]]
@@ -136,15 +136,12 @@ class MemorySession:
 
     def next_stage(self) -> Stage:
         """See `PlayableSession`."""
-        particles, completed = len(self.steps[0]), len(self.played) * self.trials
-        results = {
-            i: tuple(TrialKey(number, 0) for number in trial_numbers(i, particles, self.trials))
-            for i in range(len(self.steps) - 1)
-        }
+        layout, completed = Layout(len(self.steps[0]), self.trials), len(self.played) * self.trials
+        results = {i: tuple(TrialKey(number, 0) for number in layout.numbers(i)) for i in range(len(self.steps) - 1)}
         keys = frozenset(TrialKey(number, 0) for number in range(1, completed + 1))
         nothing = frozenset[TrialKey]()
         existing = Existing(keys, nothing, nothing, nothing, results, frozenset(self.shown))
-        return next_stage(existing, particles, self.trials)
+        return next_stage(existing, layout)
 
     def particles(self, iteration: int) -> tuple[Particle, ...]:
         """See `PlayableSession`."""

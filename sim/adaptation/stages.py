@@ -5,9 +5,20 @@ The same rule serves a session on the disk, which may be continued after any ste
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import NamedTuple
+
+import numpy as np
+
+
+class Role(StrEnum):
+    """Whose policy acts in a trial."""
+
+    ALONE = "alone"  # the session's own, in an iteration without control trials
+    OWN = "own"  # the session's own, in an iteration with them
+    CONTROL = "control"
 
 
 class TrialKey(NamedTuple):
@@ -15,6 +26,62 @@ class TrialKey(NamedTuple):
 
     number: int
     attempt: int
+
+
+class Slot(NamedTuple):
+    """The place of a trial in its iteration."""
+
+    particle: int
+    trial: int  # within its particle and iteration
+    role: Role
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which trials an iteration has, in which order. Iterations, particles and trials of a particle count from 0.
+
+    With control trials, each trial of a particle has a partner that the control's policy makes in the same context.
+    The trials of a particle and their partners are one block, in random order.
+    """
+
+    particles: int
+    trials: int  # of each particle
+    controlled_from: int | None = None  # first iteration with control trials; None: there are none
+    seed: int = 0  # of the order within blocks
+
+    def has_control(self, iteration: int) -> bool:
+        """Whether an iteration has control trials."""
+        return self.controlled_from is not None and iteration >= self.controlled_from
+
+    def slots(self, iteration: int) -> tuple[Slot, ...]:
+        """The trials of an iteration, in their order."""
+        if not self.has_control(iteration):
+            return tuple(Slot(p, t, Role.ALONE) for p in range(self.particles) for t in range(self.trials))
+        return tuple(slot for particle in range(self.particles) for slot in self._block(iteration, particle))
+
+    def _block(self, iteration: int, particle: int) -> Iterator[Slot]:
+        rng = np.random.default_rng((self.seed, iteration, particle))
+        roles = (Role.OWN, Role.CONTROL)
+        counts = dict.fromkeys(roles, 0)
+        for which in rng.permutation(np.repeat([0, 1], self.trials)):
+            role = roles[which]
+            yield Slot(particle, counts[role], role)
+            counts[role] += 1
+
+    def numbers(self, iteration: int) -> range:
+        """The numbers of an iteration's trials within the session."""
+        first = 1 + sum(self._size(earlier) for earlier in range(iteration))
+        return range(first, first + self._size(iteration))
+
+    def iteration_of(self, number: int) -> int:
+        """The iteration that a trial belongs to."""
+        iteration = 0
+        while number >= self.numbers(iteration).stop:
+            iteration += 1
+        return iteration
+
+    def _size(self, iteration: int) -> int:
+        return self.particles * self.trials * (2 if self.has_control(iteration) else 1)
 
 
 @dataclass(frozen=True)
@@ -41,6 +108,7 @@ class RunTrial:
     key: TrialKey
     interrupted: bool = False  # the motion started and was never stored
     recorded: bool = False  # the motion is over and stored: tracking and review are missing
+    role: Role = Role.ALONE
 
 
 @dataclass(frozen=True)
@@ -61,18 +129,17 @@ class Show:
 Stage = RunTrial | Adapt | Show
 
 
-def next_stage(existing: Existing, particles: int, trials: int) -> Stage:
-    """The next stage of a session with `particles` x `trials` trials per iteration. There is always one."""
+def next_stage(existing: Existing, layout: Layout) -> Stage:
+    """The next stage of a session. There is always one."""
     iteration = 0
     used = max((key.number for key in existing.started | existing.completed | existing.recorded), default=0)
     while True:
-        keys = tuple(current_key(existing, n) for n in trial_numbers(iteration, particles, trials))
-        for index, key in enumerate(keys):
+        keys = tuple(current_key(existing, n) for n in layout.numbers(iteration))
+        for slot, key in zip(layout.slots(iteration), keys, strict=True):
             if key not in existing.completed:
-                particle, trial = divmod(index, trials)
                 recorded = key in existing.recorded
                 interrupted = key in existing.started and not recorded
-                return RunTrial(iteration, particle, trial, key, interrupted, recorded)
+                return RunTrial(iteration, slot.particle, slot.trial, key, interrupted, recorded, slot.role)
         if not _is_settled(existing, iteration, keys, is_used=used > keys[-1].number):
             return Adapt(iteration, keys)
         if iteration not in existing.shown:
@@ -94,12 +161,6 @@ def _is_settled(existing: Existing, iteration: int, keys: tuple[TrialKey, ...], 
 def changes_until(existing: Existing, iteration: int) -> int:
     """The number of amended outcomes and restored attempts up to and including an iteration."""
     return sum(count for earlier, count in existing.changes.items() if earlier <= iteration)
-
-
-def trial_numbers(iteration: int, particles: int, trials: int) -> range:
-    """The numbers of the trials of one iteration within the session, particle by particle."""
-    first = 1 + iteration * particles * trials
-    return range(first, first + particles * trials)
 
 
 def current_key(existing: Existing, number: int) -> TrialKey:

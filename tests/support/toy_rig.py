@@ -15,6 +15,7 @@ from typing import Any, Self
 import numpy as np
 
 from adaptsim_cli.config import Config
+from adaptsim_cli.session.control import ControlPolicies
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Parts, Paths, Planner, Provenance, Rig, Tracker, TrackRequest
 from calib.types import HandEye
@@ -260,7 +261,11 @@ def flange(q_rad: np.ndarray) -> np.ndarray:
 
 
 def toy_parts(
-    lab: ToyLab, name: str = "fake", check: Callable[[JointPath], None] = lambda _: None, **origin: Any
+    lab: ToyLab,
+    name: str = "fake",
+    check: Callable[[JointPath], None] = lambda _: None,
+    control: ControlPolicies | None = None,
+    **origin: Any,
 ) -> Parts:
     """`origin` are fields of the provenance that differ."""
     provenance = replace(Provenance("toy", "c" * 64, "w" * 64, "toy", "h" * 64, {"adaptsim": "0.1.0"}), **origin)
@@ -270,7 +275,7 @@ def toy_parts(
         find, lambda frame, *_: frame.colour, track, lambda drawn: drawn, lambda drawn, found: found.xy_m, OUTCOMES
     )
     target = RigTarget(TASK, rig, tracker, Planner(paths, check, flange))
-    return Parts(TASK, target, ToyLearner(), provenance)  # type: ignore[arg-type]  # a learner without a method
+    return Parts(TASK, target, ToyLearner(), provenance, control)  # type: ignore[arg-type]  # a learner without a method
 
 
 def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config, Path], Any]:

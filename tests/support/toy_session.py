@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -65,11 +65,20 @@ def resolved(home: Path, **flags: object) -> config.Resolved:
     return config.load({"task": "toy", **flags}, {"ADAPTSIM_HOME": str(home)}, home)
 
 
-def run(home: Path, lab: ToyLab | None = None, *, iterations: int = 1, **flags: object) -> SessionStore:
-    """`run-iteration --yes` on the toy rig, in this process."""
+def run(
+    home: Path,
+    lab: ToyLab | None = None,
+    *,
+    iterations: int = 1,
+    kinds: Mapping[str, Any] | None = None,
+    **flags: object,
+) -> SessionStore:
+    """`run-iteration --yes` on the toy rig, in this process; `kinds` are of `toy_parts`."""
     settings = resolved(home, **flags)
     request = running.SessionRequest(None, frozenset({"task"}), iterations, yes=True)
-    path = running.run_session(settings, request, opener(lab or ToyLab(settings.config.seed)), page.write)
+    path = running.run_session(
+        settings, request, opener(lab or ToyLab(settings.config.seed), **kinds or {}), page.write
+    )
     return SessionStore.open(settings.places.sessions, path.parent.name)
 
 

@@ -48,7 +48,7 @@ def test_a_truncated_file_is_named(store, file, cut):
     ("old", "new", "told"),
     [
         (b"seed = 0", b'seed = "zero"', r"session\.toml .*seed: "),
-        (b"format = 4", b"format = 9", r"of format 9, .* reads format 4\. .*--session"),
+        (b"format = 4", b"format = 9", r"of format 9, .* reads format 5\. .*--session"),
     ],
 )
 def test_a_value_of_another_kind_and_another_format_are_named(store, old, new, told):

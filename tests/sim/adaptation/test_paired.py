@@ -108,6 +108,15 @@ def test_equal_rewards_end_as_no_gain_worth_a_session():
     assert said.decided_after is not None and said.decided_after > 40, "this many pairs it takes, and not fewer"
 
 
+@pytest.mark.parametrize(("p", "q", "low", "high"), [(0.9, 0.4, 13, 17), (0.8, 0.6, 81, 200)])
+def test_it_takes_as_many_pairs_as_the_operators_guide_says(p, q, low, high):
+    rng = np.random.default_rng(2)
+    d = (rng.random((1000, 200)) < p) * 1.0 - (rng.random((1000, 200)) < q) * 1.0
+    is_shown = capital(d, np.zeros(1000)) >= 2.0 / ALPHA
+    first = np.where(is_shown.any(axis=1), is_shown.argmax(axis=1) + 1, 201)
+    assert low <= np.median(first) <= high
+
+
 def test_the_pairs_still_missing_come_true():
     """Of sessions that said "about N more pairs", half are shown by then."""
     rng = np.random.default_rng(5)

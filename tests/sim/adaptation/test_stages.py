@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim.adaptation.stages import Adapt, Existing, RunTrial, Show, TrialKey, next_stage
+from sim.adaptation.stages import Adapt, Existing, Layout, RunTrial, Show, TrialKey, next_stage
 
 NOTHING = Existing(frozenset(), frozenset(), frozenset(), frozenset(), {}, frozenset())
 
@@ -56,18 +56,20 @@ def existing(
     ],
 )
 def test_the_next_stage_is_the_first_trial_that_is_missing(found: Existing, stage: RunTrial) -> None:
-    assert next_stage(found, 2, 2) == stage
+    assert next_stage(found, Layout(2, 2)) == stage
 
 
 def test_all_trials_lead_to_adaptation_then_to_showing_then_to_the_next_iteration() -> None:
     done = [(1, 0), (2, 0)]
     keys = (TrialKey(1, 0), TrialKey(2, 0))
-    assert next_stage(existing(done), 1, 2) == Adapt(0, keys)
-    assert next_stage(existing(done, results={0: done}), 1, 2) == Show(0)
-    assert next_stage(existing(done, results={0: done}, shown=(0,)), 1, 2) == RunTrial(1, 0, 0, TrialKey(3, 0), False)
+    assert next_stage(existing(done), Layout(1, 2)) == Adapt(0, keys)
+    assert next_stage(existing(done, results={0: done}), Layout(1, 2)) == Show(0)
+    assert next_stage(existing(done, results={0: done}, shown=(0,)), Layout(1, 2)) == RunTrial(
+        1, 0, 0, TrialKey(3, 0), False
+    )
 
 
 def test_redoing_a_trial_makes_the_result_that_rests_on_it_obsolete() -> None:
     before = [(1, 0), (2, 0)]
     redone = existing([*before, (2, 1)], rejected=((2, 0),), results={0: before}, shown=(0,))
-    assert next_stage(redone, 1, 2) == Adapt(0, (TrialKey(1, 0), TrialKey(2, 1)))
+    assert next_stage(redone, Layout(1, 2)) == Adapt(0, (TrialKey(1, 0), TrialKey(2, 1)))

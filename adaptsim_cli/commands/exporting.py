@@ -112,6 +112,7 @@ def export(
 ) -> None:
     """Export a session: its trials as a table, MCAP, Rerun or LeRobot, or its adapted scene for Drake or MuJoCo.
 
+    ranges writes the posterior as randomisation ranges, with snippets for Drake, MuJoCo Playground and Isaac Lab.
     sdf and mjcf write the scene at the posterior mean with one trial of the best policy. Parquet and LeRobot need the
     extra `export`, Rerun the extra `rerun`, mjcf the extra `mujoco`.
 

@@ -52,13 +52,17 @@ class Export:
 
     def scene(self, kind: str, file: str) -> list[Path]:
         """The folder of a scene; a simulator loads `file`. Raises UsageError if the folder exists."""
+        return self.folder(kind, (file, "trial.json"))
+
+    def folder(self, kind: str, files: Sequence[str]) -> list[Path]:
+        """The folder of a format, of which these files are named. Raises UsageError if the folder exists."""
         from adaptsim_cli.storage import durable
 
         if self.out.exists():
             raise UsageError(f"{self.out} exists already: name another --out")
         durable.make_folder(self.out.absolute().parent)
         durable.write_folder(self.out.absolute(), self.scene_of(self.store, kind))
-        return [self.out / file, self.out / "trial.json"]
+        return [self.out / file for file in files]
 
 
 @dataclass(frozen=True)
@@ -136,6 +140,11 @@ FORMATS: dict[str, ExportFormat] = {
         lambda request: request.scene("sdf", "scene.sdf"),
         lambda first, out: (f"{_PYTHON} -m pydrake.visualization.model_visualizer {first}", "the scene, in a browser"),
     ),
+    "ranges": ExportFormat(
+        "-ranges",
+        lambda request: request.folder("ranges", ("ranges.json", "ranges.toml")),
+        lambda first, out: (f"{_PYTHON} {out / 'drake_ranges.py'}", "draws one sample, as contact properties of Drake"),
+    ),
     "mjcf": ExportFormat(
         "-mjcf",
         lambda request: request.scene("mjcf", "scene.xml"),
@@ -144,7 +153,7 @@ FORMATS: dict[str, ExportFormat] = {
 }
 """Every format by its name: the option, its completion, the default name and the next step derive from here."""
 
-WITHOUT_RECORDINGS = ("csv", "parquet", "lerobot")
+WITHOUT_RECORDINGS = ("csv", "parquet", "lerobot", "ranges")
 """The formats for a task without recordings."""
 
 

@@ -70,7 +70,7 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle, left_s:
 
 def _of_session(facts: Facts, stage: RunTrial) -> str:
     """` of 20`: how many trials a usual session has, or this rollout; "" beyond that."""
-    trials = facts.particles * facts.trials * (1 if facts.method == ROLLOUT else ENOUGH_ITERATIONS)
+    trials = facts.layout.numbers((1 if facts.method == ROLLOUT else ENOUGH_ITERATIONS) - 1).stop - 1
     return f" of {trials}" if stage.key.number <= trials else ""
 
 

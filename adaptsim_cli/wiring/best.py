@@ -159,11 +159,17 @@ def _described(space: Space) -> list[dict[str, Any]]:
 
 
 def scene_files(store: SessionStore, kind: str) -> dict[str, bytes]:
-    """Name -> content of the scene as `sdf` or `mjcf`, at the posterior mean; the context is that of the newest trial.
+    """Name -> content of `ranges`, or of the scene as `sdf` or `mjcf`.
+
+    A scene is at the posterior mean; its context is that of the newest trial.
 
     Raises NoHardware for a task without a scene, SessionError before the first complete iteration, CheckpointError,
     OutOfRange, ExtraMissing.
     """
+    if kind == "ranges":
+        from adaptsim_cli.wiring.ranges import ranges_files
+
+        return ranges_files(store)
     from adaptsim_cli.wiring.hindsight import Hindsight
     from sim.adaptation.posterior import COLLAPSED
     from sim.lab.scene_files import PlannedTrial, as_mjcf, as_sdf

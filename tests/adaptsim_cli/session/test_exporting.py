@@ -106,7 +106,7 @@ def test_a_replay_is_a_video_with_every_frame(store, tmp_path, capfd):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["sessions", "export", NAME, "--format", "xls"], "csv, parquet, mcap, lerobot, rerun, sdf, mjcf"),
+        (["sessions", "export", NAME, "--format", "xls"], "csv, parquet, mcap, lerobot, rerun, sdf, ranges, mjcf"),
         (["replay", NAME, "99"], "trial 99 of"),
     ],
 )

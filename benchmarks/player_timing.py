@@ -69,7 +69,7 @@ def cycles(cell: Workcell, count: int) -> tuple[dict[str, Array], int]:
     rng = np.random.default_rng(0)
     while len(player) < count:
         listener, state = Watchdog(heard, 60.0), Following()
-        playback = Playback(motion, listener.wanted, time.monotonic)
+        playback = Playback(motion, listener.stop_reason, time.monotonic)
         stop_at, tick, finished = int(rng.integers(0, len(motion.path.t_s) - 50)), 0, False
         gc.collect()
         gc.disable()

@@ -194,7 +194,7 @@ def _evidence(
     if rig.by_depth:
         share = darkness(rgb, _table_brightness(rig, frame))
         raised = _raised(rig, X_BT, depth_view, depth_m - rig.depth_offset_m)
-        places_m = transform(view.X_BV, view.directions * np.float32(view.depth_of(centre_m)))
+        places_m = transform(view.X_BV, np.asarray(view.directions * np.float32(view.depth_of(centre_m)), np.float64))
         share = np.where(on_tool, depth_view.sample(raised, places_m).reshape(share.shape), share)
     else:
         share = without_halo(matte(rgb, rig.detection.piece_chroma, others), rgb, on_tool)

@@ -29,13 +29,13 @@ from adaptsim_cli.doctor.table import Examined, Severity, ok
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.session.records import TrialKey
 from adaptsim_cli.session.watching import SessionLog
 from adaptsim_cli.session.watching import read as read_log
 from adaptsim_cli.wiring.session import open_trials
 from hw.fake import FakeArm, FakeClock
 from hw.ports import Arm, AroundArm
 from hw.types import ArmState, Execution, JointPath
+from sim.adaptation.stages import TrialKey
 from sim.tasks import get_task
 
 STILL = JointPath(np.arange(11, dtype=np.float64) * 1e-3, np.tile(np.asarray(READY_RAD, dtype=np.float64), (11, 1)))

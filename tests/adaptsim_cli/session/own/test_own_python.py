@@ -56,8 +56,7 @@ def test_trials_are_asked_and_told_in_any_order_and_the_session_adapts() -> None
     apart = np.abs(np.array(list((other.action or {}).values())) - list((trials[3].action or {}).values()))
     assert (apart > 0.0).any()
     session.tell(other, *pushed(other), "upright", note="the last one")
-    (iteration,) = session.iterations
-    assert iteration.number == 1
+    assert [iteration.number for iteration in session.iterations] == [1]
     assert [trial.trial for trial in session.trials] == [1, 2, 3, 4]
     assert [trial.trial for trial in session.asks()] == [5, 6, 7, 8]
 

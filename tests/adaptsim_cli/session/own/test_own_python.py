@@ -49,7 +49,7 @@ def test_trials_are_asked_and_told_in_any_order_and_the_session_adapts() -> None
     assert (again.trial, again.attempt) == (1, 2)
     session.tell(again, *pushed(again), "upright")
     session.tell(trials[1], end=[0.8, 0.0, 0.035], outcome="upright")
-    assert session.iterations == ()
+    assert [iteration.number for iteration in session.iterations] == []
     session.tell(trials[3], impossible="beyond my table")
     other = session.ask()
     assert (other.trial, other.attempt) == (4, 2)

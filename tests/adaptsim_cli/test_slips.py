@@ -81,7 +81,7 @@ SLIPS = [
     Slip(("sessions", "delete", "study"), 7, ("",)),
     Slip(("sessions", "delete", "study"), 7, ("?",)),
     Slip(("run-iteration", "--task", "toy", "--session", "studdy"), 7, ("",)),
-    Slip(("run-iteration", "--task", "toy", "--session", "studdy"), 7, ("?", "yes", "q")),
+    Slip(("run-iteration", "--task", "toy", "--session", "studdy"), 7, ("?", "maybe", "q")),
     Slip(("run-iteration", "--task", "toy", "--session", "studdy"), 130, (CTRL_C,)),
     *(
         Slip(GO_ON, code, (*agreed, *answers), motions)
@@ -179,7 +179,7 @@ def run(home: Path, *line: str, **env: str) -> subprocess.Popen[str]:
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        text=True,
+        encoding=env.get("PYTHONIOENCODING", "utf-8"),
     )
 
 

@@ -61,7 +61,6 @@ READING: tuple[tuple[str, ...], ...] = (("sessions", "list"), ("sessions", "show
 WRITING: tuple[tuple[str, ...], ...] = (
     RUN,
     ("sessions", "mark", "s", "--note", "the lamp"),
-    ("sessions", "mark", "s", "--archive"),
 )
 
 

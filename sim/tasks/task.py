@@ -192,6 +192,10 @@ class Standing:
     mark_m: Array  # (2,) in the frame of the arm's base
 
 
+def no_suspicion(tracks: Sequence[ObjectTrack]) -> None:
+    """No trials of the task hint at a fault of the rig. A function, since a task travels to worker processes."""
+
+
 @dataclass(frozen=True, eq=False)
 class Hardware:
     """The parts of a task with arm and camera: tool, motion, scene, tracker."""
@@ -218,7 +222,7 @@ class Hardware:
     parts: Callable[[], tuple[Part, ...]] = tuple  # what a lab prints for it; raises ExtraMissing
     weighing: tuple[str, Callable[[Array, Array, Any], float]] | None = None
     """The effect that scales the object's mass; (parameters, nuisance, unmodelled) -> mass without that effect, kg."""
-    suspect: Callable[[Sequence[ObjectTrack]], Suspicion | None] = lambda tracks: None
+    suspect: Callable[[Sequence[ObjectTrack]], Suspicion | None] = no_suspicion
     """The tracks of all trials of a session, in order -> what they hint at; None: nothing."""
     course: Callable[[ToolMotion, Array, Array, Any], Any] | None = None
     """(motion, X_BO, nuisance, unmodelled) -> a rollout without its physics (`sim.tasks.shared.readings.Course`), from

@@ -63,7 +63,7 @@ def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(place, cap
     shown = printed(capfd, "sessions show", "s")
     assert [t["trial"] for t in shown["trials"]] == [1, 2]
     printed(capfd, "sessions verify", "s")
-    assert printed(capfd, "sessions mark", "s", "--note", "a note", "--tag", "paper")["tags"] == ["paper"]
+    assert printed(capfd, "sessions mark", "s", "--note", "a note")["note"] == "a note"
     policy = printed(capfd, "sessions policy", "s")
     assert policy["quantities"]["action"][0]["unit"] == iteration["units"][policy["quantities"]["action"][0]["name"]]
     printed(capfd, "sessions export", "s", "--format", "csv")

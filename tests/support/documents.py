@@ -28,7 +28,7 @@ FENCE = re.compile(r"^( *)```(.*?)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 PROGRAM: typer.core.TyperGroup = typer.main.get_command(app.app)  # type: ignore[assignment]
 OF_THE_PROGRAM = {"--help", "--install-completion", "--show-completion"}
 """Options that act while the line is parsed: nothing is installed by a test."""
-NUMBERS = {"N", "TRIAL"}
+NUMBERS = {"WIDTH", "N", "TRIAL"}
 """Placeholders that stand for a number."""
 _PREFIX = re.compile(r"^(?:\$ )?(?:[A-Z][A-Z0-9_]*=\S* )*")
 

@@ -78,8 +78,6 @@ def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(place, cap
     assert app.run(["sessions", "show", "s"]) == 0
     assert "adaptsim sessions accept s 2" in capfd.readouterr().out
     assert printed(capfd, "sessions accept", "s", "2")["attempt"] == 1
-    printed(capfd, "sessions mark", "other", "--archive")
-    printed(capfd, "sessions mark", "other", "--restore")
     printed(capfd, "sessions prune", "other", "--yes")
     printed(capfd, "sessions delete", "other", "--yes")
     damaged = place / "home/data/sessions/s/session.toml"

@@ -79,12 +79,15 @@ def test_a_cube_that_starts_at_rest_stays_and_a_slippery_one_slides_farther(toss
 
 def write_file(toss: Task, path: Path) -> None:
     """Simulated tosses in the format of the real ones."""
+    rate_hz = importlib.import_module("toss.data").RATE_HZ
     table = importlib.import_module("toss.physics").Table(0.15, 1e6, 4.0)
     state, start = [], [0]
     for action in read_recorded(toss, FEW).actions:
         flight = table.toss(action.copy())
-        rows = np.zeros((len(flight.t_s), 13))
-        rows[:, :4], rows[:, 4:7] = flight.rotation[:, [3, 0, 1, 2]], flight.position_m
+        at_s = np.arange(0.0, 1.2, 1.0 / rate_hz)  # the sample before each time; at the end the cube rests
+        held = np.searchsorted(flight.t_s, at_s, side="right") - 1
+        rows = np.zeros((len(at_s), 13))
+        rows[:, :4], rows[:, 4:7] = flight.rotation[held][:, [3, 0, 1, 2]], flight.position_m[held]
         rows[0, 7:] = action[6:]
         state.append(rows)
         start.append(start[-1] + len(rows))

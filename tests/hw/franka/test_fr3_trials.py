@@ -54,7 +54,8 @@ def play(hurried_fr3: Fr3Process, arm: FrankaArm, path: JointPath, X_FT: Array) 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["pushing", "scooping"])
 def test_the_task_path_arrives_sample_by_sample_and_is_followed(hurried_fr3: Fr3Process, name: str) -> None:
-    (_, task, _), X_FT, tool = trial(name)
-    hurried_fr3.place(task.q_rad[0])
+    (approach, task, _), X_FT, tool = trial(name)
+    hurried_fr3.place(approach.q_rad[0])
     with arm_at(hurried_fr3, tool=tool) as arm:
+        arm.execute(approach)  # the arm has to feel its load in two postures before it may touch
         play(hurried_fr3, arm, task, X_FT)

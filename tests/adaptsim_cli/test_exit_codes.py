@@ -45,6 +45,7 @@ def test_there_are_commands_to_try() -> None:
     assert len(COMMANDS) > 35
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", COMMANDS, ids=" ".join)
 def test_an_error_in_any_command_ends_it_with_its_documented_code(
     path: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]

@@ -1,5 +1,7 @@
 """What a person's body may bear of a contact, beside what this arm would do: ISO/TS 15066:2016, annex A.
 
+The limits were not compared with the standard itself; the assessment says so.
+
 Force and pressure are those of table A.2, per region the lowest pressure of its places. A contact that clamps
 (quasi-static) may last; one from which the body can recoil (transient) may reach twice as much, but none is allowed on
 skull and face. The force of a transient contact is that of a spring between two masses (A.3.2 and table A.3):

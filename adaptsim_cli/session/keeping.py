@@ -10,7 +10,7 @@ import platform
 import re
 import shutil
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from importlib import metadata
 from io import BytesIO
@@ -281,28 +281,44 @@ def bundle(
         "settings": settings,
         "left_out_pictures": left_out,
     }
-    stream = BytesIO()
+    texts = {"about.json": json.dumps(about, indent=1, default=str)}
+    others = dict[str, Path]()
+    for path in chosen:
+        name = f"{folder.name}/{path.relative_to(folder)}"
+        if path.suffix not in TEXT:
+            others[name] = path
+            continue
+        with durable.explained(path):
+            texts[name] = path.read_bytes().decode(errors="replace")
+    persons, stream = _persons(texts.values()), BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("about.json", _anonymous(json.dumps(about, indent=1, default=str)))
-        for path in chosen:
-            name = f"{folder.name}/{path.relative_to(folder)}"
+        for name, text in texts.items():
+            archive.writestr(name, _anonymous(text, persons))
+        for name, path in others.items():
             with durable.explained(path):
-                content = path.read_bytes()
-            archive.writestr(
-                name, _anonymous(content.decode(errors="replace")).encode() if path.suffix in TEXT else content
-            )
+                archive.writestr(name, path.read_bytes())
         names = tuple(archive.namelist())
     durable.make_folder(out.absolute().parent)
     durable.replace_file(out.absolute(), stream.getvalue())
     return names, left_out
 
 
-_OPERATOR = re.compile(r'("operator"\s*:\s*")(?:[^"\\]|\\.)*(")')
+_PERSON = re.compile(
+    r'"(?:operator|by)"\s*:\s*"((?:[^"\\]|\\.)+)"'  # in a record: who confirmed motions, who waived a safeguard
+    r'|"operator: ((?:[^"\\]|\\.)+)"|aived[^"\n]*\(([^()"\n]+), \d{4}-\d\d-\d\d\)'  # the same in a log
+)
 
 
-def _anonymous(text: str) -> str:
-    """Replace the user's home folder by ~, and leave out who confirmed the motions."""
-    text = _OPERATOR.sub(r"\1left out\2", text)
+def _persons(texts: Iterable[str]) -> re.Pattern[str] | None:
+    """Every person's name as a word; None if there is none."""
+    names = {name for text in texts for groups in _PERSON.findall(text) for name in groups if name}
+    words = "|".join(re.escape(name) for name in sorted(names, key=len, reverse=True))
+    return re.compile(rf"(?<!\w)(?:{words})(?!\w)") if names else None
+
+
+def _anonymous(text: str, persons: re.Pattern[str] | None) -> str:
+    """Replace the user's home folder by ~, and leave out the names of persons."""
+    text = persons.sub("left out", text) if persons else text
     return text.replace(str(Path.home()), "~") if len(str(Path.home())) > 1 else text
 
 

@@ -103,8 +103,16 @@ def _truth(rig: RigTarget, trial: dict[str, Any], played: Execution) -> dict[str
         home_m = float(np.array(trial["motions"][-1]["X_BO"])[-1, 2, 3])
         outcome = Outcome.ON_BLADE if on_blade and home_m > CARRIED_M else Outcome.ON_TABLE
     else:
-        lean_deg = float(np.rad2deg(np.arccos(np.clip(X_BO[:, 2, 2], -1, 1))).max())
-        x, y = X_BO[-1, :2, 3]
-        out = not (BOTTLE_AREA[0] < x < BOTTLE_AREA[1] and BOTTLE_AREA[2] < y < BOTTLE_AREA[3])
-        outcome = Outcome.TIPPED if lean_deg > TIPPED_DEG else Outcome.LOST if out else Outcome.UPRIGHT
+        outcome = bottle_outcome(X_BO)
     return {"outcome": outcome.value, "t_s": t_s.tolist(), "xyz_m": X_BO[:, :3, 3].tolist()}
+
+
+def bottle_outcome(X_BO: Array) -> Outcome:
+    """The outcome of a bottle with the poses (N, 4, 4): one that falls after it has left the searched area is lost."""
+    x_low, x_high, y_low, y_high = BOTTLE_AREA
+    x_m, y_m = X_BO[:, 0, 3], X_BO[:, 1, 3]
+    is_out = (x_m <= x_low) | (x_m >= x_high) | (y_m <= y_low) | (y_m >= y_high)
+    is_tipped = np.rad2deg(np.arccos(np.clip(X_BO[:, 2, 2], -1, 1))) > TIPPED_DEG
+    if is_tipped.any() and not is_out[: int(is_tipped.argmax()) + 1].any():
+        return Outcome.TIPPED
+    return Outcome.LOST if is_out[-1] else Outcome.TIPPED if is_tipped.any() else Outcome.UPRIGHT

@@ -73,6 +73,7 @@ def test_small_markers_whose_corners_turn_them_are_fitted_together(camera: int, 
     assert predicted_px(found.X_AC, found.X_HM, every[1 - half :: 2], setup) < 2.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("common_px", [0.2, 0.5, 1.0])
 def test_halves_agree_as_well_as_by_a_plain_fit_over_pixels(common_px: float) -> None:
     ours, plain = [], []
@@ -186,6 +187,7 @@ def test_an_exchange_that_makes_it_worse_is_named_but_not_offered(monkeypatch: p
     assert fault.option == ""
 
 
+@pytest.mark.long
 def test_a_wrist_camera_declared_fixed_is_named() -> None:
     X_FC = np.eye(4)
     X_FC[:3, 3] = 0.05, 0.0, 0.06

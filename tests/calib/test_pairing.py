@@ -63,6 +63,7 @@ def test_two_exchanged_views(known: tuple[Solution, Setup]) -> None:
         exchanged(views, [("05", "99")])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("by", [1, -1])
 def test_all_shifted_by_one(by: int) -> None:
     views = shifted(real_views.views(2), -by)
@@ -73,6 +74,7 @@ def test_all_shifted_by_one(by: int) -> None:
     assert len(mended.used) == 18
 
 
+@pytest.mark.long
 def test_a_picture_lost_near_the_end() -> None:
     views = real_views.views(2)
     views[13:] = [replace(view, X_BF=other.X_BF) for view, other in zip(views[13:], views[12:], strict=False)]
@@ -99,6 +101,7 @@ def test_an_old_frame() -> None:
 TWIST = np.array([0.05, -0.04, 0.03, 0.012, -0.01, 0.008])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("first", [10, 13])
 @pytest.mark.parametrize("what", ["slipped", "moved"])
 def test_a_slipped_board_and_a_moved_camera_are_told_apart(

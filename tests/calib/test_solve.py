@@ -117,6 +117,7 @@ def test_a_camera_on_the_wrist() -> None:
     assert distance_mm(found.X_HM, true.X_HM) < 0.5
 
 
+@pytest.mark.long
 def test_the_stated_error_covers_the_true_one_and_is_no_larger_than_needed() -> None:
     covered, ratios = [], []
     for seed in range(12):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from importlib import resources
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,9 +32,17 @@ clock_offset_ms = 12.0
 PLACES_M = ((0.66, -0.02), (0.68, 0.015), (0.70, -0.01), (0.69, 0.02))
 
 
+Json = dict[str, Any]
+
+
 @pytest.fixture
-def world(tmp_path, monkeypatch) -> str:
+def data_home(tmp_path, monkeypatch) -> Path:
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    return tmp_path / "home"
+
+
+@pytest.fixture
+def world(data_home, tmp_path) -> str:
     path = tmp_path / "offset.toml"
     path.write_text((resources.files("sim") / "worlds/scooping/wd.toml").read_text() + SENSING)
     return str(path)
@@ -78,3 +88,44 @@ def test_the_command_finds_what_the_world_hides(world, capfd):
 
     assert app.run(["calibrate", "check", *here]) == 0
     assert json.loads(capfd.readouterr().out)["moved"] is False
+
+
+WORLDS = Path(__file__).parents[1] / "data/worlds"
+
+
+def guided(name: str, home: Path, capfd: pytest.CaptureFixture[str]) -> tuple[str, Json]:
+    """A guided calibration of the rendered lab that is refused: its message, and the record of its views."""
+    assert app.run(["calibrate", "--world", str(WORLDS / name), "--seed", "1", "--yes", "--json"]) == 3
+    refused = capfd.readouterr().err
+    (views,) = home.glob("data/calibrations/*/views-0001")
+    assert app.run(["calibrate", "solve", str(views), "--json", "--out", str(home / "report.html")]) == 3
+    return refused, json.loads(capfd.readouterr().out)
+
+
+def off_mm(record: Json, name: str) -> Array:
+    """By how much the corners of the work volume (8,) are off, with the base where the world's mount has it."""
+    mount = load_world(str(WORLDS / name), get_task("pushing" if "noisy" in name else "scooping")).mount
+    points_m = np.array(record["uncertainty"]["points_m"])
+    moved = np.array(record["X_BC"]) @ np.linalg.inv(mount.true.X_BW @ default_X_BC())
+    return np.asarray(1e3 * np.linalg.norm(points_m @ moved[:3, :3].T + moved[:3, 3] - points_m, axis=1))
+
+
+@pytest.mark.slow
+def test_joints_that_are_noisy_beyond_plausible_are_named_and_nothing_is_stored(data_home, capfd):
+    refused, record = guided("biased-tilted-noisy.toml", data_home, capfd)
+    assert "the arm's joints are off by 1.0 mrad from view to view" in refused
+    assert "intrinsics" not in refused.rpartition("Error:")[2]
+    assert off_mm(record, "biased-tilted-noisy.toml").max() < record["worst_95_mm"]
+
+
+@pytest.mark.slow
+def test_print_joint_zeros_clock_and_table_are_each_named_with_their_size(data_home, capfd):
+    refused, record = guided("print-zeros-clock.toml", data_home, capfd)
+    assert "stated error" in refused
+    assert off_mm(record, "print-zeros-clock.toml").max() < record["worst_95_mm"]
+    checks = {check["name"]: check["message"] for check in record["checks"]}
+    assert "+0.20 %" in checks["square size"]
+    late_ms = next(check["value"] for check in record["checks"] if check["name"] == "time offset")
+    assert late_ms == pytest.approx(-60.0, abs=1.0)
+    assert "the wrong table" in checks["table plane"]
+    assert "The solution takes them into account" in checks["joint offsets"]

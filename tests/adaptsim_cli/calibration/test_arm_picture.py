@@ -60,6 +60,7 @@ def test_every_view_is_drawn_and_looks_other_than_before(folder, solved):
     assert sheet.shape == (960, 1920, 3)
 
 
+@pytest.mark.long
 def test_the_command_writes_the_pictures(folder, tmp_path, capsys):
     running.overlay(folder, tmp_path / "drawn", as_json=True)
     told = json.loads(capsys.readouterr().out)
@@ -79,6 +80,7 @@ def test_solving_leaves_the_picture_beside_the_report(folder, tmp_path):
         assert (tmp_path / name).with_suffix(".residuals.csv").is_file()
 
 
+@pytest.mark.long
 def test_an_arm_of_unknown_looks_and_views_without_pictures_are_refused(tmp_path):
     with pytest.raises(UnusableViews, match='write arm = "panda"'):
         running.overlay(real_views.picture_folder(tmp_path / "unknown"), None, as_json=False)

@@ -220,6 +220,31 @@ def test_another_board_and_a_mirrored_picture_are_named(
         run(tmp_path, bench)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("spoilt", "named"),
+    [
+        ({"printed": Board(7, 5, 0.040, 0.030, "5x5_100")}, "5x5"),
+        ({"paint": lambda image: np.ascontiguousarray(image[:, ::-1])}, "mirror"),
+        ({"paint": lambda image: np.full_like(image, 120)}, "board"),
+    ],
+)
+def test_a_bad_picture_costs_its_own_view_alone(spoilt: dict[str, object], named: str, tmp_path: Path) -> None:
+    bench, screen = ToyBench(), quiet()
+    good = {name: getattr(bench, name) for name in spoilt}
+
+    def between(bench: ToyBench, picture: int) -> None:
+        for name, value in (spoilt if picture == 5 else good).items():  # what the next picture shows
+            setattr(bench, name, value)
+
+    bench.hooks = [between]
+    solved, _ = run(tmp_path, bench, screen=screen)
+    (left_out,) = [line for line in said(screen).splitlines() if "left out" in line]
+    assert named in left_out
+    assert len([view for view in solved.record.views if view.used]) == 11
+    assert off_mm(solved.record.X_AC) < 1.5
+
+
 def test_without_a_board_it_says_so(tmp_path: Path) -> None:
     screen = quiet()
     with pytest.raises(TooFewViews, match="board"):

@@ -207,6 +207,7 @@ def test_pictures_of_the_same_camera_at_another_resolution_are_recognised(tmp_pa
         read(folder)
 
 
+@pytest.mark.long
 def test_one_view_that_shows_nothing_or_is_damaged_costs_only_itself(tmp_path):
     folder = real_views.picture_folder(tmp_path / "pictures")
     (folder / "03.jpg").write_bytes((folder / "03.jpg").read_bytes()[:900])

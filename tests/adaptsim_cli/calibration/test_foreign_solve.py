@@ -20,6 +20,7 @@ def folder_with_swapped_views(folder: Path) -> Path:
     return real_views.corner_folder(folder, pose=lambda i: real_views.as_told(real_views.X_BF[order[i]]))
 
 
+@pytest.mark.long
 def test_swapped_views_are_said_and_mended(tmp_path, capsys):
     folder = folder_with_swapped_views(tmp_path)
     with pytest.raises(CalibrationRejected, match="stated error"):  # two views fewer, of a lens that is not stated

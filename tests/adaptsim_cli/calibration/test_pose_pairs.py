@@ -75,6 +75,7 @@ def test_a_pose_of_the_camera_in_the_target_and_a_broken_one_are_refused(tmp_pat
         solve_folder(written(tmp_path / "short", lambda X, Y: {"X_BF": X.tolist(), "X_CM": Y[:3].tolist()}))
 
 
+@pytest.mark.long
 def test_the_script_of_the_page_reads_the_files_of_three_programs(tmp_path, monkeypatch):
     page = (ROOT / "docs/guide/foreign-views.md").read_text()
     (script,) = re.findall(r"<!-- file pose_pairs\.py -->\n```python\n(.*?)```", page, re.S)

@@ -88,6 +88,7 @@ def test_a_joint_without_room_leaves_the_swing_to_the_next() -> None:
         swing(READY + joint(1, 0.1), cell("fr3", keep_out=(everywhere,)))
 
 
+@pytest.mark.long
 def test_time_and_way_until_rest_are_kept_and_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found, text = measured(tmp_path, len(swing(READY, CELL).t_s) // 2, monkeypatch, "y", "recover", "recover")
     assert 0.03 < found.time_s < 0.4

@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import zipfile
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
@@ -13,12 +14,14 @@ from toy_rig import OUTCOMES, TASK
 from toy_session import NAME, ScriptedOperator, attended, run
 
 from adaptsim_cli import app
+from adaptsim_cli.devices.rig_file.waivers import WaiverPart
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import keeping, recording
 from adaptsim_cli.session.correcting import amend, amendable, redo
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.keeping import mark, prune, verify
 from adaptsim_cli.session.operator import Review
+from adaptsim_cli.session.records import RigFacts, WaiverRecord, to_json
 from adaptsim_cli.session.store import SessionStore, entries, names, own_files
 from adaptsim_cli.storage.durable import seal_json
 from perception.types import Outcome
@@ -242,6 +245,36 @@ def test_an_archive_is_not_replaced_silently(tmp_path):
     with pytest.raises(UsageError, match="--force"):
         keeping.bundle(folder, tmp_path / "out.zip", {})
     keeping.bundle(folder, tmp_path / "out.zip", {}, force=True)
+
+
+def test_an_archive_names_no_person(tmp_path):
+    folder = small(tmp_path / "s")
+    waiver = WaiverPart(safeguard="pedal", reason="the pedal is being repaired", by="Ada Lovelace", on="2026-11-01")
+    waivers = (WaiverRecord(**asdict(waiver), until=waiver.until.isoformat()),)
+    facts = RigFacts(operator='Jos\u00e9 "Pepe" Ruiz', waivers=waivers)
+    (folder / "iteration-01/trial-01/rig.json").write_bytes(to_json(facts))
+    lines = ["operator: Kim", "Kim said so, Kimono stays", f"Waived: {waiver.sentence}", "Jos\u00e9 is no name here"]
+    (folder / "log.jsonl").write_text("".join(json.dumps({"text": line}) + "\n" for line in lines))
+    keeping.bundle(folder, tmp_path / "out.zip", {"operator": "Noether"})
+    with zipfile.ZipFile(tmp_path / "out.zip") as archive:
+        packed = "".join(archive.read(name).decode() for name in archive.namelist())
+    for name in ("Ada", "Lovelace", "Pepe", "Ruiz", "Kim said", "operator: Kim", "Noether"):
+        assert name not in packed, name
+    assert "Kimono stays" in packed
+    assert "is being repaired" in packed
+
+
+def test_a_stray_folder_changes_nothing_in_a_report_nor_in_the_last_step_of_a_session(root, capfd):
+    for name in ("p1 (copy)", "lost+found"):
+        (root / name).mkdir()
+        (root / name / "session.toml").write_text("not = a session\n")
+    assert app.run(["report", NAME]) == 0
+    assert (root / NAME / "report.html").exists()
+    before = (root / NAME / "report.html").read_bytes()
+    store = run(root.parent.parent)  # the last step of an iteration writes the report
+    assert store.iterations() == 2
+    assert (root / NAME / "report.html").read_bytes() != before
+    assert capfd.readouterr().err == ""
 
 
 def test_a_stray_folder_is_skipped_with_one_note(root, capfd):

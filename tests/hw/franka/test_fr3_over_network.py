@@ -282,6 +282,7 @@ def test_a_connection_lost_for_good_is_a_fault_then_unavailable() -> None:
                 use()
 
 
+@pytest.mark.long
 def test_another_interface_version_names_the_row_and_the_line_to_install() -> None:
     with (
         fr3(interface=5) as server,

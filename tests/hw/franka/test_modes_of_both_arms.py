@@ -304,6 +304,7 @@ def test_a_recovery_that_asks_for_a_person_first_says_what_to_do(server: Fr3Proc
         assert arm.state().fault is None
 
 
+@pytest.mark.long
 def test_fci_that_is_off_is_a_message_and_the_next_call_connects_again(server: Fr3Process) -> None:
     with franka(cell("fr3"), FrankaSettings(server.host), RELAXED) as arm:
         server.tell("fci off")

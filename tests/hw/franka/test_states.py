@@ -233,6 +233,7 @@ def test_a_pause_in_which_nobody_watched_the_button_moves_nothing(model: str) ->
         arm.execute(path)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", MODELS)
 def test_a_button_pressed_and_released_while_the_motion_starts_holds_too(model: str) -> None:
     """In the first cycle, after the last look at the arm; and as the arm refuses to begin."""

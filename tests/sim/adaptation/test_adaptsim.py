@@ -101,6 +101,7 @@ def test_the_scale_of_what_reality_adds_grows_where_trials_contradict_the_simula
     assert scales[0] < scales[1]
 
 
+@pytest.mark.long
 def test_trials_single_out_the_simulators_that_predict_them():
     before, after = reality_after(0), reality_after(12)
     truth = PARAMETERS.normalise(TARGET)

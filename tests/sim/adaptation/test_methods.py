@@ -212,6 +212,7 @@ class FirstForever:
         return Best(first.particle, 0.25, (0.0, 0.5), len(first.trials))
 
 
+@pytest.mark.long
 def test_a_method_may_choose_what_its_session_keeps():
     emulator, _ = trained()
     other = PARAMETERS.denormalise(np.array([0.9, 0.5, 0.0, 0.5]))

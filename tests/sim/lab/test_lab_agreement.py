@@ -64,6 +64,7 @@ def test_an_olive_that_rolls_on_after_the_motion_ends_at_the_neck_with_and_witho
     assert np.linalg.norm(seen_m - expected.end_in_tool_m) < 0.005
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [0, 3, 5, 8])
 def test_a_scoop_in_a_drawn_world_ends_alike(number: int) -> None:
     world, action = drawn_world(SCOOPING, 0, number), np.array([0.0, 0.10, 0.012])
@@ -72,6 +73,7 @@ def test_a_scoop_in_a_drawn_world_ends_alike(number: int) -> None:
     assert is_on_blade(*poses) == (expected.outcome is Outcome.ON_BLADE)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_a_push_in_a_drawn_world_ends_alike(number: int) -> None:
     world, action = drawn_world(PUSHING, 0, number), np.array([0.05, 0.55])

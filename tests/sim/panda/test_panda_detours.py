@@ -64,6 +64,7 @@ def around(seeds: range) -> int:
     return found
 
 
+@pytest.mark.long
 def test_random_blocked_motions_go_around() -> None:
     assert around(range(2)) == 2
 

@@ -36,6 +36,7 @@ def paths(
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 @pytest.mark.parametrize("action", [(-0.3, 0.8), (0.3, 0.4)])
 def test_extreme_pushes_are_executable_and_the_bottle_is_left_alone_on_the_way(
@@ -57,6 +58,7 @@ def test_every_push_is_executable(model: str) -> None:
         paths(PUSHING, action, model)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("corner", [(0, 1, 1, 1, 1), (1, 0, 1, 1, 0), (1, 1, 0, 0, 0)])
 def test_extreme_scoops_are_executable(corner: tuple[int, ...]) -> None:
     value = np.choose(corner, (LOW, HIGH))

@@ -171,6 +171,7 @@ def test_a_written_file_is_read_back(tmp_path, own):
     assert load_object(stored(tmp_path, text)) == own
 
 
+@pytest.mark.long
 def test_a_checkpoint_for_an_object_starts_from_the_shipped_one(tmp_path, monkeypatch):
     monkeypatch.setattr(for_object, "EmulatorSettings", partial(EmulatorSettings, least_steps=20, most_steps=20))
     usual = get_task("pushing")

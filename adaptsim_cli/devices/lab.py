@@ -103,7 +103,7 @@ class RealArm(GuardedArm, Protocol):
         """Set the load, for the checks and for the arm's weight compensation. Nothing moves. Raises HardwareError."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Drivers:
     """One function per device: it makes the device, not connected. Raises DeviceUnavailable without its driver."""
 

@@ -199,7 +199,7 @@ class ToyDevices:
     arm: FakeArm | None = None
 
     def drivers(self) -> Drivers:
-        return Drivers(self._arm, self._camera, self._pedal, self._balance, self._hand)
+        return Drivers(arm=self._arm, camera=self._camera, pedal=self._pedal, balance=self._balance, hand=self._hand)
 
     def drivers_of_a_stopped_arm(self) -> Drivers:
         """Its arm was stopped by a reflex before it is connected."""

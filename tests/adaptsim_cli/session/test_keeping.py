@@ -282,9 +282,9 @@ def test_a_stray_folder_is_skipped_with_one_note(root, capfd):
         (root / name).mkdir()
     assert names(root) == (NAME,)
     assert app.run(["sessions", "list"]) == 0
-    said = capfd.readouterr()
-    assert "Skipped in" in said.err + said.out
-    assert (said.err + said.out).count("p1 (copy)") == 1
+    said = " ".join("".join(capfd.readouterr()).split())  # a long path breaks the line anywhere
+    assert "Skipped in" in said
+    assert said.count("p1 (copy)") == 1
     assert app.run(["sessions", "verify"]) == 0
 
 

@@ -3,11 +3,13 @@ import pytest
 
 from sim.errors import UnknownName
 from sim.lab.drawn import effects_of
-from sim.lab.world import list_worlds
+from sim.lab.foods import step_s, volume_m3
+from sim.lab.world import list_worlds, load_world
 from sim.research.benchmark.worlds import DRAWN, targets_of
 from sim.tasks import get_task
+from sim.tasks.scooping.scene import BLUNT_STEP_S
 
-PUSHING = get_task("pushing")
+PUSHING, SCOOPING = get_task("pushing"), get_task("scooping")
 
 
 def test_drawn_worlds_are_always_the_same_forty_and_none_is_of_both_sets():
@@ -34,6 +36,34 @@ def test_worlds_of_the_pendulum_are_drawn_too_and_have_no_unmodelled_effects():
     drawn = targets_of(get_task("pendulum"), ["drawn"])
     assert len(drawn) == DRAWN
     assert not any(effects_of(get_task("pendulum"), target.world) for target in drawn)
+
+
+def test_forty_foods_are_always_the_same_and_as_the_rule_says():
+    foods = targets_of(SCOOPING, ["foods"])
+    assert [t.name for t in foods[::39]] == ["foods-5-0", "foods-5-39"]
+    assert {t.set for t in (*foods, *targets_of(SCOOPING, ["foods-5-3"]))} == {"foods"}
+    assert {t.set for t in targets_of(SCOOPING, ["foods-4-3"])} == {"foods-4"}
+    for target in foods:
+        friction, modulus_Pa, shape, height_cm = target.world.parameters
+        effects = target.world.unmodelled
+        assert 0.20 <= friction <= 0.45
+        assert 1e4 <= modulus_Pa <= 1e6
+        assert shape in (0, 1, 2)
+        assert 0.4 <= height_cm <= 2.5
+        assert 0.005 <= target.world.nuisance[0] <= 0.023
+        assert 0.3 <= effects.density_scale <= 1.2
+        assert 0.0007 <= effects.lip_m <= 0.0011
+        assert 1.5e3 <= effects.edge_stiffness_N_m <= 5e3
+    with pytest.raises(UnknownName, match="not of pushing"):
+        targets_of(PUSHING, ["foods"])
+
+
+@pytest.mark.parametrize("name", ["raisin", "carrot", "cucumber", "sprout", "mushroom-slice", "oreo"])
+def test_the_rule_of_the_step_gives_the_steps_that_were_measured_for_the_papers_foods(name: str):
+    world = load_world(name, SCOOPING)
+    shape, height_m = int(world.parameters[2]), world.parameters[3] / 100.0
+    mass_kg = 1000.0 * world.unmodelled.density_scale * volume_m3(shape, world.nuisance[0], height_m)
+    assert step_s(mass_kg, world.unmodelled.edge_stiffness_N_m) == (world.unmodelled.dt_s or BLUNT_STEP_S)
 
 
 def test_a_world_that_is_named_twice_is_one_target_of_the_set_that_named_it_first():

@@ -51,7 +51,7 @@ from camera_stage import DELAY_S, Shown
 from fake_k4a import PERIOD_S, FakeK4a, running
 from fault_hand import HAND_FAULTS, one_hand
 from fault_lab import DISKS, HANDS, TYPED, Outcome, one_motion
-from fault_world import BEFORE, IN_MOTION, Fault, release
+from fault_world import AT_A_CONTACT, BEFORE, IN_MOTION, Fault, release
 from kept import Kept
 from toy_rig import ToyLab
 
@@ -216,10 +216,10 @@ KINDS = (*ARM_KINDS, *HAND_FAULTS, *CAMERAS, *SESSIONS)
 def one_arm(kind: str, number: int, rng: np.random.Generator, folder: Path) -> Outcome:
     """The motion of that number with a fault of that kind: motions and moments in turn."""
     model = ("panda", "fr3")[int(rng.integers(2))]
-    motion = "trial" if kind in HANDS else MOTIONS[number % len(MOTIONS)]
+    motion = "trial" if kind in HANDS else "touch" if kind in AT_A_CONTACT else MOTIONS[number % len(MOTIONS)]
     whens = [when for when in (1, 1, -1, 0) if kind in (IN_MOTION if when > 0 else BEFORE)]
-    if kind in ("arm: heavier", "arm: guided"):
-        whens = [-1]  # nobody checks the load again after the check, and a guided arm plays nothing
+    if kind in ("arm: heavier", "arm: guided", *AT_A_CONTACT):
+        whens = [-1]  # nobody checks load and estimate again after the check, and a guided arm plays nothing
 
     def faults(length: int) -> tuple[tuple[int, Fault], ...]:
         at = int(rng.integers(1, int(length * (0.4 if motion == "touch" else 0.9))))

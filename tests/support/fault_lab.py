@@ -282,7 +282,8 @@ def broken(lab: Lab, moved: list[Array], error: BaseException | None, kinds: tup
     scene = Scene(course.tool.mass, course.tip_F_m, tuple((box.low_m, box.high_m) for box in lab.boxes))
     window = None if course.guard is None else Touching(0.0, np.inf, 0.004)
     if LOSING.intersection(kinds):
-        said = [f"the arm refused a command: {error}"] if "motion_generator" in str(error) else []
+        refusal = "motion_generator" in str(error)  # braking while cycles are lost may ask for more than the arm allows
+        said = [f"the arm refused a command: {error}"] if refusal and len(kinds) == 1 else []
         return said + in_time(lab, moved[0])
     notes, before = [], course.path.q_rad[0]
     for number, q in enumerate(moved):

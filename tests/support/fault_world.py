@@ -125,6 +125,14 @@ def heavier(world: World) -> None:
     world.sdk.feels = lambda q: [0.0, 9.0, 0.0, -6.0, 0.0, 1.0, 0.0]
 
 
+def dead_estimate(world: World) -> None:
+    world.sdk.stuck_Nm = (0.0,) * 7
+
+
+def frozen_estimate(world: World) -> None:
+    world.sdk.stuck_Nm = (0.4, -1.1, 0.3, 0.8, -0.1, 0.2, 0.05)
+
+
 def lost_cycles(world: World) -> None:
     world.sdk.lost_cycles = tuple(range(world.now_at + 1, world.now_at + 40, 2))
 
@@ -191,11 +199,15 @@ BEFORE: dict[str, Fault] = {
     "arm: network": network,
     "arm: moved": moved,
     "arm: heavier": heavier,
+    "arm: dead torque estimate": dead_estimate,
+    "arm: frozen torque estimate": frozen_estimate,
     "pedal: released": release,
     "pedal: silent": silent_pedal,
     "process: stop()": stop_wanted,
     "clock: suspended": slept,
 }
+AT_A_CONTACT = {"arm: dead torque estimate", "arm: frozen torque estimate"}
+"""They matter where a motion relies on contact."""
 SILENT = {"pedal: silent", "pedal: garbled", "process: hangs", "clock: suspended"}
 BY_THE_ARM = {"arm: reflex", "arm: stop button", "arm: network"}
 LOSING = {"arm: lost cycles", "arm: gap"}

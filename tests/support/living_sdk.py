@@ -42,9 +42,12 @@ class JointMonitor(Monitor):
 
 @dataclass
 class LivingSdk(FakeSdk):
-    """`gaps` maps a cycle to the milliseconds since the one before it."""
+    """`gaps` maps a cycle to the milliseconds since the one before it; `stuck_Nm` (7,) is a torque estimate that stands
+    still.
+    """
 
     gaps: dict[int, int] = field(default_factory=dict)
+    stuck_Nm: tuple[float, ...] | None = None
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     def Robot(self, host: str, realtime: str) -> LivingRobot:
@@ -75,7 +78,8 @@ class LivingRobot(FakeRobot):
         noise = self.sdk.rng.standard_normal((2, 7))
         state.q, state.q_d = self._felt.tolist(), list(self._q)
         state.dq = (self._dq + NOISE_RAD_S * np.clip(noise[0], -3.0, 3.0)).tolist()
-        state.tau_ext_hat_filtered = (np.array(self.sdk.feels(self._q)) + NOISE_NM * noise[1]).tolist()
+        live_Nm = np.array(self.sdk.feels(self._q)) + NOISE_NM * noise[1]
+        state.tau_ext_hat_filtered = live_Nm.tolist() if self.sdk.stuck_Nm is None else list(self.sdk.stuck_Nm)
         return state
 
     def take(self, command: JointPositions) -> None:

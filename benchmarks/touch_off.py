@@ -37,6 +37,7 @@ from sim.panda.tool import ToolCorrection, cell_as_shipped, empty_hand, feeling,
 from sim.panda.touching import HeldTool
 from sim.tasks import get_task
 from sim.tasks.scooping.params import EDGE_STIFFNESS_N_M, LIP_M
+from sim.tasks.scooping.spatula import TOUCHABLE
 
 TASK = get_task("scooping")
 HARDWARE = TASK.require_hardware()
@@ -81,7 +82,7 @@ def rig_of(lab: TouchLab, cell: Workcell, plan: Plan) -> TouchRig:
         tool_name="scooping tool",
         arm=lab.arm,
         hand=lab.hand,
-        grasp=Grasp(),
+        grasp=Grasp(TOUCHABLE.held_m),
         empty=HeldTool(cell, np.eye(4)),
         loaded=HeldTool(cell.holding(feeling(HARDWARE)), HARDWARE.X_FT),
         plan=plan,

@@ -36,8 +36,14 @@ def touch_off(
         float, typer.Option("--grasp-force", min=5.0, max=70.0, help="Grasp force of the hand, N.")
     ] = 40.0,
     handle_mm: Annotated[
-        float, typer.Option("--handle-mm", min=2.0, max=70.0, help="Width of the handle between the fingers, mm.")
-    ] = 12.0,
+        float | None,
+        typer.Option(
+            "--handle-mm",
+            min=2.0,
+            max=70.0,
+            help="Width between the fingers, mm; default: that of the printed adapter.",
+        ),
+    ] = None,
     yes: options.Yes = False,
     realtime: options.Realtime = False,
     pace: options.Pace = None,
@@ -58,7 +64,6 @@ def touch_off(
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.touch_off import flow, guiding
-    from adaptsim_cli.touch_off.parts import Grasp
     from adaptsim_cli.wiring import rig_frames, settings
     from adaptsim_cli.wiring import touch_off as wiring
 
@@ -73,7 +78,7 @@ def touch_off(
         return
     if not (automatic or resolved.config.is_simulated or yes):
         raise UsageError(flow.UNSEEN)
-    grasp = Grasp(1e-3 * handle_mm, grasp_force_N)
+    grasp = wiring.grasp_of(resolved.config, handle_mm, grasp_force_N)
     prompt_screen = None if resolved.config.unattended(yes) else screen
     flow.run(resolved, grasp, store, sessions, partial(wiring.open_touch_rig, screen=prompt_screen), screen, yes=yes)
 

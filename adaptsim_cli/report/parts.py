@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
-from sim.tasks.shared.shapes import library
+from sim.tasks.shared.shapes import library, simplified
 from sim.types import Part
 
 OPENING_M = 0.08
@@ -23,6 +23,9 @@ PLA_KG_M3 = 1240.0
 A4_INCH = (8.27, 11.69)
 SHARP_RAD = 0.3
 """Edges between faces that turn by more are drawn."""
+
+FINEST_MM = 1e-3
+"""Corners nearer together become one: slivers of a cut cross themselves in a file of 32-bit numbers."""
 
 _VIEWS = (("from above", 0, 1), ("from the front", 0, 2), ("from the side", 1, 2))
 
@@ -42,7 +45,7 @@ def printed(part: Part) -> Any:
     turned.apply_transform(library().geometry.align_vectors(part.down, [0.0, 0.0, -1.0]))
     turned.apply_scale(1e3)
     turned.apply_translation([*-turned.bounds.mean(axis=0)[:2], -turned.bounds[0, 2]])
-    return turned
+    return simplified(turned, FINEST_MM)
 
 
 def infill(part: Part) -> float | None:

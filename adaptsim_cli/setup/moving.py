@@ -21,7 +21,6 @@ from adaptsim_cli.setup.answers import Answers
 from adaptsim_cli.setup.describing import board_payload
 from adaptsim_cli.touch_off import flow as touching
 from adaptsim_cli.touch_off import guiding
-from adaptsim_cli.touch_off.parts import Grasp
 from adaptsim_cli.wiring import calibration, rig_frames, touch_off
 from adaptsim_cli.wiring.motion import mounted_for
 from adaptsim_cli.wiring.session import open_parts
@@ -75,7 +74,8 @@ def touch(answers: Answers) -> None:
         guiding.run(answers.resolved, store, sessions, open_guided, screen, yes=answers.defaults)
         return
     open_rig = partial(touch_off.open_touch_rig, screen=answers.prompt_screen)
-    touching.run(_slowly(answers, practice=False), Grasp(), store, sessions, open_rig, screen, yes=answers.defaults)
+    grasp = touch_off.grasp_of(config)
+    touching.run(_slowly(answers, practice=False), grasp, store, sessions, open_rig, screen, yes=answers.defaults)
 
 
 def stop(answers: Answers) -> None:

@@ -66,7 +66,7 @@ class GuidedTouchRig:
 class Grasp:
     """The grasp of the tool."""
 
-    width_m: float = 0.012  # width of the handle
+    width_m: float  # between the fingers
     force_N: float = 40.0
 
 

@@ -87,6 +87,15 @@ def touch_off_of(config: Config, places: Places, task: Task, zeros_rad: Array) -
     return record
 
 
+def grasp_of(config: Config, handle_mm: float | None = None, force_N: float = 40.0) -> Grasp:
+    """The grasp of the task's tool; None: as wide as its adapter. Raises UnknownName for a tool without corners."""
+    from sim.panda.tool import touchable
+    from sim.tasks import get_task
+
+    held_m = touchable(get_task(config.task).require_hardware()).held_m
+    return Grasp(held_m if handle_mm is None else 1e-3 * handle_mm, force_N)
+
+
 @contextmanager
 def open_touch_rig(
     config: Config, places: Places, grasp: Grasp, drivers: Drivers | None = None, screen: Screen | None = None

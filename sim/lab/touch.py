@@ -26,7 +26,6 @@ from sim.panda.setting_down import SetDown
 from sim.panda.tool import FINGERTIPS, empty_hand, feeling, touchable
 from sim.tasks.task import Task
 
-HANDLE_M = 0.012
 GUIDING_S = 15.0
 """The time that a person takes for one set-down."""
 PIECE_S = 0.04
@@ -75,7 +74,7 @@ class TouchLab:
 
     def offer_tool(self, present: bool) -> None:
         """The simulated person holds the tool between the open fingers (True), or takes it away."""
-        self.hand.between_m = HANDLE_M if present else None
+        self.hand.between_m = touchable(self._task.require_hardware()).held_m if present else None
         self.hand.holds = self.hand.holds and present
 
     def set_down(self, where: SetDown, number: int) -> None:

@@ -43,6 +43,7 @@ class Touchable:
 
     feelers: tuple[Feeler, ...]
     centre_m: tuple[float, float]  # place on the table, in the middle of the task's work area
+    held_m: float  # width of the tool between the fingers
 
 
 class Held(Protocol):

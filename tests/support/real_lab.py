@@ -28,6 +28,7 @@ from hw.types import CameraModel, Frame, Intrinsics
 from hw.workcell import Workcell
 from perception.board.types import Board
 from sim.lab.kinect import default_X_BC
+from sim.tasks.scooping.spatula import ADAPTER_M
 
 
 def waivers(*names: str, on: str = "") -> str:
@@ -68,7 +69,7 @@ mass_kg = 0.12
 READY_RAD = np.array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
 _PINHOLE = Intrinsics(64, 48, np.array([[60.0, 0, 31.5], [0, 60.0, 23.5], [0, 0, 1.0]]))
 MODEL = CameraModel("000123", _PINHOLE, _PINHOLE, np.eye(4))
-HANDLE_M = 0.012
+HANDLE_M = ADAPTER_M[1]
 DARK = Frame(0.0, np.zeros((48, 64, 3), np.uint8), np.full((48, 64), 900, np.uint16))
 
 

@@ -124,6 +124,7 @@ TOUCHABLE = Touchable(
         for i, side in enumerate(("left", "right"))
     ),
     centre_m=(0.66, 0.0),
+    held_m=ADAPTER_M[1],
 )
 """The blade's lower corners: two at its leading edge, two at its root."""
 

@@ -95,3 +95,12 @@ def joined(*solids: trimesh.Trimesh) -> trimesh.Trimesh:
 def cut(solid: trimesh.Trimesh, *others: trimesh.Trimesh) -> trimesh.Trimesh:
     """The solid without the others."""
     return library().boolean.difference([solid, *others], engine="manifold")
+
+
+def simplified(solid: trimesh.Trimesh, tolerance: float) -> trimesh.Trimesh:
+    """The solid without edges shorter than `tolerance`, in its own unit."""
+    from manifold3d import Manifold, Mesh  # noqa: PLC0415 - an extra
+
+    mesh = Manifold(Mesh(np.asarray(solid.vertices, np.float32), np.asarray(solid.faces, np.uint32)))
+    plain = mesh.simplify(tolerance).to_mesh()
+    return library().Trimesh(plain.vert_properties[:, :3].astype(np.float64), plain.tri_verts, process=False)

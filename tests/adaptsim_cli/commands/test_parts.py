@@ -14,6 +14,7 @@ from hw.types import Array
 from perception.raycasting import load_open3d
 from sim.tasks.pushing import TASK as PUSHING
 from sim.tasks.pushing.mount import GRIP_M, PLATE_HEIGHT_M, PLATE_WIDTH_M
+from sim.tasks.scooping import TASK as SCOOPING
 from sim.tasks.shared.direct import tool_mesh
 from sim.types import Part
 
@@ -70,3 +71,20 @@ def test_the_command_writes_solids_and_a_sheet(tmp_path, refused, printed):
     assert (out / "parts.pdf").read_bytes().startswith(b"%PDF")
     assert all(len((out / f"{name}.stl").read_bytes()) > 84 for name in ("pusher", "adapter", "board-holder"))
     assert "another folder" in refused(2, "parts", "--out", str(out))
+
+
+def test_each_solid_as_written_is_watertight_for_another_reader(tmp_path, printed):
+    open3d = load_open3d()
+    out = tmp_path / "parts"
+    printed("parts", "--out", str(out), "--json")
+    for name in ("pusher", "adapter", "board-holder"):
+        mesh: Any = open3d.io.read_triangle_mesh(str(out / f"{name}.stl"))
+        mesh.remove_duplicated_vertices()
+        assert mesh.is_watertight(), name
+        assert mesh.is_orientable(), name
+
+
+def test_touch_off_expects_the_adapter_that_is_printed(parts):
+    touchable = SCOOPING.require_hardware().touchable
+    assert touchable is not None
+    assert parts["adapter"].held_m == touchable.held_m

@@ -204,7 +204,7 @@ def test_a_tool_that_is_lost_or_slips_is_noticed_before_the_next_motion(place, m
         real.rig.arm.execute(STILL)
         assert beside(real).facts().tool_width_m == HANDLE_M
         for width_m, holds, why in (
-            (HANDLE_M - 0.0012, True, "has slipped: the fingers are 10.8 mm apart, 12.0 mm at first"),
+            (HANDLE_M - 0.0012, True, "has slipped: the fingers are 43.8 mm apart, 45.0 mm at first"),
             (
                 0.0,
                 False,

@@ -32,11 +32,11 @@ from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.flow import touch_off
-from adaptsim_cli.touch_off.parts import Grasp, TouchRig
+from adaptsim_cli.touch_off.parts import TouchRig
 from adaptsim_cli.touch_off.store import SavedTouchOff
 from adaptsim_cli.wiring import calibration as wiring_calibration
 from adaptsim_cli.wiring.session import open_trials
-from adaptsim_cli.wiring.touch_off import open_touch_rig, touch_offs
+from adaptsim_cli.wiring.touch_off import grasp_of, open_touch_rig, touch_offs
 from calib.errors import CalibrationMissing
 from calib.saved import OffsetsRecord
 from hw.collision import LEVEL, Table
@@ -61,7 +61,7 @@ def resolved(place: Path, text: str = RIG + BELIEVED, task: str = "scooping") ->
 @contextmanager
 def opened(there: Resolved, devices: ToyDevices) -> Iterator[TouchRig]:
     calibrated(there)
-    with open_touch_rig(there.config, there.places, Grasp(), devices.drivers()) as rig:
+    with open_touch_rig(there.config, there.places, grasp_of(there.config), devices.drivers()) as rig:
         yield rig
 
 
@@ -151,7 +151,7 @@ def test_the_joint_zeros_of_the_calibration_are_used(place):
     )
     known = calibration().model_copy(update={"joint_offsets": offsets})
     wiring_calibration.calibrations(there.config, there.places).save(known, b"")
-    with open_touch_rig(there.config, there.places, Grasp(), devices.drivers()) as rig:
+    with open_touch_rig(there.config, there.places, grasp_of(there.config), devices.drivers()) as rig:
         for cell in (rig.empty.cell, rig.loaded.cell, devices.opened["arm"]["cell"]):
             assert tuple(cell.arm.zeros_rad) == zeros_rad
 
@@ -162,7 +162,7 @@ def test_a_fault_is_cleared_on_a_word_or_stays(place, monkeypatch):
     calibrated(there)
     for answer, fault in (("", "cartesian_reflex"), ("recover", None)):
         typing(monkeypatch, answer, "panda", "", "panda")
-        with open_touch_rig(there.config, there.places, Grasp(), faulty) as rig:
+        with open_touch_rig(there.config, there.places, grasp_of(there.config), faulty) as rig:
             assert rig.arm.state().fault == fault
             if fault:
                 with pytest.raises(ArmFault, match="recover"):
@@ -173,7 +173,7 @@ def test_what_is_refused_before_any_device_is_touched(place):
     def refused(there: Resolved, kind: type[Exception], match: str) -> None:
         with (
             pytest.raises(kind, match=match),
-            open_touch_rig(there.config, there.places, Grasp(), Untouched()),  # type: ignore[arg-type]
+            open_touch_rig(there.config, there.places, grasp_of(there.config), Untouched()),  # type: ignore[arg-type]
         ):
             pass
 

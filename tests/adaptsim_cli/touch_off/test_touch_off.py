@@ -18,10 +18,10 @@ from adaptsim_cli.app import app
 from adaptsim_cli.errors import PreflightFailed, SessionError, StoppedByOperator, UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off import flow
-from adaptsim_cli.touch_off.parts import Grasp, TouchOffFailed, TouchRig
+from adaptsim_cli.touch_off.parts import TouchOffFailed, TouchRig
 from adaptsim_cli.touch_off.solving import Result, Touched, solve
 from adaptsim_cli.touch_off.store import SavedTouchOff
-from adaptsim_cli.wiring.touch_off import open_touch_rig, touch_off_of, touch_offs
+from adaptsim_cli.wiring.touch_off import grasp_of, open_touch_rig, touch_off_of, touch_offs
 from hw.collision import KeepOut, Table
 from hw.errors import StoppedByPedal
 from hw.types import Array
@@ -203,7 +203,7 @@ def test_whoever_stands_beside_the_simulated_arm_is_asked_as_beside_a_real_one(t
     """Enter alone moves neither fingers nor arm; `y` releases one motion, and the model all that follow it."""
     out, settings = quiet(), config.load({"task": "scooping", "world": "wd"})
     typing(monkeypatch, *typed)
-    with open_touch_rig(settings.config, settings.places, Grasp(), screen=out) as rig:
+    with open_touch_rig(settings.config, settings.places, grasp_of(settings.config), screen=out) as rig:
         before_rad = rig.arm.state().q_rad
         with pytest.raises(StoppedByOperator):
             touch_off(rig, out, unattended=False)

@@ -1,4 +1,4 @@
-"""`adaptsim sessions list/show/verify/mark/delete/prune/redo/accept/amend/policy`."""
+"""`adaptsim sessions list/show/index/verify/mark/delete/prune/redo/accept/amend/policy`."""
 
 from __future__ import annotations
 
@@ -71,6 +71,29 @@ def show(name: options.Session, as_json: options.Json = False) -> None:
         (f"adaptsim report {name}", "pictures, paths and parameters on one page"),
         *((f"adaptsim sessions accept {name} {trial}", "lets the rejected attempt count") for trial in rejected),
     )
+
+
+@app.command()
+def index(
+    out: Annotated[
+        Path | None, typer.Option("--out", help="HTML file to write; default: index.html in the sessions' folder.")
+    ] = None,
+    as_json: options.Json = False,
+) -> None:
+    """Write one page of all sessions: by world and method, sortable, linked to reports and films.
+
+    Example: adaptsim sessions index
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.report import index as page
+    from adaptsim_cli.screen import console
+
+    screen = console.Screen(as_json=as_json)
+    path, count = page.write(config.load().places.sessions, out)
+    if screen.data("sessions index", {"page": str(path), "sessions": count}):
+        return
+    screen.plain(f"Sessions: {count}, {path}")
+    screen.next((f"xdg-open {path}", "opens the page; its links lead to the files beside it"))
 
 
 @app.command()

@@ -51,6 +51,7 @@ OUTPUTS: Mapping[str, type[Output]] = {
     "touch-off compare": rig.TouchOffsCompared,
     "sessions list": sessions.SessionList,
     "sessions show": sessions.SessionShown,
+    "sessions index": sessions.IndexedSessions,
     "sessions verify": sessions.VerifiedSessions,
     "sessions redo": sessions.Redone,
     "sessions accept": sessions.Amended,

@@ -109,6 +109,13 @@ class VerifiedSessions(Output):
     sessions: list[Verified] = described("one each")
 
 
+class IndexedSessions(Output):
+    """The page of all sessions."""
+
+    page: str = described("page that was written")
+    sessions: int = described("sessions on it")
+
+
 class Redone(Output):
     """A trial that will be done again."""
 

@@ -113,7 +113,7 @@ def compared(stores: Sequence[SessionStore]) -> tuple[ComparedSession, ...]:
     tasks = {store.facts.task for store in stores}
     if len(tasks) > 1:
         raise UsageError(f"the sessions are of different tasks ({', '.join(sorted(tasks))}): compare those of one task")
-    return tuple(_compared(store) for store in stores)
+    return tuple(compared_session(store) for store in stores)
 
 
 def identical(sessions: Sequence[ComparedSession]) -> tuple[tuple[str, ...], ...]:
@@ -153,7 +153,7 @@ def by_method(every: Sequence[ComparedSession]) -> tuple[ComparedMethod, ...]:
         values = [c.iterations[-1].mean for c in sessions if c.facts.method == method]
         shared = [pair for pair in ends[method] if pair in ends[methods[0]]]
         apart = [ends[method][pair] - ends[methods[0]][pair] for pair in shared] if method != methods[0] else []
-        last, above = _interval(values), _interval(apart)
+        last, above = interval_over(values), interval_over(apart)
         result.append(
             ComparedMethod(
                 method=method,
@@ -255,7 +255,8 @@ def render(sessions: Sequence[ComparedSession], beliefs: Sequence[ParameterBelie
     )
 
 
-def _compared(store: SessionStore) -> ComparedSession:
+def compared_session(store: SessionStore) -> ComparedSession:
+    """Read one session. Raises UsageError without a completed trial, SessionError on damage."""
     trials = trials_of(store)
     if not trials:
         raise UsageError(f"session {store.facts.name!r} has no completed trial yet: leave it out")
@@ -277,18 +278,18 @@ def _levels(c: ComparedSession, colour: str) -> tuple[Level, ...]:
     if len(c.iterations) == 1:
         del numbered["last"]
     rows = [
-        Level(c.title, short, f"iteration {n}, {m.trials} trials", m.mean, m.low, m.high, colour)
+        Level(c.facts.name, short, f"iteration {n}, {m.trials} trials", m.mean, m.low, m.high, colour)
         for short, (n, m) in numbered.items()
     ]
     if c.result is not None and c.facts.method != "udr":
         best, kind = c.result.best, "predicted" if c.result.outlook else "estimated"
         detail = f"adapted policy, {kind} from {best.trials} trial{'s' * (best.trials != 1)}"
         detail += f", {where}" if (where := tried_in(best)) else ""
-        rows.append(Level(c.title, kind, detail, best.mean_reward, *best.ci95, colour, is_open=True))
+        rows.append(Level(c.facts.name, kind, detail, best.mean_reward, *best.ci95, colour, is_open=True))
     return tuple(rows)
 
 
-def _interval(values: Sequence[float]) -> tuple[float, float, float] | None:
+def interval_over(values: Sequence[float]) -> tuple[float, float, float] | None:
     """Mean with its 95 % interval (Student's t over sessions); None for fewer than two."""
     if len(values) < 2:
         return None

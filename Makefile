@@ -74,7 +74,7 @@ test-extra:
 	.venv-extra/bin/python -m pip install --quiet --no-deps --editable .
 	.venv-extra/bin/python -m pip install --quiet --constraint requirements.lock av jsonschema 'pyarrow>=20' pyrealsense2 'rerun-sdk>=0.41' pytest pytest-timeout uv
 	printf '%s\ntorchvision==0.28.0\n' '$(TORCH)' > .venv-extra/overrides.txt  # LeRobot asks for torch below 2.12
-	.venv-extra/bin/uv pip install --quiet --python .venv-extra --target .venv-extra/lerobot --overrides .venv-extra/overrides.txt 'lerobot>=0.6,<0.7'
+	.venv-extra/bin/uv pip install --quiet --python .venv-extra --target .venv-extra/lerobot --overrides .venv-extra/overrides.txt 'lerobot[dataset]>=0.6,<0.7'
 	LEROBOT=$(CURDIR)/.venv-extra/lerobot .venv-extra/bin/python -m pytest -m extra tests/extras tests/hw/test_camera_realsense.py tests/contracts/test_camera_contract.py
 
 # Every package that pyproject.toml names, at the lowest version that it allows; the two tests left out are about the locked ones.

@@ -26,6 +26,8 @@ def rollout(
     world: options.World = None,
     seed: options.Seed = None,
     hw: options.Hw = None,
+    answer_with: options.AnswerWith = None,
+    answer_moves: options.AnswerMoves = None,
     session: Annotated[
         str | None,
         typer.Option(
@@ -72,7 +74,8 @@ def rollout(
     from sim.tasks import get_task
 
     named = {"world": world, "seed": seed, "hw": hw, "pace": pace, "operator": operator}
-    resolved = load({"task": task, "realtime": realtime or None, **named})
+    answers = {"answer_with": answer_with, "answer_moves": answer_moves}
+    resolved = load({"task": task, "realtime": realtime or None, **named, **answers})
     screen = console.Screen(as_json=as_json)
     settings, history = resolved.config, tuple[Iteration, ...]()
     _require_together(best == (session is not None), trials == 1 or not (session is None or context or out))
@@ -93,7 +96,11 @@ def rollout(
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(
-                wiring.open_parts(settings, Path(learnt), screen=None if settings.unattended(yes) else screen)
+                wiring.open_parts(
+                    settings,
+                    folder.absolute() / "naf" if settings.is_own else Path(learnt),  # questions lie in the folder
+                    screen=None if settings.unattended(yes) else screen,
+                )
             )
         screen.show(views.badge(settings.hw, parts.target.title))
         watcher = None

@@ -112,7 +112,9 @@ def add_check(
 
 
 def real(lab: Examined) -> str:
-    """Only for a real arm."""
+    """Only for an arm that this program moves."""
+    if lab.config.is_own:
+        return "your robot belongs to your code"
     return "hw = fake needs none" if lab.config.is_simulated else ""
 
 

@@ -19,7 +19,7 @@ from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session.flow import RunningSession, rows_of
 from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.records import ROLLOUT, SessionStart, TrialRecord
-from adaptsim_cli.session.running import facts_for
+from adaptsim_cli.session.running import NO_CONSENT, facts_for
 from adaptsim_cli.session.store import SessionStore, folder_of
 from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
@@ -96,11 +96,9 @@ def rollout(
     Raises UsageError for a wrong value, and the errors of a session's trials.
     """
     task, target = parts.task, parts.target
-    if config.is_own:
-        raise UsageError("--hw own: only a session asks your robot for trials: adaptsim run-iteration --hw own")
     unattended = yes and not target.needs_consent
     if not unattended:
-        console.require_terminal()
+        console.require_terminal(NO_CONSENT if target.needs_consent else console.NO_TERMINAL)
     operator = Unattended(screen) if unattended else Attended(screen)
     contexts, mean = typed(task, chosen)
     if folder_of(folder.parent, folder.name).exists():

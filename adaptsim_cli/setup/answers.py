@@ -14,7 +14,7 @@ from typing import Any, TypeVar, cast
 from adaptsim_cli.config import PRACTICE_FILE, Config, Places, Resolved
 from adaptsim_cli.devices.known_arm import KnownArm, folder_of
 from adaptsim_cli.devices.rig_file.description import ArmPart, Model, RigDescription, as_shipped
-from adaptsim_cli.devices.rig_file.reading import described, tasks_with_tools, without_old_waivers
+from adaptsim_cli.devices.rig_file.reading import OWN_ROBOT, described, tasks_with_tools, without_old_waivers
 from adaptsim_cli.devices.rig_file.template import template
 from adaptsim_cli.devices.rig_file.waivers import DAYS, SHORTEST_REASON, WITHOUT, Waivable
 from adaptsim_cli.errors import StoppedByOperator, UsageError
@@ -149,6 +149,8 @@ ADDRESS = "172.16.0.2"
 def begun(resolved: Resolved, screen: Screen, *, yes: bool) -> Answers:
     """The answers so far. Raises UsageError: a rig file of another arm, no terminal, `yes` for a real arm."""
     config, places = resolved.config, resolved.places
+    if config.is_own:
+        raise UsageError(OWN_ROBOT)
     if yes and not config.is_simulated:
         raise UsageError("a real lab is set up by a person at a terminal: leave out --yes")
     if not yes:

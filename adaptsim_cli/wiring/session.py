@@ -78,7 +78,9 @@ def open_parts(
         yours = _own_target(config, checkpoint.solver.task, learnt.parent, screen, answerer)
         with solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations):
             learner = _learner(config, checkpoint, policies, expectations, yours.executable)
-            yield Parts(yours.task, yours, learner, _provenance(checkpoint, prior, ""))
+            control, sha256 = control_of(config, checkpoint, policies, yours.executable)
+            origin = replace(_provenance(checkpoint, prior, ""), control_sha256=sha256)
+            yield Parts(yours.task, yours, learner, origin, control)
         return
     with (
         _open_target(config, checkpoint.solver.task, drivers, own, screen) as (task, target, executable, calibration),

@@ -51,6 +51,12 @@ _LIMITS = {
 }
 
 
+OWN_ROBOT = (
+    "hw = own: your robot belongs to your code, so it has no rig file, calibration or touch-off here. "
+    "Its trials: adaptsim run-iteration --hw own (docs/guide/own-robot.md)"
+)
+
+
 def practised(config: Config) -> bool:
     """Whether the simulated lab has a rig file: that of a setup which is practised there."""
     return config.is_simulated and Path(config.rig).name == PRACTICE_FILE
@@ -61,10 +67,7 @@ def rig_of(config: Config, tools: Collection[str] = ()) -> RigDescription:
     if config.is_simulated:
         return read(Path(config.rig), tools) if practised(config) else as_shipped("panda")
     if config.is_own:
-        raise UsageError(
-            "hw = own: your robot belongs to your code, so it has no rig file, calibration, touch-off or doctor here. "
-            "Its trials: adaptsim run-iteration --hw own (docs/guide/own-robot.md)"
-        )
+        raise UsageError(OWN_ROBOT)
     begin = f"adaptsim setup --hw {config.hw}"
     if not config.rig:
         raise UsageError(f"hw = {config.hw}: there is no rig file, so nothing has moved. Write one: {begin}")

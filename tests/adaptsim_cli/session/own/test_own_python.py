@@ -73,7 +73,64 @@ def test_a_task_that_no_lab_can_report_says_so(refused) -> None:
     line = ("run-iteration", "--task", "pendulum", "--hw", "own", "--answer-with", "person")
     message = refused(2, *line, "--yes")
     assert "the task pendulum does not fit a robot of your own: its reward needs excess cost" in message
-    assert "hw = own: your robot belongs to your code" in refused(2, "calibrate", "--hw", "own", "--yes")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ("calibrate", "--hw", "own", "--yes"),
+        ("touch-off", "--task", "scooping", "--hw", "own", "--yes"),
+        ("touch-off", "--task", "scooping", "--hw", "own", "--guide"),
+        ("preview", "--task", "pushing", "--hw", "own"),
+        ("setup", "--hw", "own"),
+    ],
+)
+def test_commands_of_a_rig_say_that_the_robot_belongs_to_other_code_and_what_runs_its_trials(refused, line) -> None:
+    message = refused(2, *line)
+    assert "hw = own: your robot belongs to your code" in message
+    assert "adaptsim run-iteration --hw own" in message
+
+
+def test_the_doctor_checks_the_program_alone(printed) -> None:
+    findings = printed("doctor", "--hw", "own", "--task", "pushing", "--json")["checks"]
+    verdicts = {finding["name"]: finding["verdict"] for finding in findings}
+    assert verdicts["checkpoint"] == "ok"
+    assert {verdicts[name] for name in ("driver", "rig file", "camera", "calibration", "motion")} == {"skipped"}
+
+
+PROGRAM = """
+import json, math, sys
+q = json.load(sys.stdin)
+yaw, speed = q["action"]["yaw"], q["action"]["speed"]
+ways = [speed * min(t / 20, 0.5) for t in range(40)]
+state = [[0.56 + way * math.cos(yaw), way * math.sin(yaw), 0.035] for way in ways]
+print(json.dumps({"trial": q["trial"], "t_s": [t / 20 for t in range(40)], "state": state, "outcome": "upright"}))
+"""
+
+
+@pytest.fixture
+def answers(place) -> tuple[str, ...]:
+    (place / "robot.py").write_text(PROGRAM)
+    command = f"{shlex.quote(sys.executable)} -S -E {shlex.quote(str(place / 'robot.py'))}"
+    return ("--hw", "own", "--answer-with", command)
+
+
+def test_a_rollout_asks_the_robot_once_and_is_stored_as_any_session(printed, refused, answers) -> None:
+    rollout = ("rollout", "--task", "pushing", "--action", "speed=0.6", *answers, "--yes")
+    assert "confirmed at a terminal" in refused(2, *rollout), "it moves a robot unless it says that it does not"
+    told = printed(*rollout, "--answer-moves", "nothing", "--json")
+    assert told["action"]["speed"] == 0.6
+    assert told["track"]["state"][-1][0] == pytest.approx(0.56 + 0.3 * np.cos(told["action"]["yaw"]), abs=1e-6)
+    (row,) = printed("sessions", "list", "--json")["sessions"]
+    assert (row["method"], row["trials"], row["hw"]) == ("rollout", 1, "own")
+
+
+@pytest.mark.long
+def test_control_trials_are_made_by_the_robot_too(printed, answers) -> None:
+    line = ("run-iteration", *answers[2:], "--answer-moves", "nothing", "--yes", "--json", "--session", "both")
+    first = printed(*line, "--hw", "own", "--task", "pushing", "--control", "udr")
+    assert first["control"] is None, "its first iteration has no partner"
+    assert printed(*line)["control"]["pairs"] == 4
 
 
 @pytest.mark.long

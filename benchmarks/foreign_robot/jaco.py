@@ -176,8 +176,8 @@ def joints_along(at_m: Array, yaw_rad: Array) -> Array:
 def push(yaw_rad: float, speed_m_s: float, friction: float = TABLE_FRICTION, picture: Path | None = None) -> Push:
     """One push of the bottle on a table of that friction, seen until it rests."""
     m, d = model(), mujoco.MjData(model())
-    t_s = np.arange(round(WATCHED_S / STEP_S) + 1) * STEP_S
-    coarse = t_s[::20]
+    t_s: Array = np.arange(round(WATCHED_S / STEP_S) + 1, dtype=np.float64) * STEP_S
+    coarse: Array = t_s[::20]
     knots = joints_along(*tool_path(yaw_rad, speed_m_s, coarse))
     q = np.stack([np.interp(t_s, coarse, column) for column in knots.T], axis=1)
     dq = np.gradient(q, STEP_S, axis=0)

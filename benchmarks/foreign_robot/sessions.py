@@ -1,6 +1,6 @@
 """Sessions with the Jaco of `jaco.py` by ask and tell: UDR against adaptsim after 8 and 20 trials.
 
-    PYTHONPATH=benchmarks/foreign_robot python benchmarks/foreign_robot/sessions.py [--seeds 5] [--pushes 64]
+    PYTHONPATH=benchmarks python -m foreign_robot.sessions [--seeds 5] [--pushes 64]
 
 Five sessions of each method. Every policy is judged by `--pushes` pushes of the same arm at goals that no session saw,
 the same for all. Prints a row a session, and the means with their 95 % intervals over sessions (Student's t).
@@ -14,11 +14,11 @@ import tempfile
 import time
 from collections.abc import Callable
 
-import jaco
 import numpy as np
 from scipy import stats
 
 from adaptsim_cli import api
+from foreign_robot import jaco
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.tasks import get_task

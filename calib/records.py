@@ -1,6 +1,6 @@
 """The records in the files of a calibration: `setup.toml`, `view-*.json`, `touch.json`. Checked on reading.
 
-`docs/guide/calibrate.md` describes them for people who write such files on another robot.
+`docs/guide/foreign-views.md` describes them for people who write such files on another robot.
 """
 
 from __future__ import annotations
@@ -240,5 +240,5 @@ def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
         where = ".".join(str(part) for part in first["loc"]) or "the whole file"
         hint = f"; known keys: {', '.join(kind.model_fields)}" if first["type"] == "extra_forbidden" else ""
         raise ViewFolderError(
-            f"{path}: {where}: {first['msg']}{hint}. docs/guide/calibrate.md describes the file"
+            f"{path}: {where}: {first['msg']}{hint}. docs/guide/foreign-views.md describes the file"
         ) from error

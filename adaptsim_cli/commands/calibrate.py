@@ -115,7 +115,7 @@ def check(
 
 @app.command()
 def solve(
-    folder: Annotated[Path, typer.Argument(help="Folder of views; docs/guide/calibrate.md describes its files.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of views; docs/guide/foreign-views.md describes its files.")],
     out: Annotated[
         Path | None, typer.Option("--out", help="Where to write the report; default: in the folder.")
     ] = None,
@@ -181,7 +181,7 @@ def together(
 
 @app.command()
 def overlay(
-    folder: Annotated[Path, typer.Argument(help="Folder of views; docs/guide/calibrate.md describes its files.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of views; docs/guide/foreign-views.md describes its files.")],
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the pictures; default: `overlay` in the folder of views.")
     ] = None,

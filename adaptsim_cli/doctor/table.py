@@ -18,6 +18,7 @@ from adaptsim_cli.devices.rig_file.reading import practised, rig_of, tasks_with_
 from adaptsim_cli.errors import CliError, PreflightFailed
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.pages import addressed
 from calib.errors import CalibrationError
 from hw.errors import CameraError, DeviceUnavailable, MotionRefused
 from sim.errors import SimError
@@ -167,7 +168,7 @@ def show_table(results: Sequence[Finding], screen: Screen, *, grouped: bool = Tr
         if remedies:
             screen.show(Text(f"\n{head}", style="bold"))
         for finding in remedies:
-            screen.plain(f"  {finding.name}: {finding.fix}")
+            screen.plain(f"  {finding.name}: {addressed(finding.fix)}")
 
 
 def as_json(findings: Sequence[Finding], config: Config) -> dict[str, Any]:

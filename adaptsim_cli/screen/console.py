@@ -23,6 +23,7 @@ from rich.text import Text
 from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, views
 from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
+from adaptsim_cli.screen.pages import addressed
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
 from hw.errors import HardwareError
@@ -290,7 +291,7 @@ def _last_words(mark: str, style: str, message: str) -> None:
     console = CleanConsole(stderr=True, highlight=False, markup=False)
     if console.is_terminal:
         console.print()  # the line may hold a ^C or a half-answered question
-    console.print(Text.assemble((mark, style), message), soft_wrap=True)
+    console.print(Text.assemble((mark, style), addressed(message)), soft_wrap=True)
 
 
 NO_TERMINAL = "there is no terminal to confirm motions at: run in a terminal, or add --yes to run unattended"

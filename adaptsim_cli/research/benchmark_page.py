@@ -87,7 +87,7 @@ def curve(method: MethodSummary, levels: Mapping[str, float]) -> str:
         canvas.text(right, y(reward) - 4, name, anchor="end")
     points = [(x(float(n)), y(reward)) for n, reward in zip(method.trials, method.curve, strict=True)]
     for (at, _), (low, high) in zip(points, method.curve_ci95, strict=True):
-        canvas.rect(at - 4, y(high), 8, max(y(low) - y(high), 1.0), "expected c0", 2)
+        canvas.rect(at - 8, y(high), 16, max(y(low) - y(high), 1.0), "expected c0", 2)  # wider than the dot
     canvas.curve(points, "curve c0", method.method)
     for (at, height), n, reward in zip(points, method.trials, method.curve, strict=True):
         canvas.dot(at, height, 4, "dot c0", f"{n} trials: {reward:.3f}")

@@ -26,8 +26,8 @@ VERTICAL_STIFFNESS_N_M = 4000.0
 VERTICAL_DAMPING_NS_M = 130.0
 """Critical damping for an effective mass of 1 kg at the edge."""
 
-AIM_M = float(__import__("os").environ.get("AIM_MM", "1.0")) * 1e-3
-"""By how much the edge is commanded below the planned height (docs/decisions/0015)."""
+AIM_M = 0.0005
+"""By how much an arm is commanded below the planned height of the edge (docs/decisions/0015)."""
 AIM_S = 0.06
 """How long it takes to sink there; the edge meets the nearest piece after 65 ms."""
 

@@ -1,0 +1,127 @@
+"""Sentences and tables about results say what `docs/results/sessions.csv` holds: every number is computed again."""
+
+from __future__ import annotations
+
+import csv
+from collections import defaultdict
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from documents import ROOT
+
+FOODS = ("raisin", "carrot", "cucumber", "sprout", "mushroom-slice", "oreo")
+TITLES = {"sprout": "Brussels sprout", "mushroom-slice": "mushroom slice", "oreo": "Oreo"}
+OTHERS = ("bo-prior", "bo", "random", "sysid-bayes", "adaptsim-iteration")
+GAIN = 0.05
+README, RESULTS = "README.md", "docs/results.md"
+
+
+def text(page: str) -> str:
+    return " ".join((ROOT / page).read_text(encoding="utf-8").split())
+
+
+def short(value: float) -> str:
+    """As .93."""
+    return f"{value:.2f}".lstrip("0") if value < 1.0 else f"{value:.2f}"
+
+
+class Sessions:
+    """Mean rewards by part, method and world, at the end and after so many trials."""
+
+    def __init__(self) -> None:
+        ends, early = defaultdict(list), defaultdict(list)
+        with (ROOT / "docs/results/sessions.csv").open(encoding="utf-8", newline="") as file:
+            for row in csv.DictReader(file):
+                key = row["part"], row["method"], row["world"]
+                ends[key].append(float(row["reward"]))
+                for pair in row["after"].split():
+                    trials, reward = pair.split(":")
+                    early[(*key, int(trials))].append(float(reward))
+        self._ends = {key: float(np.mean(values)) for key, values in ends.items()}
+        self._early = {key: float(np.mean(values)) for key, values in early.items()}
+
+    def worlds(self, part: str, method: str) -> Mapping[str, float]:
+        return {w: value for (p, m, w), value in self._ends.items() if (p, m) == (part, method)}
+
+    def mean(self, part: str, method: str, after: int = 0) -> float:
+        early = [v for (p, m, _, n), v in self._early.items() if (p, m, n) == (part, method, after)]
+        return float(np.mean(early if after else list(self.worlds(part, method).values())))
+
+    def early(self, part: str, method: str, world: str, after: int) -> float:
+        return self._early[part, method, world, after]
+
+    def gains(self, part: str) -> Mapping[str, float]:
+        udr = self.worlds(part, "udr")
+        return {world: value - udr[world] for world, value in self.worlds(part, "adaptsim").items()}
+
+    def best_other(self, part: str) -> float:
+        return max(self.mean(part, method) for method in OTHERS if self.worlds(part, method))
+
+
+@pytest.fixture(scope="module")
+def sessions() -> Sessions:
+    return Sessions()
+
+
+def test_the_table_of_the_foods_is_that_of_the_sessions(sessions: Sessions) -> None:
+    page = text(RESULTS)
+    for food in FOODS:
+        values = [
+            sessions.worlds("foods", "udr")[food],
+            sessions.early("foods", "adaptsim", food, 4),
+            *(sessions.worlds("foods", method)[food] for method in ("adaptsim", *OTHERS)),
+        ]
+        assert f"| {TITLES.get(food, food)} | {' | '.join(map(short, values))} |" in page
+    four, end = short(sessions.mean("foods", "adaptsim", 4)), short(sessions.mean("foods", "adaptsim"))
+    others = " | ".join(short(sessions.mean("foods", method)) for method in OTHERS)
+    assert f"| six foods | {short(sessions.mean('foods', 'udr'))} | **{four}** | **{end}** | {others} |" in page
+
+
+def test_after_four_trials_the_pages_say_how_far_each_method_is(sessions: Sessions) -> None:
+    early = {method: short(sessions.mean("foods", method, 4)) for method in ("adaptsim", "bo-prior", "random", "bo")}
+    assert early["adaptsim"] == early["bo-prior"]
+    assert (
+        f"after four it has {early['adaptsim']}, as `bo-prior` has; random search has {early['random']} and `bo` "
+        f"{early['bo']} (by tables)"
+    ) in text(RESULTS)
+    assert f"`adaptsim` {early['adaptsim']} after four trials, as Bayesian optimisation" in text(README)
+
+
+def test_the_whole_lab_says_what_its_sessions_earned(sessions: Sessions) -> None:
+    udr, adapted = (short(sessions.mean("foods-lab", method)) for method in ("udr", "adaptsim"))
+    assert f"UDR earns {udr} and `adaptsim` {adapted} after 20 trials" in text(RESULTS)
+
+
+@pytest.mark.parametrize("part", ["scooping", "pushing", "pendulum"])
+def test_the_rows_of_the_drawn_worlds_are_those_of_the_sessions(sessions: Sessions, part: str) -> None:
+    udr, adapted, other, paper = (
+        sessions.mean(part, "udr"),
+        sessions.mean(part, "adaptsim"),
+        sessions.best_other(part),
+        sessions.mean(part, "adaptsim-iteration"),
+    )
+    tied = short(adapted) == short(other)
+    shown = short(adapted) if tied else f"**{short(adapted)}**"
+    share = np.mean([gain >= GAIN for gain in sessions.gains(part).values()])
+    row = f"| {part}, 40 drawn worlds | {short(udr)} | {shown} | {short(other)} | {short(paper)} | in {share:.0%} |"
+    assert row.replace("%", " %") in text(README)
+    for number in (udr, adapted, paper):
+        assert f"{number:.3f}".lstrip("0") in text(RESULTS)
+
+
+def test_the_worst_world_and_the_share_that_gains_are_over_all_sessions(sessions: Sessions) -> None:
+    page = text(RESULTS)
+    for part in ("pushing", "pendulum", "scooping"):
+        gains = sessions.gains(part)
+        worst = min(gains, key=lambda world: gains[world])
+        assert f"{worst} of {'the ' * (part == 'pendulum')}{part} (−{-gains[worst]:.3f})".replace("−0", "−") in page
+        share = f"{np.mean([gain >= GAIN for gain in gains.values()]):.0%}".replace("%", " %")
+        assert f"{share} of {'the ' * (part == 'pendulum')}{part}'s" in page
+    foods = sessions.gains("foods")
+    assert f"gains .05 or more over UDR in {sum(g >= GAIN for g in foods.values())} of the 6 foods" in page
+
+
+def test_the_best_parameters_are_said_to_be_as_far_ahead_as_they_are(sessions: Sessions) -> None:
+    ahead = sessions.mean("scooping", "oracle") - sessions.mean("scooping", "adaptsim")
+    assert f"the best E earns {ahead:.3f} more than `adaptsim`".replace("0.", ".") in text(RESULTS)

@@ -76,6 +76,7 @@ def _piece(task: Task) -> Tracker:
         context=lambda drawn, detection: detection.near_m,
         outcomes=(Outcome.ON_BLADE, Outcome.ON_TABLE, Outcome.LOST),
         at_home=piece.at_home,
+        lies_at_home=piece.lies_at_home,
     )
 
 

@@ -238,8 +238,9 @@ class RigTarget:
             except OutcomeUnseen as error:
                 if not error.followed:
                     raise
-                unseen, track = error, error.track
                 detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
+                known = shown_at_home(self.tracker, stored, detection, error.track)
+                unseen, track = (error, error.track) if known is None else (None, known)
         with progress("Choosing the pictures of its key moments", "storing"):
             goal_m = None if self.task.goal_m is None else np.asarray(self.task.goal_m(context))
             found_m = np.asarray(detection.xy_m)
@@ -413,6 +414,15 @@ def track_request(
         t_start_s=stored.execution.t_start_s,
         duration_s=duration_s,
     )
+
+
+def shown_at_home(
+    tracker: Tracker, stored: recording.Recording, detection: Detection, track: ObjectTrack
+) -> ObjectTrack | None:
+    """The track with the outcome that the picture with the arm at home shows, for an end that was hidden."""
+    if stored.after is None:
+        return None
+    return tracker.lies_at_home(track, detection, stored.before, stored.after, stored.model, stored.X_BC)
 
 
 def come_home(tracker: Tracker, stored: recording.Recording, detection: Detection, track: ObjectTrack) -> ObjectTrack:

@@ -222,6 +222,8 @@ class Tracker:
     outcomes: tuple[Outcome, ...]
     """The outcomes that an operator may choose between."""
     at_home: Callable[[ObjectTrack, Any, Frame, Frame, CameraModel, Array], ObjectTrack] = lambda track, *_: track
+    lies_at_home: Callable[[ObjectTrack, Any, Frame, Frame, CameraModel, Array], ObjectTrack | None] = lambda *_: None
+    """The track of an object whose end was hidden, if the picture with the arm at home shows how it ended."""
     """(track, detection, picture before, picture after, model, X_BC) -> the track, with the outcome as the arm is home.
 
     For a task that carries its object.

@@ -64,6 +64,7 @@ def scene() -> Any:
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
     spec.body("b_base").pos = BASE_M
+    spec.visual.headlight.ambient = (0.5, 0.5, 0.5)
     spec.worldbody.add_light(pos=(0.3, -1.0, 2.5), dir=(0.2, 0.4, -1.0))
     world, untouched = spec.worldbody, {"contype": 0, "conaffinity": 0}
     world.add_geom(

@@ -12,11 +12,12 @@ import numpy as np
 from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session import recording
-from adaptsim_cli.session.rig_target import come_home, track_request
+from adaptsim_cli.session.rig_target import come_home, shown_at_home, track_request
 from adaptsim_cli.session.topics import joints_at
 from hw.types import Array
 from perception.errors import PerceptionError
 from perception.piece.tracking import reach_of
+from perception.sightings import OutcomeUnseen
 from perception.types import Outcome
 from sensing.filming import TRUTH
 from sim.tasks.task import Task
@@ -67,8 +68,15 @@ def judged(task: Task, folder: Path) -> Judged:
         if true == Outcome.ON_TABLE and _left(detection, places_m[-1, :2]):
             true = Outcome.LOST.value  # it rolled farther than it is followed; both earn nothing
         duration_s = float(hardware.plan(np.array(truth["context"]), np.array(truth["action"])).t_s[-1])
-        track = tracker.track(track_request(film, detection, X_BT_at, duration_s))
-        track = come_home(tracker, film, detection, track)
+        try:
+            track = come_home(
+                tracker, film, detection, tracker.track(track_request(film, detection, X_BT_at, duration_s))
+            )
+        except OutcomeUnseen as unseen:
+            known = shown_at_home(tracker, film, detection, unseen.track) if unseen.followed else None
+            if known is None:
+                raise
+            track = known
         end_s = track.t_s[-1] + film.execution.t_start_s
         at_m = np.array([np.interp(end_s, truth["t_s"], column) for column in places_m.T])
         end_mm = 1e3 * float(np.linalg.norm(track.state[-1, :2] - at_m[:2]))

@@ -124,6 +124,7 @@ def _likeness(rgb: NDArray[np.uint8], detection: PieceDetection) -> Array32:
 
 BEFORE_S = 0.05
 """Frames from this long before the motion (s) are used, until the trial is over."""
+HIDDEN_AT_THE_END = "the piece was hidden at the end of the motion and lies on the table now: it was not carried"
 LOST_ON_THE_WAY = "the piece was on the tool after the motion and lies on the table now: lost on the way home"
 _REACH_M = (0.20, 0.50, 0.20)  # backwards, forwards and sideways from the piece's first place
 _HIGHEST_M = 0.14
@@ -206,6 +207,18 @@ def at_home(
     if track.outcome is not Outcome.ON_BLADE or lies_at(before, after, model, X_BC, detection) is None:
         return track
     return replace(track, outcome=Outcome.ON_TABLE, flags=(*track.flags, LOST_ON_THE_WAY))
+
+
+def lies_at_home(
+    track: ObjectTrack, detection: PieceDetection, before: Frame, after: Frame, model: CameraModel, X_BC: Array
+) -> ObjectTrack | None:
+    """The track of a piece whose end no frame shows, if it lies on the table once the arm is home again; else None.
+
+    A blade that is too high passes over a flat piece and hides it. `before`, `after` and `X_BC` as in `at_home`.
+    """
+    if lies_at(before, after, model, X_BC, detection) is None:
+        return None
+    return replace(track, outcome=Outcome.ON_TABLE, flags=(*track.flags, HIDDEN_AT_THE_END))
 
 
 def _prepare(

@@ -13,8 +13,8 @@ from table_scenes import AREA, AWAY, Motion, Studio, at, food, studio, tool_mesh
 
 from hw.types import Array, Frame
 from perception.errors import TrackingFailed
-from perception.piece import PieceDetection, at_home, find_piece, track_piece
-from perception.piece.tracking import LOST_ON_THE_WAY
+from perception.piece import PieceDetection, at_home, find_piece, lies_at_home, track_piece
+from perception.piece.tracking import HIDDEN_AT_THE_END, LOST_ON_THE_WAY
 from perception.sightings import OutcomeUnseen
 from perception.types import ObjectTrack, Outcome
 
@@ -245,3 +245,17 @@ def test_a_piece_that_lies_on_the_table_again_was_lost_on_the_way_home(place: tu
     found = at_home(track(scoop(), scoop_tool), detection(), before, after, s.model, s.X_BC)
     assert found.outcome is (Outcome.ON_BLADE if place is None else Outcome.ON_TABLE)
     assert (LOST_ON_THE_WAY in found.flags) is (place is not None)
+
+
+@pytest.mark.parametrize("place", [None, (0.66, -0.02), (0.70, 0.03)])
+def test_a_piece_whose_end_was_hidden_is_on_the_table_if_it_lies_there_afterwards(
+    place: tuple[float, float] | None,
+) -> None:
+    """`place` is where the piece lies once the arm is home; None: the picture does not show it."""
+    s, gone = scene(), at(*START, -5.0)
+    before, after = s.still(at(*START, HALF[2]), AWAY), s.still(gone if place is None else at(*place, HALF[2]), AWAY)
+    known = lies_at_home(track(scoop(), scoop_tool), detection(), before, after, s.model, s.X_BC)
+    assert (known is None) is (place is None)
+    if known is not None:
+        assert known.outcome is Outcome.ON_TABLE
+        assert HIDDEN_AT_THE_END in known.flags

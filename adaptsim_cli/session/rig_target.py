@@ -239,8 +239,8 @@ class RigTarget:
                 if not error.followed:
                     raise
                 detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
-                known = shown_at_home(self.tracker, stored, detection, error.track)
-                unseen, track = (error, error.track) if known is None else (None, known)
+                at_home = shown_at_home(self.tracker, stored, detection, error.track)
+                unseen, track = (error, error.track) if at_home is None else (None, at_home)
         with progress("Choosing the pictures of its key moments", "storing"):
             goal_m = None if self.task.goal_m is None else np.asarray(self.task.goal_m(context))
             found_m = np.asarray(detection.xy_m)

@@ -73,10 +73,10 @@ def judged(task: Task, folder: Path) -> Judged:
                 tracker, film, detection, tracker.track(track_request(film, detection, X_BT_at, duration_s))
             )
         except OutcomeUnseen as unseen:
-            known = shown_at_home(tracker, film, detection, unseen.track) if unseen.followed else None
-            if known is None:
+            at_home = shown_at_home(tracker, film, detection, unseen.track) if unseen.followed else None
+            if at_home is None:
                 raise
-            track = known
+            track = at_home
         end_s = track.t_s[-1] + film.execution.t_start_s
         at_m = np.array([np.interp(end_s, truth["t_s"], column) for column in places_m.T])
         end_mm = 1e3 * float(np.linalg.norm(track.state[-1, :2] - at_m[:2]))

@@ -84,7 +84,8 @@ def test_from_nothing_to_the_first_scoop_with_a_kill_in_the_middle(tmp_path):
     assert "Continuing with" in there.said and "Accepted" in there.said
     assert "to its end, as a rehearsal" not in there.said
     assert "Next: adaptsim run-iteration --task scooping --world cucumber" in there.said
-    (stored,) = [path.parent for path in (tmp_path / "home/data/rollouts").glob("*/trial.json")]
+    sessions = tmp_path / "home/data/sessions"
+    (stored,) = {path.parents[2] for path in sessions.glob("rollout-*/iteration-*/trial-*/trial.json")}
     assert stored.name in there.said.replace("\n", "")
     assert there.run({}) == 0
     assert "of 25" not in there.said, "everything is done"

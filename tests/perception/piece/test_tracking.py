@@ -254,8 +254,8 @@ def test_a_piece_whose_end_was_hidden_is_on_the_table_if_it_lies_there_afterward
     """`place` is where the piece lies once the arm is home; None: the picture does not show it."""
     s, gone = scene(), at(*START, -5.0)
     before, after = s.still(at(*START, HALF[2]), AWAY), s.still(gone if place is None else at(*place, HALF[2]), AWAY)
-    known = lies_at_home(track(scoop(), scoop_tool), detection(), before, after, s.model, s.X_BC)
-    assert (known is None) is (place is None)
-    if known is not None:
-        assert known.outcome is Outcome.ON_TABLE
-        assert HIDDEN_AT_THE_END in known.flags
+    shown = lies_at_home(track(scoop(), scoop_tool), detection(), before, after, s.model, s.X_BC)
+    assert (shown is None) is (place is None)
+    if shown is not None:
+        assert shown.outcome is Outcome.ON_TABLE
+        assert HIDDEN_AT_THE_END in shown.flags

@@ -51,8 +51,7 @@ class MountedTask:
                 f"work area, x {self.area.x_m}, y {self.area.y_m}: choose another place, or widen [table] of the rig "
                 "file"
             )
-        hardware = self.hardware
-        in_base = self.correction.in_base(hardware.aimed(motion))
+        in_base, hardware = self.correction.in_base(motion), self.hardware
         return trial_paths(in_base, hardware.X_FT, self.cell, self.home_rad, carries=hardware.carries)
 
     def planner(self) -> Planner:

@@ -196,11 +196,6 @@ def no_suspicion(tracks: Sequence[ObjectTrack]) -> None:
     """No trials of the task hint at a fault of the rig. A function, since a task travels to worker processes."""
 
 
-def as_planned(motion: ToolMotion) -> ToolMotion:
-    """No margin."""
-    return motion
-
-
 @dataclass(frozen=True, eq=False)
 class Hardware:
     """The parts of a task with arm and camera: tool, motion, scene, tracker."""
@@ -216,8 +211,6 @@ class Hardware:
     """(context, parameters, nuisance, unmodelled) -> X_BO (4, 4) of the object at rest before the trial."""
     tracker: str  # the key of the tracker in adaptsim_cli.devices.trackers
     standing: Standing | None = None  # for a tracker of objects that stand on a mark
-    aimed: Callable[[ToolMotion], ToolMotion] = as_planned
-    """The planned motion -> the motion that an arm is commanded to make, with a margin for the error of its tool."""
     home_pitch_rad: float = 0.0
     """Pitch of the tool between trials; positive: front down."""
     carries: bool = False

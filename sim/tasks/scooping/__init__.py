@@ -10,7 +10,6 @@ HARDWARE = Hardware(
     keep_clear=spatula.KEEP_CLEAR,
     may_touch=spatula.MAY_TOUCH,
     plan=plan.plan,
-    aimed=plan.aimed,
     build_scene=scene.build_scene,
     time_step_s=scene.time_step_s,
     rest_pose=rollout.rest_pose,

@@ -26,11 +26,6 @@ VERTICAL_STIFFNESS_N_M = 4000.0
 VERTICAL_DAMPING_NS_M = 130.0
 """Critical damping for an effective mass of 1 kg at the edge."""
 
-AIM_M = 0.0005
-"""By how much an arm is commanded below the planned height of the edge (docs/decisions/0015)."""
-AIM_S = 0.06
-"""How long it takes to sink there; the edge meets the nearest piece after 65 ms."""
-
 _KNOTS_S = np.array([0.0, 0.25, 0.35, 0.60, 0.70, 1.00])
 _WRIST_VX_M_S = np.array([0.0, 0.6, 0.7, 0.2, 0.0, 0.0])
 _WRIST_VZ_M_S = np.array([0.0, -0.01, -0.01, 0.01, 0.0, 0.0])
@@ -58,21 +53,6 @@ def plan(context: Array, action: Array) -> ToolMotion:
     X_BT[:, 1, 3] = start_m[1]
     X_BT[:, 2, 3] = p_m[:, 1] + edge_height_m(pitch_rad)
     return ToolMotion(t_s, X_BT, _contact(t_s, p_m[:, 1]))
-
-
-def aimed(motion: ToolMotion) -> ToolMotion:
-    """`motion` over the table as an arm is commanded: the edge sinks by `AIM_M` before it meets the piece.
-
-    The edge of a real turner is known to a fraction of a millimetre, and one that is too high pushes a flat piece away.
-    The table stops one that is too deep, with `VERTICAL_STIFFNESS_N_M`.
-    """
-    X_BT = motion.X_BT.copy()
-    pitch_rad = np.arctan2(X_BT[:, 0, 2], X_BT[:, 0, 0])
-    height_m = X_BT[:, 2, 3] - edge_height_m(pitch_rad)
-    share = np.clip(motion.t_s / AIM_S, 0.0, 1.0)
-    sunk_m = AIM_M * (share - np.sin(2.0 * np.pi * share) / (2.0 * np.pi))  # acceleration 0 at both ends
-    X_BT[:, 2, 3] -= sunk_m
-    return ToolMotion(motion.t_s, X_BT, _contact(motion.t_s, height_m - sunk_m))
 
 
 def edge_path(pitch_rate_rad_s: float, pitch_rad: float) -> tuple[Array, Array]:

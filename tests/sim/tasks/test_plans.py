@@ -120,21 +120,3 @@ def test_a_scoop_starts_behind_the_near_side_as_far_as_the_action_says_and_moves
     np.testing.assert_allclose(here.X_BT[0, :2, 3], [HERE[0] - 0.012, HERE[1]])
     shift_m = there.X_BT[:, :3, 3] - here.X_BT[:, :3, 3]
     np.testing.assert_allclose(shift_m, np.tile([*(scooping.CONTEXT.high - HERE), 0.0], (len(shift_m), 1)), atol=1e-12)
-
-
-@pytest.mark.parametrize("action", SCOOPS)
-def test_an_arm_sinks_the_edge_before_it_meets_the_piece_and_declares_it(action):
-    planned = scoop.plan(HERE, action)
-    aimed = scoop.aimed(planned)
-    lower_m = planned.X_BT[:, 2, 3] - aimed.X_BT[:, 2, 3]
-    assert lower_m[0] == 0.0, "the approach ends with the edge on the table"
-    assert np.allclose(lower_m[planned.t_s >= scoop.AIM_S], scoop.AIM_M)
-    assert np.array_equal(planned.X_BT[:, :2], aimed.X_BT[:, :2])
-    met = planned.X_BT[:, 0, 3] - planned.X_BT[0, 0, 3] >= scooping.ACTION.low[2]
-    assert planned.t_s[met][0] >= scoop.AIM_S, "the nearest piece is met with the edge at its depth"
-    speed_m_s = np.gradient(lower_m, planned.t_s)
-    assert np.abs(speed_m_s[[0, -1]]).max() < 1e-3
-    assert np.abs(np.gradient(speed_m_s, planned.t_s)).max() < 2.0
-    assert aimed.contact.depth_m == pytest.approx(planned.contact.depth_m + scoop.AIM_M, abs=1e-6)
-    assert planned.contact.force_N < aimed.contact.force_N < planned.contact.force_N + 4.0
-    assert aimed.contact.end_s >= planned.contact.end_s

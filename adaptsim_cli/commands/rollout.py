@@ -98,7 +98,9 @@ def rollout(
             parts = stack.enter_context(
                 wiring.open_parts(
                     settings,
-                    folder.absolute() / "naf" if settings.is_own else Path(learnt),  # questions lie in the folder
+                    folder.absolute() / "naf"
+                    if settings.is_own
+                    else Path(learnt),  # a session's questions lie beside it
                     screen=None if settings.unattended(yes) else screen,
                 )
             )

@@ -310,7 +310,7 @@ _PERSON = re.compile(
 
 
 def _persons(texts: Iterable[str]) -> re.Pattern[str] | None:
-    """Every person's name as a word; None if there is none."""
+    """A pattern that finds the names of all persons; None without a name."""
     names = {name for text in texts for groups in _PERSON.findall(text) for name in groups if name}
     words = "|".join(re.escape(name) for name in sorted(names, key=len, reverse=True))
     return re.compile(rf"(?<!\w)(?:{words})(?!\w)") if names else None

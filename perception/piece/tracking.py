@@ -124,7 +124,7 @@ def _likeness(rgb: NDArray[np.uint8], detection: PieceDetection) -> Array32:
 
 BEFORE_S = 0.05
 """Frames from this long before the motion (s) are used, until the trial is over."""
-HIDDEN_AT_THE_END = "the piece was hidden at the end of the motion and lies on the table now: it was not carried"
+HIDDEN_AT_THE_END = "the piece was hidden at the end of the motion; with the arm at home it lies on the table"
 LOST_ON_THE_WAY = "the piece was on the tool after the motion and lies on the table now: lost on the way home"
 _REACH_M = (0.20, 0.50, 0.20)  # backwards, forwards and sideways from the piece's first place
 _HIGHEST_M = 0.14
@@ -212,9 +212,10 @@ def at_home(
 def lies_at_home(
     track: ObjectTrack, detection: PieceDetection, before: Frame, after: Frame, model: CameraModel, X_BC: Array
 ) -> ObjectTrack | None:
-    """The track of a piece whose end no frame shows, if it lies on the table once the arm is home again; else None.
+    """`track` with the outcome on_table, if the piece lies on the table with the arm at home; else None.
 
-    A blade that is too high passes over a flat piece and hides it. `before`, `after` and `X_BC` as in `at_home`.
+    For a track whose end no frame shows: a blade that is too high passes over a flat piece and hides it. `before`,
+    `after` and `X_BC` are those of `at_home`.
     """
     if lies_at(before, after, model, X_BC, detection) is None:
         return None

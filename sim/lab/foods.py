@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from sim.errors import UnknownName
 from sim.lab.world import Faults, Sensing, World
 from sim.tasks.task import Task
 
@@ -28,7 +29,9 @@ COARSEST_STEP_S, FINEST_STEP_S = 1e-3, 1.25e-4
 
 
 def food_world(task: Task, seed: int, number: int) -> World:
-    """Food `number` of `seed` as a world of scooping, always the same."""
+    """Food `number` of `seed` as a world of scooping, always the same. Raises UnknownName for another task."""
+    if task.name != "scooping":
+        raise UnknownName(f"foods are worlds of scooping, not of {task.name}")
     rng = np.random.default_rng((seed, number))
     height_m, radius_m = rng.uniform(*HEIGHT_M), rng.uniform(*HALF_WIDTH_M)
     shape = int(rng.integers(ELLIPSOID, BOX + 1))

@@ -228,9 +228,9 @@ _EARLIER_NAMES = {"table_tilt_mrad": "table_rise_mrad"}
 
 
 def _check(model: type[_Model], raw: Mapping[str, Any], source: str, table: str) -> _Model:
-    now = {key: key if _EARLIER_NAMES.get(key, key) in raw else _EARLIER_NAMES.get(key, key) for key in raw}
+    renamed = {old: new for old, new in _EARLIER_NAMES.items() if new not in raw}
     try:
-        return model.model_validate({now[key]: _tuples(value) for key, value in raw.items()})
+        return model.model_validate({renamed.get(key, key): _tuples(value) for key, value in raw.items()})
     except ValidationError as error:
         raise WorldError(f"{source}: {_message(error, table, tuple(model.model_fields))}") from error
 

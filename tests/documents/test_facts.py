@@ -88,6 +88,28 @@ def test_after_four_trials_the_pages_say_how_far_each_method_is(sessions: Sessio
     assert f"`adaptsim` {early['adaptsim']} after four trials, as Bayesian optimisation" in text(README)
 
 
+def test_the_drawn_foods_are_those_of_their_sessions(sessions: Sessions) -> None:
+    page, part = text(RESULTS), "foods-drawn"
+    means = {m: f"{sessions.mean(part, m):.3f}"[1:] for m in ("udr", "adaptsim", "bo-prior", "random", "sysid-bayes")}
+    first, best, *others = means.values()
+    gains = sessions.gains(part)
+    assert f"| {len(gains)} drawn foods | {first} | **{best}** | {' | '.join(others)} |" in page
+    assert f"gains .05 or more in {sum(g >= GAIN for g in gains.values())} of the {len(gains)}" in page
+    worst = min(gains, key=lambda world: gains[world])
+    assert f"loses at most {-gains[worst]:.3f} ({worst})".replace("0.", ".") in page
+    early = {m: f"{sessions.mean(part, m, 4):.3f}"[1:] for m in ("bo-prior", "adaptsim")}
+    assert f"`bo-prior` has {early['bo-prior']}, `adaptsim` {early['adaptsim']}" in page
+    leads = text("docs/results/methods.md")
+    for method in ("udr", "bo-prior", "random"):
+        lead = sessions.mean(part, "adaptsim") - sessions.mean(part, method)
+        (row,) = [
+            line for line in leads.split("| `") if line.startswith(f"{method}` | 3 | {sessions.mean(part, method):.3f}")
+        ]
+        low, high = row.split(f"{lead:+.3f} (")[1].split(")")[0].split(" to ")
+        short_low, short_high = (value.replace("0.", ".").replace("-", "−").lstrip("+") for value in (low, high))
+        assert f"{lead:+.3f} ({short_low} to {short_high})".replace("0.", ".") in page
+
+
 def test_the_whole_lab_says_what_its_sessions_earned(sessions: Sessions) -> None:
     udr, adapted = (short(sessions.mean("foods-lab", method)) for method in ("udr", "adaptsim"))
     assert f"UDR earns {udr} and `adaptsim` {adapted} after 20 trials" in text(RESULTS)

@@ -38,13 +38,17 @@ class BenchmarkWorld:
 
 
 SETS: dict[str, Callable[[Task], tuple[World, ...]]] = {
-    DEVELOP: lambda task: _drawn(task, DEVELOP_SEED),
-    REPORT: lambda task: _drawn(task, REPORT_SEED),
+    DEVELOP: lambda task: _drawn(task, REPORT, DEVELOP_SEED),
+    REPORT: lambda task: _drawn(task, REPORT, REPORT_SEED),
     NAMED: shipped_worlds,
-    FOODS: lambda task: _foods(task, FOODS_SEED),
+    FOODS: lambda task: _drawn(task, FOODS, FOODS_SEED),
     MUJOCO: lambda task: shipped_worlds(task, "mujoco"),
 }
 """Every set of worlds by its name; the only list of them."""
+
+RULES: dict[str, Callable[[Task, int, int], World]] = {REPORT: drawn_world, FOODS: food_world}
+"""What draws a world of a seed and number, by the first part of its name."""
+_NAMED_SEEDS = {(REPORT, DEVELOP_SEED): DEVELOP, (REPORT, REPORT_SEED): REPORT, (FOODS, FOODS_SEED): FOODS}
 
 
 def targets_of(task: Task, names: Sequence[str]) -> tuple[BenchmarkWorld, ...]:
@@ -61,13 +65,11 @@ def targets_of(task: Task, names: Sequence[str]) -> tuple[BenchmarkWorld, ...]:
 def _meant(task: Task, name: str) -> tuple[BenchmarkWorld, ...]:
     if name in SETS:
         return tuple(BenchmarkWorld(name, world) for world in SETS[name](task))
-    drawn = re.fullmatch(r"(drawn|foods)-(\d+)(?:-(\d+))?", name)
+    drawn = re.fullmatch(rf"({'|'.join(RULES)})-(\d+)(?:-(\d+))?", name)
     if drawn and int(drawn[3] or 0) < DRAWN:
-        rule, seed = drawn[1], int(drawn[2])
-        worlds = _foods(task, seed) if rule == FOODS else _drawn(task, seed)
-        names = {(REPORT, DEVELOP_SEED): DEVELOP, (REPORT, REPORT_SEED): REPORT, (FOODS, FOODS_SEED): FOODS}
-        chosen = worlds if drawn[3] is None else worlds[int(drawn[3]) :][:1]
-        return tuple(BenchmarkWorld(names.get((rule, seed), f"{rule}-{seed}"), world) for world in chosen)
+        rule, seed, number = drawn[1], int(drawn[2]), drawn[3]
+        worlds = _drawn(task, rule, seed) if number is None else (RULES[rule](task, seed, int(number)),)
+        return tuple(BenchmarkWorld(_NAMED_SEEDS.get((rule, seed), f"{rule}-{seed}"), world) for world in worlds)
     try:
         world = load_world(name, task)
         return (BenchmarkWorld(MUJOCO if world.physics == "mujoco" else NAMED, world),)
@@ -75,11 +77,5 @@ def _meant(task: Task, name: str) -> tuple[BenchmarkWorld, ...]:
         raise UnknownName(f"{error}; sets of worlds are {', '.join(SETS)}") from error
 
 
-def _drawn(task: Task, seed: int) -> tuple[World, ...]:
-    return tuple(drawn_world(task, seed, number) for number in range(DRAWN))
-
-
-def _foods(task: Task, seed: int) -> tuple[World, ...]:
-    if task.name != "scooping":
-        raise UnknownName(f"foods are worlds of scooping, not of {task.name}")
-    return tuple(food_world(task, seed, number) for number in range(DRAWN))
+def _drawn(task: Task, rule: str, seed: int) -> tuple[World, ...]:
+    return tuple(RULES[rule](task, seed, number) for number in range(DRAWN))

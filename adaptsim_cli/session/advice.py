@@ -117,8 +117,9 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     again = (go_on, f"iteration {done + 1}")
     best = f"adaptsim rollout --session {facts.name} --best"
     use, confirm = (best, "one trial with the best policy so far"), (f"{best} --trials 5", "measures what is predicted")
-    if is_own(facts.hw):  # only a session asks a robot of one's own
-        use = (f"adaptsim sessions policy {facts.name}", "the best policy so far, as a table")
+    if is_own(facts.hw):  # no session knows who answers: the configuration, or --answer-with each time
+        again = (go_on, f"iteration {done + 1}, with --answer-with as before")
+        use = (f"adaptsim sessions policy {facts.name}", "the best policy so far, as JSON")
         confirm = (f"adaptsim report {facts.name}", "every trial on one page")
     if facts.recorded:  # there is nothing to try a policy on
         use = confirm = (f"adaptsim compare {facts.name} OTHER", "beside another session, e.g. with --method udr")

@@ -52,13 +52,14 @@ port = "{port}"
 [person]
 side = "left"
 """ + waivers("keep_out", "payload", "stop_button", "slow_start")
-START = "Type y to start, q to stop, ? explains:"
+START = "Type fr3 to let it move, q to stop, ? explains:"
 ANSWERS = {
     "Your name goes into the record:": "Kim",
     "Type fr3 to confirm, q to stop, ? explains:": "fr3",
     "Type recover to clear it, Enter to leave it, q to stop, ? explains:": "recover",
     "Have you looked: is the arm at rest and its path clear? Type y to repeat this trial, q to stop, ? explains:": "y",
-    START: "y",
+    START: "fr3",
+    "Type y to start, q to stop, ? explains:": "y",
     "Enter when it lies there, q to stop, ? explains:": "",
     "Enter to accept, o to overrule the outcome, r to reject it, q to stop, ? explains:": "",
 }

@@ -161,7 +161,7 @@ def test_a_program_killed_half_way_leaves_the_arm_at_rest_and_its_completed_tria
 
     whole = drill.run()
     assert whole.code == 0, whole.said
-    assert "Is the arm at rest and its path clear?" in whole.said
+    assert "Have you looked: is the arm at rest and its path clear?" in whole.said
     assert re.search("THE REAL ROBOT .*home", whole.said), "from where it was left, over the table"
     assert first.items() <= drill.completed().items()
     assert len(drill.completed()) == 2

@@ -258,13 +258,15 @@ class Session:
         from adaptsim_cli.session import running
         from adaptsim_cli.session.own.mailbox import Mailbox
         from adaptsim_cli.wiring import session as wiring
+        from adaptsim_cli.wiring.first_look import with_first_look
         from adaptsim_cli.wiring.hindsight import Reports
 
         request = running.SessionRequest(self.name, frozenset(), yes=True)
         opener = partial(wiring.open_parts, answerer=Mailbox())
         settings = config.load({"answer_with": "", "answer_moves": "robot"})
+        view = with_first_look(running.terminal_alone)
         with suppress(AnswerAwaited):
-            running.run_session(settings, request, opener, Reports().draw, screen=_silent())
+            running.run_session(settings, request, opener, Reports().draw, _silent(), view)
 
     def recording(self, trial: int) -> Recording:
         """Frames, joints and camera of a completed trial that counts. Raises SessionError, UsageError."""

@@ -69,6 +69,7 @@ def run_iteration(
     from adaptsim_cli.session import running
     from adaptsim_cli.wiring import session as wiring
     from adaptsim_cli.wiring import settings
+    from adaptsim_cli.wiring.first_look import with_first_look
     from adaptsim_cli.wiring.hindsight import Reports
 
     flags = {"task": task, "world": world, "seed": seed, "method": method, "hw": hw, "solver": solver, "object": own}
@@ -85,4 +86,5 @@ def run_iteration(
     prompt_screen = None if resolved.config.unattended(yes) else screen
     opener = partial(wiring.open_parts, own=begun, screen=prompt_screen)
     reports = Reports()
-    running.run_session(resolved, request, opener, reports.draw, screen, looking_on, reports.ending)
+    view_of_session = with_first_look(looking_on)
+    running.run_session(resolved, request, opener, reports.draw, screen, view_of_session, reports.ending)

@@ -84,6 +84,8 @@ def urdf(path: Path, base: str | None, tip: str | None) -> tuple[Forward, int]:
         tip = ends[0]
     chain, link = [], tip
     while link != base and link in joints:
+        if len(chain) == len(joints):
+            raise ViewFolderError(f"{path}: the links above {tip} form a circle, so the arm has no root")
         chain.append(joints[link])
         link = parents[link]
     if (base is not None and link != base) or not chain:

@@ -213,22 +213,10 @@ def _require_plausible(track: ObjectTrack, question: Question, task: Task) -> No
         )
 
 
-def _table_check(answer: Answer, task: Task) -> str:
-    """Where the object of a first trial began and ended, for a person who knows the table: degrees pass as radians."""
-    rows = answer.state or (answer.end or (),)
-    ways = [
-        f"{column} {rows[0][i]:.3g}" + (f" to {rows[-1][i]:.3g}" if len(rows) > 1 else "")
-        for i, column in enumerate(task.require_report().columns)
-    ]
-    return f"first trial, {', '.join(ways)}: is this your table, in these units and in the task's frame?"
-
-
 def _flags(answer: Answer, t_s: Array, last_s: float, task: Task) -> tuple[str, ...]:
     times_s = task.observation.times_s
     missing = int(((times_s < t_s[0] - 1e-6) | (times_s > last_s + 1e-6)).sum())
     notes = [answer.note] if answer.note else []
-    if answer.trial == 1:
-        notes.append(_table_check(answer, task))
     if missing == len(times_s):
         notes.append("only its end was observed: reward and end count, the posterior of the parameters stays as it was")
     elif missing:

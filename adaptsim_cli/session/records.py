@@ -107,6 +107,7 @@ class Facts(Record):
     created: str  # ISO 8601
     checkpoint: str
     checkpoint_sha256: str
+    checkpoint_folder: str = ""  # of a checkpoint that does not ship
     calibration: str  # where it comes from
     calibration_sha256: str  # of the poses of camera and tool
     camera_late_s: float = 0.0  # measured by the calibration, subtracted from the camera's time stamps

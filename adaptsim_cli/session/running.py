@@ -282,7 +282,10 @@ def _continued(config: Config, store: SessionStore, request: SessionRequest) -> 
 
 def settings_of(store: SessionStore, config: Config) -> Config:
     """The settings that a session was begun with; settings that it does not freeze come from `config`."""
-    return config.model_copy(update={key: getattr(store.facts, key) for key in _FROZEN})
+    facts = store.facts
+    own = facts.checkpoint_folder if Path(facts.checkpoint_folder).is_dir() else ""
+    begun_with = {key: getattr(facts, key) for key in _FROZEN}
+    return config.model_copy(update={**begun_with, "checkpoint": config.checkpoint or own})
 
 
 def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:

@@ -304,6 +304,7 @@ class Provenance:
     camera_late_s: float = 0.0  # subtracted from the camera's time stamps
     start_from_sha256: str = ""  # of the posterior that the session begins with
     control_sha256: str = ""  # of what the control's session had learnt
+    checkpoint_folder: str = ""  # of a checkpoint that does not ship
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,7 @@ from sim.adaptation.methods import WHOLE
 from sim.errors import NotExecutable
 from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.solver import Executable, Expectations, Policies
+from sim.tasks import files_of
 from sim.tasks.task import Hardware, Task
 
 if TYPE_CHECKING:
@@ -160,9 +161,11 @@ def _learner(
 
 def _provenance(checkpoint: Checkpoint, prior: str, world_sha256: str) -> Provenance:
     """Without a calibration."""
+    task, folder = checkpoint.solver.task.name, checkpoint.path.absolute()
     return Provenance(
-        checkpoint=f"{checkpoint.solver.task.name}/{checkpoint.path.name}",
+        checkpoint=f"{task}/{folder.name}",
         checkpoint_sha256=checkpoint.sha256,
+        checkpoint_folder="" if folder.parent == files_of(task, "checkpoints").absolute() else str(folder),
         world_sha256=world_sha256,
         calibration="",
         calibration_sha256="",

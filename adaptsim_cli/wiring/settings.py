@@ -142,7 +142,7 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
 
     facts = store.facts
     task = task_of(config.load().config.model_copy(update={"task": facts.task, "object": facts.object}))
-    for folder in _folders(facts.task):
+    for folder in _folders(facts):
         try:
             if read_card(folder, task.name).sha256 == facts.checkpoint_sha256:
                 return as_begun(load_checkpoint(task, str(folder)), facts)
@@ -154,13 +154,12 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     )
 
 
-def _folders(task: str) -> Iterator[Path]:
-    """Folders that may hold a session's checkpoint: that of the settings, shipped ones, the user's own."""
+def _folders(facts: Facts) -> Iterator[Path]:
+    """Folders that may hold a session's checkpoint: that of the settings, its own, shipped ones, the user's own."""
     from sim.tasks import files_of
 
-    if named := config.load().config.checkpoint:
-        yield Path(named)
-    yield from sorted(files_of(task, "checkpoints").glob("*"))
+    yield from (Path(named) for named in (config.load().config.checkpoint, facts.checkpoint_folder) if named)
+    yield from sorted(files_of(facts.task, "checkpoints").glob("*"))
     yield from own_checkpoints()
 
 

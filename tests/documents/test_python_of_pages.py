@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import json
 import re
 import sys
@@ -10,23 +9,20 @@ import types
 from typing import Any
 
 import pytest
-from documents import FENCE, ROOT, install
+from documents import FENCE, ROOT, cells_of, install, run_cell
 
 from hw import plugins
 from sim.adaptation import methods
 from sim.tasks import get_task
 
-NOTEBOOK = ROOT / "docs/guide/session-from-python.ipynb"
+NOTEBOOK, ASKED = ROOT / "docs/guide/session-from-python.ipynb", ROOT / "docs/guide/ask-and-tell.ipynb"
 
 
 @pytest.mark.long
 def test_every_cell_runs_in_order(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
     names: dict[str, Any] = {"__name__": "notebook"}
-    shown: list[Any] = []
-    for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]:
-        if cell["cell_type"] == "code":
-            shown.append(_run("".join(cell["source"]), names))
+    shown = [run_cell(source, names) for source in cells_of(NOTEBOOK).values()]
     said = capsys.readouterr().out
     assert shown[0] == "balance a double pendulum with a linear feedback"
     assert re.search(r"iteration 2: mean reward 0\.\d\d\. (go_on|enough), reward 0\.\d\d", said)
@@ -37,24 +33,13 @@ def test_every_cell_runs_in_order(tmp_path, monkeypatch, capsys):
     assert shown[-1] == tmp_path / "data/sessions/notebook/report.html"
 
 
-def test_it_is_a_notebook_without_outputs():
-    notebook = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
+@pytest.mark.parametrize("page", [NOTEBOOK, ASKED], ids=lambda page: page.stem)
+def test_it_is_a_notebook_without_outputs(page):
+    notebook = json.loads(page.read_text(encoding="utf-8"))
     assert notebook["nbformat"] == 4
     ids = [cell["id"] for cell in notebook["cells"]]
     assert len(set(ids)) == len(ids)
     assert not any(cell.get("outputs") for cell in notebook["cells"])
-
-
-def _run(source: str, names: dict[str, Any]) -> Any:
-    """Execute a cell; returns the value of its last line where that is an expression, as a notebook shows it."""
-    tree = ast.parse(source)
-    last = tree.body[-1]
-    if not isinstance(last, ast.Expr):
-        exec(compile(tree, NOTEBOOK.name, "exec"), names)
-        return None
-    tree.body.pop()
-    exec(compile(tree, NOTEBOOK.name, "exec"), names)
-    return eval(compile(ast.Expression(last.value), NOTEBOOK.name, "eval"), names)  # noqa: S307 - the notebook of this repository
 
 
 def test_the_examples_of_the_python_page_run(tmp_path, monkeypatch):

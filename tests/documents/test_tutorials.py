@@ -5,19 +5,21 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
 import serial_lines
-from documents import ROOT, install, module, require_kept
+from documents import ROOT, cells_of, install, module, require_kept, run_cell
 from pydantic import ValidationError
 from real_lab import quiet, said
 
-from adaptsim_cli import app
+from adaptsim_cli import api, app
 from adaptsim_cli.config import Config, Resolved, places
 from adaptsim_cli.devices.attended import Instruments
 from adaptsim_cli.devices.rig_file import devices
@@ -39,6 +41,7 @@ from sim.errors import UnknownName
 from sim.lab import world
 from sim.tasks.task import Task
 
+ASKED = ROOT / "docs/guide/ask-and-tell.ipynb"
 BLOCK = re.compile(r"^<!-- (\w+) (\S+) -->\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
@@ -257,3 +260,42 @@ def test_every_device_has_its_section_in_the_rig_file_and_on_the_pages():
         assert f"\n[devices.{name}]\n" in rig_page and f"`[devices.{name}]`" in reference
     for name in fields_of(RigDescription):
         assert re.search(rf"^#?\[*{name}[.\]]|^{name} = ", rig_page, re.MULTILINE), name
+
+
+@pytest.mark.long
+def test_the_task_of_the_tutorial_asks_and_is_told(curling, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    _pretrain("curling", "--rollouts", "256", "--denser", "0")
+    shutil.copytree("build/curling/checkpoint", "curling/checkpoints/default")
+    names: dict[str, Any] = {"__name__": "notebook"}
+    shown = {name: run_cell(source, names) for name, source in cells_of(ASKED).items() if name != "toss"}
+    said = capsys.readouterr().out
+    assert "trial 1, attempt 2: goal" in said
+    assert shown["first"].is_file()
+    rewards = [float(found) for found in re.findall(r"mean reward (\d\.\d\d)", said)]
+    assert len(rewards) == 4
+    assert rewards[-1] > rewards[0]
+    assert float(said.split("the stone stops ")[1].split()[0]) < 60.0
+    others = {trial.attempt for trial in names["session"].trials[1:]}
+    assert others == {1}
+
+
+@pytest.mark.slow
+def test_a_cube_that_is_thrown_by_somebody_else_is_asked_for_and_told(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
+    install(tmp_path, "toss", {"toss": "toss"})
+    monkeypatch.syspath_prepend(ROOT / "benchmarks/toss")
+    monkeypatch.syspath_prepend(tmp_path)
+    plugins.offers.cache_clear()
+    monkeypatch.chdir(tmp_path)
+    _pretrain("toss", "--budget", "small")
+    names: dict[str, Any] = {"np": np, "api": api}
+    moved = run_cell(cells_of(ASKED)["toss"], names)
+    assert len(names["tosses"].trials) == 4
+    assert len(moved) == 2
+    plugins.offers.cache_clear()
+
+
+def _pretrain(task: str, *options: str) -> None:
+    assert app.run(["pretrain", "--task", task, "--workers", "1", "--out", f"build/{task}", *options]) == 0

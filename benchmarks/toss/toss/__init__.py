@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
 from sim.solvers.grid import grid_solver
-from sim.tasks.task import AdaptationSettings, Observation, Task
+from sim.tasks.task import AdaptationSettings, LabReport, Observation, Task
 from sim.types import Dimension, Space
 from toss.physics import Table
 
@@ -147,4 +147,9 @@ TASK = Task(
     reward_of_success=reward_of_success,
     goal_m=lambda context: context[:2],
     exact=grid_solver,
+    report=LabReport(
+        columns=("x [m]", "y [m]", "z [m]", "up_x [1]", "up_y [1]", "up_z [1]"),
+        outcomes=(Outcome.SETTLED,),
+        successes=(Outcome.SETTLED,),
+    ),
 )

@@ -12,3 +12,6 @@ for (const button of document.querySelectorAll("button.picture")) {
 }
 dialog.addEventListener("click", () => dialog.close());
 addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((part) => { part.open = true; }));
+const unfold = () => { const part = document.getElementById(location.hash.slice(1))?.closest("details"); if (part) part.open = true; };
+addEventListener("hashchange", unfold);
+unfold();

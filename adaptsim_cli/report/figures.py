@@ -138,8 +138,9 @@ def parameter(
         canvas.text(left - 6, y(tick) + 4, plain(tick), anchor="end")
     count = max(*(len(path) for path in paths), len(posteriors))
     x = Scale(0.0, max(count - 1.0, 1.0), left + 22, right - 22)
+    half = min(14.0, 0.45 * (right - left - 44.0) / max(count - 1, 1))  # neighbouring bands do not overlap
     for i, posterior in enumerate(posteriors):
-        _belief(canvas, posterior, index, x(i), y, whole=whole)
+        _belief(canvas, posterior, index, x(i), y, half, whole=whole)
     every = _every(count, right - left)
     for i in range(count):
         last = i == count - 1 and count > 1
@@ -163,12 +164,18 @@ def _seen(dimension: DimensionRecord, posteriors: Sequence[Posterior], index: in
     )
 
 
-def _belief(canvas: Canvas, posterior: Posterior, index: int, x: float, y: Scale, *, whole: bool) -> None:
+def _belief(canvas: Canvas, posterior: Posterior, index: int, x: float, y: Scale, half: float, *, whole: bool) -> None:
     if whole:
         for value in np.unique(posterior.samples[:, index]):
             share = float(posterior.weights[posterior.samples[:, index] == value].sum())
             if share > 0.005 and y.low <= value <= y.high:
-                canvas.dot(x, y(value), 16.0 * share**0.5, "likely", f"{plain(float(value))}: {100 * share:.0f} %")
+                canvas.dot(
+                    x,
+                    y(value),
+                    min(16.0, 1.2 * half) * share**0.5,
+                    "likely",
+                    f"{plain(float(value))}: {100 * share:.0f} %",
+                )
         return
     if posterior.is_collapsed:
         at = min(max(float(posterior.mean[index]), y.low), y.high)
@@ -177,17 +184,17 @@ def _belief(canvas: Canvas, posterior: Posterior, index: int, x: float, y: Scale
     low, lower, upper, high = (float(v) for v in posterior.quantiles(LEVELS)[:, index])
     tooltip = f"90 % between {plain(float(f'{low:.3g}'))} and {plain(float(f'{high:.3g}'))}"
     for bottom, top in ((low, high), (lower, upper)):
-        canvas.rect(x - 14, y(top), 28, max(y(bottom) - y(top), 2.0), "likely", 4, tooltip)
+        canvas.rect(x - half, y(top), 2 * half, max(y(bottom) - y(top), 2.0), "likely", min(4.0, half), tooltip)
 
 
 def truth(one: RevealedParameter) -> str:
-    """A parameter's range of training as a field, what the session found as a bar, the truth as a dot."""
+    """A parameter's range of training as a field, the belief of the session as a bar, the truth as a dot."""
     canvas = Canvas(220, 22, f"{one.plain_name}: truth, range and belief")
     ends = [one.low, one.high, one.truth, *(one.believed or ())]
     at = [8.0 + x for x in positions(one, ends, 204)]
     canvas.rect(at[0], 4, at[1] - at[0], 14, "range", 3, "range of training")
     if one.believed is not None:
-        canvas.rect(at[3], 7, max(at[5] - at[3], 2.0), 8, "likely", 3, "found, 90 %")
+        canvas.rect(at[3], 7, max(at[5] - at[3], 2.0), 8, "likely", 3, "belief, 90 %")
     canvas.dot(at[2], 11, 4.5, "dot c2", "truth")
     return canvas.svg()
 

@@ -42,14 +42,14 @@ def row(one: RevealedParameter) -> tuple[str, str, str, str]:
 def table(shown: Revealed) -> RenderableType:
     """The table with its chart, and one sentence on what adapting was worth."""
     body = [(*row(one), chart(one)) for one in shown.parameters]
-    drawn = views.rows(("parameter", "truth", "range", "found", ""), body)
+    drawn = views.rows(("parameter", "truth", "range", "belief", ""), body)
     drawn.columns[-1].no_wrap = True
     beyond = "; * beyond that range" if any("*" in cells[1] for cells in body) else ""
     return Group(
         Text(""),
-        Text(f"Truth, range, found: what the session could not see in {shown.world}", style="bold"),
+        Text(f"Truth, range and belief: what the session could not see in {shown.world}", style="bold"),
         views.indent(drawn),
-        views.indent(Text(f"│ │ range of training, ━ found (90 %), ● truth{beyond}", style="dim")),
+        views.indent(Text(f"│ │ range of training, ━ belief (90 %), ● truth{beyond}", style="dim")),
         Text(in_words(shown)),
     )
 

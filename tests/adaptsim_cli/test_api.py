@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, to_toml
 from sim.errors import NoHardware, OutOfRange
+from sim.tasks import files_of
 
 
 @pytest.mark.long
@@ -33,6 +35,18 @@ def test_a_name_that_is_taken_or_unknown_is_refused():
         api.begin("pendulum", name="mine")
     with pytest.raises(SessionError, match="there is no session 'yours'"):
         api.open_session("yours")
+
+
+def test_a_session_goes_on_with_the_checkpoint_that_it_was_begun_with(tmp_path):
+    own = tmp_path / "mine"
+    shutil.copytree(files_of("pendulum", "checkpoints") / "wide", own)
+    begun = api.begin("pendulum", name="own-checkpoint", checkpoint=str(own))
+    assert begun.facts.checkpoint_folder == str(own)
+    assert begun.run_iteration().number == 1
+    shutil.rmtree(own)
+    assert begun.facts.checkpoint == "pendulum/mine"
+    assert len(begun.posterior().quantiles((0.5,))) == 1, "found by its hash among those that ship"
+    assert api.begin("pendulum", name="shipped").facts.checkpoint_folder == ""
 
 
 def test_a_real_arm_is_never_moved_from_python():

@@ -33,6 +33,8 @@ def best_of(tried: tuple[int, ...] | None, reward: float | None) -> BestRecord:
     [
         ((3, 4), 0.905, "tried in trials 3 and 4: mean reward 0.91"),
         ((2,), 0.0, "tried in trial 2: mean reward 0.00"),
+        ((1, 4, 5, 6, 9, 11, 12), 0.5, "tried in trials 1, 4 to 6, 9, 11 and 12: mean reward 0.50"),
+        ((3, 4, 5), 0.5, "tried in trials 3 to 5: mean reward 0.50"),
         ((1, 3, 4), 0.5, "tried in trials 1, 3 and 4: mean reward 0.50"),
         ((), None, "not yet tried"),
         (None, None, ""),  # a record of an earlier version

@@ -6,6 +6,8 @@ Each case takes a valid file and changes it: bytes flipped, cut, doubled or repl
 also values replaced and keys removed or renamed. A reader may accept the file or raise an error of this program.
 Anything else is printed with its reader and number, and `--only NUMBER --reader NAME` repeats it.
 
+Seed 55, 60 minutes: 1,133,550 cases of 33 kinds of files, 972,738 refused, one traceback, since mended (a URDF whose
+links form a circle took all memory; so a case may take 8 GB at most).
 Seed 0, 60 minutes beside other work: 445,900 cases of 28 kinds of files, 374,387 refused, one traceback, since mended
 (a recording with a length beyond all memory). Seed 42 before it, 25 minutes: 35,392 cases, 10 tracebacks of
 two defects, mended too (infinite numbers in `trials.csv`, places of four numbers in a URDF).
@@ -17,6 +19,7 @@ import argparse
 import copy
 import json
 import os
+import resource
 import shutil
 import sys
 import tempfile
@@ -335,6 +338,10 @@ def _mutated(tree: Any, rng: np.random.Generator) -> Any:
         return tree
 
 
+MOST_BYTES = 8 * 2**30
+"""Of memory: a reader that wants more raises MemoryError, which counts as a traceback."""
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=20.0)
@@ -343,6 +350,7 @@ def main() -> int:
     parser.add_argument("--only", type=int, help="repeat this case of --reader")
     given = parser.parse_args()
     warnings.simplefilter("error", RuntimeWarning)
+    resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     kept = tempfile.TemporaryDirectory()
     chosen = [one for one in readers(Path(kept.name)) if given.reader in (None, one.name)]
     for one in chosen:

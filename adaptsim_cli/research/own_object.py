@@ -50,7 +50,7 @@ def own_object(
     """
     from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.research.pretraining import object_ready
+    from adaptsim_cli.research.pretraining import object_ready, to_learn
     from adaptsim_cli.research.working import simulations
     from adaptsim_cli.screen import console, views
     from adaptsim_cli.storage import durable
@@ -78,6 +78,17 @@ def own_object(
     if drawn:
         with screen.busy("Drawing the object"):
             durable.replace_file(picture.absolute(), _png(own_task))
+    if count := to_learn(chosen, rollouts):
+        wider = [
+            text
+            for text, is_set in (("--size", own.sizes), ("--mass", own.mass_kg), ("--effect", own.effects))
+            if is_set
+        ]
+        screen.plain(
+            f"Another scene than in training ({', '.join(wider)}): {count:,} rollouts are simulated, then learnt. "
+            "The time left is shown after the first ones. Without these options nothing is simulated. "
+            "Ctrl-C: the same command goes on."
+        )
     with screen.progress() as progress, simulations(chosen, workers, scheduler) as crew:
         ready = object_ready(resolved, chosen, rollouts, crew, progress)
     data = {"object": name, "file": str(file), "picture": str(picture) if drawn else None, **ready}
@@ -170,8 +181,25 @@ def _answers(screen: Screen, space: Space) -> Mapping[str, tuple[float, float]]:
 
 
 def _png(task: Task) -> bytes:
+    """Three panels side by side, each with its name and a scale bar."""
     import cv2
+    import numpy as np
 
-    from sim.lab.preview import still
+    from sim.lab.preview import low_middle_high
 
-    return bytes(cv2.imencode(".png", still(task)[..., ::-1])[1])
+    panels = []
+    for name, picture in zip(
+        ("all at the lower end", "middle", "all at the upper end"), low_middle_high(task), strict=True
+    ):
+        panel = np.ascontiguousarray(picture.rgb[..., ::-1])
+        bar_mm = next(mm for mm in (100, 50, 20, 10, 5, 2, 1) if mm * picture.px_per_m < 0.4e3 * len(panel))
+        end = 16 + round(bar_mm * picture.px_per_m / 1e3)
+        height = len(panel) - 16
+        cv2.line(panel, (16, height), (end, height), (20, 20, 20), 3)
+        cv2.putText(
+            panel, f"{bar_mm} mm", (16, height - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (20, 20, 20), 1, cv2.LINE_AA
+        )
+        strip = np.full((32, panel.shape[1], 3), 255, np.uint8)
+        cv2.putText(strip, name, (16, 22), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (20, 20, 20), 1, cv2.LINE_AA)
+        panels.append(cv2.vconcat([strip, panel]))
+    return bytes(cv2.imencode(".png", cv2.hconcat(panels))[1])

@@ -133,6 +133,14 @@ def checked(resolved: Resolved, out: Path | None, budget: str, targets: str, siz
     return Request(task, solver, chosen, config.seed, folder)
 
 
+def to_learn(config: Config, rollouts: int | None) -> int:
+    """How many rollouts the object of the settings needs before its checkpoint is made; 0 inside of the margin."""
+    from sim.research.pretraining.for_object import rollouts_of
+    from sim.tasks import get_task
+
+    return rollouts_of(task_of(config), get_task(config.task), rollouts)
+
+
 def object_ready(
     resolved: Resolved, config: Config, rollouts: int | None, executor: Executor, progress: StageProgress
 ) -> dict[str, Any]:

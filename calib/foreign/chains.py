@@ -82,7 +82,7 @@ def urdf(path: Path, base: str | None, tip: str | None) -> tuple[Forward, int]:
         if len(ends) != 1:
             raise ViewFolderError(f"{path} has {len(ends)} end links ({', '.join(ends[:8])}): name one as tip")
         tip = ends[0]
-    chain, link = [], tip
+    chain, link = list[ElementTree.Element](), tip
     while link != base and link in joints:
         if len(chain) == len(joints):
             raise ViewFolderError(f"{path}: the links above {tip} form a circle, so the arm has no root")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -113,14 +114,41 @@ def _display(linear: float) -> float:
 
 
 FROM_M = np.array([0.22, -0.30, 0.26])
-"""The camera from the object: ahead, to the right, above."""
+"""The direction of the camera from the object: ahead, to the right, above."""
+
+PANEL_PX = 360
+"""Width and height of the picture of one object."""
+
+FILLED = 0.55
+"""Share of that picture which the largest object fills."""
 
 
-def still(task: Task) -> NDArray[np.uint8]:
-    """(720, 1280, 3) RGB at the reference context, all parameters in the middle of their ranges. Raises NoHardware."""
+@dataclass(frozen=True, eq=False)
+class ObjectPicture:
+    """An object at its place, seen from near."""
+
+    rgb: NDArray[np.uint8]  # (PANEL_PX, PANEL_PX, 3)
+    px_per_m: float  # at the object's distance
+
+
+def low_middle_high(task: Task) -> tuple[ObjectPicture, ...]:
+    """The object with all parameters and sizes at the lower end, in the middle and at the upper end of their ranges,
+    on one scale. Raises NoHardware.
+    """
+    spaces = task.parameters, task.nuisance
+    points = [[space.low for space in spaces], [space.middle for space in spaces], [space.high for space in spaces]]
+    scenes = [_object_scene(task, *point) for point in points]
+    extent_m = max(extent for *_, extent in scenes)
+    away_m = extent_m * kinect_model().colour.K[0, 0] / (FILLED * PANEL_PX)
+    return tuple(_object_picture(poses, shown, X_BO, away_m) for poses, shown, X_BO, _ in scenes)
+
+
+def _object_scene(
+    task: Task, parameters: Array, nuisance: Array
+) -> tuple[dict[str, Array], Sequence[Visual], Array, float]:
+    """Poses of all bodies, their looks, the object's pose, and its largest extent in m."""
     hardware = task.require_hardware()
-    parameters, nuisance, action = (space.middle for space in (task.parameters, task.nuisance, task.action))
-    start = hardware.plan(task.reference_context, action).X_BT[0]
+    start = hardware.plan(task.reference_context, task.action.middle).X_BT[0]
     plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), hardware.time_step_s(None))
     bodies = hardware.build_scene(plant, plant.world_frame(), start, parameters, nuisance, None)
     plant.Finalize()
@@ -129,5 +157,12 @@ def still(task: Task) -> NDArray[np.uint8]:
     plant.SetFreeBodyPose(state, plant.GetBodyByName(bodies.object), RigidTransform(X_BO))
     names = {visual.body for visual in bodies.visuals} - {WORLD}
     poses = {name: plant.GetBodyByName(name).EvalPoseInWorld(state).GetAsMatrix4()[None] for name in names}
-    renderer = Renderer(kinect_model(), looking(X_BO[:3, 3] + FROM_M, -FROM_M), bodies.visuals)
-    return renderer.render(poses, None, np.random.default_rng(0))[0]
+    own = np.concatenate([visual.vertices_m for visual in bodies.visuals if visual.body == bodies.object])
+    return poses, bodies.visuals, X_BO, float(np.ptp(own, axis=0).max())
+
+
+def _object_picture(poses: dict[str, Array], shown: Sequence[Visual], X_BO: Array, away_m: float) -> ObjectPicture:
+    model, eye_m = kinect_model(), away_m * FROM_M / np.linalg.norm(FROM_M)
+    whole = Renderer(model, looking(X_BO[:3, 3] + eye_m, -eye_m), shown).render(poses, None, np.random.default_rng(0))
+    top, left = (size // 2 - PANEL_PX // 2 for size in whole[0].shape[:2])
+    return ObjectPicture(whole[0][top : top + PANEL_PX, left : left + PANEL_PX], float(model.colour.K[0, 0]) / away_m)

@@ -52,6 +52,14 @@ def is_inside(task: Task, shipped: Task) -> bool:
     return task.scene is None and covered
 
 
+def rollouts_of(task: Task, shipped: Task, wanted: int | None = None) -> int:
+    """How many rollouts an object is learnt from: `wanted`, or a third of the usual ones; 0 if there is nothing to."""
+    if task.exact is not None or is_inside(task, shipped):
+        return 0
+    budget = PretrainBudget.small(task)
+    return wanted or budget.rollouts + budget.denser
+
+
 def make_ready(
     task: Task,
     shipped: Checkpoint,
@@ -96,10 +104,9 @@ def _learnt(
     if shipped.emulator is None:
         raise CheckpointError(f"{shipped.path} holds no emulator: `adaptsim pretrain --object` makes a checkpoint")
     start = adopted(shipped.emulator, task)
-    if is_inside(task, shipped.solver.task):
+    count = rollouts_of(task, shipped.solver.task, rollouts)
+    if not count:
         return start
-    budget = PretrainBudget.small(task)
-    count = rollouts or budget.rollouts + budget.denser
     dataset = build_dataset(task, folder / "dataset", count, draws[0], executor, _stage("dataset", progress))
     settings = replace(EmulatorSettings(), learning_rate=LEARNING_RATE)
     return train_emulator(task, dataset, draws[1], settings, _stage("emulator", progress), start)[0]

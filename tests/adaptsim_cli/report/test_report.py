@@ -62,7 +62,12 @@ def test_the_page_holds_every_trial_what_the_operator_changed_and_where_the_numb
     html = page.render(store)
     found = outline(html)
     assert found.references
-    assert all(reference.startswith("data:image/jpeg;base64,") for reference in found.references)
+    within = [reference for reference in found.references if reference.startswith("#")]
+    assert "#iteration-1" in within
+    assert all(f'id="{reference[1:]}"' in html for reference in within)
+    others = [reference for reference in found.references if reference not in within]
+    assert others
+    assert all(reference.startswith("data:image/jpeg;base64,") for reference in others)
     assert "http" not in re.sub(r"data:image/jpeg;base64,[^\"]+", "", html)
     assert found.count["article"] == html.count("camera image at contact") == 8
     assert html.count('class="dot') >= 8

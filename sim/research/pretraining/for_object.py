@@ -52,12 +52,12 @@ def is_inside(task: Task, shipped: Task) -> bool:
     return task.scene is None and covered
 
 
-def rollouts_of(task: Task, shipped: Task, wanted: int | None = None) -> int:
-    """How many rollouts an object is learnt from: `wanted`, or a third of the usual ones; 0 if there is nothing to."""
+def rollouts_of(task: Task, shipped: Task, count: int | None = None) -> int:
+    """How many rollouts an object is learnt from: `count`, or a third of the usual ones; 0 if there is nothing to."""
     if task.exact is not None or is_inside(task, shipped):
         return 0
     budget = PretrainBudget.small(task)
-    return wanted or budget.rollouts + budget.denser
+    return count or budget.rollouts + budget.denser
 
 
 def make_ready(

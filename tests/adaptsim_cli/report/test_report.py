@@ -115,7 +115,7 @@ def test_a_trial_with_a_goal_tells_how_far_it_missed_it(store):
 
 
 def test_the_times_of_an_iteration_add_up(store):
-    table = re.search(r'<h2>Time</h2>.*?<table class="times">.*?</table>', page.render(store), re.DOTALL)
+    table = re.search(r'<h2 id="time">Time</h2>.*?<table class="times">.*?</table>', page.render(store), re.DOTALL)
     cells = re.findall(r'<td>([^<]+)</td><td class="n" data-label="iteration 1">([\d.]+)</td>', table[0])
     spent = {stage: float(seconds) for stage, seconds in cells}
     del spent["next proposal, after the last trial"]

@@ -12,6 +12,7 @@ for (const button of document.querySelectorAll("button.picture")) {
 }
 dialog.addEventListener("click", () => dialog.close());
 addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((part) => { part.open = true; }));
+// A link to a part of the page opens what it is folded into.
 const unfold = () => { const part = document.getElementById(location.hash.slice(1))?.closest("details"); if (part) part.open = true; };
 addEventListener("hashchange", unfold);
 unfold();

@@ -169,13 +169,8 @@ def _belief(canvas: Canvas, posterior: Posterior, index: int, x: float, y: Scale
         for value in np.unique(posterior.samples[:, index]):
             share = float(posterior.weights[posterior.samples[:, index] == value].sum())
             if share > 0.005 and y.low <= value <= y.high:
-                canvas.dot(
-                    x,
-                    y(value),
-                    min(16.0, 1.2 * half) * share**0.5,
-                    "likely",
-                    f"{plain(float(value))}: {100 * share:.0f} %",
-                )
+                radius = min(16.0, 1.2 * half) * share**0.5
+                canvas.dot(x, y(value), radius, "likely", f"{plain(float(value))}: {100 * share:.0f} %")
         return
     if posterior.is_collapsed:
         at = min(max(float(posterior.mean[index]), y.low), y.high)

@@ -79,15 +79,9 @@ def own_object(
         with screen.busy("Drawing the object"):
             durable.replace_file(picture.absolute(), _png(own_task))
     if count := to_learn(chosen, rollouts):
-        wider = [
-            text
-            for text, is_set in (("--size", own.sizes), ("--mass", own.mass_kg), ("--effect", own.effects))
-            if is_set
-        ]
         screen.plain(
-            f"Another scene than in training ({', '.join(wider)}): {count:,} rollouts are simulated, then learnt. "
-            "The time left is shown after the first ones. Without these options nothing is simulated. "
-            "Ctrl-C: the same command goes on."
+            f"Another scene than in training ({', '.join(_beyond(own, get_task(own.task)))}): {count:,} rollouts are "
+            "simulated, then learnt. The time left is shown after the first ones. Ctrl-C: the same command goes on."
         )
     with screen.progress() as progress, simulations(chosen, workers, scheduler) as crew:
         ready = object_ready(resolved, chosen, rollouts, crew, progress)
@@ -105,6 +99,15 @@ def own_object(
         )
     run = f"adaptsim run-iteration --task {own.task} --object {file}"
     screen.next((run, "a session with it"), (f"xdg-open {picture}" if drawn else f"cat {file}", "is it your object?"))
+
+
+def _beyond(own: OwnObject, task: Task) -> list[str]:
+    """What makes the scene of the object another one than that of training, by its option."""
+    trained = {d.name: d for d in task.nuisance.dimensions}
+    sizes = {key: (low, high) for key, (low, high) in own.sizes.items() if key in trained}
+    wider = [key for key, (low, high) in sizes.items() if low < trained[key].low or high > trained[key].high]
+    weighs = ["--mass"] if own.mass_kg is not None else []
+    return [*(f"--size {key}" for key in wider), *weighs, *(f"--effect {key}" for key in own.effects)]
 
 
 def _typed(name: str, task: Task, ranges: _Ranges, sizes: _Ranges, mass: float | None, effects: _Ranges) -> OwnObject:

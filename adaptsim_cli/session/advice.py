@@ -107,25 +107,19 @@ def tried_in(best: BestRecord) -> str:
         return ""
     if not best.tried or best.tried_reward is None:
         return "not yet tried"
-    *before, last = runs = _runs(best.tried)
-    listed = " and ".join((", ".join(before), last) if before else (last,))
-    plural = "s" if len(best.tried) > 1 or len(runs) > 1 else ""
-    return f"tried in trial{plural} {listed}: mean reward {best.tried_reward:.2f}"
+    *before, last = _runs(best.tried)
+    listed = f"{', '.join(before)} and {last}" if before else last
+    return f"tried in trial{'s' if len(best.tried) > 1 else ''} {listed}: mean reward {best.tried_reward:.2f}"
 
 
 def _runs(numbers: Sequence[int]) -> list[str]:
     """Increasing numbers as people list them: 3, 4 and 6 to 9. Two neighbours are no run."""
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and number == runs[-1][-1] + 1:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
-    return [
-        text
-        for run in runs
-        for text in ([f"{run[0]} to {run[-1]}"] if len(run) > 2 else [str(number) for number in run])
-    ]
+    texts, rest = list[str](), list(numbers)
+    while rest:
+        length = next((i for i, number in enumerate(rest) if number != rest[0] + i), len(rest))
+        texts += [f"{rest[0]} to {rest[length - 1]}"] if length > 2 else [str(number) for number in rest[:length]]
+        rest = rest[length:]
+    return texts
 
 
 def after_iteration(facts: Facts, result: ResultRecord) -> Steps:

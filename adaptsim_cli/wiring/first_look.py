@@ -7,13 +7,14 @@ A person sees it at the first trial.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from adaptsim_cli.config import is_own
+from adaptsim_cli.errors import SessionError
 from adaptsim_cli.report import figures
 from adaptsim_cli.report.figures import Prediction
 from adaptsim_cli.report.page import fill
@@ -125,21 +126,25 @@ class _Looking(AllOf):
     def tracked(self, record: TrialRecord, tracked_trial: TrackedTrial) -> None:
         """See `Watcher`."""
         super().tracked(record, tracked_trial)
-        if record.trial == 1:
-            look = FirstLook.of(self._store, self._expectations, record)
-            self._screen.note(look.in_words)
-            self._screen.plain(f"  Its trajectory over the expected ones: {look.write(self._store.folder)}")
+        if record.trial > 1:
+            return
+        try:
+            with self._screen.busy("Drawing the first trial over the expected ones", "drawing"):
+                look = FirstLook.of(self._store, self._expectations, record)
+                path = look.write(self._store.folder)
+        except SessionError as error:
+            self._screen.note(f"The first trial is not drawn over the expected ones: {error}")
+            return
+        self._screen.note(look.in_words)
+        self._screen.plain(f"  Its trajectory over the expected ones: {path}")
 
 
 def with_first_look(open_view: OpenView) -> OpenView:
     """The same view; with a robot of one's own the first trial is shown over the expected ones."""
 
     @contextmanager
-    def opened(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:
+    def view(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:
         with open_view(screen, store, parts) as watcher:
             yield _Looking(screen, store, parts.learner.expectations, watcher) if is_own(store.facts.hw) else watcher
-
-    def view(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
-        return opened(screen, store, parts)
 
     return view

@@ -273,12 +273,11 @@ def test_the_task_of_the_tutorial_asks_and_is_told(curling, tmp_path, monkeypatc
     said = capsys.readouterr().out
     assert "trial 1, attempt 2: goal" in said
     assert shown["first"].is_file()
-    rewards = [float(found) for found in re.findall(r"mean reward (\d\.\d\d)", said)]
+    rewards = [float(mean) for mean in re.findall(r"mean reward (\d\.\d\d)", said)]
     assert len(rewards) == 4
     assert rewards[-1] > rewards[0]
     assert float(said.split("the stone stops ")[1].split()[0]) < 60.0
-    others = {trial.attempt for trial in names["session"].trials[1:]}
-    assert others == {1}
+    assert [trial.attempt for trial in names["session"].trials[:3]] == [2, 1, 1]
 
 
 @pytest.mark.slow

@@ -63,3 +63,36 @@ def test_without_values_it_asks(monkeypatch):
     assert own.ranges == {"mu": (0.08, 0.16), "mu_p": (1e4, 1e5)}
     assert own.mass_kg == 0.4
     assert asked[0] == "table friction mu, low:high (Enter: 0.05:0.2)?"
+
+
+def test_only_options_beyond_the_training_are_named_as_the_reason_to_learn():
+    from adaptsim_cli.research.own_object import _beyond  # noqa: PLC0415 - what the command says
+    from sim.tasks import get_task  # noqa: PLC0415
+    from sim.tasks.own_object import OwnObject  # noqa: PLC0415
+
+    task = get_task("scooping")
+    radius = next(d for d in task.nuisance.dimensions if d.name == "radius")
+    middle = (radius.low + radius.high) / 2
+    wide, narrow = {"radius": (radius.low, 1.2 * radius.high)}, {"radius": (radius.low, middle)}
+    assert _beyond(OwnObject("scooping", "tofu", {}, wide), task) == ["--size radius"]
+    assert _beyond(OwnObject("scooping", "tofu", {}, narrow, 0.02), task) == ["--mass"]
+    assert _beyond(OwnObject("scooping", "tofu", {"mu": (0.3, 0.4)}), task) == []
+
+
+@pytest.mark.long
+def test_the_picture_shows_the_object_small_middle_and_large_on_one_scale():
+    import cv2  # noqa: PLC0415
+    import numpy as np  # noqa: PLC0415
+
+    from adaptsim_cli.research.own_object import _png  # noqa: PLC0415 - what the command draws
+    from sim.lab.preview import PANEL_PX, low_middle_high  # noqa: PLC0415
+    from sim.tasks import get_task  # noqa: PLC0415
+
+    task = get_task("scooping")
+    pictures = low_middle_high(task)
+    assert len({one.px_per_m for one in pictures}) == 1
+    orange = [np.count_nonzero(one.rgb[..., 0] > 1.6 * one.rgb[..., 2].astype(int)) for one in pictures]
+    assert 0 < orange[0] < orange[1] < orange[2]
+    drawn = cv2.imdecode(np.frombuffer(_png(task), np.uint8), cv2.IMREAD_COLOR)
+    assert drawn is not None
+    assert drawn.shape == (PANEL_PX + 32, 3 * PANEL_PX, 3)

@@ -9,6 +9,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Generic, Protocol, Self, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hw.types import ArmState, Array, CameraModel, Contact, Execution, Frame, Guard, HandState, JointPath
 
 
@@ -85,6 +88,12 @@ class Camera(Protocol):
         """All frames since `start_recording`, in time order.
 
         Raises CameraError if no recording runs, or too many images were lost; the recording is over either way.
+        """
+
+    def newest(self) -> NDArray[np.uint8] | None:
+        """(H, W, 3) RGB, the newest picture, without waiting for another; also while a recording runs.
+
+        None if there is none, or the camera is busy. Any thread may call it; it never raises.
         """
 
 

@@ -22,7 +22,7 @@ from rich.text import Text
 
 from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
 from adaptsim_cli.screen import loading, views
-from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, prompt, read_line, stop, unknown
+from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, lines_typed, prompt, read_line, stop, unknown
 from adaptsim_cli.screen.pages import addressed
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
@@ -185,6 +185,10 @@ class Screen:
         if not answer:
             raise StoppedByOperator("the input ended; everything completed is stored")
         return answer.strip(" \t\r\n")
+
+    def has_typed(self, key: Key) -> bool:
+        """Whether somebody has typed `key` and Enter since the last question, while the program worked."""
+        return key.typed in lines_typed()
 
     @contextmanager
     def busy(self, what: str, stage: str = "") -> Iterator[None]:

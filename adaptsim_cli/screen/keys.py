@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import sys
 import termios
 from collections.abc import Sequence
@@ -78,3 +79,14 @@ def read_line() -> str:
     if sys.stdin.isatty():
         termios.tcflush(sys.stdin.fileno(), termios.TCIFLUSH)
     return sys.stdin.readline()
+
+
+def lines_typed() -> list[str]:
+    """The lines typed since the last answer, lower case and stripped, without waiting; none without a terminal.
+
+    Only for what no motion can follow from.
+    """
+    lines = []
+    while sys.stdin.isatty() and select.select([sys.stdin], [], [], 0.0)[0] and (line := sys.stdin.readline()):
+        lines.append(line.strip(" \t\r\n").lower())
+    return lines

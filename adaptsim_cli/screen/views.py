@@ -93,9 +93,11 @@ def predicted_between(low: float, high: float) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """A number with its unit for people; a length under 10 cm in millimetres: −1.0 mm for −0.000976 m."""
+    """A number with its unit for people; a length to the millimetre at least: −1.0 mm, 0.680 m."""
     if unit == "m" and 0 < abs(value) < 0.1:
         return f"{1e3 * value:.1f} mm".replace("-0.0 ", "0.0 ").replace("-", "−")
+    if unit == "m" and abs(value) >= 0.1:
+        return f"{value:.3f} m".replace("-", "−")
     if unit == "Pa" and abs(value) >= 1e3:
         large = "MPa" if abs(value) >= 1e6 else "kPa"
         return f"{value / (1e6 if large == 'MPa' else 1e3):.3g} {large}"

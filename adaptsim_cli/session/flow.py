@@ -260,6 +260,9 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> 
         _reject(session, stage, motion.stopped)
         return
     folder = store.trial_folder(stage.iteration, stage.key)
+    if recorded is not None and (reason := operator.rejected_already()):
+        _reject(session, stage, reason)
+        return
     if recorded is None:
         with session.screen.busy("Reading the recording", "reading"):
             recorded = target.read(folder, motion.context_array, motion.action_array)

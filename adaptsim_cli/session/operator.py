@@ -58,6 +58,10 @@ class Operator(Protocol):
         """Returns once the trial may start, which `release` then lets begin."""
         ...
 
+    def rejected_already(self) -> str:
+        """Why the trial does not count, if the operator has said so while the arm went back; else empty."""
+        ...
+
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """Accept the tracked outcome, overrule it with one of `choices`, or have the trial repeated."""
         ...
@@ -117,6 +121,10 @@ class Attended:
             self.screen.plain(f"  Detection: {proposal.overlay}")
         asking = release if release.screen else Release(self.screen)
         asking.announced(f"{proposal.announcement}.", proposal.then, "everything completed is stored")
+
+    def rejected_already(self) -> str:
+        """See `Operator`; r and Enter, typed while the arm went back."""
+        return (self._reason() or "") if self.screen.has_typed(_REDO) else ""
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """See `Operator`; Enter accepts."""
@@ -222,6 +230,10 @@ class Unattended:
             raise UsageError(
                 "--yes never confirms the motion of a real arm; run the command in a terminal, without --yes"
             )
+
+    def rejected_already(self) -> str:
+        """See `Operator`; nobody types."""
+        return ""
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """See `Operator`; accepts every outcome."""

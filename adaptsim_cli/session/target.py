@@ -56,7 +56,10 @@ class MotionPreview:
     goal_m: Array | None  # (2,) where it should come to rest, for a task with such a goal
 
 
-AT_ONCE = "The motion starts at once. Ctrl-C stops it along its path; then this trial does not count."
+AT_ONCE = (
+    "The motion starts at once. Ctrl-C stops it along its path; then this trial does not count. Did something go wrong "
+    "that you saw? Type r and Enter while the arm goes back: the trial is rejected, and not tracked first."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -316,3 +319,4 @@ class Parts:
     learner: Learner
     provenance: Provenance
     control: ControlPolicies | None = None  # of the control trials; None: there are none
+    newest_picture: Callable[[], Image | None] | None = None  # (H, W, 3) RGB of the rig's camera, now; None: no camera

@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.views import number
+from adaptsim_cli.screen.views import number, quantity
 from adaptsim_cli.session.advice import compared_in_words, in_words
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.operator import Proposal
+from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import ResultRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore, means_of, played_of, results_of
-from adaptsim_cli.session.target import MotionPreview, Parts, TrackedTrial
+from adaptsim_cli.session.target import Image, MotionPreview, Parts, TrackedTrial
 from adaptsim_cli.session.watching import PosteriorSource
 from adaptsim_cli.view.server import Page
 from sim.adaptation.posterior import Posterior
@@ -119,14 +122,30 @@ def live_view(
         "what": what,
         "task": task.title[:1].upper() + task.title[1:],
         "object": task.object_name,
+        "camera": parts.newest_picture is not None,
     }
-    with Page(html, port) as page:
+    with Page(html, port, partial(newest_jpeg, parts.newest_picture)) as page:
         screen.plain(f"Live page: {page.address}")
         tunnel = f"ssh -L {page.port}:127.0.0.1:{page.port} {_here()}"
         screen.plain(f"From another computer: {tunnel}")
         view = LiveView(page, task, head, particles)
         screen.tell(view)
         yield view
+
+
+WIDTH_PX = 960
+"""Of the camera's newest picture on the page."""
+
+
+def newest_jpeg(newest_picture: Callable[[], Image | None] | None) -> bytes | None:
+    """The camera's newest picture for the page; None without one."""
+    picture = None if newest_picture is None else newest_picture()
+    if picture is None:
+        return None
+    height, width = picture.shape[:2]
+    if width > WIDTH_PX:
+        picture = cv2.resize(picture, (WIDTH_PX, round(height * WIDTH_PX / width)), interpolation=cv2.INTER_AREA)
+    return encode_jpeg(picture, quality=80)
 
 
 def _here() -> str:
@@ -141,9 +160,9 @@ BINS = 24
 
 
 def quantities(space: Space, point: Mapping[str, float]) -> list[dict[str, str]]:
-    """Plain name, readable value, unit and meaning of each quantity."""
+    """Plain name, value with its unit, and meaning of each quantity."""
     return [
-        {"name": d.name, "plain": d.plain_name, "value": number(point[d.name]), "unit": d.unit, "meaning": d.meaning}
+        {"name": d.name, "plain": d.plain_name, "value": quantity(point[d.name], d.unit), "meaning": d.meaning}
         for d in space.dimensions
     ]
 

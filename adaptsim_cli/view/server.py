@@ -1,4 +1,5 @@
-"""Serves one page on this computer. Its state goes out as server-sent events; nothing comes in."""
+"""Serves one page on this computer. Its state goes out as server-sent events; nothing comes in. A page that is open
+asks for the camera's newest picture."""
 
 from __future__ import annotations
 
@@ -28,8 +29,9 @@ _OURS = frozenset({"127.0.0.1", "localhost"})
 class Page:
     """Serves `html` at `address`; open pages show every `show` at once."""
 
-    def __init__(self, html: str, port: int | None = None) -> None:
-        self._html, self._wanted = html.encode(), port
+    def __init__(self, html: str, port: int | None = None, newest: Callable[[], bytes | None] | None = None) -> None:
+        """`newest` gives the JPEG at /camera: whoever has the page open asks for it, or nobody does."""
+        self._html, self._wanted, self._newest = html.encode(), port, newest
         self._news = threading.Condition()
         self._state = b"{}"
         self._pictures: dict[str, bytes] = {}
@@ -94,6 +96,8 @@ class Page:
                     self._whole("text/html; charset=utf-8", page._html)
                 elif path == "/state":
                     self._stream()
+                elif path == "/camera" and page._newest is not None and (jpeg := page._newest()) is not None:
+                    self._whole("image/jpeg", jpeg)
                 elif (picture := page._pictures.get(path.removeprefix("/picture/"))) is not None:
                     self._whole("image/jpeg", picture)
                 else:

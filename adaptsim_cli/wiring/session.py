@@ -26,7 +26,7 @@ from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.simulated_target import RecordedTarget, SimulatedTarget
 from adaptsim_cli.session.store import FACTS, SessionStore
-from adaptsim_cli.session.target import Parts, Planner, Provenance, Target
+from adaptsim_cli.session.target import Parts, Planner, Provenance, Rig, Target
 from adaptsim_cli.session.watching import Watcher
 from adaptsim_cli.storage.durable import versions
 from adaptsim_cli.view.live import live_view
@@ -35,7 +35,6 @@ from adaptsim_cli.wiring.control import control_of
 from adaptsim_cli.wiring.rig_frames import ground_of, hash_of, own_ground
 from adaptsim_cli.wiring.settings import checkpoint_of, recordings_of, solver_of, started_from, task_of
 from adaptsim_cli.wiring.touch_off import origin
-from calib.types import HandEye
 from hw.braking import FULL
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -84,20 +83,21 @@ def open_parts(
             yield Parts(yours.task, yours, learner, origin, control)
         return
     with (
-        _open_target(config, checkpoint.solver.task, drivers, own, screen) as (task, target, executable, calibration),
+        _open_target(config, checkpoint.solver.task, drivers, own, screen) as (task, target, executable, rig),
         solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
     ):
         learner = _learner(config, checkpoint, policies, expectations, executable)
         origin = _provenance(checkpoint, prior, _world_sha256(config.lab_world))
-        if calibration is not None:
+        if rig is not None:
             origin = replace(
                 origin,
-                calibration=calibration.source,
-                calibration_sha256=hash_of(calibration.X_BC, task.require_hardware().X_FT),
-                camera_late_s=calibration.camera_late_s,
+                calibration=rig.hand_eye.source,
+                calibration_sha256=hash_of(rig.hand_eye.X_BC, task.require_hardware().X_FT),
+                camera_late_s=rig.hand_eye.camera_late_s,
             )
         control, sha256 = control_of(config, checkpoint, policies, executable)
-        yield Parts(task, target, learner, replace(origin, control_sha256=sha256), control)
+        newest = None if rig is None else rig.camera.newest
+        yield Parts(task, target, learner, replace(origin, control_sha256=sha256), control, newest)
 
 
 def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> Parts:
@@ -185,14 +185,14 @@ def _spent(trials: RecordedTrials, session: Path) -> set[int]:
     return {int(row) for row in trials.at(np.array(used))} if used else set()
 
 
-_Opened = tuple[Task, Target, Executable | None, HandEye | None]
+_Opened = tuple[Task, Target, Executable | None, Rig | None]
 
 
 @contextmanager
 def _open_target(
     config: Config, task: Task, drivers: Drivers | None, own: Facts | None, screen: Screen | None
 ) -> Iterator[_Opened]:
-    """The task as mounted, the target, the check for executable actions, the calibration."""
+    """The task as mounted, the target, the check for executable actions, the rig if there is one."""
     if task.hardware is None or _is_foreign(config, task):
         yield task, _simulated(config, task), None, None
         return
@@ -201,7 +201,7 @@ def _open_target(
             rig_target.task,
             rig_target,
             executable_on(rig_target.hardware, rig_target.planner),
-            rig_target.rig.hand_eye,
+            rig_target.rig,
         )
 
 

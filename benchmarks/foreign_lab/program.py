@@ -17,6 +17,7 @@ from typing import Any, Self
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from adaptsim_cli import app
 from adaptsim_cli.devices import lab
@@ -67,6 +68,9 @@ class SocketCamera:
 
     def stop_recording(self) -> Sequence[Frame]:
         return self._frames("stop")
+
+    def newest(self) -> NDArray[np.uint8] | None:
+        return None  # its socket answers one question at a time
 
     def _ask(self, what: str) -> Any:
         if self._file is None:

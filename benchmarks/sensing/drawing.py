@@ -111,6 +111,10 @@ class LitCamera:
         """See `hw.ports.Camera`."""
         return [self._lit(frame) for frame in self._camera.stop_recording()]
 
+    def newest(self) -> NDArray[np.uint8] | None:
+        """See `hw.ports.Camera`; without the light."""
+        return self._camera.newest()
+
     def __enter__(self) -> LitCamera:
         return self
 

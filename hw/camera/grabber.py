@@ -170,6 +170,11 @@ class Grabber:
             assert self._newest is not None
             return TimedCapture(self._newest_s(), self._newest)
 
+    def newest(self) -> bytes | None:
+        """The newest colour image as JPEG, at once; None before the first."""
+        captured = self._newest
+        return None if captured is None else captured.jpeg
+
     def keep_from(self, t_s: float) -> None:
         """Begin a recording at `t_s`. Raises CameraError when one runs, or the camera is gone."""
         with self._changed:

@@ -12,9 +12,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
+from threading import RLock
 from typing import Any, Self, TypeVar
 
-from hw.camera.grabber import CameraRecording, TimedCapture
+import numpy as np
+from numpy.typing import NDArray
+
+from hw.camera.grabber import CameraRecording, TimedCapture, decode_jpeg
 from hw.camera.k4a_device import ColourSettings
 from hw.camera.served import END_FILM, OPEN
 from hw.child import Call, Child, ChildGone
@@ -73,17 +77,19 @@ class CameraProcess:
         self._facts: dict[str, Any] = {}
         self._ended = ""  # why the process ended
         self._film: CameraRecording | None = None
+        self._line = RLock()  # one question at a time; `newest` is asked from other threads
 
     def __enter__(self) -> Self:
         """Raises DeviceUnavailable without library or camera, CameraError if the camera does not start."""
-        self._ended = ""
-        self._child = self._start()
-        try:
-            self._send(self._asked)
-            self._model, self._facts = self._connecting(self._child)
-        except BaseException:
-            self.__exit__()
-            raise
+        with self._line:
+            self._ended = ""
+            self._child = self._start()
+            try:
+                self._send(self._asked)
+                self._model, self._facts = self._connecting(self._child)
+            except BaseException:
+                self.__exit__()
+                raise
         return self
 
     def __exit__(self, *exc: object) -> None:
@@ -108,26 +114,45 @@ class CameraProcess:
 
     def snapshot(self) -> Frame:
         """The first frame exposed from now on. Raises CameraError."""
-        self._send(Call("shot"))
-        return _decoded(self._receive(TimedCapture, self._answer_s))
+        with self._line:
+            self._send(Call("shot"))
+            shot = self._receive(TimedCapture, self._answer_s)
+        return _decoded(shot)
 
     def start_recording(self) -> None:
         """Raises CameraError when one runs, or the camera is gone."""
-        self._send(Call("start_recording"))
-        self._receive(type(None), self._answer_s)
+        with self._line:
+            self._send(Call("start_recording"))
+            self._receive(type(None), self._answer_s)
 
     def stop_recording(self) -> Sequence[Frame]:
         """Everything exposed since `start_recording`, decoded.
 
         Raises CameraError, also if too many images were lost.
         """
-        self._send(Call(END_FILM))
-        head, facts, count = self._receive(tuple, self._answer_s)
-        shots = tuple(self._receive(TimedCapture, self._answer_s) for _ in range(count))
+        with self._line:
+            self._send(Call(END_FILM))
+            head, facts, count = self._receive(tuple, self._answer_s)
+            shots = tuple(self._receive(TimedCapture, self._answer_s) for _ in range(count))
         self._facts, self._film = facts, replace(head, shots=shots)
         _require_whole(self._film, self.model().serial)
         with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it decodes
             return tuple(pool.map(_decoded, shots))
+
+    def newest(self) -> NDArray[np.uint8] | None:
+        """See `hw.ports.Camera`. A driver that hangs is found out here too; the next call of the session says so."""
+        if not self._line.acquire(blocking=False):
+            return None
+        try:
+            if self._child is None:
+                return None
+            self._send(Call("newest"))
+            jpeg = self._receive(object, self._answer_s)
+            return decode_jpeg(jpeg) if isinstance(jpeg, bytes) else None
+        except (CameraError, DeviceUnavailable, OSError):
+            return None
+        finally:
+            self._line.release()
 
     def _connecting(self, child: Child) -> Any:
         """The answer to `open`: model and facts. A step that it takes is awaited for `step_s`."""

@@ -28,7 +28,7 @@ from hw.types import CameraModel
 ORPHAN_S = 1.0
 """How long a driver may block the process after the program has ended."""
 OPEN, END_FILM = "open", "end_film"
-"""The calls with an answer of their own; the others are `shot` and `start_recording` of `LiveCamera`."""
+"""The calls with an answer of their own; the others are `shot`, `start_recording` and `newest` of `LiveCamera`."""
 
 
 class Device(Protocol):
@@ -136,6 +136,10 @@ class LiveCamera:
         Raises CameraError if none runs, or the camera is gone.
         """
         return self._running.film_until(self._now_s())
+
+    def newest(self) -> bytes | None:
+        """The newest colour image as JPEG, at once. Raises DeviceUnavailable."""
+        return self._running.newest()
 
     def facts(self, film: CameraRecording | None = None) -> dict[str, Any]:
         """For a session's record: which camera, its settings, and the quality of its last recording."""

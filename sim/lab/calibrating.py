@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hw.errors import ArmFault, CameraError, DeviceUnavailable
@@ -182,6 +183,7 @@ class _BoardCamera:
         self._arm, self._hands, self._X_WC, self._task = arm, hands, X_WC, task
         self._sensing = arm.world.sensing
         self._pictures, self._connected = 0, False
+        self._newest: NDArray[np.uint8] | None = None
 
     def __enter__(self) -> Self:
         self._connected = True
@@ -213,6 +215,9 @@ class _BoardCamera:
             raise CameraError("the camera is not recording: call start_recording first")
         return tuple(frame for t_start_s, path in shots for frame in self._film(t_start_s, path))
 
+    def newest(self) -> NDArray[np.uint8] | None:
+        return self._newest
+
     def _film(self, t_start_s: float, path: JointPath) -> list[Frame]:
         frames = []
         for t_s in np.arange(0.5 / FRAME_RATE_HZ, path.duration_s, 1 / FRAME_RATE_HZ):
@@ -227,6 +232,7 @@ class _BoardCamera:
         poses, noise = self._poses(q_rad), self._noise
         colour, depth_mm = self._renderer.render(poses, noise, view_stream(seed, moment, 1))
         dark = self._renderer.render_infrared(poses, noise, view_stream(seed, moment, 2)) if infrared else None
+        self._newest = colour
         return Frame(self._sensing.stamped(t_s), colour, depth_mm, dark)
 
     def _poses(self, q_rad: Array) -> dict[str, Array]:

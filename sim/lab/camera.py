@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Future
 from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Array, CameraModel, Frame
@@ -12,7 +16,7 @@ from sim.lab.film import Filming
 from sim.lab.kinect import kinect_model
 from sim.lab.rng_streams import camera_stream
 from sim.lab.room import Room
-from sim.render.pool import ProcessPool, RenderPool, Scene, ThreadPool
+from sim.render.pool import Picture, ProcessPool, RenderPool, Scene, ThreadPool
 from sim.render.sensor import SensorNoise
 
 STILL_S = 0.3  # duration of a recording without any motion
@@ -25,6 +29,7 @@ class LabCamera:
     def __init__(self, room: Room, X_BC: Array) -> None:
         self._room, self._X_BC = room, X_BC
         self._studio: RenderPool | None = None
+        self._latest: list[Sequence[Future[Picture]]] = []  # the latest single picture, and the recording after it
 
     def __enter__(self) -> Self:
         if self._studio is None:
@@ -35,7 +40,7 @@ class LabCamera:
         if self._studio is not None:
             self._studio.close(finish=not any(exc))
             self._studio = None
-        self._room.filming = None
+        self._room.filming, self._latest = None, []
 
     def model(self) -> CameraModel:
         """See `hw.ports.Camera`."""
@@ -46,6 +51,7 @@ class LabCamera:
         room = self._room
         poses = room.cell.poses(room.cell.positions[None])
         picture = self._connected().render(poses, room.chance.snapshot_stream(room.t_s))
+        self._latest = [(picture,)]
         return Frame(room.world.sensing.stamped(room.t_s), *picture.result())
 
     def start_recording(self) -> None:
@@ -54,6 +60,7 @@ class LabCamera:
         if room.filming is not None:
             raise CameraError("the camera is recording already: call stop_recording first")
         room.filming = Filming(studio, room.cell, room.world.sensing, room.chance, room.t_placed_s, room.t_s)
+        self._latest = [*self._latest[:1], room.filming.pictures]
 
     def stop_recording(self) -> Sequence[Frame]:
         """See `hw.ports.Camera`. Some frames are still rendering from here on, while the lab goes on."""
@@ -67,6 +74,13 @@ class LabCamera:
         if room.fault_comes("camera_timeout"):
             raise CameraError("no frame within 1 s; check the camera's cable and power, then redo the trial")
         return filming.film()
+
+    def newest(self) -> NDArray[np.uint8] | None:
+        """See `hw.ports.Camera`: the latest that is rendered. None is rendered for it, so no draw of noise changes."""
+        for picture in (one for pictures in reversed(self._latest) for one in reversed(pictures)):
+            if picture.done() and not picture.cancelled() and picture.exception() is None:
+                return picture.result()[0]
+        return None
 
     def _started(self) -> RenderPool:
         if self._room.world.sensing.camera == "small":

@@ -50,10 +50,10 @@ class Filming:
     chance: RngStreams
     t_placed_s: float
     since_s: float
+    pictures: list[Future[Picture]] = field(default_factory=list)  # in order of time; some may still be rendering
     _motions: dict[float, PlantMotion] = field(default_factory=dict)  # by their starts, s
     _last: Mapping[str, Array] = field(default_factory=dict)  # pose (1, 4, 4) of every body in the latest slice
     _times_s: list[float] = field(default_factory=list)
-    _pictures: list[Future[Picture]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._next = int(np.ceil(self._number_at(self.since_s + EXPOSURE_S / 2)))
@@ -68,11 +68,11 @@ class Filming:
             if not self._dropped(number):
                 self._times_s.append(self._time_s(number))
                 poses = self._poses(self._times_s[-1])
-                self._pictures.append(self.studio.render(poses, self.chance.frame_stream(number)))
+                self.pictures.append(self.studio.render(poses, self.chance.frame_stream(number)))
 
     def film(self) -> RenderedFilm:
         """The frames so far, on the camera's own clock."""
-        return RenderedFilm([self.sensing.stamped(t_s) for t_s in self._times_s], self._pictures)
+        return RenderedFilm([self.sensing.stamped(t_s) for t_s in self._times_s], self.pictures)
 
     def _number_at(self, t_s: float) -> float:
         """The number of the frame exposed at `t_s`, counted from the placing of the object; fractions lie between."""

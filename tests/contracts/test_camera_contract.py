@@ -109,6 +109,20 @@ def test_a_recording_is_in_order_of_time_at_the_cameras_rate(scene: Scene) -> No
     np.testing.assert_allclose(periods, np.round(periods), atol=0.1)  # dropped frames leave whole gaps
 
 
+def test_its_newest_picture_is_there_at_any_time_and_a_recording_goes_on(scene: Scene) -> None:
+    assert scene.camera.newest() is None, "not connected"
+    with scene.camera as camera:
+        model = camera.model()
+        first = camera.snapshot()
+        np.testing.assert_array_equal(camera.newest(), first.colour)
+        camera.start_recording()
+        scene.passes()
+        newest = camera.newest()
+        assert newest is None or newest.shape == (model.colour.height, model.colour.width, 3)
+        assert len(camera.stop_recording()) >= 3
+        assert camera.newest() is not None
+
+
 def test_recordings_follow_one_another(scene: Scene) -> None:
     with scene.camera:
         first, second = film(scene), film(scene)

@@ -170,6 +170,9 @@ class _Camera:
     def snapshot(self) -> Frame:
         return self._frame(self._rig.clock.now_s(), self._rig.scene())
 
+    def newest(self) -> np.ndarray | None:
+        return None
+
     def start_recording(self) -> None:
         self._since_s = self._rig.clock.now_s()
 

@@ -6,6 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,19 @@ def test_it_shows_and_records_and_leaves_no_process(staged: Staged) -> None:
         assert facts["serial"] == "A1"
         assert facts["recording"]["frames"] == len(frames)
     assert not Path(f"/proc/{pid}").exists()
+
+
+def test_whoever_watches_takes_nothing_from_a_recording(staged: Staged) -> None:
+    with staged() as camera, ThreadPoolExecutor(3) as watchers:
+        camera.start_recording()
+        looks = [watchers.submit(lambda: [camera.newest() for _ in range(40)]) for _ in range(3)]
+        time.sleep(0.5)
+        frames = camera.stop_recording()
+        pictures = [picture for look in looks for picture in look.result() if picture is not None]
+        assert len(frames) >= 8
+        assert camera.film is not None and camera.film.dropped == 0
+        assert pictures and {picture.shape for picture in pictures} == {(48, 64, 3)}
+    assert camera.newest() is None
 
 
 @pytest.mark.long

@@ -160,6 +160,9 @@ class ToyCamera:
     def start_recording(self) -> None:
         self.bench.recording = []
 
+    def newest(self) -> np.ndarray | None:
+        return None
+
     def stop_recording(self) -> Sequence[Frame]:
         shots, self.bench.recording = self.bench.recording, None
         if shots is None:

@@ -118,6 +118,9 @@ class Staged:
         self._next_s += count * PERIOD_S
         self._library.show(*(shown[::2] if self.loses else shown))
 
+    def newest(self) -> np.ndarray | None:
+        return self._camera.newest()
+
     def film(self) -> None:
         self.show(12)
         self.loses = False

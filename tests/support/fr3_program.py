@@ -20,6 +20,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Self
 
+import numpy as np
+
 from adaptsim_cli import app
 from adaptsim_cli.devices import lab, real
 from hw.errors import CameraError
@@ -127,6 +129,9 @@ class ShownCamera:
         frames = self._camera.stop_recording()
         self._look()
         return [Frame(f.t_s + self._shown.offset_s, f.colour, f.depth_mm) for f in frames]
+
+    def newest(self) -> np.ndarray | None:
+        return self._camera.newest()
 
     def _look(self) -> None:
         if self._shown.is_blind:

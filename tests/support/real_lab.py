@@ -180,6 +180,9 @@ class DarkCamera:
     def snapshot(self) -> Frame:
         return DARK
 
+    def newest(self) -> np.ndarray | None:
+        return None
+
     def start_recording(self) -> None: ...
 
     def stop_recording(self) -> Sequence[Frame]:

@@ -49,6 +49,9 @@ class ScriptedOperator:
         self.asked.append(f"approve {proposal.trial.trial}")
         self.before_motion(proposal)
 
+    def rejected_already(self) -> str:
+        return ""
+
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         return self.reviews.pop(0) if self.reviews else Review()
 

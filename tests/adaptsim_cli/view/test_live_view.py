@@ -8,9 +8,11 @@ import re
 import socket
 import struct
 from collections.abc import Iterator
+from functools import partial
 from importlib import resources
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from real_lab import quiet, said
@@ -111,6 +113,22 @@ def test_every_state_arrives_pictures_by_name_and_the_end(page):
     page.__exit__(None, None, None)
     assert events.next() is None, "its end is told"
     events.close()
+
+
+def test_the_cameras_newest_picture_is_asked_for_by_the_page_alone(page):
+    assert get(page, "/camera")[0] == 404, "a page without a camera"
+    asked = []
+
+    def newest() -> np.ndarray | None:
+        asked.append(len(asked))
+        return None if len(asked) == 1 else np.full((720, 1280, 3), 90, np.uint8)
+
+    with Page("", newest=partial(live.newest_jpeg, newest)) as watched:
+        assert not asked
+        assert get(watched, "/camera")[0] == 404, "the camera is busy"
+        status, head, jpeg = get(watched, "/camera?1")
+    assert (status, head["Content-Type"]) == (200, "image/jpeg")
+    assert cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR).shape == (540, live.WIDTH_PX, 3)
 
 
 def test_a_port_that_is_taken_is_an_error_only_where_it_was_asked_for(page):

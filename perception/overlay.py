@@ -54,7 +54,8 @@ def overlay_piece(
     if detection is not None:
         cv2.polylines(image, [np.rint(detection.contour_px).astype(np.int32)], True, _FOUND_RGB, thick)
         u, v = np.rint(project(model.colour, X_CB, detection.centre_m)[0]).astype(int)
-        _text(image, (int(u) + 14 * thick, int(v) - 8 * thick), place(detection.xy_m), _FOUND_RGB, thick)
+        words = f"near side: {place(detection.near_m)}"  # the place that the task policy gets
+        _text(image, (int(u) + 14 * thick, int(v) - 8 * thick), words, _FOUND_RGB, thick)
     return image
 
 

@@ -96,8 +96,8 @@ class Page:
                     self._whole("text/html; charset=utf-8", page._html)
                 elif path == "/state":
                     self._stream()
-                elif path == "/camera" and page._newest is not None and (jpeg := page._newest()) is not None:
-                    self._whole("image/jpeg", jpeg)
+                elif path == "/camera":
+                    self._camera()
                 elif (picture := page._pictures.get(path.removeprefix("/picture/"))) is not None:
                     self._whole("image/jpeg", picture)
                 else:
@@ -111,6 +111,16 @@ class Page:
                 self.send_header("Content-Security-Policy", _POLICY)
                 self.end_headers()
                 self.wfile.write(content)
+
+            def _camera(self) -> None:
+                """The newest picture, or no content while the camera is busy."""
+                jpeg = None if page._newest is None else page._newest()
+                if jpeg is not None:
+                    self._whole("image/jpeg", jpeg)
+                else:
+                    self.send_response(HTTPStatus.NO_CONTENT)
+                    self.send_header("Cache-Control", "no-store")
+                    self.end_headers()
 
             def _stream(self) -> None:
                 self.send_response(HTTPStatus.OK)

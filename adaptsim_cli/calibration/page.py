@@ -10,6 +10,7 @@ import numpy as np
 
 from adaptsim_cli.calibration import figures, pictures
 from adaptsim_cli.calibration.solving import SolvedFolder
+from adaptsim_cli.screen import views
 from calib.saved import SavedCalibration
 from perception.board import locate
 from perception.errors import BoardNotFound
@@ -26,6 +27,7 @@ def render(solved: SolvedFolder) -> str:
     template_file = resources.files("adaptsim_cli.calibration") / "page.html.j2"
     style_file = resources.files("adaptsim_cli.report") / "style.css"
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"signed": views.signed, "with_signs": views.with_signs}
     template = environment.from_string(template_file.read_text(encoding="utf-8"))
     X = np.array(record.X_AC)
     fixed = record.mounting == "fixed"

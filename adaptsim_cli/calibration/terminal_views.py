@@ -76,7 +76,7 @@ def calibration(record: SavedCalibration) -> RenderableType:
     if record.joint_offsets:
         lines.append(Text(f"Joint zeros: {record.joint_offsets.reason}"))
     everything = (*record.gates, *record.checks)
-    checked = views.rows(("", "what", "found"), [(c.verdict, c.name, c.message) for c in everything])
+    checked = views.rows(("", "what", "found"), [(c.verdict, c.name, views.with_signs(c.message)) for c in everything])
     verdict = ("Accepted", "bold green") if record.accepted else ("Not accepted", "bold red")
     return Group(*lines, checked, Text.assemble(verdict))
 

@@ -153,7 +153,7 @@ def by_method(every: Sequence[ComparedSession]) -> tuple[ComparedMethod, ...]:
         values = [c.iterations[-1].mean for c in sessions if c.facts.method == method]
         shared = [pair for pair in ends[method] if pair in ends[methods[0]]]
         apart = [ends[method][pair] - ends[methods[0]][pair] for pair in shared] if method != methods[0] else []
-        last, above = interval_over(values), interval_over(apart)
+        last, above = interval_over(values), interval_over(apart, -1.0)
         result.append(
             ComparedMethod(
                 method=method,
@@ -289,10 +289,13 @@ def _levels(c: ComparedSession, colour: str) -> tuple[Level, ...]:
     return tuple(rows)
 
 
-def interval_over(values: Sequence[float]) -> tuple[float, float, float] | None:
-    """Mean with its 95 % interval (Student's t over sessions); None for fewer than two."""
+def interval_over(values: Sequence[float], least: float = 0.0) -> tuple[float, float, float] | None:
+    """Mean with its 95 % interval (Student's t over sessions); None for fewer than two.
+
+    Its ends stay in the range of a reward, 0 to 1; of a difference `least` is -1.
+    """
     if len(values) < 2:
         return None
     mean, error = float(np.mean(values)), float(np.std(values, ddof=1) / np.sqrt(len(values)))
     half = float(stats.t.ppf(0.975, len(values) - 1)) * error
-    return mean, mean - half, mean + half
+    return mean, max(mean - half, least), min(mean + half, 1.0)

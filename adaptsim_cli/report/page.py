@@ -18,7 +18,7 @@ from adaptsim_cli.report import figures
 from adaptsim_cli.report.agreement import MeanReward, agreement, mean_of, trial_std
 from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
-from adaptsim_cli.screen.views import between, predicted_between, quantity
+from adaptsim_cli.screen.views import between, predicted_between, quantity, signed
 from adaptsim_cli.session import truth_view
 from adaptsim_cli.session.advice import compared_in_words, control_name, in_words, tried_in
 from adaptsim_cli.session.control import compared, is_hidden, pairs_of
@@ -189,6 +189,7 @@ def _compiled(template: str) -> Template:
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["plain"] = plain
+    environment.filters["signed"] = signed
     environment.filters["rounded"] = lambda value: plain(float(f"{value:.2g}"))
     return environment.from_string((resources.files("adaptsim_cli.report") / template).read_text(encoding="utf-8"))
 

@@ -161,7 +161,7 @@ def cells(method: MethodSummary) -> tuple[str, ...]:
 
 def signed(value: float | None) -> str:
     """A number with its sign; empty if unknown."""
-    return "" if value is None else f"{value:+.3f}".replace("-", MINUS)
+    return "" if value is None else views.signed(value, 3)
 
 
 def signed_tick(value: float) -> str:

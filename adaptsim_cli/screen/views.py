@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -84,6 +85,20 @@ def between(low: float, high: float, form: str = ".2f") -> str:
     """Both ends of an interval, `0.68 to 0.96`; `NO_INTERVAL` if they would read alike."""
     ends = [f"{end:{form}}".replace("-", "−") for end in (low, high)]
     return NO_INTERVAL if ends[0] == ends[1] else " to ".join(ends)
+
+
+def signed(value: float, digits: int = 2) -> str:
+    """A number with its sign, −0.51 or +0.02; a rounded zero has none."""
+    rounded = round(value, digits)
+    return f"{rounded:+.{digits}f}".replace("-", "−") if rounded else f"{0.0:.{digits}f}"
+
+
+def with_signs(text: str) -> str:
+    """A sentence with a true minus before its numbers, and no sign before a zero."""
+    return _ZERO.sub(r"\1", _NEGATIVE.sub("−", text))
+
+
+_NEGATIVE, _ZERO = re.compile(r"(?<![\w.)-])-(?=\d)"), re.compile(r"[−+](0(?:\.0+)?)(?![\d.])")
 
 
 def predicted_between(low: float, high: float) -> str:

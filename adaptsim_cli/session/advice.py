@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from adaptsim_cli.config import is_own, same_lab
 from adaptsim_cli.outputs.trials import BestRecord, ControlRecord
-from adaptsim_cli.screen.views import predicted_between
+from adaptsim_cli.screen.views import predicted_between, signed
 from adaptsim_cli.session.records import Facts, ResultRecord
 from sim.adaptation.method import WORTHWHILE
 from sim.adaptation.paired import MOST_FURTHER, WORTH, Claim
@@ -81,7 +81,7 @@ def compared_in_words(shown: ControlRecord) -> str:
     low, high = shown.ci95
     sentence = (
         f"Adapted {shown.mean_reward:.2f}, {control_name(shown.control)} {shown.control_reward:.2f}, "
-        f"difference {shown.difference:+.2f} ({low:+.2f} to {high:+.2f}, valid at any time): "
+        f"difference {signed(shown.difference)} ({signed(low)} to {signed(high)}, valid at any time): "
     )
     after = f"after {shown.decided_after} pairs"
     match shown.claim:

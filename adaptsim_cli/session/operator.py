@@ -77,7 +77,7 @@ class Operator(Protocol):
 
 _ACCEPT = enter("to accept", "The trial counts as it was tracked. Later: adaptsim sessions amend.")
 _OVERRULE = Key(
-    "o", "to overrule the outcome", "The trial counts with the outcome that you saw; you choose it from a list."
+    "o", "to amend the outcome", "The trial counts with the outcome that you saw; you choose it from a list."
 )
 _REDO = Key("r", "to reject it", "The trial is made again; you say why. Later: adaptsim sessions accept.")
 _LATER = stop("The command ends. The trial is recorded; the same command asks for its review again, and nothing moves.")
@@ -85,7 +85,7 @@ _LEAVE = stop("The command ends; everything completed is stored.")
 _SAW = Key("o", "to say what you saw", "You choose the outcome from a list; the trial counts with it.")
 _REPEAT = Key("r", "to repeat the trial", "It does not count, and is made again.")
 _UNSEEN = "The camera lost sight of the object. Say only what you saw yourself; else repeat the trial."
-_BACK = Key("", "to go back", "Nothing is overruled.", is_way_out=True)
+_BACK = Key("", "to go back", "Nothing is amended.", is_way_out=True)
 _REVIEW = "Outcome and reward come from the recording or from the answer. Compare them with what you saw yourself."
 
 
@@ -249,4 +249,4 @@ class Unattended:
 
 
 def _spot(xy_m: Array) -> str:
-    return f"x = {xy_m[0]:.3f} m, y = {xy_m[1]:+.3f} m"
+    return f"x = {xy_m[0]:.3f} m, y = {views.signed(xy_m[1], 3)} m"

@@ -93,7 +93,7 @@ def _where(task: Task, trial: MotionRecord) -> tuple[str, ...]:
     if trial.goal_m is None:
         return (f"Found    {views.values(task.context, trial.context_array)}",)
     x_m, y_m = trial.goal_m
-    return (f"Goal     x {x_m:.3f} m, y {y_m:+.3f} m",)
+    return (f"Goal     x {x_m:.3f} m, y {views.signed(y_m, 3)} m",)
 
 
 def tracked(record: TrialRecord) -> RenderableType:

@@ -72,7 +72,7 @@ def in_words(shown: Revealed) -> str:
         return f"{of_udr}; {adapted}: it does not pay here so far, after {shown.trials} trials."
     if last < shown.udr_reward + WORTHWHILE:
         return f"{of_udr}; {adapted}: no clear difference after {shown.trials} trials."
-    return f"{of_udr}; {adapted}: {shown.trials} trials were worth {last - shown.udr_reward:+.2f} of 1."
+    return f"{of_udr}; {adapted}: {shown.trials} trials were worth {views.signed(last - shown.udr_reward)} of 1."
 
 
 def chart(one: RevealedParameter) -> str:

@@ -20,7 +20,7 @@ from hw.types import Array
 pytestmark = pytest.mark.slow
 CONTINUE = "Continue with: adaptsim run-iteration --session s"
 THEN = "look at the arm and recover it, then redo the trial"
-REVIEW = "Enter to accept, o to overrule the outcome, r to reject it, q to stop, ? explains:"
+REVIEW = "Enter to accept, o to amend the outcome, r to reject it, q to stop, ? explains:"
 AT_S = 0.4
 """Into the motion, as the arm counts its time."""
 

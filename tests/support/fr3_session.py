@@ -61,7 +61,7 @@ ANSWERS = {
     START: "fr3",
     "Type y to start, q to stop, ? explains:": "y",
     "Enter when it lies there, q to stop, ? explains:": "",
-    "Enter to accept, o to overrule the outcome, r to reject it, q to stop, ? explains:": "",
+    "Enter to accept, o to amend the outcome, r to reject it, q to stop, ? explains:": "",
 }
 """What a person who wants to go on types, by how the question ends."""
 

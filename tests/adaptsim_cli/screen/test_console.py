@@ -13,7 +13,7 @@ from toy_rig import ToyLab, flange
 from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.errors import StoppedByOperator
-from adaptsim_cli.screen import console
+from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import CleanConsole, Screen, clean
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import between, clear_to_move, predicted_between, top_speed_m_s
@@ -225,3 +225,9 @@ def test_an_interval_without_a_width_is_a_dash_with_the_reason():
     assert between(-0.1, 0.2, "+.2f") == "−0.10 to +0.20"
     assert between(0.961, 0.964) == "–"
     assert predicted_between(0.96, 0.96) == "–: all that may be true predict the same"
+
+
+def test_signs_are_true_ones_and_a_zero_has_none() -> None:
+    assert [views.signed(x) for x in (-0.514, 0.02, -0.001, 0.0)] == ["−0.51", "+0.02", "0.00", "0.00"]
+    said = "lies -0.0 mm from its place, -0.8 to +0.0 mm, depth-3 of trial-001 by -12 px (+0.05)"
+    assert views.with_signs(said) == "lies 0.0 mm from its place, −0.8 to 0.0 mm, depth-3 of trial-001 by −12 px (+0.05)"

@@ -24,7 +24,7 @@ PATCH = RevealedParameter(
 def test_values_are_said_in_plain_units():
     assert truth_view.row(SHAPE) == ("shape", "cylinder", "ellipsoid to cylinder", "cylinder to box")
     assert truth_view.row(STIFF) == ("stiffness", "1 MPa *", "10 to 500 kPa", "20 to 800 kPa")
-    assert truth_view.row(PATCH) == ("patch", "−0.9 mm", "−0.1 to 0.1 m", "no interval")
+    assert truth_view.row(PATCH) == ("patch", "−0.9 mm", "−0.100 to 0.100 m", "no interval")
 
 
 def test_the_chart_has_one_scale_for_range_belief_and_truth():

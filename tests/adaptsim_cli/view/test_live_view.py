@@ -117,7 +117,7 @@ def test_every_state_arrives_pictures_by_name_and_the_end(page):
 
 def test_the_cameras_newest_picture_is_asked_for_by_the_page_alone(page):
     assert get(page, "/camera")[0] == 204, "a page without a camera"
-    asked = []
+    asked: list[int] = []
 
     def newest() -> np.ndarray | None:
         asked.append(len(asked))

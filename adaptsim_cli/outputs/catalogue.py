@@ -64,6 +64,7 @@ OUTPUTS: Mapping[str, type[Output]] = {
     "checkpoints list": learning.Checkpoints,
     "checkpoints verify": learning.CheckpointVerified,
     "checkpoints parameters": learning.CheckpointParameters,
+    "checkpoints trials": learning.TrialsOutput,
     "config show": rig.Settings,
     "config path": rig.PlacesOutput,
     "lab list": learning.Worlds,

@@ -7,6 +7,7 @@ from typing import Any
 from adaptsim_cli.outputs import Output, Quantities, described, optional
 from adaptsim_cli.outputs.trials import UNITS
 from hw.records import Record
+from sim.adaptation.trials_forecast import TrialsForecast
 
 
 class WorldRow(Record):
@@ -163,6 +164,14 @@ class CheckpointParameters(Output):
     sessions: int = described("simulated targets")
     trials: int = described("trials in each")
     parameters: list[Identifiable] = described("one each")
+
+
+class TrialsOutput(Output):
+    """How many trials a session will need."""
+
+    folder: str = described("of the checkpoint")
+    is_kept: bool = described("whether it was kept there, and sessions show it")
+    forecast: TrialsForecast = described("by sessions in imagined worlds")
 
 
 class Pretrained(Output):

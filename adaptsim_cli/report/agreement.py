@@ -9,8 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from adaptsim_cli.report.figures import Prediction
+from adaptsim_cli.screen.views import signed
 from adaptsim_cli.session.records import TrialRecord
 from hw.types import Array
+from sim.adaptation.predictions import LEAST, PredictionQuality, prediction_quality
 from sim.tasks import TASKS, get_task
 
 Z95 = 1.96
@@ -47,6 +49,19 @@ class Agreement:
     bias_low: float  # 95 % interval of it
     bias_high: float
     unit: str  # of the errors: "mm" on the table, else that of the observed quantities
+    quality: PredictionQuality | None  # from the second iteration on; None below two trials
+
+    @property
+    def order_in_words(self) -> str:
+        """Whether the predictions order the trials rightly, in one sentence; "" below the trials that tell."""
+        if self.quality is None or self.quality.trials < LEAST:
+            return ""
+        rank = self.quality.rank_correlation
+        order = "all predicted or all observed are alike" if rank is None else signed(rank)
+        return (
+            f"From the second iteration on the predictions missed by {self.quality.error:.2f} (root mean square; the "
+            f"mean of the rewards would miss by {self.quality.error_of_mean:.2f}); rank correlation: {order}."
+        )
 
     @property
     def inside(self) -> int:
@@ -80,7 +95,9 @@ def agreement(
     off = np.array([row.observed - row.predicted for row in rows])
     half = Z95 * max(std, float(off.std(ddof=1)) if len(off) > 1 else 0.0) / len(off) ** 0.5
     bias = float(off.mean())
-    return Agreement(rows, bias, bias - half, bias + half, unit)
+    later = [trial for trial in trials if trial.iteration > 1]
+    predicted, observed = np.array([[trial.predicted_reward, trial.reward] for trial in later]).reshape(-1, 2).T
+    return Agreement(rows, bias, bias - half, bias + half, unit, prediction_quality(predicted, observed))
 
 
 def end_error(observed: Array, expected: Array, unit: str) -> float:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from adaptsim_cli import options
+
+if TYPE_CHECKING:
+    from sim.adaptation.trials_forecast import SessionShare
 
 app = typer.Typer(help="The pretrained policies.", no_args_is_help=True)
 
@@ -120,6 +123,54 @@ def parameters(
     screen.next(
         (f"adaptsim run-iteration --task {settings.task}", "a session; the report says what its trials settled")
     )
+
+
+@app.command()
+def trials(
+    checkpoint: Annotated[str, typer.Argument(help="Name or folder; default: the shipped one.")] = "",
+    task: options.Task = None,
+    own: options.Object = None,
+    again: Annotated[bool, typer.Option("--again", help="Play the imagined sessions again: some minutes.")] = False,
+    seed: options.Seed = None,
+    as_json: options.Json = False,
+) -> None:
+    """How many trials will a session need? Whole sessions are played in imagined worlds, before the first real trial.
+
+    An imagined world is what the method itself holds possible: parameters of the ranges and their margin, and
+    deviations that no parameter expresses. A pair is a trial and a control trial of UDR in the same place.
+
+    Example: adaptsim checkpoints trials --task scooping
+    """
+    from adaptsim_cli import config
+    from adaptsim_cli.research import pretraining
+    from adaptsim_cli.screen import console, views
+
+    settings = config.load({"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed}).config
+    screen = console.Screen(as_json=as_json)
+    with screen.progress() as progress:
+        result = pretraining.tell_trials(
+            settings, anew=again, progress=lambda done, total: progress("imagined sessions", done, total)
+        )
+    if screen.data("checkpoints trials", result):
+        return
+    forecast = result["forecast"]
+    until = [
+        ("an iteration has a success", "trial", forecast.first_success),
+        ("the verdict says stop", "trial", forecast.stop),
+    ]
+    until += [(f"a gain of {one.difference:g} over UDR is shown", "pair", one) for one in forecast.shown]
+    body = [(what, _at_most(one.half, unit), _at_most(one.four_of_five, unit)) for what, unit, one in until]
+    screen.show(views.rows(("until", "half of the sessions", "four of five"), body))
+    screen.plain(
+        f"{forecast.sessions} imagined sessions of {forecast.trials} trials; in brackets, the share that need no more."
+    )
+    screen.next((f"adaptsim run-iteration --task {settings.task}", "the first trials"))
+
+
+def _at_most(share: SessionShare, unit: str) -> str:
+    if share.most is None:
+        return f"not within the session ({100 * share.share:.0f} % within it)"
+    return f"{share.most} {unit}{'s' * (share.most != 1)} ({100 * share.share:.0f} %)"
 
 
 def _numbers(figure: dict[str, Any]) -> tuple[float, float, float]:

@@ -209,6 +209,25 @@ def checkpoint_card(task: str, folder: Path) -> dict[str, Any]:
     return card
 
 
+def tell_trials(config: Config, *, anew: bool, progress: Callable[[int, int], None]) -> dict[str, Any]:
+    """How many trials a session with the settings' checkpoint needs, for JSON; kept in its folder.
+
+    Raises CheckpointError.
+    """
+    from sim.adaptation.trials_forecast import load, save
+    from sim.adaptation.trials_needed import forecast as imagined
+
+    checkpoint = checkpoint_of(config)
+    forecast, is_kept = None if anew else load(checkpoint.path, checkpoint.sha256), True
+    if forecast is None:
+        forecast = imagined(checkpoint, seed=config.seed, progress=progress)
+        try:
+            save(forecast, checkpoint.path)
+        except OSError:  # an installed package may be read-only
+            is_kept = False
+    return {"folder": str(checkpoint.path), "is_kept": is_kept, "forecast": forecast}
+
+
 def tell_parameters(config: Config, progress: Callable[[int, int], None]) -> dict[str, Any]:
     """Which parameters a session with the settings' checkpoint can identify, for JSON. Raises CheckpointError."""
     from sim.adaptation.methods.adaptsim import create

@@ -22,6 +22,7 @@ HEADLINES = {
     Kind.GO_ON: "Go on",
     Kind.ENOUGH: "Stop here",
     Kind.HOPELESS: "No action in the ranges seems to work",
+    Kind.UNINFORMED: "The predictions say nothing about these trials",
     Kind.TOO_FEW: "Too few trials to judge",
     Kind.NOT_CONVERGED: "Not converged yet",
     Kind.CONVERGED: "Converged",
@@ -37,6 +38,14 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "") -> str:
     kind = "estimated" if verdict.gain is None else "predicted"
     reward = f"{kind} reward {verdict.reward:.2f} (95 % {predicted_between(*verdict.ci95)})"
     sentences = [f"{HEADLINES[verdict.kind]}: {reward}{_worth(verdict)}."]
+    if verdict.kind is Kind.UNINFORMED and verdict.prediction_error is not None:
+        rank = verdict.rank_correlation
+        order = "all alike" if rank is None else f"in no better order (rank correlation {signed(rank)})"
+        sentences.append(
+            f"From the second iteration on they missed by {verdict.prediction_error:.2f} (root mean square), no better "
+            f"than the mean of the rewards would, and were {order}. Another iteration would rest on them: find the "
+            "cause first, or measure the best policy itself."
+        )
     if Reason.FAILURES in verdict.reasons:
         sentences.append("The latest trials all failed.")
     if verdict.kind is Kind.HOPELESS:
@@ -61,7 +70,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "") -> str:
 
 def _worth(verdict: Verdict) -> str:
     """What another iteration is worth, for a method with a forecast."""
-    if verdict.gain is None or verdict.likely is None or verdict.kind is Kind.HOPELESS:
+    if verdict.gain is None or verdict.likely is None or verdict.kind in (Kind.HOPELESS, Kind.UNINFORMED):
         return ""
     if Reason.UNTRIED in verdict.reasons:
         return "; it rests on the first iteration alone, and the next one checks it"
@@ -142,6 +151,8 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     match verdict.kind:
         case Kind.HOPELESS:
             return (*checks, use)
+        case Kind.UNINFORMED:
+            return (*checks, confirm)
         case Kind.STAYS_LOW if verdict.is_inexpressible:
             return (*checks, use)
         case Kind.STAYS_LOW:

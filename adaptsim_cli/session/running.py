@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from rich.console import RenderableType
+from rich.text import Text
 
 from adaptsim_cli.config import Config, Resolved, is_own
 from adaptsim_cli.errors import AnswerRefused, PreflightFailed, StoppedByOperator, UsageError
@@ -46,7 +47,9 @@ from adaptsim_cli.session.watching import AllOf, Watcher, logged
 from hw.memory import return_pictures
 from sim.adaptation.methods import ignores_seed
 from sim.adaptation.stages import next_stage
+from sim.adaptation.trials_forecast import load as load_forecast
 from sim.errors import MomentsMissing, did_you_mean
+from sim.tasks import files_of
 
 OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
 """(settings, folder for a solver's policies) -> the connected parts."""
@@ -352,6 +355,18 @@ def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
     return store
 
 
+def _trials_needed(facts: Facts) -> str:
+    """How many trials a session like this needs, by the forecast beside its checkpoint; "" without one."""
+    task, _, name = facts.checkpoint.partition("/")
+    if facts.method != Config().method or facts.recorded or not name:
+        return ""
+    folder = Path(facts.checkpoint_folder or files_of(task, "checkpoints") / name)
+    forecast = load_forecast(folder, facts.checkpoint_sha256)
+    if forecast is None or forecast.particles != facts.particles:
+        return ""
+    return terminal_views.trials_needed(forecast)
+
+
 def _ms(t_s: float) -> str:
     return f"{1e3 * t_s:.3f} ms"
 
@@ -372,6 +387,8 @@ def _ready(session: RunningSession, config: Config, iterations: int) -> None:
         screen.note(
             f"Continuing after {count} trial{'s' if count > 1 else ''}. Another --session starts from the beginning."
         )
+    if is_new and (outlook := _trials_needed(facts)):
+        screen.show(Text(outlook, style="dim"))
     if facts.control:
         screen.note(cost_in_words(session.store, stage.iteration, iterations))
     target = session.parts.target

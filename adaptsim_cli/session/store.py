@@ -491,6 +491,7 @@ def _learnt_from(task: Task, record: TrialRecord) -> Trial:
         observation=np.array(record.observation, dtype=np.float64),
         reward=record.reward,
         end_state=task.end_of(record.track.track()),
+        predicted=record.predicted_reward,
     )
 
 

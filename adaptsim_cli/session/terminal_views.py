@@ -25,6 +25,7 @@ from adaptsim_cli.session.records import ROLLOUT, Facts, MotionRecord, ResultRec
 from hw.types import Array
 from sim.adaptation.method import Particle
 from sim.adaptation.stages import Role, RunTrial
+from sim.adaptation.trials_forecast import TrialsForecast
 from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
@@ -94,6 +95,20 @@ def _where(task: Task, trial: MotionRecord) -> tuple[str, ...]:
         return (f"Found    {views.values(task.context, trial.context_array)}",)
     x_m, y_m = trial.goal_m
     return (f"Goal     x {x_m:.3f} m, y {views.signed(y_m, 3)} m",)
+
+
+def trials_needed(forecast: TrialsForecast) -> str:
+    """How many trials a session needs, in a sentence."""
+    clauses = [
+        f"{100 * share.share:.0f} % {until} trial {share.most}"
+        for share, until in (
+            (forecast.first_success.four_of_five, "had a success by"),
+            (forecast.stop.four_of_five, "were told to stop by"),
+        )
+        if share.most is not None
+    ]
+    where = f"adaptsim checkpoints trials --task {forecast.task}"
+    return f"Of {forecast.sessions} imagined sessions {' and '.join(clauses)} ({where})." if clauses else ""
 
 
 def tracked(record: TrialRecord) -> RenderableType:

@@ -19,6 +19,7 @@ from sim.adaptation.method import (
     OwnPolicies,
     Trial,
 )
+from sim.adaptation.predictions import PredictionQuality, prediction_quality
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
 from sim.solvers.misfit import misfit
 from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy, policy_for
@@ -143,6 +144,9 @@ def judge(
         kind = _by_parameters(task, history, best, bool(reasons))
     else:
         kind = Kind.HOPELESS if ahead.hopeless else Kind.ENOUGH if ahead.done else Kind.GO_ON
+    quality = None if ahead is None else _quality(history)
+    if quality is not None and quality.is_uninformed and kind is not Kind.HOPELESS:
+        kind = Kind.UNINFORMED
     return Verdict(
         kind=kind,
         reasons=tuple(reasons) if ahead is not None or len(trials) >= LEAST_TRIALS else (),
@@ -152,7 +156,16 @@ def judge(
         strange=strange,
         gain=None if ahead is None else ahead.gain,
         likely=None if ahead is None else ahead.likely,
+        prediction_error=None if quality is None else quality.error,
+        rank_correlation=None if quality is None else quality.rank_correlation,
     )
+
+
+def _quality(history: Sequence[Iteration]) -> PredictionQuality | None:
+    """Of the predictions that knew a trial: from the second iteration on."""
+    trials = [trial for iteration in history[1:] for entry in iteration for trial in entry.trials]
+    latest = sum(len(entry.trials) for entry in history[-1])
+    return prediction_quality(np.array([t.predicted for t in trials]), np.array([t.reward for t in trials]), latest)
 
 
 def _by_parameters(task: Task, history: Sequence[Iteration], best: Best, is_inexpressible: bool) -> Kind:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -51,6 +52,7 @@ class Trial:
     observation: Array  # (size,) normalised
     reward: float
     end_state: Array | None  # (k,) quantities that decide the reward of a success; None: it failed
+    predicted: float = math.nan  # reward that its policy predicted before it; nan: unknown
 
     @property
     def key(self) -> bytes:

@@ -13,11 +13,12 @@ LEAST_TRIALS = 6
 
 
 class Kind(StrEnum):
-    """What to do. The first three come from a forecast, the others from how the parameters move."""
+    """What to do. The first four come from a forecast, the others from how the parameters move."""
 
     GO_ON = "go_on"  # another iteration is worth its trials
     ENOUGH = "enough"  # it is not, and the best policy is good
     HOPELESS = "hopeless"  # no action in the ranges is expected to work
+    UNINFORMED = "uninformed"  # the predictions made before the trials say nothing about them
     TOO_FEW = "too_few"  # too few trials to judge
     NOT_CONVERGED = "not_converged"
     CONVERGED = "converged"
@@ -43,11 +44,17 @@ class Verdict(Record):
     strange: int = Field(description="trajectories outside of what any parameters in the ranges predict")
     gain: float | None = Field(default=None, description="expected gain by another iteration; null without a forecast")
     likely: float | None = Field(default=None, description="chance of a worthwhile gain; null without a forecast")
+    prediction_error: float | None = Field(
+        default=None, description="root mean square of observed minus predicted rewards, from the second iteration on"
+    )
+    rank_correlation: float | None = Field(
+        default=None, description="Spearman's, of the same rewards; null if all predicted or all observed are alike"
+    )
 
     @property
     def stops(self) -> bool:
         """Whether it says that more trials are not worth their time."""
-        return self.kind in (Kind.ENOUGH, Kind.HOPELESS, Kind.CONVERGED, Kind.STAYS_LOW)
+        return self.kind in (Kind.ENOUGH, Kind.HOPELESS, Kind.UNINFORMED, Kind.CONVERGED, Kind.STAYS_LOW)
 
     @property
     def is_inexpressible(self) -> bool:

@@ -229,5 +229,5 @@ def test_an_interval_without_a_width_is_a_dash_with_the_reason():
 
 def test_signs_are_true_ones_and_a_zero_has_none() -> None:
     assert [views.signed(x) for x in (-0.514, 0.02, -0.001, 0.0)] == ["−0.51", "+0.02", "0.00", "0.00"]
-    said = "lies -0.0 mm from its place, -0.8 to +0.0 mm, depth-3 of trial-001 by -12 px (+0.05)"
-    assert views.with_signs(said) == "lies 0.0 mm from its place, −0.8 to 0.0 mm, depth-3 of trial-001 by −12 px (+0.05)"
+    said = "lies -0.0 mm from its place, -0.8 to +0.0 mm, depth-3 by -12 px (+0.05)"
+    assert views.with_signs(said) == "lies 0.0 mm from its place, −0.8 to 0.0 mm, depth-3 by −12 px (+0.05)"

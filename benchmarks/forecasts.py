@@ -1,0 +1,191 @@
+"""Is it true what is said before and during a session? How many trials it needs, and whether its predictions inform.
+
+    python benchmarks/forecasts.py --task pendulum --targets drawn
+    python benchmarks/forecasts.py --task scooping --targets foods     needs the worlds' tables (adaptsim world-tables)
+
+In each world one session of the default method runs to its end, and is compared with the forecast beside the
+checkpoint (`adaptsim checkpoints trials`). Pairs with UDR go on with the final policy until a gain is shown. Then the
+same session runs with answers that belong to other actions: there the verdict has to say that the predictions say
+nothing. Sessions are kept in `--out`; the same command goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from adaptsim_cli import config
+from adaptsim_cli.research.benchmarking import tables_folder
+from hw.types import Array
+from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
+from sim.adaptation.learner import Learner
+from sim.adaptation.method import FAILED, Iteration, Trial
+from sim.adaptation.methods import make_method
+from sim.adaptation.methods.udr import udr_policies
+from sim.adaptation.paired import ALPHA, capital
+from sim.adaptation.sessions import begin_in_memory
+from sim.adaptation.trials_forecast import TrialsForecast, load
+from sim.adaptation.trials_needed import ITERATIONS, MOST_PAIRS
+from sim.adaptation.verdict import Kind
+from sim.lab.physics import in_physics
+from sim.research.benchmark.tables import load_table
+from sim.research.benchmark.trial_sources import SimulatedTrials, Tabled, TrialSource
+from sim.research.benchmark.worlds import BenchmarkWorld, targets_of
+from sim.solvers.solver import SolvedPolicy
+from sim.tasks import get_task
+from sim.tasks.fingerprint import scene_key
+from sim.tasks.task import Task
+
+PARTICLES = 2
+NEAR = {0.1: (0.05, 0.15), 0.2: (0.15, 0.3), 0.4: (0.3, 0.5)}
+"""The gains over UDR of worlds that a row of the forecast stands for."""
+
+Play = Callable[[Array, Array, np.random.Generator], tuple[Trial, ...]]
+
+
+@dataclass(frozen=True)
+class Course:
+    """One session."""
+
+    world: str
+    rewards: list[float]
+    predicted: list[float]
+    kinds: list[str]  # of the verdict after each iteration
+    first_success: int | None
+    stop: int | None
+    gain: float  # over UDR, mean of all pairs
+    pairs: int | None  # until it was shown
+    final: float  # mean reward of the final policy beside UDR
+    udr: float
+
+
+def course(checkpoint: Checkpoint, world: str, play_in: Play, seed: int, *, wired: bool) -> Course:
+    """Play a session; `wired`: the outcomes are those of the actions, else of random ones."""
+    task, solver = checkpoint.solver.task, checkpoint.solver
+    each, rng = task.adaptation.trials_per_iteration, np.random.default_rng((seed, 1))
+    udr = udr_policies(solver, np.random.default_rng((seed, 2)))[0]
+    rewards, predicted, control, kinds = list[float](), list[float](), list[float](), list[str]()
+
+    def trials_of(contexts: Array, actions: Array) -> tuple[Trial, ...]:
+        moved = actions if wired else task.action.sample(rng, len(actions))
+        trials = play_in(contexts, moved, rng)
+        return tuple(replace(trial, action=action) for trial, action in zip(trials, actions, strict=True))
+
+    def play(policy: SolvedPolicy, iteration: int, particle: int) -> tuple[Trial, ...]:
+        contexts = task.context.sample(rng, each)
+        expected = [policy.predict(context)[0] for context in contexts]
+        trials = trials_of(contexts, np.stack([policy(context) for context in contexts]))
+        predicted.extend(expected)
+        rewards.extend(trial.reward for trial in trials)
+        control.extend(trial.reward for trial in play_in(contexts, udr.actions(contexts), rng))
+        return tuple(replace(trial, predicted=one) for trial, one in zip(trials, expected, strict=True))
+
+    learner = Learner(make_method("adaptsim", task, checkpoint), solver, solver)
+    session = begin_in_memory(learner, play, (PARTICLES, each), np.random.default_rng(seed), lambda _: rng)
+    stop: int | None = None
+    history: tuple[Iteration, ...] = ()
+    for history in session.iterations(ITERATIONS):
+        verdict = learner.judge(history).verdict
+        kinds.append(verdict.kind.value)
+        stop = len(rewards) if stop is None and verdict.stops else stop
+    succeeded = np.flatnonzero(np.array(rewards) > FAILED)
+    final, contexts = learner.final(history), task.context.sample(rng, MOST_PAIRS)
+    after = [trial.reward for trial in play_in(contexts, final.actions(contexts), rng)]
+    beside = [trial.reward for trial in play_in(contexts, udr.actions(contexts), rng)]
+    differences = np.concatenate([np.array(rewards) - control, np.array(after) - beside])[:MOST_PAIRS]
+    is_shown = capital(differences, np.zeros(())) >= 2.0 / ALPHA
+    return Course(
+        world,
+        rewards,
+        predicted,
+        kinds,
+        PARTICLES * each * (int(succeeded[0]) // (PARTICLES * each) + 1) if len(succeeded) else None,
+        stop,
+        float(differences.mean()),
+        int(is_shown.argmax()) + 1 if is_shown.any() else None,
+        float(np.mean(after)),
+        float(np.mean(beside)),
+    )
+
+
+def source(checkpoint: Checkpoint, task: Task, target: BenchmarkWorld) -> TrialSource:
+    """True rollouts for the pendulum, else the table of the world."""
+    if task.exact:
+        return SimulatedTrials(checkpoint.solver, target.world)
+    folder = tables_folder(config.load({"task": task.name})) / target.set / target.name
+    scene = scene_key(in_physics(task, target.world.physics))
+    return Tabled(task, load_table(task, target.world, scene, folder))
+
+
+def played(checkpoint: Checkpoint, targets: str, out: Path, seed: int, *, wired: bool) -> list[Course]:
+    """The session of each world; stored ones are read."""
+    task = checkpoint.solver.task
+    courses = []
+    for target in targets_of(task, targets.split(",")):
+        path = out / f"{task.name}-{target.name}-{seed}-{'true' if wired else 'shuffled'}.json"
+        if not path.exists():
+            one = course(checkpoint, target.name, source(checkpoint, task, target).play, seed, wired=wired)
+            path.write_text(json.dumps(asdict(one)))
+        courses.append(Course(**json.loads(path.read_text())))
+    return courses
+
+
+def rows(forecast: TrialsForecast, courses: list[Course]) -> list[tuple[str, str, float, int, int]]:
+    """(until, at most, share said, sessions that held it, sessions)."""
+    lines = []
+    for until, said, counts in (
+        ("first success", forecast.first_success, [c.first_success for c in courses]),
+        ("verdict says stop", forecast.stop, [c.stop for c in courses]),
+        *(
+            (f"gain of {one.difference:g} shown", one, [c.pairs for c in courses if is_near(c, one.difference)])
+            for one in forecast.shown
+        ),
+    ):
+        for share in (said.half, said.four_of_five):
+            most = MOST_PAIRS if share.most is None else share.most
+            held = sum(count is not None and count <= most for count in counts)
+            lines.append((until, str(most), share.share, held, len(counts)))
+    return list(dict.fromkeys(lines))
+
+
+def is_near(one: Course, difference: float) -> bool:
+    """Whether the row of the forecast for `difference` stands for the world."""
+    low, high = NEAR[difference]
+    return low <= one.gain < high
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--task", default="pendulum")
+    parser.add_argument("--targets", default="drawn")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=Path("build/forecasts"))
+    asked = parser.parse_args()
+    asked.out.mkdir(parents=True, exist_ok=True)
+    checkpoint = load_checkpoint(get_task(asked.task), "default")
+    forecast = load(checkpoint.path, checkpoint.sha256)
+    if forecast is None:
+        raise SystemExit(f"no forecast yet: adaptsim checkpoints trials --task {asked.task}")
+    courses = played(checkpoint, asked.targets, asked.out, asked.seed, wired=True)
+    print(f"{asked.task}, {asked.targets}: {len(courses)} worlds, one session each\n")
+    print("| until | trials or pairs, at most | said | held |\n|---|---|---|---|")
+    for until, most, share, held, count in rows(forecast, courses):
+        print(f"| {until} | {most} | {share:.0%} | {held} of {count}{f' ({held / count:.0%})' if count else ''} |")
+    for name, those in (
+        ("true", courses),
+        ("shuffled", played(checkpoint, asked.targets, asked.out, asked.seed, wired=False)),
+    ):
+        called = [one for one in those if Kind.UNINFORMED.value in one.kinds]
+        lost = [one for one in those if Kind.HOPELESS.value in one.kinds and one not in called]
+        print(f"\n{name} outcomes: uninformed in {len(called)} of {len(those)}, hopeless in {len(lost)} others")
+        if name == "true" and called:
+            print("  " + ", ".join(f"{one.world} (final {one.final:.2f}, UDR {one.udr:.2f})" for one in called))
+
+
+if __name__ == "__main__":
+    main()

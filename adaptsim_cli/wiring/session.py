@@ -40,7 +40,7 @@ from hw.errors import MotionRefused
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.learner import Learner
-from sim.adaptation.methods import WHOLE
+from sim.adaptation.methods import kind_of
 from sim.errors import NotExecutable
 from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.solver import Executable, Expectations, Policies
@@ -126,7 +126,7 @@ def _own_target(
     if answerer is None and config.answer_with == PERSON:
         if screen is None:
             raise UsageError(f"--answer-with {PERSON}: a person answers at a terminal; leave out --yes")
-        if config.method in WHOLE:
+        if kind_of(config.method).needs_whole:
             raise UsageError(
                 f"--method {config.method} needs every moment of a trial, and a person may report its end alone: "
                 "adapt with adaptsim, or have a program report whole trajectories"

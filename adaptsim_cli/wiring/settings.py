@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 
 SOLVERS = ("emulator", "naf")
 
-STARTING = ("adaptsim", "adaptsim-belief")
-"""The methods that weigh possible truths, and so can begin with the posterior of another session."""
-
 
 def load(flags: Mapping[str, Any]) -> Resolved:
     """As `config.load`; the world decides the task if its name comes from closer to the command line than the task's.
@@ -228,16 +225,16 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
     import hashlib
 
     from adaptsim_cli.session.store import SessionStore, history_of
+    from sim.adaptation.methods import METHODS, kind_of
     from sim.adaptation.methods.belief import create
     from sim.adaptation.posterior import posterior
     from sim.adaptation.reward_table import weighed
 
     if not settings.start_from:
         return checkpoint, ""
-    if settings.method not in STARTING:
-        raise UsageError(
-            f"--start-from: {settings.method} knows no posterior; only {' and '.join(STARTING)} can begin with one"
-        )
+    if not kind_of(settings.method).takes_posterior:
+        able = " and ".join(name for name, kind in METHODS.items() if kind.takes_posterior)
+        raise UsageError(f"--start-from: {settings.method} knows no posterior; only {able} can begin with one")
     store = SessionStore.open(config.places().sessions, settings.start_from)
     if store.facts.checkpoint_sha256 != checkpoint.sha256:
         raise UsageError(

@@ -23,7 +23,7 @@ from adaptsim_cli.session.target import Placement
 from hw.types import Array
 from perception.errors import TrackingFailed
 from perception.types import Outcome
-from sim.adaptation.methods import WHOLE
+from sim.adaptation.methods import kind_of
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
 from sim.errors import ActionImpossible, MomentsMissing
@@ -136,7 +136,7 @@ class OwnTarget:
         exchange = self._exchange(key, "trial")
         with _explained(exchange):
             track = track_of(answer, question, self.task)
-            if self.method in WHOLE and observed_share(self.task.observation(track)) < 1.0:
+            if kind_of(self.method).needs_whole and observed_share(self.task.observation(track)) < 1.0:
                 raise MomentsMissing(
                     f"{self.method} needs every moment of a trial, and this answer misses some: report the whole "
                     "trajectory, or begin another session with --method adaptsim"

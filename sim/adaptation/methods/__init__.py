@@ -6,9 +6,10 @@ A package offers one by an entry point of the group `adaptsim.methods`: the meth
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from hw.plugins import PluginError, clashes, offers
 from sim.errors import UnknownName, did_you_mean
@@ -22,37 +23,50 @@ if TYPE_CHECKING:
 OFFERED = "adaptsim.methods"
 """The group of entry points by which packages offer methods."""
 
-METHODS = {
-    "adaptsim": "sim.adaptation.methods.adaptsim:create",
-    "adaptsim-belief": "sim.adaptation.methods.belief:create",
-    "adaptsim-iteration": "sim.research.methods.q_policy:create_iteration",
-    "adaptsim-state": "sim.research.methods.q_policy:create_state",
-    "adaptsim-history": "sim.research.methods.q_policy:create_history",
-    "bo": "sim.research.methods.search:create_bo",
-    "bo-prior": "sim.research.methods.search:create_prior",
-    "learn-in-target": "sim.research.methods.learn_in_target:create",
-    "random": "sim.research.methods.search:create_random",
-    "sysid-bayes": "sim.research.methods.sysid:create_bayes",
-    "sysid-bayes-point": "sim.research.methods.sysid:create_point",
-    "sysid-bayes-state": "sim.research.methods.sysid:create_state",
-    "udr": "sim.adaptation.methods.udr:create",
+
+@dataclass(frozen=True)
+class MethodKind:
+    """A method as it is declared: who makes it, and what must be known of it before it is made."""
+
+    create: str = ""  # module:function, called with (task, checkpoint); empty: a package's, or registered here
+    needs_whole: bool = False  # every moment of a trial; else it learns from what was observed
+    draws: bool = True  # random numbers; else the same trials give the same particles and policies
+    takes_posterior: bool = False  # can begin with the posterior of another session
+    phase_1: Literal["dataset", "episodes", "nothing"] = "dataset"  # the simulations that it needs
+
+
+_Q_POLICY, _SEARCH = "sim.research.methods.q_policy", "sim.research.methods.search"
+_SYSID = "sim.research.methods.sysid"
+
+METHODS: Mapping[str, MethodKind] = {
+    "adaptsim": MethodKind("sim.adaptation.methods.adaptsim:create", draws=False, takes_posterior=True),
+    "adaptsim-belief": MethodKind("sim.adaptation.methods.belief:create", draws=False, takes_posterior=True),
+    "adaptsim-iteration": MethodKind(f"{_Q_POLICY}:create_iteration", needs_whole=True, phase_1="episodes"),
+    "adaptsim-state": MethodKind(f"{_Q_POLICY}:create_state", needs_whole=True, phase_1="episodes"),
+    "adaptsim-history": MethodKind(f"{_Q_POLICY}:create_history", needs_whole=True, phase_1="episodes"),
+    "bo": MethodKind(f"{_SEARCH}:create_bo"),
+    "bo-prior": MethodKind(f"{_SEARCH}:create_prior"),
+    "learn-in-target": MethodKind("sim.research.methods.learn_in_target:create", phase_1="nothing"),
+    "random": MethodKind(f"{_SEARCH}:create_random"),
+    "sysid-bayes": MethodKind(f"{_SYSID}:create_bayes", needs_whole=True),
+    "sysid-bayes-point": MethodKind(f"{_SYSID}:create_point", needs_whole=True),
+    "sysid-bayes-state": MethodKind(f"{_SYSID}:create_state", needs_whole=True),
+    "udr": MethodKind("sim.adaptation.methods.udr:create"),
 }
-"""Name -> the function (task, checkpoint) that makes it; imported on first use."""
+"""Every method of ours by name; the only list of them."""
 
 
-WHOLE = frozenset(name for name in METHODS if name.startswith(("sysid-", "adaptsim-")) and name != "adaptsim-belief")
-"""The methods that need every moment of a trial; the others learn from what was observed of it."""
+def kind_of(name: str) -> MethodKind:
+    """The declaration of a method; of a package's, or one registered here, the usual one."""
+    return METHODS.get(name, MethodKind())
 
-
-DRAW_NOTHING = ("adaptsim", "adaptsim-belief")
-"""Methods without a random number: the same trials give the same particles and policies."""
 
 _registered: dict[str, Callable[[Task, Checkpoint | None], Method]] = {}
 
 
 def ignores_seed(name: str, task: Task) -> bool:
     """Whether every seed gives the same session: one is enough then."""
-    return name in DRAW_NOTHING and repeats_exactly(task)
+    return not kind_of(name).draws and repeats_exactly(task)
 
 
 def register(name: str, create: Callable[[Task, Checkpoint | None], Method]) -> None:
@@ -73,7 +87,7 @@ def method_names() -> tuple[str, ...]:
 def factory_of(name: str) -> Callable[[Task, Checkpoint | None], Method]:
     """The function that makes the method. Raises UnknownName, also for a package that cannot be loaded."""
     if name in METHODS:
-        module, _, function = METHODS[name].partition(":")
+        module, _, function = METHODS[name].create.partition(":")
         ours: Callable[[Task, Checkpoint | None], Method] = getattr(import_module(module), function)
         return ours
     if name in _registered:

@@ -15,7 +15,7 @@ from functools import lru_cache
 
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.judging import final_policy
-from sim.adaptation.methods import make_method, method_names
+from sim.adaptation.methods import kind_of, make_method, method_names
 from sim.lab.world import World
 from sim.research.benchmark.sessions import (
     Commands,
@@ -43,10 +43,6 @@ LIMITS = (ORACLE, BEST_ACTION)
 def compared() -> tuple[str, ...]:
     """Everything that a benchmark compares in worlds."""
     return (*method_names(), *LIMITS)
-
-
-WITHOUT_SIMULATION = ("learn-in-target",)
-LEARNT_FROM_EPISODES = ("adaptsim-iteration", "adaptsim-state", "adaptsim-history")
 
 
 DEFAULT = "adaptsim"
@@ -183,12 +179,13 @@ def _row(
 
 def simulations(method: str, checkpoint: Checkpoint) -> int:
     """True rollouts of Phase 1 that a method needs."""
-    if method in WITHOUT_SIMULATION:
-        return 0
-    if method in LEARNT_FROM_EPISODES or checkpoint.emulator is None:
-        return checkpoint.card.simulations if method in LEARNT_FROM_EPISODES else 0
-    budget = checkpoint.card.budget
-    return budget.rollouts + budget.denser
+    match kind_of(method).phase_1:
+        case "episodes":
+            return checkpoint.card.simulations
+        case "dataset" if checkpoint.emulator is not None:
+            return checkpoint.card.budget.rollouts + checkpoint.card.budget.denser
+        case _:
+            return 0
 
 
 @lru_cache(maxsize=8)

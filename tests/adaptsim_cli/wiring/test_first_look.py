@@ -19,7 +19,7 @@ from adaptsim_cli.wiring.settings import checkpoint_of_session
 def test_an_end_is_outside_beyond_the_margin_of_the_expected_ones(reported, is_outside):
     end = ReportedEnd("x", "m", reported, low=0.6, high=0.8, margin=0.1)
     assert end.is_outside is is_outside
-    assert end.in_words == f"x {reported:g} m (expected 0.6 m to 0.8 m)"
+    assert end.in_words == f"x {reported:.3f} m (expected 0.600 m to 0.800 m)"
 
 
 @pytest.mark.long

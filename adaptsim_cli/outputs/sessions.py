@@ -7,8 +7,6 @@ from typing import Any
 from adaptsim_cli.outputs import Output, Quantities, described
 from adaptsim_cli.outputs.trials import UNITS, BestRecord, PlayedTrial
 from hw.records import Record
-from perception.types import Outcome
-from sim.adaptation.stages import Role
 from sim.adaptation.verdict import Verdict
 
 
@@ -44,18 +42,6 @@ class SessionList(Output):
     sessions: list[SessionRow | Damaged] = described("one each")
 
 
-class ShownTrial(PlayedTrial):
-    """One completed trial that counts, with its place in the session."""
-
-    attempt: int = described("which attempt at it counts, from 1")
-    iteration: int = described("number of its iteration, from 1")
-    particle: int = described("number of its particle, from 1")
-    role: Role = described("`own` or `control`: whose policy acted; `alone`: an iteration without control trials")
-    predicted_reward: float = described("reward that the simulator predicted")
-    overruled_from: Outcome | None = described("tracked outcome, if the operator set another")
-    timing_s: dict[str, float] = described("wall time by stage")
-
-
 class ShownResult(Record):
     """One complete iteration."""
 
@@ -87,7 +73,7 @@ class SessionShown(Output):
     facts: dict[str, Any] = described("its settings, as in session.toml")
     folder: str = described("its folder")
     units: dict[str, str] = described(UNITS)
-    trials: list[ShownTrial] = described("its trials, in order")
+    trials: list[PlayedTrial] = described("its trials, in order")
     rejected: list[ShownRejection] = described("attempts that do not count, in order")
     waiting: list[ShownWaiting] = described("recorded attempts that count once they are tracked and reviewed, in order")
     results: list[ShownResult] = described("its complete iterations, in order")

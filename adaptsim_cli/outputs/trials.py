@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import Field
 
-from adaptsim_cli.outputs import Output, Quantities, described
+from adaptsim_cli.outputs import Output, Quantities, described, optional
 from hw.records import Record
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.paired import Claim
+from sim.adaptation.stages import Role
 from sim.adaptation.verdict import Verdict
 from sim.types import Dimension, Suspicion
 
@@ -35,6 +36,13 @@ class PlayedTrial(Record):
     reward: float = described("between 0 and 1")
     outcome: Outcome = described("how it ended, a value of `perception.types.Outcome`")
     observation: tuple[float | None, ...] = described(OBSERVED)
+    attempt: int = described("which attempt at it counts, from 1")
+    iteration: int = described("number of its iteration, from 1")
+    particle: int = described("number of its particle, from 1")
+    role: Role = described("`own` or `control`: whose policy acted; `alone`: an iteration without control trials")
+    predicted_reward: float = described("reward that the simulator predicted")
+    overruled_from: Outcome | None = described("tracked outcome, if the operator set another")
+    timing_s: dict[str, float] | None = optional("wall time by stage; null where the iteration states it")
 
 
 class ParticleShown(Record):

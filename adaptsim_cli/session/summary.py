@@ -14,7 +14,6 @@ from adaptsim_cli.outputs.sessions import (
     SessionShown,
     ShownRejection,
     ShownResult,
-    ShownTrial,
     ShownWaiting,
 )
 from adaptsim_cli.outputs.trials import IterationOutput, ParticleShown, PlayedTrial, named
@@ -53,7 +52,7 @@ def summary(store: SessionStore, result: ResultRecord) -> IterationOutput:
 def _particle(names: Sequence[str], now: Particle, trials: Sequence[TrialRecord], then: Samples) -> ParticleShown:
     return ParticleShown(
         params=named(names, now.mean),
-        trials=[trial.view(PlayedTrial) for trial in trials],
+        trials=[trial.view(PlayedTrial).model_copy(update={"timing_s": None}) for trial in trials],
         mean_reward=float(np.mean([trial.reward for trial in trials])),
         next_params=named(names, np.mean(then, axis=0)),
     )
@@ -96,7 +95,7 @@ def details(store: SessionStore) -> SessionShown:
         facts=facts.model_dump(mode="json"),
         folder=str(store.folder),
         units=facts.units,
-        trials=[trial.view(ShownTrial) for trial in played_of(store)],
+        trials=[trial.view(PlayedTrial) for trial in played_of(store)],
         rejected=[
             ShownRejection(trial=one.key.number, attempt=one.key.attempt + 1, at=one.note.at, reason=one.note.text)
             for one in store.rejections()

@@ -5,15 +5,17 @@ Nothing heavy is imported here or by the command modules: each command imports w
 
 from __future__ import annotations
 
+import inspect
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from adaptsim_cli.commands import (
     calibrate,
@@ -28,6 +30,7 @@ from adaptsim_cli.commands import (
 )
 from adaptsim_cli.research import benchmark, checkpoints, own_object, pretrain
 from adaptsim_cli.screen import loading
+from adaptsim_cli.screen.pages import addressed
 
 EXIT_CODES = (
     "Exit codes: 0 done, 1 a simulation failed, 2 usage or configuration, 3 preflight failed, "
@@ -35,36 +38,90 @@ EXIT_CODES = (
     "6 camera or tracking, 7 stopped by the operator, 8 corrupt or missing data, 130 interrupted."
 )
 
+QUICK_START = f"""Adapt simulation parameters to a real robot task in about twenty trials.
+
+Quick start:
+  adaptsim run-iteration --task scooping --world cucumber --yes -n 2
+  adaptsim report
+  adaptsim setup          with an arm of your own
+
+Documentation: {addressed("docs/README.md")}
+"""
+
+PANELS: Mapping[str, Mapping[str, Callable[..., Any] | typer.Typer]] = {
+    "Set up": {
+        "setup": setup.setup,
+        "doctor": setup.doctor,
+        "calibrate": calibrate.app,
+        "touch-off": touch_off.app,
+        "parts": setup.parts,
+        "config": config.app,
+    },
+    "Run": {
+        "run-iteration": run_iteration.run_iteration,
+        "rollout": rollout.rollout,
+        "preview": rollout.preview,
+    },
+    "Look": {
+        "report": exporting.report,
+        "compare": exporting.compare,
+        "sessions": sessions.app,
+        "replay": exporting.replay,
+        "lab": lab.app,
+    },
+    "Research": {
+        "benchmark": benchmark.benchmark,
+        "pretrain": pretrain.pretrain,
+        "object": own_object.own_object,
+        "checkpoints": checkpoints.app,
+        "world-tables": benchmark.world_tables,
+    },
+    "Maintain": {
+        "bundle": exporting.bundle,
+        "retrack": exporting.retrack,
+        "schema": config.schema,
+    },
+}
+"""Every command, by the panel of the help that shows it, in this order."""
+
+
+class _InOrder(TyperGroup):
+    def list_commands(self, ctx: Any) -> list[str]:
+        """See typer: the order of `PANELS`, not commands first."""
+        return [name for commands in PANELS.values() for name in commands]
+
+
 app = typer.Typer(
     name="adaptsim",
-    help="Adapt simulation parameters to a real robot task in about twenty trials.",
+    cls=_InOrder,
+    help=QUICK_START,
     epilog=EXIT_CODES,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command("run-iteration")(run_iteration.run_iteration)
-app.command("pretrain")(pretrain.pretrain)
-app.command("object")(own_object.own_object)
-app.command("benchmark")(benchmark.benchmark)
-app.command("world-tables")(benchmark.world_tables)
-app.command("rollout")(rollout.rollout)
-app.command("preview")(rollout.preview)
-app.command("setup")(setup.setup)
-app.command("parts")(setup.parts)
-app.command("report")(exporting.report)
-app.command("compare")(exporting.compare)
-app.command("bundle")(exporting.bundle)
-app.command("doctor")(setup.doctor)
-app.command("retrack")(exporting.retrack)
-app.command("replay")(exporting.replay)
-app.command("schema")(config.schema)
-app.add_typer(calibrate.app, name="calibrate")
-app.add_typer(touch_off.app, name="touch-off")
-app.add_typer(sessions.app, name="sessions")
-app.add_typer(checkpoints.app, name="checkpoints")
-app.add_typer(config.app, name="config")
-app.add_typer(lab.app, name="lab")
+
+
+def _unwrapped(doc: str | None) -> str:
+    """A docstring whose paragraphs are one line each, so that the terminal alone wraps them."""
+    return "\n\n".join(" ".join(part.split()) for part in inspect.cleandoc(doc or "").split("\n\n"))
+
+
+def _register() -> None:
+    for panel, commands in PANELS.items():
+        for name, command in commands.items():
+            if not isinstance(command, typer.Typer):
+                app.command(name, rich_help_panel=panel, help=_unwrapped(command.__doc__))(command)
+                continue
+            for one in command.registered_commands:
+                assert one.callback is not None, "a command has a function"
+                one.help = _unwrapped(one.help or one.callback.__doc__)
+            if (alone := command.registered_callback) is not None and alone.callback is not None:
+                alone.help = _unwrapped(alone.callback.__doc__)
+            app.add_typer(command, name=name, rich_help_panel=panel)
+
+
+_register()
 
 
 _QUICK = frozenset(("-h", "--help", "--version"))

@@ -51,25 +51,58 @@ def _like(incomplete: str, names: set[str]) -> list[str]:
     return sorted(name for name in names if name.startswith(incomplete) and not name.startswith("."))
 
 
-Task = Annotated[str | None, typer.Option("--task", autocompletion=task_names, help="Which task, e.g. scooping.")]
+ROBOT, ADVANCED = "Robot", "Advanced"
+"""Panels of the help, below the usual options."""
+
+Task = Annotated[
+    str | None,
+    typer.Option("--task", autocompletion=task_names, show_default="scooping", help="Which task, e.g. scooping."),
+]
 World = Annotated[
     str | None,
-    typer.Option("--world", autocompletion=world_names, help="World of the simulated lab: name or TOML file."),
+    typer.Option(
+        "--world", autocompletion=world_names, show_default="wd", help="World of the simulated lab: name or TOML file."
+    ),
 ]
-Seed = Annotated[int | None, typer.Option("--seed", help="Seed of all random numbers.")]
-Hw = Annotated[str | None, typer.Option("--hw", help="Which hardware: fake, panda, fr3 or own.")]
+Seed = Annotated[int | None, typer.Option("--seed", show_default="0", help="Seed of all random numbers.")]
+Hw = Annotated[
+    str | None,
+    typer.Option("--hw", show_default="fake", rich_help_panel=ROBOT, help="Which hardware: fake, panda, fr3 or own."),
+]
 AnswerWith = Annotated[
     str | None,
-    typer.Option("--answer-with", metavar="COMMAND", help="With --hw own: the program that answers, or person."),
+    typer.Option(
+        "--answer-with",
+        metavar="COMMAND",
+        rich_help_panel=ROBOT,
+        help="With --hw own: the program that answers, or person.",
+    ),
 ]
 AnswerMoves = Annotated[
-    str | None, typer.Option("--answer-moves", help="What that program moves: robot (each trial confirmed) or nothing.")
+    str | None,
+    typer.Option(
+        "--answer-moves",
+        show_default="robot",
+        rich_help_panel=ROBOT,
+        help="What that program moves: robot (each trial confirmed) or nothing.",
+    ),
 ]
 Object = Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of your own object.")]
-Solver = Annotated[str | None, typer.Option("--solver", help="How task policies are found: emulator or naf.")]
-Recorded = Annotated[str | None, typer.Option("--recorded", help="Folder of recorded trials that replace the lab.")]
+Solver = Annotated[
+    str | None, typer.Option("--solver", rich_help_panel=ADVANCED, help="How task policies are found: emulator or naf.")
+]
+Recorded = Annotated[
+    str | None,
+    typer.Option("--recorded", rich_help_panel=ADVANCED, help="Folder of recorded trials that replace the lab."),
+]
 HeldOut = Annotated[
-    float | None, typer.Option("--held-out", help="Share of the recorded trials that only scores, 0 to 0.9.")
+    float | None,
+    typer.Option(
+        "--held-out",
+        show_default="0.5",
+        rich_help_panel=ADVANCED,
+        help="Share of the recorded trials that only scores, 0 to 0.9.",
+    ),
 ]
 Context = Annotated[
     list[str] | None, typer.Option("--context", help="Context as name=value, repeatable; names: adaptsim lab list.")
@@ -81,24 +114,52 @@ Action = Annotated[
 
 Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")]
 Sure = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")]
-Realtime = Annotated[bool, typer.Option("--realtime", help="Simulated lab: at the arm's own pace, to watch.")]
-Pace = Annotated[float | None, typer.Option("--pace", help="Speed of every motion, 0.1 to 1; below 1 nothing counts.")]
-Operator = Annotated[str | None, typer.Option("--operator", help="Your name, for the record of a real arm.")]
+Realtime = Annotated[
+    bool, typer.Option("--realtime", rich_help_panel=ROBOT, help="Simulated lab: at the arm's own pace, to watch.")
+]
+Pace = Annotated[
+    float | None,
+    typer.Option(
+        "--pace",
+        show_default="1",
+        rich_help_panel=ROBOT,
+        help="Speed of every motion, 0.1 to 1; below 1 nothing counts.",
+    ),
+]
+Operator = Annotated[
+    str | None, typer.Option("--operator", rich_help_panel=ROBOT, help="Your name, for the record of a real arm.")
+]
 View = Annotated[bool, typer.Option("--view", help="Show camera, motion and track on a page of 127.0.0.1.")]
 ViewPort = Annotated[
-    int | None, typer.Option("--view-port", min=1024, max=65535, help="Port of that page; implies --view.")
+    int | None,
+    typer.Option(
+        "--view-port", min=1024, max=65535, rich_help_panel=ADVANCED, help="Port of that page; implies --view."
+    ),
 ]
 
-Workers = Annotated[int | None, typer.Option("--workers", help="Number of processes; 0: one per usable core.")]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        "--workers", show_default="0", rich_help_panel=ADVANCED, help="Number of processes; 0: one per usable core."
+    ),
+]
 Scheduler = Annotated[
     str,
     typer.Option(
-        "--scheduler", metavar="ADDRESS", help="Simulate on the workers of this Dask scheduler, not on this computer."
+        "--scheduler",
+        metavar="ADDRESS",
+        rich_help_panel=ADVANCED,
+        help="Simulate on the workers of this Dask scheduler, not on this computer.",
     ),
 ]
 ShareOfWork = Annotated[
     str,
-    typer.Option("--share", metavar="K/N", help="Compute the K-th of N shares; the command without it joins them."),
+    typer.Option(
+        "--share",
+        metavar="K/N",
+        rich_help_panel=ADVANCED,
+        help="Compute the K-th of N shares; the command without it joins them.",
+    ),
 ]
 WorkingFolder = Annotated[Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")]
 

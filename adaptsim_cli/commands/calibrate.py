@@ -64,7 +64,10 @@ def board(
     out: Annotated[Path, typer.Option("--out", help="File to write: .pdf or .png.")] = Path("board.pdf"),
     paper: Annotated[str, typer.Option("--paper", help="a4, a3 or letter.")] = "a4",
     square_mm: Annotated[
-        float | None, typer.Option("--square-mm", help="Edge of a square; default: the largest that fits.")
+        float | None,
+        typer.Option(
+            "--square-mm", rich_help_panel=options.ADVANCED, help="Edge of a square; default: the largest that fits."
+        ),
     ] = None,
     width_mm: Annotated[
         float | None, typer.Option("--width-mm", help="Measured width of all squares of a row together.")
@@ -122,17 +125,33 @@ def solve(
     refine_intrinsics: Annotated[
         bool,
         typer.Option(
-            "--refine-intrinsics", help="Use the focal length, centre and distortion estimated from the views."
+            "--refine-intrinsics",
+            rich_help_panel=options.ADVANCED,
+            help="Use the focal length, centre and distortion estimated from the views.",
         ),
     ] = False,
     exchange: Annotated[
-        list[str] | None, typer.Option("--exchange", help="Two views with exchanged poses, as 25:26; repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--exchange", rich_help_panel=options.ADVANCED, help="Two views with exchanged poses, as 25:26; repeatable."
+        ),
     ] = None,
     shift: Annotated[
-        int, typer.Option("--shift", min=-5, max=5, help="Each picture belongs to the pose this many views later.")
+        int,
+        typer.Option(
+            "--shift",
+            rich_help_panel=options.ADVANCED,
+            min=-5,
+            max=5,
+            help="Each picture belongs to the pose this many views later.",
+        ),
     ] = 0,
-    first: Annotated[str, typer.Option("--from", help="Leave out the views before this one.")] = "",
-    last: Annotated[str, typer.Option("--until", help="Leave out the views after this one.")] = "",
+    first: Annotated[
+        str, typer.Option("--from", rich_help_panel=options.ADVANCED, help="Leave out the views before this one.")
+    ] = "",
+    last: Annotated[
+        str, typer.Option("--until", rich_help_panel=options.ADVANCED, help="Leave out the views after this one.")
+    ] = "",
     as_json: options.Json = False,
 ) -> None:
     """Solve from views recorded elsewhere, on any robot, with the same checks and report.
@@ -157,7 +176,9 @@ def together(
     exchange: Annotated[
         list[str] | None,
         typer.Option(
-            "--exchange", help="A folder and two of its views with exchanged poses, as cam:25:26; repeatable."
+            "--exchange",
+            rich_help_panel=options.ADVANCED,
+            help="A folder and two of its views with exchanged poses, as cam:25:26; repeatable.",
         ),
     ] = None,
     as_json: options.Json = False,

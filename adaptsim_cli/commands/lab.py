@@ -21,7 +21,10 @@ def show(
     world: options.World = None,
     task: options.Task = None,
     seed: options.Seed = None,
-    png: Annotated[Path | None, typer.Option("--png", help="Write the camera picture to this file.")] = None,
+    png: Annotated[
+        Path | None,
+        typer.Option("--png", rich_help_panel=options.ADVANCED, help="Write the camera picture to this file."),
+    ] = None,
     as_json: options.Json = False,
 ) -> None:
     """Show the true parameters of a world. For checks only: learning and tracking never read them.

@@ -31,7 +31,10 @@ def run_iteration(
             "--start-from", autocompletion=options.session_names, help="Begin with the posterior of this session."
         ),
     ] = None,
-    method: Annotated[str | None, typer.Option("--method", help="How to adapt, e.g. adaptsim, udr or random.")] = None,
+    method: Annotated[
+        str | None,
+        typer.Option("--method", show_default="adaptsim", help="How to adapt, e.g. adaptsim, udr or random."),
+    ] = None,
     control: Annotated[
         str | None,
         typer.Option("--control", help="Add blind control trials by a method's first policies, or a session's best."),
@@ -43,7 +46,12 @@ def run_iteration(
     answer_moves: options.AnswerMoves = None,
     yes: options.Yes = False,
     own_calibration: Annotated[
-        bool, typer.Option("--own-calibration", help="Go on with the calibration and touch-off of the session.")
+        bool,
+        typer.Option(
+            "--own-calibration",
+            rich_help_panel=options.ADVANCED,
+            help="Go on with the calibration and touch-off of the session.",
+        ),
     ] = False,
     realtime: options.Realtime = False,
     pace: options.Pace = None,

@@ -252,7 +252,12 @@ def accept(
     trial: options.Trial,
     attempt: Annotated[
         int | None,
-        typer.Option("--attempt", min=1, help="Which attempt; default: the newest with a recording."),
+        typer.Option(
+            "--attempt",
+            rich_help_panel=options.ADVANCED,
+            min=1,
+            help="Which attempt; default: the newest with a recording.",
+        ),
     ] = None,
     reason: Annotated[str, typer.Option("--reason", help="Why it counts after all.")] = "restored by the operator",
     as_json: options.Json = False,

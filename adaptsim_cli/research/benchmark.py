@@ -81,7 +81,9 @@ def world_tables(
     targets: Annotated[
         str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn and named.")
     ] = "develop,drawn,named",
-    rollouts: Annotated[int, typer.Option("--rollouts", min=8, help="True rollouts of each world.")] = 320,
+    rollouts: Annotated[
+        int, typer.Option("--rollouts", rich_help_panel=options.ADVANCED, min=8, help="True rollouts of each world.")
+    ] = 320,
     workers: options.Workers = None,
     scheduler: options.Scheduler = "",
     share: options.ShareOfWork = "",

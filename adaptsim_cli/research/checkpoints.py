@@ -37,7 +37,13 @@ def verify(
     task: options.Task = None,
     own: options.Object = None,
     rollouts: Annotated[
-        int | None, typer.Option("--rollouts", min=0, help="True rollouts to compare with; 0: only read the files.")
+        int | None,
+        typer.Option(
+            "--rollouts",
+            rich_help_panel=options.ADVANCED,
+            min=0,
+            help="True rollouts to compare with; 0: only read the files.",
+        ),
     ] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer rollouts: some ten seconds instead of half a minute.")

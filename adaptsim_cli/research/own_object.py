@@ -33,7 +33,13 @@ def own_object(
         _Ranges, typer.Option("--effect", help="Effect of the scene as name=value, repeatable; names: a world's file.")
     ] = None,
     rollouts: Annotated[
-        int | None, typer.Option("--rollouts", min=64, help="Simulated trials to learn from, if it is another scene.")
+        int | None,
+        typer.Option(
+            "--rollouts",
+            rich_help_panel=options.ADVANCED,
+            min=64,
+            help="Simulated trials to learn from, if it is another scene.",
+        ),
     ] = None,
     seed: options.Seed = None,
     workers: options.Workers = None,

@@ -12,15 +12,30 @@ from adaptsim_cli import options
 def pretrain(
     task: options.Task = None,
     budget: Annotated[str, typer.Option("--budget", help="Size of the whole pretraining: full or small.")] = "full",
-    rollouts: Annotated[int | None, typer.Option("--rollouts", min=64, help="Simulated trials in the dataset.")] = None,
+    rollouts: Annotated[
+        int | None,
+        typer.Option("--rollouts", rich_help_panel=options.ADVANCED, min=64, help="Simulated trials in the dataset."),
+    ] = None,
     denser: Annotated[
-        int | None, typer.Option("--denser", min=0, help="Further trials where the outcome is uncertain.")
+        int | None,
+        typer.Option(
+            "--denser", rich_help_panel=options.ADVANCED, min=0, help="Further trials where the outcome is uncertain."
+        ),
     ] = None,
     episodes: Annotated[
-        int | None, typer.Option("--episodes", min=64, help="Episodes from which each adaptation policy learns.")
+        int | None,
+        typer.Option(
+            "--episodes",
+            rich_help_panel=options.ADVANCED,
+            min=64,
+            help="Episodes from which each adaptation policy learns.",
+        ),
     ] = None,
     judged: Annotated[
-        int | None, typer.Option("--judged", min=4, help="Unseen targets on which the result is evaluated.")
+        int | None,
+        typer.Option(
+            "--judged", rich_help_panel=options.ADVANCED, min=4, help="Unseen targets on which the result is evaluated."
+        ),
     ] = None,
     solver: Annotated[
         str | None,

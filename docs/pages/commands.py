@@ -74,6 +74,6 @@ def _option(parameter: Any) -> str:
     kind = {int: "N", float: "NUMBER", str: "TEXT", Path: "PATH"}.get(parameter.type_descriptor.annotation)
     if kind and not _is_argument(parameter):
         shown += f" {kind}"
-    default = parameter.default
+    default = parameter.show_default if isinstance(parameter.show_default, str) else parameter.default
     plain = default in (None, False, "", ()) or callable(default)
     return f"| {shown} | {'' if plain else f'`{default}`'} | {cell(parameter.help or '')} |"

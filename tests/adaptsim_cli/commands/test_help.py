@@ -1,0 +1,62 @@
+"""What `--help` shows: commands in panels, rare options apart, defaults, paragraphs that the terminal wraps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import typer
+
+from adaptsim_cli import app
+from adaptsim_cli.config import Config
+from adaptsim_cli.options import ADVANCED, ROBOT
+
+RARE = {"--denser", "--episodes", "--judged", "--shift", "--refine-intrinsics", "--own-calibration"}
+RARE |= {"--view-port", "--square-mm", "--attempt", "--png"}
+
+
+def walk(node: Any, path: str = "") -> list[tuple[str, Any]]:
+    below = getattr(node, "commands", {})
+    here = [(path, node)] if path else []
+    return [*here, *(pair for name, one in below.items() for pair in walk(one, f"{path} {name}".strip()))]
+
+
+COMMANDS = dict(walk(typer.main.get_command(app.app)))
+OPTIONS = [(path, option) for path, command in COMMANDS.items() for option in command.params]
+
+
+def test_every_command_is_in_one_panel_and_set_up_comes_first(capfd: pytest.CaptureFixture[str]) -> None:
+    app.run(["--help"])
+    shown = capfd.readouterr().out
+    places = [shown.index(f"─ {panel} ─") for panel in app.PANELS]
+    assert places == sorted(places)
+    assert list(app.PANELS) == ["Set up", "Run", "Look", "Research", "Maintain"]
+    assert list(app.PANELS["Set up"])[:3] == ["setup", "doctor", "calibrate"]
+    names = [name for commands in app.PANELS.values() for name in commands]
+    assert sorted(names) == sorted({path.split()[0] for path in COMMANDS})
+    assert "─ Commands ─" not in shown
+    assert "Quick start" in shown
+    assert "Documentation: " in shown
+
+
+def test_no_docstring_is_wrapped_twice() -> None:
+    for path, command in COMMANDS.items():
+        for paragraph in (command.help or "").split("\n\n"):
+            assert "\n" not in paragraph.strip(), path
+
+
+def test_rare_options_stand_apart() -> None:
+    for path, option in OPTIONS:
+        if set(option.opts) & RARE:
+            assert option.rich_help_panel == ADVANCED, (path, option.opts)
+    assert {option.rich_help_panel for _, option in OPTIONS} <= {None, ADVANCED, ROBOT}
+
+
+def test_defaults_that_settings_decide_are_those_of_the_settings() -> None:
+    usual, compared = Config(), 0
+    for path, option in OPTIONS:
+        if isinstance(option.show_default, str) and option.name in Config.model_fields:
+            compared += 1
+            expected = getattr(usual, option.name)
+            assert option.show_default == (f"{expected:g}" if isinstance(expected, float) else str(expected)), path
+    assert compared > 40

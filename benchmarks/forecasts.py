@@ -97,7 +97,8 @@ def course(checkpoint: Checkpoint, world: str, play_in: Play, seed: int, *, wire
     final, contexts = learner.final(history), task.context.sample(rng, MOST_PAIRS)
     after = [trial.reward for trial in play_in(contexts, final.actions(contexts), rng)]
     beside = [trial.reward for trial in play_in(contexts, udr.actions(contexts), rng)]
-    differences = np.concatenate([np.array(rewards) - control, np.array(after) - beside])[:MOST_PAIRS]
+    paired = (np.array(rewards) - control)[PARTICLES * each :]  # control trials begin with the second iteration
+    differences = np.concatenate([paired, np.array(after) - beside])[:MOST_PAIRS]
     is_shown = capital(differences, np.zeros(())) >= 2.0 / ALPHA
     return Course(
         world,

@@ -82,7 +82,7 @@ class ImaginedSession:
 
     first_success: int | None  # trials until the end of the iteration with the first one; None: none succeeded
     stop: int | None  # trials until the verdict says stop; None: it never did
-    differences: Array  # (n,) reward of each trial, minus that of UDR beside it
+    differences: Array  # (n,) rewards minus those of UDR beside them, from the second iteration on, as with --control
 
 
 def forecast(
@@ -165,7 +165,7 @@ def _played(
             stop = len(rewards)
     succeeded = np.flatnonzero(np.array(rewards) > FAILED)
     first = particles * each * (int(succeeded[0]) // (particles * each) + 1) if len(succeeded) else None
-    return ImaginedSession(first, stop, np.array(rewards) - np.array(control))
+    return ImaginedSession(first, stop, (np.array(rewards) - np.array(control))[particles * each :])
 
 
 def needed(counts: Sequence[int | None]) -> TrialsNeeded:

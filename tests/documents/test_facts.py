@@ -88,6 +88,25 @@ def test_after_four_trials_the_pages_say_how_far_each_method_is(sessions: Sessio
     assert f"`adaptsim` {early['adaptsim']} after four trials, as Bayesian optimisation" in text(README)
 
 
+def test_the_drawn_foods_by_true_rollouts_are_those_of_their_sessions(sessions: Sessions) -> None:
+    page, part = text(RESULTS), "foods-drawn-rollouts"
+    udr, adapted, other = (f"{sessions.mean(part, m):.3f}"[1:] for m in ("udr", "adaptsim", "bo-prior"))
+    gains = sessions.gains(part)
+    worst = min(gains, key=lambda world: gains[world])
+    assert (
+        f"UDR {udr}, `adaptsim` {adapted}, `bo-prior` {other}. Minus UDR +{np.mean(list(gains.values())):.3f}".replace(
+            "+0.", "+."
+        )
+        in page
+    )
+    share = f".05 or more in {sum(g >= GAIN for g in gains.values())} of the {len(gains)}"
+    assert f"{share}, at least −{-gains[worst]:.3f} ({worst})".replace("−0.", "−.") in page
+    (row,) = [line for line in text("docs/results/methods.md").split("| `") if line.startswith("bo-prior` | 1 | 0.924")]
+    lead = sessions.mean(part, "adaptsim") - sessions.mean(part, "bo-prior")
+    assert f"{lead:+.3f} (+0.001 to +0.049)" in row
+    assert "Minus `bo-prior` +.020 (.001 to .049)" in page
+
+
 def test_the_drawn_foods_are_those_of_their_sessions(sessions: Sessions) -> None:
     page, part = text(RESULTS), "foods-drawn"
     means = {m: f"{sessions.mean(part, m):.3f}"[1:] for m in ("udr", "adaptsim", "bo-prior", "random", "sysid-bayes")}

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 
 from pages import ROOT
 from pages.commands import commands
@@ -27,6 +28,7 @@ PAGES = {
     DOCS / "reference/files.md": files,
     DOCS / "reference/json.md": json_output,
     DOCS / "guide/troubleshooting.md": messages,
+    DOCS / "guide/developer-messages.md": partial(messages, for_developers=True),
 }
 
 

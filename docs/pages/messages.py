@@ -17,13 +17,33 @@ MESSAGES_HEAD = """# Troubleshooting by message
 
 Written by `make docs` from the errors that the program raises. Search this page for a part of the message that you see; `…` stands
 for a value. Most messages end with what to do; the same command continues the session. What to do beside the arm: [When something goes
-wrong](faults.md).
+wrong](faults.md). What tasks, rollouts, training and benchmarks say: [messages for developers](developer-messages.md).
 
 The exit code of a command tells the kind of error:
 
 | exit code | errors |
 |---|---|
 """
+
+DEVELOPERS_HEAD = """# Messages for developers
+
+Written by `make docs` from the errors that tasks, rollouts, training and benchmarks raise: what somebody meets who adds a task or a
+method, or compares them. What an operator meets: [troubleshooting by message](troubleshooting.md).
+
+| exit code | errors |
+|---|---|
+"""
+
+DEVELOPERS = (
+    "sim/adaptation",
+    "sim/research",
+    "sim/rollouts",
+    "sim/solvers",
+    "sim/storage",
+    "sim/tasks",
+    "adaptsim_cli/research",
+)
+"""Folders whose messages no session beside an arm shows."""
 
 ADVICE = {
     2: "Nothing was opened and nothing has moved. Correct the command, setting or file that the message names. `adaptsim config show` "
@@ -43,19 +63,23 @@ FEWEST_WORDS = 3
 """Shorter templates are only a value that is passed on."""
 
 
-def messages() -> str:
-    """Every documented error with its exit code, its meaning and its messages."""
+def messages(*, for_developers: bool = False) -> str:
+    """Every documented error with its exit code, its meaning and its messages to an operator, or to a developer."""
     kinds = {kind.__name__: kind for kind in error_classes()}
     found: dict[str, set[str]] = {name: set() for name in kinds}
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
+            if str(path.relative_to(ROOT)).startswith(DEVELOPERS) is not for_developers:
+                continue
             for name, text in _raised(ast.parse(path.read_text(encoding="utf-8"))):
                 if name in found and len(text.replace("…", "").split()) >= FEWEST_WORDS:
                     found[name].add(text)
     by_code: dict[int, list[str]] = {}
     for name, kind in kinds.items():
+        if for_developers and not found[name]:
+            continue
         by_code.setdefault(app.exit_code(kind("")), []).append(name)
-    parts = [MESSAGES_HEAD.rstrip()]
+    parts = [(DEVELOPERS_HEAD if for_developers else MESSAGES_HEAD).rstrip()]
     parts += [
         f"| [{code}](#exit-code-{code}) | {', '.join(sorted(names))} |" for code, names in sorted(by_code.items())
     ]

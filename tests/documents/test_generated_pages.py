@@ -19,11 +19,22 @@ def test_committed_pages_are_current():
 
 
 def test_every_documented_error_has_an_exit_code_and_advice():
-    page = (DOCS / "guide/troubleshooting.md").read_text("utf-8")
+    operators, developers = (DOCS / f"guide/{name}.md" for name in ("troubleshooting", "developer-messages"))
+    page = operators.read_text("utf-8")
     for kind in error_classes():
         assert kind.__name__ in page
     assert "the disk is full" in page
-    assert "must be positive" in page
+    assert "must be positive" in page + developers.read_text("utf-8")
+
+
+def test_an_operator_reads_no_message_of_a_benchmark_and_a_developer_none_of_the_arm():
+    operators, developers = (
+        (DOCS / f"guide/{name}.md").read_text("utf-8") for name in ("troubleshooting", "developer-messages")
+    )
+    assert "there is no finished table of world" in developers
+    assert "there is no finished table of world" not in operators
+    assert "the camera's driver has not answered" in operators
+    assert "the camera's driver has not answered" not in developers
 
 
 def test_every_number_of_every_task_is_explained():

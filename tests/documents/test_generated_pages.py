@@ -33,8 +33,8 @@ def test_an_operator_reads_no_message_of_a_benchmark_and_a_developer_none_of_the
     )
     assert "there is no finished table of world" in developers
     assert "there is no finished table of world" not in operators
-    assert "the camera's driver has not answered" in operators
-    assert "the camera's driver has not answered" not in developers
+    assert "the camera gave no complete image" in operators
+    assert "the camera gave no complete image" not in developers
 
 
 def test_every_number_of_every_task_is_explained():

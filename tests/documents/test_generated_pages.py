@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import pictures
 import pytest
 from generate import DOCS, stale
 from pages import files
@@ -69,3 +70,10 @@ def test_a_field_without_a_meaning_is_an_error(tmp_path, monkeypatch):
         ("quux", "int", "`3`", "a test"),
         ("good", "int", "–", "says what it is"),
     ]
+
+
+def test_the_pictures_of_the_guide_show_the_program_as_it_is():
+    assert not (old := pictures.outdated()), f"run `python docs/pictures.py` and commit: {', '.join(old)}"
+    for name, files_that_draw in pictures.DRAWN_BY.items():
+        assert (pictures.FIGURES / name).is_file()
+        assert all((pictures.ROOT / file).is_file() for file in files_that_draw)

@@ -1,0 +1,115 @@
+"""Make the pictures of the guide again, from the program as it is.
+
+    python docs/pictures.py            a few minutes; needs Chromium or Chrome
+    python docs/pictures.py --check    exit code 1 if a screen that a picture shows has changed since
+
+A session runs in the simulated lab with its page open: camera, live page, report. The planned motion is played from the
+page of `adaptsim preview`. What the pictures show is written to docs/figures/pictures.json, by a digest of the files
+that draw each of them; a test compares.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import cv2
+from check_live import Tab, adaptsim, free_port, tab, until
+
+ROOT = Path(__file__).parents[1]
+FIGURES, STATES = ROOT / "docs/figures", ROOT / "docs/figures/pictures.json"
+WORLD = ("--task", "scooping", "--world", "cucumber", "--seed", "0")
+
+DRAWN_BY: Mapping[str, Sequence[str]] = {
+    "guide-camera-view.png": ("sim/worlds/scooping/cucumber.toml", "sim/render/renderer.py", "sim/lab/kinect.py"),
+    "guide-preview.png": ("sim/lab/preview.py",),
+    "guide-report.png": ("adaptsim_cli/report/page.html.j2", "adaptsim_cli/report/style.css"),
+    "live-page.png": ("adaptsim_cli/view/page.html",),
+}
+"""Each picture, and the files that draw what it shows."""
+
+
+def digests() -> dict[str, str]:
+    """The digest of what each picture shows."""
+    return {
+        name: hashlib.sha256(b"".join((ROOT / file).read_bytes() for file in files)).hexdigest()[:16]
+        for name, files in DRAWN_BY.items()
+    }
+
+
+def outdated() -> list[str]:
+    """The pictures whose screens have changed since they were made."""
+    made = json.loads(STATES.read_text(encoding="utf-8")) if STATES.is_file() else {}
+    return [name for name, digest in digests().items() if made.get(name) != digest]
+
+
+def shoot(page: Tab, name: str, width: int, height: int) -> None:
+    """The page as it is laid out now."""
+    page.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+    time.sleep(1.0)
+    shot = page.ask("Page.captureScreenshot", format="png")
+    (FIGURES / name).write_bytes(base64.b64decode(shot["data"]))
+
+
+def session(page: Tab) -> None:
+    """Two iterations: the live page when a trial of the second one is tracked, then the report."""
+    port = free_port()
+    command = adaptsim("run-iteration", *WORLD, "--session", "guide", "-n", "2", "--yes", "--view-port", str(port))
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        for line in running.stdout:
+            if line.startswith("Live page:"):
+                break
+        page.open(f"http://127.0.0.1:{port}/")
+        until(lambda: page.script("Boolean(state.judged && state.trial.iteration === 2)"), "no trial arrived")
+        shoot(page, "live-page.png", 1120, 1560)
+        running.communicate()
+    page.open((Path(os.environ["ADAPTSIM_HOME"]) / "data/sessions/guide/report.html").as_uri())
+    shoot(page, "guide-report.png", 970, 980)
+
+
+def preview(page: Tab, folder: Path) -> None:
+    """The planned motion, half way."""
+    html = folder / "preview.html"
+    subprocess.run(adaptsim("preview", "--task", "scooping", "--html", str(html)), check=True, capture_output=True)
+    page.open(html.as_uri())
+    time.sleep(6.0)  # the scene is drawn, and the motion plays
+    shoot(page, "guide-preview.png", 900, 600)
+
+
+def camera(folder: Path) -> None:
+    """The camera's picture of the table."""
+    whole = folder / "camera.png"
+    subprocess.run(adaptsim("lab", "show", *WORLD, "--png", str(whole)), check=True, capture_output=True)
+    picture = cv2.imread(str(whole))
+    assert picture is not None, "the lab wrote its picture"
+    cv2.imwrite(str(FIGURES / "guide-camera-view.png"), cv2.resize(picture, (900, 506), interpolation=cv2.INTER_AREA))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true")
+    if parser.parse_args().check:
+        print("\n".join(outdated()) or "every picture shows the program as it is")
+        return 1 if outdated() else 0
+    with tempfile.TemporaryDirectory() as home, tab(Path(home)) as page:
+        os.environ["ADAPTSIM_HOME"] = home
+        camera(Path(home))
+        preview(page, Path(home))
+        session(page)
+    STATES.write_text(json.dumps(digests(), indent=1) + "\n", encoding="utf-8")
+    print("\n".join(f"docs/figures/{name}" for name in DRAWN_BY))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

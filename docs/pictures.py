@@ -21,9 +21,12 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
-from check_live import Tab, adaptsim, free_port, tab, until
+
+if TYPE_CHECKING:
+    from check_live import Tab
 
 ROOT = Path(__file__).parents[1]
 FIGURES, STATES = ROOT / "docs/figures", ROOT / "docs/figures/pictures.json"
@@ -62,6 +65,8 @@ def shoot(page: Tab, name: str, width: int, height: int) -> None:
 
 def session(page: Tab) -> None:
     """Two iterations: the live page when a trial of the second one is tracked, then the report."""
+    from check_live import adaptsim, free_port, until  # noqa: PLC0415 needs a package that the check does not
+
     port = free_port()
     command = adaptsim("run-iteration", *WORLD, "--session", "guide", "-n", "2", "--yes", "--view-port", str(port))
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
@@ -79,6 +84,8 @@ def session(page: Tab) -> None:
 
 def preview(page: Tab, folder: Path) -> None:
     """The planned motion, half way."""
+    from check_live import adaptsim  # noqa: PLC0415
+
     html = folder / "preview.html"
     subprocess.run(adaptsim("preview", "--task", "scooping", "--html", str(html)), check=True, capture_output=True)
     page.open(html.as_uri())
@@ -88,6 +95,8 @@ def preview(page: Tab, folder: Path) -> None:
 
 def camera(folder: Path) -> None:
     """The camera's picture of the table."""
+    from check_live import adaptsim  # noqa: PLC0415
+
     whole = folder / "camera.png"
     subprocess.run(adaptsim("lab", "show", *WORLD, "--png", str(whole)), check=True, capture_output=True)
     picture = cv2.imread(str(whole))
@@ -101,6 +110,8 @@ def main() -> int:
     if parser.parse_args().check:
         print("\n".join(outdated()) or "every picture shows the program as it is")
         return 1 if outdated() else 0
+    from check_live import tab  # noqa: PLC0415
+
     with tempfile.TemporaryDirectory() as home, tab(Path(home)) as page:
         os.environ["ADAPTSIM_HOME"] = home
         camera(Path(home))

@@ -182,8 +182,11 @@ def main() -> None:
         ("shuffled", played(checkpoint, asked.targets, asked.out, asked.seed, wired=False)),
     ):
         called = [one for one in those if Kind.UNINFORMED.value in one.kinds]
-        lost = [one for one in those if Kind.HOPELESS.value in one.kinds and one not in called]
-        print(f"\n{name} outcomes: uninformed in {len(called)} of {len(those)}, hopeless in {len(lost)} others")
+        varied = [one for one in those if 0.2 <= np.mean(np.array(one.rewards) > FAILED) <= 0.8]
+        print(
+            f"\n{name} outcomes: uninformed in {len(called)} of {len(those)}, in {sum(one in called for one in varied)} of "
+            f"the {len(varied)} where a fifth to four fifths of the trials succeeded"
+        )
         if name == "true" and called:
             print("  " + ", ".join(f"{one.world} (final {one.final:.2f}, UDR {one.udr:.2f})" for one in called))
 

@@ -42,8 +42,8 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "") -> str:
         rank = verdict.rank_correlation
         order = "all alike" if rank is None else f"in no better order (rank correlation {signed(rank)})"
         sentences.append(
-            f"From the second iteration on they missed by {verdict.prediction_error:.2f} (root mean square), no better "
-            f"than the mean of the rewards would, and were {order}. Another iteration would rest on them: find the "
+            f"From the second iteration on most of them missed, by {verdict.prediction_error:.2f} in the root mean "
+            f"square; the mean of the rewards would do no worse, and they were {order}. Another iteration would rest on them: find the "
             "cause first, or measure the best policy itself."
         )
     if Reason.FAILURES in verdict.reasons:

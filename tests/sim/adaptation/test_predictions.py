@@ -43,7 +43,8 @@ def test_all_alike_have_no_order() -> None:
     ("predicted", "observed", "is_uninformed"),
     [
         ([0.9] * 10, [0.92, 0.88] * 5, False),  # right, and all alike
-        ([0.8] * 10, [0.0, 0.9] * 5, True),  # a coin
+        ([0.8] * 10, [0.0, 0.55] * 5, True),  # a coin
+        ([0.8] * 16, [0.85] * 12 + [0.0] + [0.85] * 3, False),  # one failure
         ([0.9, 0.2] * 5, [0.9, 0.1] * 5, False),  # right, and different
         ([0.9, 0.5] * 5, [0.6, 0.0] * 5, False),  # too high, in the right order
         ([0.9, 0.2] * 5, [0.1, 0.9] * 5, True),  # in the wrong order
@@ -70,6 +71,6 @@ def test_good_predictions_of_noisy_trials_are_hardly_ever_called_so() -> None:
 
 def test_the_quality_changes_no_other_figure() -> None:
     measured = quality([0.8] * 10, [0.0, 0.9] * 5)
-    assert not replace(measured, error=0.1).is_uninformed
+    assert not replace(measured, misses=0.4).is_uninformed
     assert not replace(measured, rank_correlation=0.6).is_uninformed
     assert not replace(measured, latest_error=0.05).is_uninformed

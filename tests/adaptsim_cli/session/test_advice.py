@@ -88,6 +88,7 @@ def steps(verdict: Verdict, iteration: int = 1, facts: Facts = FACTS) -> list[st
         (Kind.ENOUGH, 2, [USE, RUN]),
         (Kind.CONVERGED, 3, [USE, RUN]),
         (Kind.HOPELESS, 3, [CHECK, TOUCH, USE]),
+        (Kind.UNINFORMED, 3, [CHECK, TOUCH, USE]),
         (Kind.STAYS_LOW, 4, [RANGES, USE]),
     ],
 )

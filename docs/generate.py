@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable, Mapping
 from functools import partial
+from pathlib import Path
 
 from pages import ROOT
 from pages.commands import commands
@@ -22,7 +24,7 @@ from pages.parameters import parameters
 
 DOCS = ROOT / "docs"
 
-PAGES = {
+PAGES: Mapping[Path, Callable[[], str]] = {
     DOCS / "reference/commands.md": commands,
     DOCS / "reference/parameters.md": parameters,
     DOCS / "reference/files.md": files,

@@ -88,7 +88,7 @@ WHOLE = (
 )
 SHORT = (Part("pendulum", "pendulum", "wd,ood-1", {(*FIVE, "adaptsim-iteration", "random", "oracle"): 1}, 6),)
 
-HEAD = """For who compares methods. `{command}` runs the sessions and writes this page from
+HEAD = """All methods, compared. `{command}` runs the sessions and writes this page from
 [sessions.csv](sessions.csv), which has a line for each. *Reward*: that of the policy that a session ends with, between
 0 and 1, with its 95 % interval over worlds (bootstrap). *Lead*: `adaptsim` minus this method in the same worlds with
 the same seeds, and the world where that is least. `oracle` and `best-action` are limits, not methods: the best E and

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import base64
 import hashlib
+import io
 import json
 import os
 import subprocess
@@ -24,6 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import cv2
+from PIL import Image
 
 if TYPE_CHECKING:
     from check_live import Tab
@@ -39,6 +41,10 @@ DRAWN_BY: Mapping[str, Sequence[str]] = {
     "live-page.png": ("adaptsim_cli/view/page.html",),
 }
 """Each picture, and the files that draw what it shows."""
+
+
+COLOURS = 128
+"""Of a picture, so that it is small."""
 
 
 def digests() -> dict[str, str]:
@@ -60,7 +66,7 @@ def shoot(page: Tab, name: str, width: int, height: int) -> None:
     page.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
     time.sleep(1.0)
     shot = page.ask("Page.captureScreenshot", format="png")
-    (FIGURES / name).write_bytes(base64.b64decode(shot["data"]))
+    Image.open(io.BytesIO(base64.b64decode(shot["data"]))).convert("RGB").quantize(COLOURS).save(FIGURES / name)
 
 
 def session(page: Tab) -> None:
@@ -101,7 +107,8 @@ def camera(folder: Path) -> None:
     subprocess.run(adaptsim("lab", "show", *WORLD, "--png", str(whole)), check=True, capture_output=True)
     picture = cv2.imread(str(whole))
     assert picture is not None, "the lab wrote its picture"
-    cv2.imwrite(str(FIGURES / "guide-camera-view.png"), cv2.resize(picture, (900, 506), interpolation=cv2.INTER_AREA))
+    small = cv2.resize(picture, (720, 405), interpolation=cv2.INTER_AREA)
+    Image.fromarray(small[..., ::-1]).quantize(COLOURS).save(FIGURES / "guide-camera-view.png")
 
 
 def main() -> int:

@@ -182,10 +182,10 @@ def main() -> None:
         ("shuffled", played(checkpoint, asked.targets, asked.out, asked.seed, wired=False)),
     ):
         called = [one for one in those if Kind.UNINFORMED.value in one.kinds]
-        varied = [one for one in those if 0.2 <= np.mean(np.array(one.rewards) > FAILED) <= 0.8]
+        varied = [one for one in those if 0.1 <= np.mean(np.array(one.rewards) > FAILED) <= 0.9]
         both = sum(one in called for one in varied)
         print(f"\n{name} outcomes: uninformed in {len(called)} of {len(those)}", end="; ")
-        print(f"of the {len(varied)} where a fifth to four fifths of the trials succeeded, in {both}")
+        print(f"of the {len(varied)} where a tenth to nine tenths of the trials succeeded, in {both}")
         if name == "true" and called:
             print("  " + ", ".join(f"{one.world} (final {one.final:.2f}, UDR {one.udr:.2f})" for one in called))
 

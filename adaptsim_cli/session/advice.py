@@ -42,7 +42,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "") -> str:
         rank = verdict.rank_correlation
         order = "all alike" if rank is None else f"in no better order (rank correlation {signed(rank)})"
         sentences.append(
-            f"From the second iteration on most of them missed, by {verdict.prediction_error:.2f} in the root mean "
+            f"From the second iteration on many of them missed, by {verdict.prediction_error:.2f} in the root mean "
             f"square; the mean of the rewards would do no worse, and they were {order}. Another iteration would rest "
             "on them: find the cause first, or measure the best policy itself."
         )

@@ -15,8 +15,8 @@ LEAST = 8
 MISS = 0.2
 """An error below this leaves a choice between good and bad actions."""
 
-MOST = 0.5
-"""Share of the predictions that miss. A few failures among many trials are chance, or are learnt from."""
+MISSES = 0.25
+"""Share of the predictions that miss. Fewer failures among many trials are chance, or are learnt from."""
 
 NO_BETTER = 0.9
 """Predictions that err at least this share of the error of a constant carry no information by size."""
@@ -46,11 +46,11 @@ class PredictionQuality:
 
     @property
     def is_uninformed(self) -> bool:
-        """Whether most predictions miss, no better than a constant, and in no order either; and not only earlier: those
+        """Whether many predictions miss, no better than a constant, and in no order either; and not only earlier: those
         of the latest iteration are wrong as well.
         """
         is_ordered = self.rank_correlation is not None and self.rank_correlation >= NO_ORDER
-        is_wrong = self.misses >= MOST and self.error >= NO_BETTER * self.error_of_mean
+        is_wrong = self.misses >= MISSES and self.error >= NO_BETTER * self.error_of_mean
         return self.trials >= LEAST and is_wrong and self.latest_error > STILL and not is_ordered
 
 

@@ -5,6 +5,7 @@ wrote it. There are two kinds of files:
 
 * Records that a program writes. An unknown key is an addition of a newer version (`from_any_version`): it is ignored,
   written back when the record is written again (`content_of`), and named by `additions`. It is never called damage.
+  Nor is a new word of an enumeration with a member `UNKNOWN`, as which it is read.
 * Files that people write: rigs, worlds, objects, manifests, views from elsewhere. An unknown key is a typing error, or
   a safeguard that this version would ignore. It is refused.
 
@@ -14,6 +15,7 @@ A key that goes, or that gets another meaning, raises the file's `format`. A new
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import StrEnum
 from typing import Any, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, PrivateAttr, ValidationInfo, model_validator
@@ -21,6 +23,8 @@ from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, PrivateAt
 AnyRecord = TypeVar("AnyRecord", bound="Record")
 
 _ANY_VERSION = "any version"
+UNKNOWN = "unknown"
+"""The member of an enumeration as which a word of a newer version is read."""
 
 
 class Record(BaseModel):
@@ -44,8 +48,10 @@ class Record(BaseModel):
     def _set_additions_aside(cls, table: Any, handler: ModelWrapValidatorHandler[Self], info: ValidationInfo) -> Self:
         if info.context != _ANY_VERSION or not isinstance(table, Mapping):
             return handler(table)
-        record = handler({key: value for key, value in table.items() if key in cls.model_fields})
-        record._additions.update({key: value for key, value in table.items() if key not in cls.model_fields})
+        own = {key: value for key, value in table.items() if key in cls.model_fields}
+        words = {key: value for key, value in own.items() if _is_new_word(cls.model_fields[key].annotation, value)}
+        record = handler({**own, **dict.fromkeys(words, UNKNOWN)})
+        record._additions.update({key: value for key, value in table.items() if key not in cls.model_fields} | words)
         return record
 
     def view(self, kind: type[AnyRecord]) -> AnyRecord:
@@ -79,6 +85,14 @@ def content_of(record: Record) -> dict[str, Any]:
     table = _with_additions(record, record.model_dump(mode="json"))
     assert isinstance(table, dict)
     return table
+
+
+def _is_new_word(kind: object, value: object) -> bool:
+    """Whether an enumeration of words allows for later ones, and this is one."""
+    if not (isinstance(kind, type) and issubclass(kind, StrEnum) and isinstance(value, str)):
+        return False
+    words = {word.value for word in kind}
+    return UNKNOWN in words and value not in words
 
 
 def _additions_of(value: object) -> list[str]:

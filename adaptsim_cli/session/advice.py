@@ -27,6 +27,7 @@ HEADLINES = {
     Kind.NOT_CONVERGED: "Not converged yet",
     Kind.CONVERGED: "Converged",
     Kind.STAYS_LOW: "The reward stays low",
+    Kind.UNKNOWN: "A verdict that only a newer version of adaptsim can word",
 }
 """Each kind of verdict in a few words."""
 

@@ -23,6 +23,7 @@ class Kind(StrEnum):
     NOT_CONVERGED = "not_converged"
     CONVERGED = "converged"
     STAYS_LOW = "stays_low"  # the reward is low, and more iterations do not help
+    UNKNOWN = "unknown"  # the word of a newer version
 
 
 class Reason(StrEnum):

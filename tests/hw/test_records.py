@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
+
 import pytest
 from pydantic import ValidationError
 
 from hw.records import HandWritten, Record, content_of, from_any_version
+from sim.adaptation.verdict import Kind, Verdict
 
 
 class Inner(Record):
@@ -16,6 +19,20 @@ class Outer(Record):
     rows: tuple[Inner, ...] = ()
     by_name: dict[str, Inner] = {}  # noqa: RUF012 - pydantic copies it
     centre: Inner | None = None
+
+
+class Word(StrEnum):
+    OLD = "old"
+    UNKNOWN = "unknown"
+
+
+class Closed(StrEnum):
+    LEFT = "left"
+
+
+class Spoken(Record):
+    word: Word = Word.OLD
+    side: Closed = Closed.LEFT
 
 
 class Typed(HandWritten):
@@ -40,6 +57,26 @@ def test_additions_are_ignored_named_and_written_back():
     assert record.additions == ("context_off", "rows.sigma_m", "by_name.place", "centre.axis")
     assert content_of(record) == NEWER
     assert content_of(record.model_copy(update={"centre": None}))["context_off"] is True
+
+
+def test_a_new_word_is_read_as_unknown_named_and_written_back():
+    record = from_any_version(Spoken, {"word": "newest", "side": "left"})
+    assert record.word is Word.UNKNOWN
+    assert record.additions == ("word",)
+    assert content_of(record) == {"word": "newest", "side": "left"}
+    assert from_any_version(Spoken, {"word": "old"}).additions == ()
+    with pytest.raises(ValidationError, match="side"):
+        from_any_version(Spoken, {"side": "right"})
+    with pytest.raises(ValidationError, match="word"):
+        Spoken.model_validate({"word": "newest"})
+
+
+def test_the_verdict_of_a_newer_version_is_no_damage():
+    stored = {"kind": "scattered", "reward": 0.5, "ci95": [0.2, 0.8], "trials": 8, "strange": 0}
+    verdict = from_any_version(Verdict, stored)
+    assert verdict.kind is Kind.UNKNOWN
+    assert not verdict.stops
+    assert content_of(verdict)["kind"] == "scattered"
 
 
 def test_a_record_without_additions_has_none():

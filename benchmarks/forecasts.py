@@ -29,8 +29,8 @@ from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import udr_policies
 from sim.adaptation.paired import ALPHA, capital
 from sim.adaptation.sessions import begin_in_memory
-from sim.adaptation.trials_forecast import TrialsForecast, load
-from sim.adaptation.trials_needed import ITERATIONS, MOST_PAIRS
+from sim.adaptation.trials_forecast import MOST_PAIRS, TrialsForecast, load
+from sim.adaptation.trials_needed import ITERATIONS
 from sim.adaptation.verdict import Kind
 from sim.lab.physics import in_physics
 from sim.research.benchmark.tables import load_table

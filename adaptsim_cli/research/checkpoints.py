@@ -150,6 +150,7 @@ def trials(
     from adaptsim_cli import config
     from adaptsim_cli.research import pretraining
     from adaptsim_cli.screen import console, views
+    from sim.adaptation.trials_forecast import MOST_PAIRS
 
     settings = config.load({"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed}).config
     screen = console.Screen(as_json=as_json)
@@ -161,11 +162,11 @@ def trials(
         return
     forecast = result["forecast"]
     until = [
-        ("an iteration has a success", "trial", forecast.first_success),
-        ("the verdict says stop", "trial", forecast.stop),
+        ("an iteration has a success", "trial", forecast.trials, forecast.first_success),
+        ("the verdict says stop", "trial", forecast.trials, forecast.stop),
+        *((f"a gain of {one.difference:g} over UDR is shown", "pair", MOST_PAIRS, one) for one in forecast.shown),
     ]
-    until += [(f"a gain of {one.difference:g} over UDR is shown", "pair", one) for one in forecast.shown]
-    body = [(what, _at_most(one.half, unit), _at_most(one.four_of_five, unit)) for what, unit, one in until]
+    body = [(words, _at_most(one.half, unit, n), _at_most(one.four_of_five, unit, n)) for words, unit, n, one in until]
     screen.show(views.rows(("until", "half of the sessions", "four of five"), body))
     screen.plain(
         f"{forecast.sessions} imagined sessions of {forecast.trials} trials; in brackets, the share that need no more."
@@ -173,9 +174,9 @@ def trials(
     screen.next((f"adaptsim run-iteration --task {settings.task}", "the first trials"))
 
 
-def _at_most(share: SessionShare, unit: str) -> str:
+def _at_most(share: SessionShare, unit: str, limit: int) -> str:
     if share.most is None:
-        return f"not within the session ({100 * share.share:.0f} % within it)"
+        return f"more than {limit} {unit}s ({100 * share.share:.0f} % by then)"
     return f"{share.most} {unit}{'s' * (share.most != 1)} ({100 * share.share:.0f} %)"
 
 

@@ -13,6 +13,10 @@ FILE = "trials.toml"
 """The forecast in the folder of its checkpoint."""
 
 
+MOST_PAIRS = 60
+"""Pairs are looked for up to here."""
+
+
 class SessionShare(Record):
     """The share of the imagined sessions that need at most so many trials, or pairs."""
 

@@ -22,7 +22,7 @@ from sim.adaptation.methods.udr import Udr
 from sim.adaptation.paired import ALPHA, capital
 from sim.adaptation.reality import END, FACTORS_STD, LEAST_END_STD, SUCCESS, Discrepancy, Simulators
 from sim.adaptation.sessions import begin_in_memory
-from sim.adaptation.trials_forecast import PairsNeeded, SessionShare, TrialsForecast, TrialsNeeded
+from sim.adaptation.trials_forecast import MOST_PAIRS, PairsNeeded, SessionShare, TrialsForecast, TrialsNeeded
 from sim.solvers.solver import SolvedPolicy, policy_for
 
 SESSIONS = 64
@@ -36,9 +36,6 @@ DIFFERENCES = (0.1, 0.2, 0.4)
 
 ALIKE = 16
 """Imagined sessions whose difference is nearest to the one in question, and which stand for it."""
-
-MOST_PAIRS = 60
-"""Pairs are looked for up to here."""
 
 _FUTURES = 400
 

@@ -103,3 +103,29 @@ def test_wrong_flags_and_objects_are_named(copied, refused):
     own.write_text('task = "pendulum"\nname = "heavy"\n[ranges]\nm1 = [1.5, 2.0]\n')
     asked = ["checkpoints", "verify", str(copied), "--task", "pendulum", "--object", str(own), "--rollouts", "0"]
     assert "different parameters, margin of pendulum" in refused(8, *asked)
+
+
+def test_the_trials_that_a_session_needs_are_read_from_beside_the_checkpoint(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    assert app.run(["checkpoints", "trials", "--task", "scooping"]) == 0
+    said = " ".join(capfd.readouterr().out.split())
+    assert "an iteration has a success 4 trials (94 %)" in said
+    assert "64 imagined sessions of 20 trials" in said
+    assert app.run(["checkpoints", "trials", "--task", "scooping", "--json"]) == 0
+    output = json.loads(capfd.readouterr().out)
+    assert output["is_kept"] is True
+    assert [one["difference"] for one in output["forecast"]["shown"]] == [0.1, 0.2, 0.4]
+
+
+def test_a_new_session_says_it_in_a_line_and_a_continued_one_does_not(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    run = ["run-iteration", "--task", "pendulum", "--session", "s", "--yes"]
+    assert app.run(run) == 0
+    line = "Of 64 imagined sessions 91 % had a success by trial 4 and 91 % were told to stop by trial 4"
+    assert line in " ".join(capfd.readouterr().out.split())
+    assert app.run(run) == 0
+    assert "imagined sessions" not in capfd.readouterr().out
+    assert app.run([*run[:3], "--method", "random", "--session", "r", "--yes"]) == 0
+    assert "imagined sessions" not in capfd.readouterr().out

@@ -103,7 +103,7 @@ app = typer.Typer(
 
 
 def _unwrapped(doc: str | None) -> str:
-    """A docstring whose paragraphs are one line each, so that the terminal alone wraps them."""
+    """A docstring with each paragraph on one line: only the terminal wraps it."""
     return "\n\n".join(" ".join(part.split()) for part in inspect.cleandoc(doc or "").split("\n\n"))
 
 

@@ -1,4 +1,4 @@
-"""Is it true what is said before and during a session? How many trials it needs, and whether its predictions inform.
+"""Are the statements of a session true? The number of trials that it needs, and whether its predictions inform.
 
     python benchmarks/forecasts.py --task pendulum --targets drawn
     python benchmarks/forecasts.py --task scooping --targets foods     needs the worlds' tables (adaptsim world-tables)
@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -23,20 +22,16 @@ from adaptsim_cli import config
 from adaptsim_cli.research.benchmarking import tables_folder
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
-from sim.adaptation.learner import Learner
-from sim.adaptation.method import FAILED, Iteration, Trial
-from sim.adaptation.methods import make_method
+from sim.adaptation.method import FAILED, Trial
 from sim.adaptation.methods.udr import udr_policies
 from sim.adaptation.paired import ALPHA, capital
-from sim.adaptation.sessions import begin_in_memory
 from sim.adaptation.trials_forecast import MOST_PAIRS, TrialsForecast, load
-from sim.adaptation.trials_needed import ITERATIONS
+from sim.adaptation.trials_needed import Play, course
 from sim.adaptation.verdict import Kind
 from sim.lab.physics import in_physics
 from sim.research.benchmark.tables import load_table
 from sim.research.benchmark.trial_sources import SimulatedTrials, Tabled, TrialSource
 from sim.research.benchmark.worlds import BenchmarkWorld, targets_of
-from sim.solvers.solver import SolvedPolicy
 from sim.tasks import get_task
 from sim.tasks.fingerprint import scene_key
 from sim.tasks.task import Task
@@ -45,12 +40,10 @@ PARTICLES = 2
 NEAR = {0.1: (0.05, 0.15), 0.2: (0.15, 0.3), 0.4: (0.3, 0.5)}
 """The gains over UDR of worlds that a row of the forecast stands for."""
 
-Play = Callable[[Array, Array, np.random.Generator], tuple[Trial, ...]]
-
 
 @dataclass(frozen=True)
 class Course:
-    """One session."""
+    """One session, as it is kept."""
 
     world: str
     rewards: list[float]
@@ -64,49 +57,28 @@ class Course:
     udr: float
 
 
-def course(checkpoint: Checkpoint, world: str, play_in: Play, seed: int, *, wired: bool) -> Course:
+def kept_course(checkpoint: Checkpoint, world: str, play_in: Play, seed: int, *, wired: bool) -> Course:
     """Play a session; `wired`: the outcomes are those of the actions, else of random ones."""
-    task, solver = checkpoint.solver.task, checkpoint.solver
-    each, rng = task.adaptation.trials_per_iteration, np.random.default_rng((seed, 1))
-    udr = udr_policies(solver, np.random.default_rng((seed, 2)))[0]
-    rewards, predicted, control, kinds = list[float](), list[float](), list[float](), list[str]()
+    task, rng = checkpoint.solver.task, np.random.default_rng((seed, 1))
+    udr = udr_policies(checkpoint.solver, np.random.default_rng((seed, 2)))[0]
 
-    def trials_of(contexts: Array, actions: Array) -> tuple[Trial, ...]:
-        moved = actions if wired else task.action.sample(rng, len(actions))
-        trials = play_in(contexts, moved, rng)
+    def shuffled(contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Trial, ...]:
+        trials = play_in(contexts, task.action.sample(rng, len(actions)), rng)
         return tuple(replace(trial, action=action) for trial, action in zip(trials, actions, strict=True))
 
-    def play(policy: SolvedPolicy, iteration: int, particle: int) -> tuple[Trial, ...]:
-        contexts = task.context.sample(rng, each)
-        expected = [policy.predict(context)[0] for context in contexts]
-        trials = trials_of(contexts, np.stack([policy(context) for context in contexts]))
-        predicted.extend(expected)
-        rewards.extend(trial.reward for trial in trials)
-        control.extend(trial.reward for trial in play_in(contexts, udr.actions(contexts), rng))
-        return tuple(replace(trial, predicted=one) for trial, one in zip(trials, expected, strict=True))
-
-    learner = Learner(make_method("adaptsim", task, checkpoint), solver, solver)
-    session = begin_in_memory(learner, play, (PARTICLES, each), np.random.default_rng(seed), lambda _: rng)
-    stop: int | None = None
-    history: tuple[Iteration, ...] = ()
-    for history in session.iterations(ITERATIONS):
-        verdict = learner.judge(history).verdict
-        kinds.append(verdict.kind.value)
-        stop = len(rewards) if stop is None and verdict.stops else stop
-    succeeded = np.flatnonzero(np.array(rewards) > FAILED)
-    final, contexts = learner.final(history), task.context.sample(rng, MOST_PAIRS)
+    one = course(checkpoint, play_in if wired else shuffled, udr, rng, particles=PARTICLES)
+    final, contexts = one.learner.final(one.history), task.context.sample(rng, MOST_PAIRS)
     after = [trial.reward for trial in play_in(contexts, final.actions(contexts), rng)]
     beside = [trial.reward for trial in play_in(contexts, udr.actions(contexts), rng)]
-    paired = (np.array(rewards) - control)[PARTICLES * each :]  # control trials begin with the second iteration
-    differences = np.concatenate([paired, np.array(after) - beside])[:MOST_PAIRS]
+    differences = np.concatenate([one.differences, np.array(after) - beside])[:MOST_PAIRS]
     is_shown = capital(differences, np.zeros(())) >= 2.0 / ALPHA
     return Course(
         world,
-        rewards,
-        predicted,
-        kinds,
-        PARTICLES * each * (int(succeeded[0]) // (PARTICLES * each) + 1) if len(succeeded) else None,
-        stop,
+        [trial.reward for trial in one.trials],
+        [trial.predicted for trial in one.trials],
+        [kind.value for kind in one.kinds],
+        one.first_success,
+        one.stop,
         float(differences.mean()),
         int(is_shown.argmax()) + 1 if is_shown.any() else None,
         float(np.mean(after)),
@@ -130,7 +102,7 @@ def played(checkpoint: Checkpoint, targets: str, out: Path, seed: int, *, wired:
     for target in targets_of(task, targets.split(",")):
         path = out / f"{task.name}-{target.name}-{seed}-{'true' if wired else 'shuffled'}.json"
         if not path.exists():
-            one = course(checkpoint, target.name, source(checkpoint, task, target).play, seed, wired=wired)
+            one = kept_course(checkpoint, target.name, source(checkpoint, task, target).play, seed, wired=wired)
             path.write_text(json.dumps(asdict(one)))
         courses.append(Course(**json.loads(path.read_text())))
     return courses

@@ -152,19 +152,27 @@ def adaptsim(*arguments: str) -> list[str]:
     return [sys.executable, "-c", "from adaptsim_cli.app import main; main()", *arguments]
 
 
-def watched(page: Tab, task: str, session: str, more: list[str]) -> None:
-    """Run one iteration with its page open, and look at it when all is there and when it is over."""
+@contextmanager
+def live_session(page: Tab, shown: str, *arguments: str) -> Iterator[None]:
+    """A running session, unattended, with its page open; entered once the page's expression `shown` holds."""
     port = free_port()
-    command = adaptsim("run-iteration", "--task", task, "--session", session, "--yes", "--view-port", str(port), *more)
+    command = adaptsim("run-iteration", *arguments, "--yes", "--view-port", str(port))
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
         assert running.stdout is not None
         for line in running.stdout:
             if line.startswith("Live page:"):
                 break
         page.open(f"http://127.0.0.1:{port}/")
-        until(lambda: page.script("Boolean(state.judged && state.rewards && state.rewards.length)"), "no trial arrived")
-        page.look(f"live-{session}")
+        until(lambda: page.script(f"Boolean({shown})"), "no trial arrived")
+        yield
         running.communicate()
+
+
+def watched(page: Tab, task: str, session: str, more: list[str]) -> None:
+    """Run one iteration with its page open, and look at it when all is there and when it is over."""
+    shown = "state.judged && state.rewards && state.rewards.length"
+    with live_session(page, shown, "--task", task, "--session", session, *more):
+        page.look(f"live-{session}")
     until(lambda: page.script("over") is True, "the page does not say that the command has ended", 60.0)
     if page.script("document.body.innerText.includes('SIMULATED')") is not True:
         page.problems.append("the live page does not say SIMULATED")

@@ -71,19 +71,11 @@ def shoot(page: Tab, name: str, width: int, height: int) -> None:
 
 def session(page: Tab) -> None:
     """Two iterations: the live page when a trial of the second one is tracked, then the report."""
-    from check_live import adaptsim, free_port, until  # noqa: PLC0415 needs a package that the check does not
+    from check_live import live_session  # noqa: PLC0415 needs a package that the check does not
 
-    port = free_port()
-    command = adaptsim("run-iteration", *WORLD, "--session", "guide", "-n", "2", "--yes", "--view-port", str(port))
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
-        assert running.stdout is not None
-        for line in running.stdout:
-            if line.startswith("Live page:"):
-                break
-        page.open(f"http://127.0.0.1:{port}/")
-        until(lambda: page.script("Boolean(state.judged && state.trial.iteration === 2)"), "no trial arrived")
+    shown = "state.judged && state.trial.iteration === 2"
+    with live_session(page, shown, *WORLD, "--session", "guide", "-n", "2"):
         shoot(page, "live-page.png", 1120, 1560)
-        running.communicate()
     page.open((Path(os.environ["ADAPTSIM_HOME"]) / "data/sessions/guide/report.html").as_uri())
     shoot(page, "guide-report.png", 970, 980)
 

@@ -39,7 +39,7 @@ class PlayedTrial(Record):
     attempt: int = described("which attempt at it counts, from 1")
     iteration: int = described("number of its iteration, from 1")
     particle: int = described("number of its particle, from 1")
-    role: Role = described("`own` or `control`: whose policy acted; `alone`: an iteration without control trials")
+    role: Role = described("`own` or `control`: which policy acted; `alone`: an iteration without control trials")
     predicted_reward: float = described("reward that the simulator predicted")
     overruled_from: Outcome | None = described("tracked outcome, if the operator set another")
     timing_s: dict[str, float] | None = optional("wall time by stage; null where the iteration states it")

@@ -142,8 +142,8 @@ def trials(
 ) -> None:
     """How many trials will a session need? Whole sessions are played in imagined worlds, before the first real trial.
 
-    An imagined world is what the method itself holds possible: parameters of the ranges and their margin, and
-    deviations that no parameter expresses. A pair is a trial and a control trial of UDR in the same place.
+    The method itself holds an imagined world possible: parameters of the ranges and their margin, and deviations
+    that no parameter expresses. A pair is a trial and a control trial of UDR in the same place.
 
     Example: adaptsim checkpoints trials --task scooping
     """

@@ -84,7 +84,7 @@ def read_line() -> str:
 def lines_typed() -> list[str]:
     """The lines typed since the last answer, lower case and stripped, without waiting; none without a terminal.
 
-    Only for what no motion can follow from.
+    Never for an answer that can start a motion.
     """
     lines = []
     while sys.stdin.isatty() and select.select([sys.stdin], [], [], 0.0)[0] and (line := sys.stdin.readline()):

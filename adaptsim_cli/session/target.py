@@ -57,8 +57,8 @@ class MotionPreview:
 
 
 AT_ONCE = (
-    "The motion starts at once. Ctrl-C stops it along its path; then this trial does not count. Did something go wrong "
-    "that you saw? Type r and Enter while the arm goes back: the trial is rejected, and not tracked first."
+    "The motion starts at once. Ctrl-C stops it along its path; then this trial does not count. Did you see it "
+    "fail? Type r and Enter while the arm goes back: the trial is rejected before it is tracked."
 )
 
 

@@ -1,5 +1,7 @@
-"""Serves one page on this computer. Its state goes out as server-sent events; nothing comes in. A page that is open
-asks for the camera's newest picture."""
+"""Serves one page on this computer. Its state goes out as server-sent events; nothing comes in.
+
+An open page asks for the camera's newest picture.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,7 @@ class Page:
     """Serves `html` at `address`; open pages show every `show` at once."""
 
     def __init__(self, html: str, port: int | None = None, newest: Callable[[], bytes | None] | None = None) -> None:
-        """`newest` gives the JPEG at /camera: whoever has the page open asks for it, or nobody does."""
+        """`newest` gives the JPEG at /camera; only an open page asks for it."""
         self._html, self._wanted, self._newest = html.encode(), port, newest
         self._news = threading.Condition()
         self._state = b"{}"

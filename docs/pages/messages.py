@@ -43,7 +43,7 @@ DEVELOPERS = (
     "sim/tasks",
     "adaptsim_cli/research",
 )
-"""Folders whose messages no session beside an arm shows."""
+"""No session beside an arm shows a message of these folders."""
 
 ADVICE = {
     2: "Nothing was opened and nothing has moved. Correct the command, setting or file that the message names. `adaptsim config show` "

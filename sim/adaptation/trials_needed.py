@@ -1,6 +1,6 @@
 """How many trials will a session need? Whole sessions are played in imagination, before the first real trial.
 
-An imagined world is what the default method itself holds possible before any trial (`sim.adaptation.reality`):
+An imagined world is one that the default method holds possible before any trial (`sim.adaptation.reality`):
 parameters of the margin, and smooth discrepancies of that simulator. In each the whole session runs, with the same
 learner, action errors and camera noise as on a table; beside every trial UDR acts in the same context.
 """
@@ -16,13 +16,14 @@ import numpy as np
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, prospects_of
 from sim.adaptation.learner import Learner
-from sim.adaptation.method import FAILED, Trial, trials_of_rows
+from sim.adaptation.method import FAILED, Iteration, Trial, trials_of_rows
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import Udr
 from sim.adaptation.paired import ALPHA, capital
 from sim.adaptation.reality import END, FACTORS_STD, LEAST_END_STD, SUCCESS, Discrepancy, Simulators
 from sim.adaptation.sessions import begin_in_memory
 from sim.adaptation.trials_forecast import MOST_PAIRS, PairsNeeded, SessionShare, TrialsForecast, TrialsNeeded
+from sim.adaptation.verdict import Kind
 from sim.solvers.solver import SolvedPolicy, policy_for
 
 SESSIONS = 64
@@ -73,13 +74,72 @@ class ImaginedWorld:
         return [Discrepancy(s.times(f), nowhere, nothing) for s, f in zip(scales, self.factors, strict=True)]
 
 
-@dataclass(frozen=True, eq=False)
-class ImaginedSession:
-    """The course of a session in one imagined world."""
+Play = Callable[[Array, Array, np.random.Generator], tuple[Trial, ...]]
+"""Trials of a world at contexts (N, c) by commanded actions (N, a)."""
 
-    first_success: int | None  # trials until the end of the iteration with the first one; None: none succeeded
-    stop: int | None  # trials until the verdict says stop; None: it never did
-    differences: Array  # (n,) rewards minus those of UDR beside them, from the second iteration on, as with --control
+
+@dataclass(frozen=True, eq=False)
+class SessionCourse:
+    """A whole session of the default method, with a control trial of UDR beside each of its trials."""
+
+    learner: Learner
+    history: tuple[Iteration, ...]
+    control: Array  # (n,) rewards of the control trials
+    kinds: tuple[Kind, ...]  # of the verdict after each iteration
+
+    @property
+    def trials(self) -> list[Trial]:
+        """Its own trials, in order; each knows its prediction."""
+        return [trial for iteration in self.history for entry in iteration for trial in entry.trials]
+
+    @property
+    def each(self) -> int:
+        """Trials of an iteration."""
+        return len(self.control) // len(self.history)
+
+    @property
+    def first_success(self) -> int | None:
+        """Trials until the end of the iteration with the first success; None: none succeeded."""
+        succeeded = [trial.reward > FAILED for trial in self.trials]
+        return self.each * (succeeded.index(True) // self.each + 1) if True in succeeded else None
+
+    @property
+    def stop(self) -> int | None:
+        """Trials until the verdict says stop; None: it never did."""
+        stops = [kind.stops for kind in self.kinds]
+        return self.each * (stops.index(True) + 1) if True in stops else None
+
+    @property
+    def differences(self) -> Array:
+        """Rewards minus those of UDR beside them, from the second iteration on, as with `--control`."""
+        return (np.array([trial.reward for trial in self.trials]) - self.control)[self.each :]
+
+
+def course(
+    checkpoint: Checkpoint,
+    play_in: Play,
+    udr: SolvedPolicy,
+    rng: np.random.Generator,
+    iterations: int = ITERATIONS,
+    particles: int = 2,
+) -> SessionCourse:
+    """Play a session of the default method in a world. Raises CheckpointError if the checkpoint cannot predict."""
+    task, each = checkpoint.solver.task, checkpoint.solver.task.adaptation.trials_per_iteration
+    control = list[float]()
+
+    def play(policy: SolvedPolicy, iteration: int, particle: int) -> tuple[Trial, ...]:
+        contexts = task.context.sample(rng, each)
+        trials = play_in(contexts, np.stack([policy(context) for context in contexts]), rng)
+        control.extend(trial.reward for trial in play_in(contexts, udr.actions(contexts), rng))
+        expected = [policy.predict(context)[0] for context in contexts]
+        return tuple(replace(trial, predicted=one) for trial, one in zip(trials, expected, strict=True))
+
+    learner = Learner(make_method("adaptsim", task, checkpoint), checkpoint.solver, checkpoint.solver)
+    session = begin_in_memory(learner, play, (particles, each), rng, lambda _: rng)
+    kinds, history = list[Kind](), tuple[Iteration, ...]()
+    for history in session.iterations(iterations):
+        kinds.append(learner.judge(history).verdict.kind)
+    return SessionCourse(learner, history, np.array(control), tuple(kinds))
 
 
 def forecast(
@@ -91,19 +151,21 @@ def forecast(
 ) -> TrialsForecast:
     """Play imagined sessions and count. Raises CheckpointError if the checkpoint cannot predict."""
     task = checkpoint.solver.task
-    budget = ITERATIONS * particles * task.adaptation.trials_per_iteration
-    played = imagine(checkpoint, budget, particles, seed, sessions, progress)
+    played = imagine(checkpoint, ITERATIONS, particles, seed, sessions, progress)
     return TrialsForecast(
         task=task.name,
         checkpoint_sha256=checkpoint.sha256,
         particles=particles,
         sessions=sessions,
-        trials=budget,
+        trials=len(played[0].control),
         seed=seed,
         first_success=needed([one.first_success for one in played]),
         stop=needed([one.stop for one in played]),
         shown=tuple(
-            PairsNeeded(difference=gain, **needed(pairs_until_shown(played, gain, seed)).model_dump())
+            PairsNeeded(
+                difference=gain,
+                **needed(pairs_until_shown([one.differences for one in played], gain, seed)).model_dump(),
+            )
             for gain in DIFFERENCES
         ),
     )
@@ -111,22 +173,20 @@ def forecast(
 
 def imagine(
     checkpoint: Checkpoint,
-    budget: int,
+    iterations: int = ITERATIONS,
     particles: int = 2,
     seed: int = 0,
     sessions: int = SESSIONS,
     progress: Callable[[int, int], None] | None = None,
-) -> list[ImaginedSession]:
-    """Play the sessions of the default method, each of `budget` trials.
-
-    Raises CheckpointError if the checkpoint cannot predict.
-    """
+) -> list[SessionCourse]:
+    """Play a session in each of `sessions` imagined worlds. Raises CheckpointError if the checkpoint cannot predict."""
     task = checkpoint.solver.task
     simulators = Simulators(checkpoint.solver, prospects_of("adaptsim", task, checkpoint))
     udr = policy_for(checkpoint.solver, Udr(task).start(1, np.random.default_rng(seed))[0].samples)
     played = []
     for number in range(sessions):
-        played.append(_played(checkpoint, _world(simulators, seed, number), udr, budget, particles, (seed, number)))
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 1)))
+        played.append(course(checkpoint, _world(simulators, seed, number).play, udr, rng, iterations, particles))
         if progress is not None:
             progress(number + 1, sessions)
     return played
@@ -137,32 +197,6 @@ def _world(simulators: Simulators, seed: int, number: int) -> ImaginedWorld:
     truths = simulators.truths
     factors = np.exp(FACTORS_STD * rng.standard_normal(1 + len(simulators.end_unit)))
     return ImaginedWorld(simulators, truths[rng.integers(len(truths))], int(rng.integers(2**31)), factors)
-
-
-def _played(
-    checkpoint: Checkpoint, world: ImaginedWorld, udr: SolvedPolicy, budget: int, particles: int, which: tuple[int, int]
-) -> ImaginedSession:
-    task, each = checkpoint.solver.task, checkpoint.solver.task.adaptation.trials_per_iteration
-    rng = np.random.default_rng(np.random.SeedSequence(which[0], spawn_key=(which[1], 1)))
-    rewards, control, stop = list[float](), list[float](), None
-
-    def play(policy: SolvedPolicy, iteration: int, particle: int) -> tuple[Trial, ...]:
-        contexts = task.context.sample(rng, each)
-        trials = world.play(contexts, np.stack([policy(context) for context in contexts]), rng)
-        expected = [policy.predict(context)[0] for context in contexts]
-        trials = tuple(replace(trial, predicted=e) for trial, e in zip(trials, expected, strict=True))
-        rewards.extend(trial.reward for trial in trials)
-        control.extend(trial.reward for trial in world.play(contexts, udr.actions(contexts), rng))
-        return trials
-
-    learner = Learner(make_method("adaptsim", task, checkpoint), checkpoint.solver, checkpoint.solver)
-    session = begin_in_memory(learner, play, (particles, each), rng, lambda _: rng)
-    for history in session.iterations(budget // (particles * each)):
-        if stop is None and learner.judge(history).verdict.stops:
-            stop = len(rewards)
-    succeeded = np.flatnonzero(np.array(rewards) > FAILED)
-    first = particles * each * (int(succeeded[0]) // (particles * each) + 1) if len(succeeded) else None
-    return ImaginedSession(first, stop, (np.array(rewards) - np.array(control))[particles * each :])
 
 
 def needed(counts: Sequence[int | None]) -> TrialsNeeded:
@@ -179,14 +213,17 @@ def _share(counts: Sequence[int | None], least: float) -> SessionShare:
     return SessionShare(share=sum(count is not None for count in counts) / len(counts))
 
 
-def pairs_until_shown(sessions: Sequence[ImaginedSession], difference: float, seed: int = 0) -> list[int | None]:
-    """Pairs until a gain of `difference` over UDR is shown, in futures drawn from the sessions nearest to it."""
+def pairs_until_shown(sessions: Sequence[Array], difference: float, seed: int = 0) -> list[int | None]:
+    """Pairs until a gain of `difference` over UDR is shown, in futures drawn from the sessions nearest to it.
+
+    `sessions` holds the differences (n,) of each.
+    """
     rng = np.random.default_rng(seed)
-    means = np.array([one.differences.mean() for one in sessions])
+    means = np.array([own.mean() for own in sessions])
     nearest = np.argsort(np.abs(means - difference), kind="stable")[:ALIKE]
     counts = list[int | None]()
     for index in nearest:
-        own = sessions[index].differences
+        own = sessions[index]
         moved = np.clip(own + difference - own.mean(), -1.0, 1.0)
         drawn = rng.choice(moved, (_FUTURES // ALIKE, MOST_PAIRS))
         is_shown = capital(drawn, np.zeros(len(drawn))) >= 2.0 / ALPHA

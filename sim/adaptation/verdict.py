@@ -25,6 +25,11 @@ class Kind(StrEnum):
     STAYS_LOW = "stays_low"  # the reward is low, and more iterations do not help
     UNKNOWN = "unknown"  # the word of a newer version
 
+    @property
+    def stops(self) -> bool:
+        """Whether it says that more trials are not worth their time."""
+        return self in (Kind.ENOUGH, Kind.HOPELESS, Kind.UNINFORMED, Kind.CONVERGED, Kind.STAYS_LOW)
+
 
 class Reason(StrEnum):
     """What else speaks for the verdict."""
@@ -55,7 +60,7 @@ class Verdict(Record):
     @property
     def stops(self) -> bool:
         """Whether it says that more trials are not worth their time."""
-        return self.kind in (Kind.ENOUGH, Kind.HOPELESS, Kind.UNINFORMED, Kind.CONVERGED, Kind.STAYS_LOW)
+        return self.kind.stops
 
     @property
     def is_inexpressible(self) -> bool:

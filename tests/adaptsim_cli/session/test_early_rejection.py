@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import pty
+import select
+import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -31,7 +32,7 @@ def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 
 def arrives(keyboard: int, text: str) -> None:
     os.write(keyboard, text.encode())
-    time.sleep(0.05)
+    assert select.select([sys.stdin], [], [], 5.0)[0], "the terminal has a whole line"
 
 
 def test_lines_typed_while_the_program_works_are_read_without_waiting(keyboard: int) -> None:
@@ -48,7 +49,7 @@ def test_r_asks_why_and_q_takes_it_back(keyboard: int, reason: str, review: str)
     assert operator.rejected_already() == ""
     assert "Why does" not in said(screen)
     arrives(keyboard, "r\n")
-    answer = threading.Timer(0.3, arrives, (keyboard, f"{reason}\n"))
+    answer = threading.Timer(0.3, os.write, (keyboard, f"{reason}\n".encode()))
     answer.start()
     assert operator.rejected_already() == review
     assert "Why does this trial not count?" in said(screen)

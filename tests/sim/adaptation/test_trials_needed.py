@@ -15,7 +15,6 @@ from sim.adaptation.reality import Simulators
 from sim.adaptation.trials_forecast import FILE, SessionShare, load, save
 from sim.adaptation.trials_needed import (
     DIFFERENCES,
-    ImaginedSession,
     ImaginedWorld,
     _world,
     forecast,
@@ -77,7 +76,7 @@ def test_a_share_is_that_of_the_sessions_that_need_no_more(
 
 def test_larger_gains_are_shown_after_fewer_pairs() -> None:
     rng = np.random.default_rng(0)
-    sessions = [ImaginedSession(1, 4, rng.normal(gain, 0.3, 20)) for gain in np.linspace(-0.1, 0.8, 40)]
+    sessions = [rng.normal(gain, 0.3, 20) for gain in np.linspace(-0.1, 0.8, 40)]
     shown = [pairs_until_shown(sessions, gain) for gain in DIFFERENCES]
     assert {len(counts) for counts in shown} == {len(shown[0])}
     by_30 = [np.mean([count is not None and count <= 30 for count in counts]) for counts in shown]
@@ -105,7 +104,7 @@ def test_a_forecast_is_kept_beside_its_checkpoint_and_no_other(tmp_path: Path) -
 def test_a_first_success_is_a_trial_and_the_stop_an_iteration() -> None:
     pendulum = load_checkpoint(get_task("pendulum"), "default")
     heard: list[int] = []
-    played = imagine(pendulum, 4, sessions=3, progress=lambda done, total: heard.append(done))
+    played = imagine(pendulum, 2, sessions=3, progress=lambda done, total: heard.append(done))
     assert heard == [1, 2, 3]
     for one in played:
         assert len(one.differences) == 2

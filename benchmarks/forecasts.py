@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import zlib
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -61,9 +62,10 @@ def kept_course(checkpoint: Checkpoint, world: str, play_in: Play, seed: int, *,
     """Play a session; `wired`: the outcomes are those of the actions, else of random ones."""
     task, rng = checkpoint.solver.task, np.random.default_rng((seed, 1))
     udr = udr_policies(checkpoint.solver, np.random.default_rng((seed, 2)))[0]
+    others = np.random.default_rng((seed, 3, zlib.crc32(world.encode())))
 
     def shuffled(contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Trial, ...]:
-        trials = play_in(contexts, task.action.sample(rng, len(actions)), rng)
+        trials = play_in(contexts, task.action.sample(others, len(actions)), rng)
         return tuple(replace(trial, action=action) for trial, action in zip(trials, actions, strict=True))
 
     one = course(checkpoint, play_in if wired else shuffled, udr, rng, particles=PARTICLES)

@@ -76,7 +76,7 @@ class LabCamera:
         return filming.film()
 
     def newest(self) -> NDArray[np.uint8] | None:
-        """See `hw.ports.Camera`: the latest that is rendered. It renders nothing itself, no random number changes."""
+        """See `hw.ports.Camera`: the latest that is rendered. It renders nothing itself: no random number changes."""
         for picture in (one for pictures in reversed(self._latest) for one in reversed(pictures)):
             if picture.done() and not picture.cancelled() and picture.exception() is None:
                 return picture.result()[0]

@@ -18,7 +18,8 @@ from sim.errors import NotExecutable
 from sim.panda.tool import ToolCorrection
 
 if TYPE_CHECKING:
-    from adaptsim_cli.session.target import Paths, Planner
+    from adaptsim_cli.session.live_trial import Paths
+    from adaptsim_cli.session.target import Planner
     from sim.tasks.task import Hardware, Task
     from sim.types import ToolMotion
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from adaptsim_cli.session.target import Detection, Tracker, TrackRequest
+from adaptsim_cli.session.live_trial import Detection
+from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.types import Array, CameraModel, Frame
 from perception.types import ObjectTrack, Outcome
 from sim.errors import UnknownName

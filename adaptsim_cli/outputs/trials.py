@@ -215,8 +215,8 @@ def named(names: Sequence[str], point: Array) -> Quantities:
     return dict(zip(names, as_row(point), strict=True))
 
 
-class Rollout(Output):
-    """One single trial."""
+class Rollout(Output, PlayedTrial):
+    """One single trial, with its conditions."""
 
     task: str = described("which task")
     hw: str = described("hardware: fake, panda or fr3")
@@ -226,14 +226,9 @@ class Rollout(Output):
     params: Quantities | None = described("parameters of the policy; null if the action was chosen by hand")
     session: str | None = described("the session whose best policy acted; null: none")
     iterations: int = described("complete iterations behind that policy")
-    context: Quantities = described("context as measured, in `units`")
     goal_m: tuple[float, ...] | None = described("(x, y) of the goal, for a task with a goal on the table")
-    action: Quantities = described("commanded action, in `units`")
     camera_late_s: float = described("calibrated delay of the camera's time stamps, already subtracted")
-    outcome: Outcome = described("how it ended")
-    reward: float = described("between 0 and 1")
     flags: tuple[str, ...] = described("warnings of the tracking and of the end of the motion")
-    observation: tuple[float | None, ...] = described(OBSERVED)
     track: TrackRecord = described("the tracked object")
     when: str = described("when it was made")
 

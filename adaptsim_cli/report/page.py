@@ -45,16 +45,13 @@ _FIRST, _ADAPTED, _UDR = "c3", "c2", "c4"  # colours that no figure of two parti
 
 
 @dataclass(frozen=True)
-class TrialView:
-    """One trial for the page."""
+class Pictures:
+    """The pictures of one trial on the page."""
 
-    record: TrialRecord
     strip: tuple[tuple[KeyMoment, str], ...]  # each key frame, and its data URL
     film: str  # data URL of the sheet, "" without a camera
     over_film: str  # the figure over it, "" without a prediction
     overlay: str  # data URL, "" if there is none
-    context: str
-    action: str
     prediction: str = ""  # the figure, "" without a prediction
 
 
@@ -64,14 +61,14 @@ class IterationView:
 
     number: int  # from 1
     particles: tuple[tuple[str, str], ...]  # (parameters, next parameters) of each
-    trials: tuple[TrialView, ...]  # the newest first
+    trials: tuple[TrialRecord, ...]  # the newest first
     rejected: tuple[str, ...]
     result: ResultRecord | None
 
     @property
     def mean(self) -> float:
         """Mean reward of its trials."""
-        return float(np.mean([t.record.reward for t in self.trials if t.record.role is not Role.CONTROL]))
+        return float(np.mean([trial.reward for trial in self.trials if trial.role is not Role.CONTROL]))
 
 
 @dataclass(frozen=True)
@@ -113,8 +110,8 @@ def render(
     facts, assessment = store.facts, None if isinstance(judgement, str) else judgement
     rejected = store.rejections()
     public = [i for i in range(store.iterations()) if not is_hidden(store, i)]
-    views = tuple(view for i in public if (view := _iteration(store, i, assessment, rejected)).trials)
-    played = sorted((t.record for view in views for t in view.trials), key=lambda trial: trial.trial)
+    views = tuple(view for i in public if (view := _iteration(store, i, rejected)).trials)
+    played = sorted((trial for view in views for trial in view.trials), key=lambda trial: trial.trial)
     trials = [trial for trial in played if trial.role is not Role.CONTROL]
     results = [view.result for view in views if view.result is not None]
     newest = trials[-1].iteration if trials else 1
@@ -125,6 +122,9 @@ def render(
         facts=facts,
         title=facts.title[:1].upper() + facts.title[1:],
         iterations=views,
+        pictures={trial.trial: _pictures(store, trial, assessment) for trial in played},
+        context_of=lambda trial: _quantities(_described(facts, facts.context), tuple(trial.context.values())),
+        action_of=lambda trial: _quantities(_described(facts, facts.action), tuple(trial.action.values())),
         trials=trials,
         latest=results[-1] if results else None,
         verdict=in_words(results[-1].verdict, facts.object_name, facts.recorded) if results else "",
@@ -255,14 +255,12 @@ def _curve(trials: Sequence[TrialRecord], label: str, column: int, newest: int) 
     return lambda width: figures.curve_view(trials, label, column, newest, width)
 
 
-def _iteration(
-    store: SessionStore, iteration: int, judgement: Judgement | None, rejections: Sequence[Change]
-) -> IterationView:
+def _iteration(store: SessionStore, iteration: int, rejections: Sequence[Change]) -> IterationView:
     parameters, result = _described(store.facts, store.facts.parameters), store.result(iteration)
     now = [_quantities(parameters, particle.mean) for particle in particles_of(store, iteration)]
     then = [_quantities(parameters, np.mean(samples, axis=0)) for samples in result.next_particles] if result else []
     pairs = tuple(zip(now, then or [""] * len(now), strict=True))
-    trials = tuple(_trial(store, record, judgement) for record in reversed(store.played(iteration)))
+    trials = tuple(reversed(store.played(iteration)))
     rejected = tuple(
         f"Trial {one.key.number}, attempt {one.key.attempt + 1}: {one.note.text}"
         for one in rejections
@@ -271,18 +269,16 @@ def _iteration(
     return IterationView(iteration + 1, pairs, trials, rejected, result)
 
 
-def _trial(store: SessionStore, record: TrialRecord, judgement: Judgement | None) -> TrialView:
+def _pictures(store: SessionStore, record: TrialRecord, judgement: Judgement | None) -> Pictures:
     folder = store.trial_folder(*record.place)
     strip = tuple((moment, picture(folder / moment.file)) for moment in record.moments)
     overlay = picture(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
-    facts = store.facts
-    context = _quantities(_described(facts, facts.context), tuple(record.context.values()))
-    action = _quantities(_described(facts, facts.action), tuple(record.action.values()))
+    curves = tuple(store.facts.curves)
     expected = judgement.predictions.get(record.trial) if judgement else None  # None: a control trial
-    drawn = figures.prediction(record, expected, tuple(facts.curves)) if expected else ""
+    drawn = figures.prediction(record, expected, curves) if expected else ""
     film = picture(folder / FILM) if FILM in record.files else ""
-    over = figures.over_film(record, expected) if expected and not facts.curves else ""
-    return TrialView(record, strip, film, over, overlay, context, action, drawn)
+    over = figures.over_film(record, expected) if expected and not curves else ""
+    return Pictures(strip, film, over, overlay, drawn)
 
 
 def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:

@@ -27,10 +27,9 @@ _CHUNK = 1000
 
 
 @dataclass(frozen=True, eq=False)
-class Episode:
-    """One trial, frame by frame."""
+class Frames:
+    """The frames of one trial: an episode."""
 
-    record: TrialRecord
     state: NDArray[np.float32]  # (N, s)
     action: NDArray[np.float32]  # (N, a)
     t_s: NDArray[np.float32]  # (N,) since the start of the motion
@@ -52,7 +51,7 @@ def write(store: SessionStore, records: Sequence[TrialRecord], folder: Path) -> 
     shape: tuple[int, int] = (0, 0)
     for number, record in enumerate(records):
         episode = _seen(store, record) if has_camera else _simulated(store, record)
-        values = _values(episode, number, index, fps)
+        values = _values(record.reward, episode, number, index, fps)
         _write_table(folder / _file("data", number), values, episode.images)
         columns.append(values | ({IMAGE: _pixels(episode.images)} if episode.images else {}))
         index, shape = index + len(episode.state), episode.size
@@ -91,7 +90,7 @@ def _arrow() -> tuple[Any, Any]:
     return pa, pq
 
 
-def _seen(store: SessionStore, record: TrialRecord) -> Episode:
+def _seen(store: SessionStore, record: TrialRecord) -> Frames:
     """The episode of a recording: joints at every image."""
     trial = replaying.open_trial(store, record)
     played, pictures = trial.stored.execution, replaying.jpegs(trial)
@@ -102,26 +101,26 @@ def _seen(store: SessionStore, record: TrialRecord) -> Episode:
     )
     colour = trial.stored.model.colour
     images, size = tuple(jpeg for _, jpeg in pictures), (colour.height, colour.width)
-    return Episode(record, state, action, times_s.astype(np.float32), images, size)
+    return Frames(state, action, times_s.astype(np.float32), images, size)
 
 
-def _simulated(store: SessionStore, record: TrialRecord) -> Episode:
+def _simulated(store: SessionStore, record: TrialRecord) -> Frames:
     """The episode of a trajectory: the state at even times; the action is that of the whole trial."""
     track = record.track.track()
     times_s = np.arange(0.0, float(track.t_s[-1]) + 1e-9, 1.0 / SIMULATED_FPS)
     action = np.tile(record.action_array.astype(np.float32), (len(times_s), 1))
     state = track.at(times_s).astype(np.float32)
-    return Episode(record, state, action, times_s.astype(np.float32), (), (0, 0))
+    return Frames(state, action, times_s.astype(np.float32), (), (0, 0))
 
 
-def _values(e: Episode, number: int, first: int, fps: int) -> dict[str, NDArray[Any]]:
+def _values(reward: float, e: Frames, number: int, first: int, fps: int) -> dict[str, NDArray[Any]]:
     """The frames of an episode, column by column."""
     n = len(e.state)
     done = np.arange(n) == n - 1
     return {
         "observation.state": e.state,
         "action": e.action,
-        "next.reward": np.where(done, e.record.reward, 0.0).astype(np.float32),
+        "next.reward": np.where(done, reward, 0.0).astype(np.float32),
         "next.done": done,
         "arm_time_s": e.t_s,
         "timestamp": (np.arange(n) / fps).astype(np.float32),
@@ -207,7 +206,7 @@ def _pixels(images: Sequence[bytes]) -> NDArray[np.float64]:
     return np.concatenate([picture[::8, ::8, ::-1].reshape(-1, 3).astype(np.float64) / 255.0 for picture in decoded])
 
 
-def _names(store: SessionStore, e: Episode, *, has_camera: bool) -> Mapping[str, list[str]]:
+def _names(store: SessionStore, e: Frames, *, has_camera: bool) -> Mapping[str, list[str]]:
     if has_camera:
         joints = [f"panda_joint{i}" for i in range(1, 8)]
         return {"observation.state": joints, "action": joints}

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from adaptsim_cli.session.live_trial import Image
 from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import Film, KeyMoment
-from adaptsim_cli.session.target import Image
 from hw.poses import inverse
 from hw.types import Array, CameraModel, ContactWindow, Frame
 from perception.types import ObjectTrack, Outcome

@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -34,7 +33,8 @@ from adaptsim_cli.session.control import ControlPolicy, compared, is_hidden, pol
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.film import FILM
-from adaptsim_cli.session.operator import Operator, Proposal
+from adaptsim_cli.session.live_trial import Motion, OutcomeUndecided, Placement, TrackedTrial
+from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
     Draw,
@@ -47,7 +47,7 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.session.store import SessionStore, history_of, particles_of, played_of, result_of, trials_of
 from adaptsim_cli.session.summary import summary
-from adaptsim_cli.session.target import Motion, OutcomeUndecided, Parts, Placement, TrackedTrial
+from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
@@ -197,14 +197,17 @@ def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy, mean: 
         with progress("Choosing the action: the best that the arm can do", "choosing"):
             action = policy(placed.context)
         planned = target.plan(placed, action, progress)
-        proposal = propose(session.parts.task, stage, mean, policy, planned, partial(store.scratch, "overlay.jpg"))
-        show_proposal(session.parts.task, proposal, planned, session.screen, session.watcher)
-        operator.approve(proposal, target.needs_consent, target.release)
+        trial = propose(session.parts.task, stage, mean, policy, planned)
+        if planned.overlay is not None:
+            planned = replace(planned, overlay_file=store.scratch("overlay.jpg", planned.overlay))
+        session.screen.show(terminal_views.proposal(session.parts.task, trial, planned.summary))
+        session.watcher.proposed(trial, planned)
+        operator.approve(trial, planned, target.needs_consent, target.release)
     except (HardwareError, PerceptionError, NotExecutable) as error:
         _again(session, stage, error)
         return None
-    store.mark_started(stage.iteration, stage.key, now(), proposal.trial)
-    return _execute(session, stage, proposal.trial, planned)
+    store.mark_started(stage.iteration, stage.key, now(), trial)
+    return _execute(session, stage, trial, planned)
 
 
 def _goes_on(session: RunningSession, stage: RunTrial) -> bool:
@@ -418,20 +421,10 @@ def _left_s(store: SessionStore, stage: RunTrial) -> float:
     return missing * sum(took_s) / len(took_s) if took_s else 0.0
 
 
-def propose(
-    task: Task,
-    stage: RunTrial,
-    parameters: Array,
-    policy: SolvedPolicy,
-    planned: Placement,
-    keep: Callable[[bytes], Path],
-) -> Proposal:
-    """A planned trial with its expected reward; `parameters` (p,) are those of the policy.
-
-    `keep` stores the picture of the detection for the operator.
-    """
+def propose(task: Task, stage: RunTrial, parameters: Array, policy: SolvedPolicy, planned: Placement) -> MotionRecord:
+    """A planned trial with its expected reward; `parameters` (p,) are those of the policy."""
     expected, low, high = policy.predict(planned.context)
-    trial = MotionRecord(
+    return MotionRecord(
         trial=stage.key.number,
         attempt=stage.key.attempt + 1,
         iteration=stage.iteration + 1,
@@ -446,14 +439,6 @@ def propose(
         predicted_high=high,
         role=stage.role,
     )
-    overlay = None if planned.overlay is None else keep(planned.overlay)
-    return Proposal(trial, planned.summary, planned.announcement, planned.then, overlay)
-
-
-def show_proposal(task: Task, proposal: Proposal, planned: Placement, screen: Screen, watcher: Watcher) -> None:
-    """Show a planned trial before the operator is asked."""
-    screen.show(terminal_views.proposal(task, proposal))
-    watcher.proposed(proposal, planned.preview)
 
 
 def motion_record(proposed: MotionRecord, started: str, motion: Motion, timing_s: dict[str, float]) -> MotionRecord:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Protocol
 
 from rich.text import Text
@@ -13,23 +12,12 @@ from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, agree, enter, stop
 from adaptsim_cli.screen.release import Release
+from adaptsim_cli.session.live_trial import Placement
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from perception.types import Outcome
 from sim.adaptation.stages import RunTrial
-
-
-@dataclass(frozen=True, eq=False)
-class Proposal:
-    """One trial, ready to be executed."""
-
-    trial: MotionRecord
-    summary: str  # of the plan, one sentence
-    announcement: str  # what happens if the operator agrees, one sentence
-    then: str  # what the agreement leads to
-    overlay: Path | None  # picture of the detection; None without a camera
-
 
 Choices = dict[Outcome, float]
 """Outcome that a track can support -> its reward."""
@@ -54,7 +42,7 @@ class Operator(Protocol):
         """Returns once `what` lies at `wanted_m` (2,), or the simulated lab may put it there."""
         ...
 
-    def approve(self, proposal: Proposal, real: bool, release: Release) -> None:
+    def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
         """Returns once the trial may start, which `release` then lets begin."""
         ...
 
@@ -115,12 +103,12 @@ class Attended:
             then = f"The lab places the {what}, the camera finds it, and the motion is planned. Nothing moves yet."
             self.screen.go_on(f"The simulated lab puts the {what} at {_spot(wanted_m)}.", then=then)
 
-    def approve(self, proposal: Proposal, real: bool, release: Release) -> None:
+    def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
         """See `Operator`."""
-        if proposal.overlay is not None:
-            self.screen.plain(f"  Detection: {proposal.overlay}")
+        if planned.overlay_file is not None:
+            self.screen.plain(f"  Detection: {planned.overlay_file}")
         asking = release if release.screen else Release(self.screen)
-        asking.announced(f"{proposal.announcement}.", proposal.then, "everything completed is stored")
+        asking.announced(f"{planned.announcement}.", planned.then, "everything completed is stored")
 
     def rejected_already(self) -> str:
         """See `Operator`; r and Enter, typed while the arm went back."""
@@ -224,7 +212,7 @@ class Unattended:
         """See `Operator`; only shows it."""
         self.screen.show(Text(f"  The simulated lab puts the {what} at {_spot(wanted_m)}", style="dim"))
 
-    def approve(self, proposal: Proposal, real: bool, release: Release) -> None:
+    def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
         """See `Operator`. Raises UsageError for a real arm."""
         if real:
             raise UsageError(

@@ -16,21 +16,11 @@ from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness, clear_to_move, top_speed_m_s
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.film import Filmed, key_moments
+from adaptsim_cli.session.live_trial import Detection, MotionPreview, OutcomeUndecided, Paths, Placement, TrackedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import brightness, rig_checks
 from adaptsim_cli.session.records import RIG, RigFacts, to_json
-from adaptsim_cli.session.target import (
-    Detection,
-    MotionPreview,
-    OutcomeUndecided,
-    Paths,
-    Placement,
-    Planner,
-    Rig,
-    TrackedTrial,
-    Tracker,
-    TrackRequest,
-)
+from adaptsim_cli.session.target import Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.session.topics import joints_at
 from hw.braking import FULL
 from hw.errors import ArmFault, HardwareError, Rehearsed

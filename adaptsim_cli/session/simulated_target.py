@@ -9,9 +9,9 @@ from pathlib import Path
 from adaptsim_cli.outputs.trials import TrackRecord
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
+from adaptsim_cli.session.live_trial import Placement, TrackedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import read, to_json
-from adaptsim_cli.session.target import Placement, TrackedTrial
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.sessions import Progress, silently

@@ -12,7 +12,7 @@ import numpy as np
 
 from adaptsim_cli.config import Config
 from adaptsim_cli.errors import PreflightFailed, UsageError
-from adaptsim_cli.outputs.trials import Rollout
+from adaptsim_cli.outputs.trials import PlayedTrial, Rollout
 from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import failures
@@ -141,6 +141,7 @@ def shown(store: SessionStore, record: TrialRecord, chosen: Chosen) -> Rollout:
     """A trial of a rollout, as it is printed."""
     facts = store.facts
     return Rollout(
+        **dict(record.view(PlayedTrial)),
         task=facts.task,
         hw=facts.hw,
         world=facts.world,
@@ -149,14 +150,9 @@ def shown(store: SessionStore, record: TrialRecord, chosen: Chosen) -> Rollout:
         params=None if chosen.action else record.parameters,
         session=facts.policy_of or None,
         iterations=len(chosen.history),
-        context=record.context,
         goal_m=record.goal_m,
-        action=record.action,
         camera_late_s=facts.camera_late_s,
-        outcome=record.outcome,
-        reward=record.reward,
         flags=record.track.flags,
-        observation=record.observation,
         track=record.track,
         when=record.started,
     )

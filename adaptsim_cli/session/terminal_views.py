@@ -20,7 +20,6 @@ from adaptsim_cli.outputs.sessions import (
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.advice import ENOUGH_ITERATIONS, HEADLINES, compared_in_words, in_words, tried_in
-from adaptsim_cli.session.operator import Proposal
 from adaptsim_cli.session.records import ROLLOUT, Facts, MotionRecord, ResultRecord, TrialRecord
 from hw.types import Array
 from sim.adaptation.method import Particle
@@ -75,15 +74,14 @@ def _of_session(facts: Facts, stage: RunTrial) -> str:
     return f" of {trials}" if stage.key.number <= trials else ""
 
 
-def proposal(task: Task, proposal: Proposal) -> RenderableType:
-    """The proposed action, and its expected outcome."""
-    trial = proposal.trial
+def proposal(task: Task, trial: MotionRecord, summary: str) -> RenderableType:
+    """The proposed action, its expected outcome, and the `summary` of its plan."""
     between = views.predicted_between(trial.predicted_low, trial.predicted_high)
     lines = (
         *_where(task, trial),
         f"Action   {views.values(task.action, trial.action_array)}",
         *(() if trial.is_blind else (f"Expected reward {trial.predicted_reward:.2f} ({between})",)),
-        proposal.summary,
+        summary,
     )
     return views.indent(Group(*map(Text, lines)))
 

@@ -16,10 +16,9 @@ from pydantic import Field
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.operator import Proposal
-from adaptsim_cli.session.records import TrialRecord
+from adaptsim_cli.session.live_trial import Placement, TrackedTrial
+from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import MotionPreview, TrackedTrial
 from adaptsim_cli.storage import durable
 from hw.bounded import JSON_BYTES, parse_table, read_bytes
 from hw.records import Record, from_any_version
@@ -32,7 +31,7 @@ PosteriorSource = Callable[[], Posterior | None]
 class Watcher(Protocol):
     """A view of a session. Each call returns at once, and never raises because it cannot show something."""
 
-    def proposed(self, proposal: Proposal, preview: MotionPreview | None) -> None:
+    def proposed(self, trial: MotionRecord, planned: Placement) -> None:
         """A trial is planned; the operator is asked next."""
         ...
 
@@ -55,10 +54,10 @@ class AllOf:
     def __init__(self, *watchers: Watcher) -> None:
         self._watchers = watchers
 
-    def proposed(self, proposal: Proposal, preview: MotionPreview | None) -> None:
+    def proposed(self, trial: MotionRecord, planned: Placement) -> None:
         """See `Watcher`."""
         for watcher in self._watchers:
-            watcher.proposed(proposal, preview)
+            watcher.proposed(trial, planned)
 
     def tracked(self, record: TrialRecord, tracked_trial: TrackedTrial) -> None:
         """See `Watcher`."""
@@ -121,10 +120,10 @@ class SessionLog:
         """See `Listener`."""
         self.write("noted", text)
 
-    def proposed(self, proposal: Proposal, preview: MotionPreview | None) -> None:
+    def proposed(self, trial: MotionRecord, planned: Placement) -> None:
         """See `Watcher`."""
-        trial, hidden = proposal.trial, BLIND if proposal.trial.is_blind else set()
-        self.write("planned", proposal.summary, **trial.model_dump(mode="json", exclude_defaults=True, exclude=hidden))
+        hidden = BLIND if trial.is_blind else set()
+        self.write("planned", planned.summary, **trial.model_dump(mode="json", exclude_defaults=True, exclude=hidden))
 
     def tracked(self, record: TrialRecord, tracked_trial: TrackedTrial) -> None:
         """See `Watcher`."""

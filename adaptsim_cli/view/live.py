@@ -20,11 +20,11 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import number, quantity
 from adaptsim_cli.session.advice import compared_in_words, in_words
 from adaptsim_cli.session.film import FILM
-from adaptsim_cli.session.operator import Proposal
+from adaptsim_cli.session.live_trial import Image, MotionPreview, Placement, TrackedTrial
 from adaptsim_cli.session.recording import encode_jpeg
-from adaptsim_cli.session.records import ResultRecord, TrialRecord
+from adaptsim_cli.session.records import MotionRecord, ResultRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore, means_of, played_of, results_of
-from adaptsim_cli.session.target import Image, MotionPreview, Parts, TrackedTrial
+from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import PosteriorSource
 from adaptsim_cli.view.server import Page
 from sim.adaptation.posterior import Posterior
@@ -70,11 +70,14 @@ class LiveView:
     def noted(self, text: str) -> None:
         """See `Listener`: warnings are shown in the terminal, and with the trial."""
 
-    def proposed(self, proposal: Proposal, preview: MotionPreview | None) -> None:
+    def proposed(self, trial: MotionRecord, planned: Placement) -> None:
         """See `Watcher`."""
-        parts: dict[str, Any] = {"trial": trial_shown(self._task, self._particles, proposal), "judged": None}
+        parts: dict[str, Any] = {
+            "trial": trial_shown(self._task, self._particles, trial, planned.summary),
+            "judged": None,
+        }
         self._pictures, self._moves = {}, 0
-        if preview is not None:
+        if (preview := planned.preview) is not None:
             name = self._picture(preview.picture)
             parts |= {"picture": picture_shown(preview, name), "motion": motion_shown(preview)}
         self._set(**parts)
@@ -167,9 +170,8 @@ def quantities(space: Space, point: Mapping[str, float]) -> list[dict[str, str]]
     ]
 
 
-def trial_shown(task: Task, particles: int, proposal: Proposal) -> dict[str, Any]:
+def trial_shown(task: Task, particles: int, trial: MotionRecord, summary: str) -> dict[str, Any]:
     """A proposed trial in words."""
-    trial = proposal.trial
     return {
         "number": trial.trial,
         "attempt": trial.attempt,
@@ -180,7 +182,7 @@ def trial_shown(task: Task, particles: int, proposal: Proposal) -> dict[str, Any
         "context": quantities(task.context, trial.context),
         "action": quantities(task.action, trial.action),
         "expected": None if trial.is_blind else [trial.predicted_reward, trial.predicted_low, trial.predicted_high],
-        "summary": proposal.summary,
+        "summary": summary,
     }
 
 

@@ -20,10 +20,11 @@ from adaptsim_cli.report.figures import Prediction
 from adaptsim_cli.report.page import fill
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import quantity
+from adaptsim_cli.session.live_trial import TrackedTrial
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts, TrackedTrial
+from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.storage import durable
 from sim.adaptation.posterior import predicted

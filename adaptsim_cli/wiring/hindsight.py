@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import ValidationError
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.learning import Revealed
 from adaptsim_cli.outputs.sessions import ParameterBelief
-from adaptsim_cli.outputs.trials import Rollout
 from adaptsim_cli.report import page
 from adaptsim_cli.report.agreement import end_error, mean_of
 from adaptsim_cli.report.figures import HeldOutScore, Judgement, Prediction
@@ -285,10 +283,10 @@ def _stored_alone(store: SessionStore, since_ns: int) -> list[float]:
     for trial in sorted((store.folder.parents[1] / "rollouts").glob(f"*/{TRIAL}")):
         if trial.stat().st_mtime_ns < since_ns:
             continue
-        with suppress(SessionError, ValidationError):
-            record = Rollout.model_validate(read_object(trial))
-            if record.session == store.facts.name:
-                rewards.append(record.reward)
+        with suppress(SessionError, KeyError, TypeError, ValueError):
+            record = read_object(trial)
+            if record["session"] == store.facts.name:
+                rewards.append(float(record["reward"]))
     return rewards
 
 

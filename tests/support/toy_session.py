@@ -22,8 +22,9 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session import running
 from adaptsim_cli.session.flow import RunningSession
-from adaptsim_cli.session.operator import Choices, Operator, Proposal, Review, Unattended
-from adaptsim_cli.session.records import TrialRecord
+from adaptsim_cli.session.live_trial import Placement
+from adaptsim_cli.session.operator import Choices, Operator, Review, Unattended
+from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.wiring import session as wiring
 from sim.adaptation.stages import RunTrial
@@ -36,7 +37,7 @@ class ScriptedOperator:
     """Answers from a script: what to say of each reviewed trial, in order; accepts the rest."""
 
     reviews: list[Review] = field(default_factory=list)
-    before_motion: Callable[[Proposal], None] = lambda _: None
+    before_motion: Callable[[MotionRecord], None] = lambda _: None
     asked: list[str] = field(default_factory=list)
 
     def repeat_interrupted(self, stage: RunTrial) -> None:
@@ -45,9 +46,9 @@ class ScriptedOperator:
     def placed(self, what: str, wanted_m: np.ndarray, real: bool) -> None:
         self.asked.append(f"place the {what}")
 
-    def approve(self, proposal: Proposal, real: bool, release: Release) -> None:
-        self.asked.append(f"approve {proposal.trial.trial}")
-        self.before_motion(proposal)
+    def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
+        self.asked.append(f"approve {trial.trial}")
+        self.before_motion(trial)
 
     def rejected_already(self) -> str:
         return ""

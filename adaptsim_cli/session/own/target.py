@@ -14,12 +14,12 @@ from adaptsim_cli.outputs.exchange import Answer, Question
 from adaptsim_cli.outputs.trials import TrackRecord, as_row, named
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
+from adaptsim_cli.session.live_trial import Placement
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.own.exchange import QUESTIONS, Answerer, Exchange
 from adaptsim_cli.session.own.reading import measured_context, track_of
 from adaptsim_cli.session.records import read
 from adaptsim_cli.session.simulated_target import FILE, KnownMotion
-from adaptsim_cli.session.target import Placement
 from hw.types import Array
 from perception.errors import TrackingFailed
 from perception.types import Outcome

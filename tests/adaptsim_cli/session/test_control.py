@@ -19,8 +19,7 @@ from adaptsim_cli.session.correcting import amend, amendable, redo
 from adaptsim_cli.session.exporting import rows
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.keeping import verify
-from adaptsim_cli.session.operator import Proposal
-from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.records import Facts, MotionRecord
 from adaptsim_cli.session.store import SessionStore, history_of, played_of, trials_of
 from adaptsim_cli.session.watching import AllOf, SessionLog
 from adaptsim_cli.view.live import so_far, trial_shown
@@ -131,12 +130,12 @@ def test_a_real_arm_draws_an_order_that_nobody_knows(tmp_path):
 
 def test_while_an_iteration_runs_nothing_shown_depends_on_whose_policy_acts(tmp_path):
     session = played(begun(tmp_path), 1)
-    screen, proposals = quiet(), list[Proposal]()
+    screen, proposals = quiet(), list[MotionRecord]()
     log = SessionLog(session.store.folder, screen)
 
-    def stop(made: Proposal) -> None:
+    def stop(made: MotionRecord) -> None:
         proposals.append(made)
-        if made.trial.trial == 9:
+        if made.trial == 9:
             raise Interrupted("stop")
 
     operator = ScriptedOperator(before_motion=stop)
@@ -144,9 +143,9 @@ def test_while_an_iteration_runs_nothing_shown_depends_on_whose_policy_acts(tmp_
     again = RunningSession(session.store, session.parts, operator, screen, AllOf(log))
     with pytest.raises(Interrupted):
         run_iteration(again)
-    roles = [made.trial.role for made in proposals]
+    roles = [made.role for made in proposals]
     assert set(roles) == {"own", "control"}
-    views = [trial_shown(TASK, 2, made) for made in proposals]
+    views = [trial_shown(TASK, 2, made, "") for made in proposals]
     assert {(str(v["parameters"]), v["expected"]) for v in views} == {("[]", None)}
     heads = said(screen)
     assert "expected" not in heads.lower() and "was trained for" not in heads

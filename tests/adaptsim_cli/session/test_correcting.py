@@ -15,8 +15,9 @@ from adaptsim_cli.session import correcting
 from adaptsim_cli.session.correcting import amend, amendable, redo, restore
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.keeping import verify
-from adaptsim_cli.session.operator import Choices, Proposal, Review
-from adaptsim_cli.session.records import TrialRecord
+from adaptsim_cli.session.live_trial import Placement
+from adaptsim_cli.session.operator import Choices, Review
+from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from perception.types import Outcome
 
@@ -39,7 +40,7 @@ def changed(store: SessionStore, number: int, outcome: Outcome) -> str:
 def test_a_rejection_is_taken_back_and_its_recording_is_reviewed_again(tmp_path):
     lab = ToyLab(0)
     operator = ScriptedOperator(reviews=[Review(rejected="slip of the finger")])
-    operator.before_motion = lambda made: stop_at_second(made.trial.attempt - 1)
+    operator.before_motion = lambda made: stop_at_second(made.attempt - 1)
 
     def stop_at_second(attempt: int) -> None:
         if attempt == 1:
@@ -127,8 +128,8 @@ def test_a_restored_attempt_may_be_rejected_and_restored_once_more(tmp_path):
         def review(self, tracked: TrialRecord, choices: Choices) -> Review:
             return Review(rejected="no")
 
-        def approve(self, proposal: Proposal, real: bool, release: Release) -> None:
-            if proposal.trial.attempt > 1:
+        def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
+            if trial.attempt > 1:
                 raise StoppedByOperator("later")
 
     for _ in range(2):

@@ -15,8 +15,8 @@ from toy_session import NAME, RUN, ScriptedOperator, attended, call, run, summar
 from adaptsim_cli.errors import Interrupted, StoppedByOperator, UsageError
 from adaptsim_cli.session.correcting import redo
 from adaptsim_cli.session.flow import REJECTED, TOTAL, run_iteration
-from adaptsim_cli.session.operator import Proposal, Review, Unattended
-from adaptsim_cli.session.records import Draw, generator
+from adaptsim_cli.session.operator import Review, Unattended
+from adaptsim_cli.session.records import Draw, MotionRecord, generator
 from hw.errors import MotionRefused
 from perception.errors import ObjectNotFound
 from perception.types import SETTLE_S, Outcome
@@ -116,8 +116,8 @@ def test_a_refused_motion_is_not_executed(tmp_path):
 
 
 def test_stopping_before_a_motion_keeps_the_attempt(tmp_path):
-    def stop(proposal: Proposal) -> None:
-        if proposal.trial.trial == 2:
+    def stop(trial: MotionRecord) -> None:
+        if trial.trial == 2:
             raise StoppedByOperator("enough")
 
     with pytest.raises(StoppedByOperator):

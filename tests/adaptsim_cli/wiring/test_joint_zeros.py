@@ -10,7 +10,7 @@ import pytest
 
 from adaptsim_cli.devices.mounted import MountedTask, mounted
 from adaptsim_cli.devices.rig_file.description import as_shipped
-from adaptsim_cli.session.target import Paths
+from adaptsim_cli.session.live_trial import Paths
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock
 from hw.kinematics import forward

@@ -33,14 +33,13 @@ FILE, OBJECT_FILE = "recording.mcap", "object.mcap"
 _COLOUR, _DEPTH = "/camera/colour", "/camera/depth"
 _BEFORE_COLOUR, _BEFORE_DEPTH = "/before/colour", "/before/depth"
 _AFTER_COLOUR, _AFTER_DEPTH = "/after/colour", "/after/depth"
-_PICTURE, _DEPTH_TYPE = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"
 TOPICS = {
-    _COLOUR: _PICTURE,
-    _DEPTH: _DEPTH_TYPE,
-    _BEFORE_COLOUR: _PICTURE,
-    _BEFORE_DEPTH: _DEPTH_TYPE,
-    _AFTER_COLOUR: _PICTURE,
-    _AFTER_DEPTH: _DEPTH_TYPE,
+    _COLOUR: topics.PICTURE,
+    _DEPTH: topics.DEPTH,
+    _BEFORE_COLOUR: topics.PICTURE,
+    _BEFORE_DEPTH: topics.DEPTH,
+    _AFTER_COLOUR: topics.PICTURE,
+    _AFTER_DEPTH: topics.DEPTH,
     **topics.TYPES,
 }
 """Topic -> message type, for every recording."""
@@ -85,7 +84,8 @@ def stored(frame: Frame, *, lossless: bool = False) -> StoredFrame:
         layout, content = "jpeg", encode_jpeg(rgb, _JPEG_QUALITY)
     colour = topics.compressed_image(t_ns, "camera_colour", layout, content)
     depth = topics.image(t_ns, "camera_depth", frame.depth_mm)
-    return StoredFrame(colour, depth, Frame(_s(t_ns), _decode_colour(colour), _decode_depth(depth)))
+    pixels, depth_mm = topics.decode(topics.PICTURE, colour), topics.decode(topics.DEPTH, depth)
+    return StoredFrame(colour, depth, Frame(_s(t_ns), _pixels(pixels), _depth_mm(depth_mm)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,13 +243,12 @@ def _read(reader: McapReader) -> Recording:
         for _, channel, message in reader.iter_messages():
             topic = channel.topic
             if topic in images:
-                t_ns, _ = topics.Reader(message.data).header()
-                images[topic][t_ns] = pool.submit(_decode_colour if topic in COLOURS else _decode_depth, message.data)
+                picture = topics.decode(TOPICS[topic], message.data)
+                pixels = pool.submit(_pixels if topic in COLOURS else _depth_mm, picture)
+                images[topic][topics.stamp_ns(picture.header)] = pixels
             elif topic in joints:
-                fields = topics.Reader(message.data)
-                t_ns, _ = fields.header()
-                fields.strings()
-                joints[topic].append((t_ns, fields.doubles()))
+                state = topics.decode(topics.JOINTS, message.data)
+                joints[topic].append((topics.stamp_ns(state.header), tuple(state.position)))
     (before,) = _frames(images[_BEFORE_COLOUR], images[_BEFORE_DEPTH])
     start_s = float(camera["t_start_s"])
     execution = Execution(
@@ -288,21 +287,16 @@ def _encoded(suffix: str, rgb: Bytes, option: int, value: int) -> bytes:
     return bytes(content.tobytes())
 
 
-def _decode_colour(message: bytes) -> Bytes:
-    fields = topics.Reader(message)
-    fields.header(), fields.string()
-    return np.ascontiguousarray(decode_image(bytes(fields.blob()), cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
+def _pixels(message: Any) -> Bytes:
+    """The colours of a decoded CompressedImage."""
+    return np.ascontiguousarray(decode_image(message.data, cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
 
 
-def _decode_depth(message: bytes) -> Depth:
-    """The depth image of a message. Raises ValueError for another encoding, or another length than stated."""
-    fields = topics.Reader(message)
-    fields.header()
-    height, width, encoding = fields.count(), fields.count(), fields.string()
-    fields.byte(), fields.count()
-    if encoding != "16UC1":
-        raise ValueError(f"a depth image of encoding {encoding!r}")
-    return np.frombuffer(fields.blob(), "<u2").reshape(height, width).astype(np.uint16)
+def _depth_mm(message: Any) -> Depth:
+    """The depth of a decoded Image. Raises ValueError for another encoding, or another length than stated."""
+    if message.encoding != "16UC1":
+        raise ValueError(f"a depth image of encoding {message.encoding!r}")
+    return np.frombuffer(message.data, "<u2").reshape(message.height, message.width).astype(np.uint16)
 
 
 def _s(t_ns: int) -> float:

@@ -131,9 +131,7 @@ def jpegs(trial: WholeTrial) -> list[tuple[float, bytes]]:
     pictures = []
     for t_ns, topic, message in _colours(trial.file):
         if topic == recording.COLOURS[0]:
-            fields = topics.Reader(message)
-            fields.header(), fields.string()
-            pictures.append((1e-9 * t_ns, bytes(fields.blob())))
+            pictures.append((1e-9 * t_ns, topics.decode(topics.PICTURE, message).data))
     return pictures
 
 
@@ -142,7 +140,8 @@ def _colours(file: Path) -> list[topics.Message]:
     with recording.opened(file) as reader:
         messages = reader.iter_messages(topics=list(recording.COLOURS))
         return [
-            (topics.Reader(message.data).header()[0], channel.topic, message.data) for _, channel, message in messages
+            (topics.stamp_ns(topics.decode(topics.PICTURE, message.data).header), channel.topic, message.data)
+            for _, channel, message in messages
         ]
 
 

@@ -152,12 +152,10 @@ def tool_poses(path: Path) -> Callable[[float], Array]:
 def _tool_messages(reader: Any) -> Iterator[tuple[int, tuple[float, ...], tuple[float, ...]]]:
     """(time in ns, position in m, quaternion xyzw) of every transform to the tool; `topics.transform` wrote them."""
     for _, _, message in reader.iter_messages(topics=["/tf"]):
-        body = topics.Reader(message.data)
-        for _ in range(body.count()):
-            t_ns, _ = body.header()
-            child, xyz, xyzw = body.string(), body.doubles(3), body.doubles(4)
-            if child == "tool":
-                yield t_ns, xyz, xyzw
+        for frame in topics.decode(topics.TRANSFORM, message.data).transforms:
+            if frame.child_frame_id == "tool":
+                p, q = frame.transform.translation, frame.transform.rotation
+                yield topics.stamp_ns(frame.header), (p.x, p.y, p.z), (q.x, q.y, q.z, q.w)
 
 
 def _number(value: float | None) -> str:

@@ -6,6 +6,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
+from mcap_ros2.writer import Writer
 
 from hw.types import Array
 from perception.types import ObjectTrack
@@ -82,8 +83,6 @@ def stamp(t_s: float) -> dict[str, int]:
 
 def write_mcap(folder: Path, n: int = 24) -> Path:
     """Trials that began at 1000 s, whose joints were stamped 40 ms late; every file also holds what nobody asks for."""
-    from mcap_ros2.writer import Writer  # noqa: PLC0415 - only tests with the extra ros2 call this
-
     folder.mkdir()
     (folder / "recorded.toml").write_text(MANIFEST)
     for i, (action, track) in enumerate(zip(*recordings(n), strict=True)):

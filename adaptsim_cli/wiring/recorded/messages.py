@@ -13,14 +13,14 @@ import numpy as np
 from adaptsim_cli.session.recording import DAMAGED
 from adaptsim_cli.wiring.recorded.manifest import Mcap, RawTrial
 from hw.bounded import Unreadable, require_file
-from sim.errors import ExtraMissing, RecordingsRefused
+from sim.errors import RecordingsRefused
 
 MCAP_BYTES = 8 * 2**30
 _PART = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)((?:\[[0-9]{1,9}\])*)")
 
 
 def of_mcap(folder: Path, source: Mcap) -> list[RawTrial]:
-    """The trials of the files, in the order of their names. Raises RecordingsRefused, ExtraMissing."""
+    """The trials of the files, in the order of their names. Raises RecordingsRefused."""
     try:
         paths = sorted(path for path in folder.glob(source.files) if not path.name.startswith("."))
     except (ValueError, NotImplementedError, OSError) as error:
@@ -63,12 +63,9 @@ def _trial(path: Path, source: Mcap) -> RawTrial:
 
 def _messages(path: Path, topics: set[str]) -> Iterator[_Message]:
     """The decoded messages of these topics, by their log time; every checksum of the file is verified."""
-    try:
-        from mcap_ros2.decoder import DecoderFactory
-    except ImportError as error:
-        raise ExtraMissing(f"{path} needs the package mcap-ros2-support: pip install 'adaptsim[ros2]'") from error
     from mcap.exceptions import McapError
     from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
 
     try:
         require_file(path, MCAP_BYTES)

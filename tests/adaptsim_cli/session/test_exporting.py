@@ -35,7 +35,7 @@ def test_one_file_holds_everything_of_a_trial(store, exported):
     found, record = messages(files[0]), store.trials(0)[0]
     assert set(found) >= {*recording.TOPICS, *topics.AFTERWARDS} - {"/after/colour", "/after/depth"}
     assert len(found["/object"]) == len(record.track.t_s)
-    assert json.loads(topics.Reader(found["/outcome"][0]).string())["reward"] == record.reward
+    assert json.loads(topics.decode("std_msgs/msg/String", found["/outcome"][0]).data)["reward"] == record.reward
     assert any(b"outcome: " in line for line in found["/events"])
     assert b"<robot" in found["/robot_description"][0]
     with files[0].open("rb") as stream:
@@ -50,12 +50,9 @@ def test_one_file_holds_everything_of_a_trial(store, exported):
         for which in ("imageTopic", "calibrationTopic")
     }
     assert shown | set(configured["3D!scene"]["topics"]) <= set(found)
-    depth = topics.Reader(found["/camera/depth"][0])
-    depth.header()
-    height, width, encoding = depth.count(), depth.count(), depth.string()
-    depth.byte(), depth.count()
-    assert encoding == "16UC1"
-    pixels = np.frombuffer(depth.blob(), "<u2").reshape(height, width)
+    depth = topics.decode(topics.DEPTH, found["/camera/depth"][0])
+    assert depth.encoding == "16UC1"
+    pixels = np.frombuffer(depth.data, "<u2").reshape(depth.height, depth.width)
     assert np.array_equal(pixels, stored.frames[0].depth_mm)
 
 
@@ -70,10 +67,9 @@ def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(expor
     for frame in ("base", "tool", "camera_colour", "camera_depth", *topics.FRAMES):
         assert frame.encode() + b"\0" in transforms, frame
     for topic, holds in (("/joints/measured", (7, 7, 7)), ("/joints/commanded", (7, 7, 0))):
-        reader = topics.Reader(found[topic][0])
-        reader.header()
-        assert reader.strings()[0] == "panda_joint1"
-        assert tuple(len(reader.doubles()) for _ in range(3)) == holds, "positions, velocities, efforts"
+        state = topics.decode(topics.JOINTS, found[topic][0])
+        assert state.name[0] == "panda_joint1"
+        assert (len(state.position), len(state.velocity), len(state.effort)) == holds
 
 
 def test_joints_have_the_velocity_and_torque_of_their_motion():

@@ -128,8 +128,9 @@ def test_the_track_is_a_file_of_its_own_on_the_same_clock(tmp_path):
     with path.open("rb") as stream:
         found = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(stream).iter_messages()]
     assert [(topic, t_ns) for topic, t_ns, _ in found] == [("/object", 12_000_000_000), ("/object", 12_100_000_000)]
-    fields = topics.Reader(found[1][2])
-    assert (fields.header(), fields.doubles(3)) == ((12_100_000_000, "base"), (0.0, 1.0, 0.0))
+    fields = topics.decode(topics.POINT, found[1][2])
+    assert (topics.stamp_ns(fields.header), fields.header.frame_id) == (12_100_000_000, "base")
+    assert (fields.point.x, fields.point.y, fields.point.z) == (0.0, 1.0, 0.0)
 
 
 @pytest.mark.parametrize("cut", [0.0, 0.3, 0.999, None])
@@ -161,9 +162,9 @@ def test_the_same_trial_gives_the_same_bytes():
 def test_messages_are_laid_out_as_cdr_wants_them() -> None:
     # Header (stamp 1.000000002 s, frame "ab"), then x = 1.5 aligned to eight bytes behind the four-byte header.
     expected = bytes.fromhex("00010000 01000000 02000000 03000000 616200 00 000000000000f83f".replace(" ", ""))
-    assert topics.point(1_000_000_002, "ab", (1.5,)) == expected
-    back = topics.Reader(expected)
-    assert (back.header(), back.doubles(1)) == ((1_000_000_002, "ab"), (1.5,))
+    assert topics.point(1_000_000_002, "ab", (1.5, 0.0, 0.0)) == expected + bytes(16)
+    back = topics.decode(topics.POINT, expected + bytes(16))
+    assert (topics.stamp_ns(back.header), back.header.frame_id, back.point.x) == (1_000_000_002, "ab", 1.5)
 
 
 @pytest.fixture

@@ -69,12 +69,14 @@ def decode(kind: str, message: bytes) -> Any:
 
 @cache
 def _encoder(kind: str) -> Callable[[Mapping[str, Any]], bytes]:
-    return serialize_dynamic(kind, SCHEMAS[kind])[kind]
+    encoder: Callable[[Mapping[str, Any]], bytes] = serialize_dynamic(kind, SCHEMAS[kind])[kind]
+    return encoder
 
 
 @cache
 def _decoder(kind: str) -> Callable[[bytes], Any]:
-    return generate_dynamic(kind, SCHEMAS[kind])[kind]
+    decoder: Callable[[bytes], Any] = generate_dynamic(kind, SCHEMAS[kind])[kind]
+    return decoder
 
 
 def stamp_ns(header: Any) -> int:

@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from typing import Any
 
 from hw.child import Call, Child, ChildGone
 from hw.errors import DeviceUnavailable, HandError
@@ -81,7 +80,7 @@ class Keeper:
 
     def _wait(self, within_s: float) -> Answer:
         if self._worker.answers(within_s):
-            return _known(self._worker.receive())
+            return _answer(self._worker)
         self._end()
         return DeviceUnavailable(f"the hand at {self._host} does not answer within {within_s:g} s")
 
@@ -90,7 +89,7 @@ class Keeper:
         while not self._worker.answers(WORD_EVERY_S):
             if why := self._listener.stop_reason():
                 return self._halt(why)
-        return _known(self._worker.receive())
+        return _answer(self._worker)
 
     def _halt(self, why: str) -> Answer:
         began_s = time.monotonic()
@@ -152,7 +151,7 @@ def _connected(call: Call, within_s: float) -> tuple[Child | None, Answer]:
     try:
         worker.send(call)
         if worker.answers(within_s):
-            answer = _known(worker.receive())
+            answer = _answer(worker)
         else:
             worker.kill()
             answer = DeviceUnavailable(f"the hand at {call.arguments[1]} does not answer within {within_s:g} s")
@@ -165,7 +164,7 @@ def _narrowest(watcher: Child) -> HandState | None:
     """End a watcher's reading: the state with the fingers closest together; None if it does not answer."""
     try:
         watcher.send(Call(STATE))  # whatever call comes next ends it
-        answers = [_known(watcher.receive()) for _ in range(2) if watcher.answers(READ_S)]
+        answers = [_answer(watcher) for _ in range(2) if watcher.answers(READ_S)]
     except ChildGone:
         return None
     if len(answers) == 2 and isinstance(answers[0], HandState):
@@ -187,15 +186,15 @@ def _closed(narrowest: HandState | None) -> str:
 def _stopped(stopper: Child) -> None:
     """Raises DeviceUnavailable or ChildGone if the hand did not accept the stop."""
     stopper.send(Call("stop"))
-    answer = _known(stopper.receive()) if stopper.answers(STOP_S) else f"no answer within {STOP_S:g} s"
+    answer = _answer(stopper) if stopper.answers(STOP_S) else f"no answer within {STOP_S:g} s"
     if not isinstance(answer, HandState):
         raise DeviceUnavailable(str(answer))
 
 
-def _known(answer: Any) -> Answer:
-    if isinstance(answer, Answer):
-        return answer
-    return DeviceUnavailable(f"the hand's worker answered {type(answer).__name__}")
+def _answer(worker: Child) -> Answer:
+    """The next answer of a worker. Raises ChildGone."""
+    answer: Answer = worker.receive()
+    return answer
 
 
 def main(connection_fd: str, pipe_fd: str, silence_s: str) -> None:

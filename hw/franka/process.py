@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 from hw.child import Call, Child, ChildGone
 from hw.errors import DeviceUnavailable
-from hw.franka.driver import LOST, UNAVAILABLE, Failure, Reading
+from hw.franka.driver import LOST, Failure, Reading
 from hw.franka.playback import HOLD_S, PlayableMotion, PlayOutcome, Rhythm, Timing
 from hw.franka.player import CONNECT, PLAY
 from hw.franka.settings import FrankaSettings, Payload
@@ -17,8 +17,6 @@ from hw.watchdog import WORD_EVERY_S, since_boot_s
 
 ANSWER_S = 60.0
 """The longest wait for anything but a motion: the start of the process, and libfranka, which is slow to give up."""
-
-_T = TypeVar("_T")
 
 
 class Player(Protocol):
@@ -61,7 +59,7 @@ class PlayerProcess:
                 f"{model} at {settings.host} accepts the connection and then does not answer: if another program, on "
                 "any computer, is connected to the arm, end that one; otherwise restart the arm"
             )
-            self._notes: tuple[str, ...] = _known(self._ask(Call(CONNECT, (model, settings, timing)), silent), tuple)
+            self._notes: tuple[str, ...] = self._ask(Call(CONNECT, (model, settings, timing)), silent)
         except Failure:
             self.close()
             raise
@@ -83,19 +81,23 @@ class PlayerProcess:
 
     def listen(self, states: int) -> Rhythm:
         """Read `states` states as they come; nothing moves."""
-        return _known(self._ask(Call("listen", (states,))), Rhythm)
+        rhythm: Rhythm = self._ask(Call("listen", (states,)))
+        return rhythm
 
     def reading(self) -> Reading:
         """See `Player`."""
-        return _known(self._ask(Call("reading")), Reading)
+        reading: Reading = self._ask(Call("reading"))
+        return reading
 
     def recover(self) -> Reading:
         """See `Player`."""
-        return _known(self._ask(Call("recover")), Reading)
+        reading: Reading = self._ask(Call("recover"))
+        return reading
 
     def carry(self, payload: Payload) -> Reading:
         """See `Player`."""
-        return _known(self._ask(Call("carry", (payload,))), Reading)
+        reading: Reading = self._ask(Call("carry", (payload,)))
+        return reading
 
     def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
         """Play `motion`; with a guard, until it touches.
@@ -107,7 +109,8 @@ class PlayerProcess:
             self._send(Call(PLAY, (motion, guard, since_boot_s())))
             for _ in range(round(longest_s / WORD_EVERY_S)):
                 if self._child.answers(WORD_EVERY_S):
-                    return _known(self._receive(), PlayOutcome)
+                    outcome: PlayOutcome = self._receive()
+                    return outcome
                 self._child.tell(word())
         self._child.kill()
         raise Failure(
@@ -144,12 +147,6 @@ class PlayerProcess:
 
 def _gone(how: ChildGone) -> Failure:
     return Failure(LOST, f"the process that plays motions was {how}; the arm's controller has stopped the arm")
-
-
-def _known(answer: Any, kind: type[_T]) -> _T:
-    if not isinstance(answer, kind):
-        raise Failure(UNAVAILABLE, f"the player answered {type(answer).__name__} instead of {kind.__name__}")
-    return answer
 
 
 STATES = 1000

@@ -250,11 +250,9 @@ class Reality:
     @cached_property
     def parameters(self) -> Array:
         """(KEPT, p) parameters of the drawn simulators, in units."""
-        # In a random order: every n-th of the low-discrepancy `truths` covers a third of a parameter's range.
-        order = np.random.default_rng(0).permutation(len(self.weights))
         places = (np.arange(KEPT) + 0.5) / KEPT
-        drawn = np.minimum(np.searchsorted(np.cumsum(self.weights[order]), places), len(order) - 1)
-        return frozen_array(self.simulators.truths[order[drawn]])
+        drawn = np.minimum(np.searchsorted(np.cumsum(self.weights), places), len(self.weights) - 1)
+        return frozen_array(self.simulators.truths[drawn])
 
     @cached_property
     def actions(self) -> Array:

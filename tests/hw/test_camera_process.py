@@ -41,7 +41,8 @@ def test_it_shows_and_records_and_leaves_no_process(staged: Staged) -> None:
         assert frame.t_s > before_s
         assert (frame.colour.shape, frame.depth_mm.shape) == ((48, 64, 3), (36, 40))
         camera.start_recording()
-        time.sleep(0.5)
+        for _ in range(12):
+            camera.snapshot()  # each waits for the next frame
         frames = camera.stop_recording()
         assert len(frames) >= 8
         facts = camera.facts()
@@ -68,7 +69,8 @@ def test_whoever_watches_takes_nothing_from_a_recording(staged: Staged) -> None:
 def test_a_camera_that_exposes_otherwise_half_way_says_so(staged: Staged) -> None:
     with staged("dim 40") as camera:
         camera.start_recording()
-        time.sleep(2.5)
+        for _ in range(60):
+            camera.snapshot()
         camera.stop_recording()
         seen = camera.facts()["recording"]["exposure_us_and_white_balance_K"]
     assert len(seen) == 2

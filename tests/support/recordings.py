@@ -106,5 +106,5 @@ def write_mcap(folder: Path, n: int = 24) -> Path:
                     "excess": float(state[4]),
                 }
                 writer.write_message("/joints", joints, message, round(1e9 * (at_s + 0.3)))
-            writer.finish()  # type: ignore[no-untyped-call]
+            writer.finish()
     return folder

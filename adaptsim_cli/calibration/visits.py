@@ -38,19 +38,15 @@ class Visits(Protocol):
 
     def numbers(self, done: Set[int]) -> Sequence[int]:
         """The places to visit, in order; `done` are those with a view."""
-        ...
 
     def begin(self) -> None:
         """Say what the series does, before its first motion. Raises UsageError."""
-        ...
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
         """Bring the board to place `number` (from 0). Raises ArmFault, MotionRefused, StoppedByOperator."""
-        ...
 
     def end(self, film: Callable[[], None]) -> None:
         """After the last place: let `film` swing the board for the time offset, and bring the arm back."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

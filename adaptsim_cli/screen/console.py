@@ -45,23 +45,18 @@ class Listener(Protocol):
 
     def doing(self, what: str, stage: str) -> None:
         """A step, `what`, of a stage (see `Screen.busy`) begins."""
-        ...
 
     def did(self, what: str, stage: str, took_s: float) -> None:
         """The step is over."""
-        ...
 
     def asking(self, question: str) -> None:
         """The terminal waits for an answer to `question`."""
-        ...
 
     def answered(self, question: str, answer: str, took_s: float) -> None:
         """The question is answered."""
-        ...
 
     def noted(self, text: str) -> None:
         """A highlighted line was printed."""
-        ...
 
 
 class Screen:

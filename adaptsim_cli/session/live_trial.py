@@ -30,7 +30,6 @@ class Detection(Protocol):
     @property
     def xy_m(self) -> Array:
         """(2,) the object's place on the table, in the base frame."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,15 +79,12 @@ class Motion(Protocol):
     @property
     def stopped(self) -> HardwareError | None:
         """Why it ended early; None: it did not. The recording until then is kept to look at, and is no trial."""
-        ...
 
     def files(self) -> Mapping[str, bytes]:
         """The recorded files, name -> content; call it once, before `track`. Waits for frames still compressed."""
-        ...
 
     def track(self, progress: Progress = silently) -> TrackedTrial:
         """Track the object in the recording. Uses no device. Raises ObjectNotFound, TrackingFailed."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,31 +36,24 @@ class Operator(Protocol):
 
     def repeat_interrupted(self, stage: RunTrial) -> None:
         """A motion started and never completed. Returns once the trial may be repeated."""
-        ...
 
     def placed(self, what: str, wanted_m: Array, real: bool) -> None:
         """Returns once `what` lies at `wanted_m` (2,), or the simulated lab may put it there."""
-        ...
 
     def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
         """Returns once the trial may start, which `release` then lets begin."""
-        ...
 
     def rejected_already(self) -> str:
         """Why the trial does not count, if the operator has said so while the arm went back; else empty."""
-        ...
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
         """Accept the tracked outcome, overrule it with one of `choices`, or have the trial repeated."""
-        ...
 
     def decide(self, why: str, tracked: TrialRecord, choices: Choices) -> Review:
         """The camera did not see how the trial ended: the outcome that a person saw, or the trial is repeated."""
-        ...
 
     def try_again(self, stage: RunTrial) -> bool:
         """Whether to set up the trial again after the object was not found, was misplaced, or was lost in tracking."""
-        ...
 
 
 _ACCEPT = enter("to accept", "The trial counts as it was tracked. Later: adaptsim sessions amend.")

@@ -36,66 +36,53 @@ class Target(Protocol):
     @property
     def title(self) -> str:
         """Its name for an operator."""
-        ...
 
     @property
     def moves(self) -> bool:
         """Whether something real moves, so that an interrupted attempt is spent."""
-        ...
 
     @property
     def needs_consent(self) -> bool:
         """Whether a person confirms every motion at the terminal, also with --yes."""
-        ...
 
     @property
     def owns_devices(self) -> bool:
         """Whether this program connects an arm and a camera, its own or those of the simulated lab."""
-        ...
 
     @property
     def release(self) -> Release:
         """The questions that let its arm move; those of nobody where there is no arm."""
-        ...
 
     @property
     def outcomes(self) -> tuple[Outcome, ...]:
         """The outcomes that an operator may choose between."""
-        ...
 
     def checks(self) -> tuple[Readiness, ...]:
         """The checks of its devices."""
-        ...
 
     def goes_on(self, key: TrialKey) -> bool:
         """Whether `execute` goes on with an interrupted attempt as it was proposed, and begins nothing again."""
-        ...
 
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         """Whether an interrupted attempt is spent; if not, it is repeated from its start."""
-        ...
 
     def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placement:
         """Realise the `drawn` context (c,) as closely as possible. Raises HardwareError, ObjectNotFound."""
-        ...
 
     def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
         """Plan the motion of `action` (a,).
 
         Raises NotExecutable, or MotionRefused naming joint, time, value and limit.
         """
-        ...
 
     def execute(self, planned: Placement, progress: Progress = silently) -> Motion:
         """Execute the trial. Raises MotionRefused, CameraError, or ArmFault if nothing was recorded."""
-        ...
 
     def read(self, folder: Path, context: Array, action: Array) -> Motion:
         """The motion for context (c,) and action (a,), from its files in `folder`, bit for bit.
 
         Raises SessionError naming a corrupt file.
         """
-        ...
 
 
 @dataclass(frozen=True)
@@ -155,18 +142,15 @@ class Attendant(Protocol):
 
     def recover(self) -> None:
         """Clear the arm's fault, if there is one and the person types so. Nothing moves."""
-        ...
 
     def prepare(self, what: str) -> None:
         """Before `what` is placed: the confirmation, the way home, the weighing.
 
         Raises NotExecutable, MotionRefused, StoppedByOperator.
         """
-        ...
 
     def facts(self) -> RigFacts:
         """The facts of the rig after a trial."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -33,19 +33,15 @@ class Watcher(Protocol):
 
     def proposed(self, trial: MotionRecord, planned: Placement) -> None:
         """A trial is planned; the operator is asked next."""
-        ...
 
     def tracked(self, record: TrialRecord, tracked_trial: TrackedTrial) -> None:
         """A trial is tracked; the operator reviews it next."""
-        ...
 
     def changed(self, store: SessionStore, posterior: PosteriorSource) -> None:
         """A trial or a result was stored."""
-        ...
 
     def reported(self, path: Path) -> None:
         """The report of the session was drawn."""
-        ...
 
 
 class AllOf:

@@ -41,7 +41,6 @@ class PersonAtTool(Protocol):
 
     def set_down(self, where: SetDown, number: int) -> None:
         """Guide the tool to the set-down of that number (from 0), and let go."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

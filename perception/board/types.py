@@ -28,41 +28,33 @@ class CalibrationTarget(Protocol):
     @property
     def p_MK_m(self) -> Array:
         """(K, 3) the points, row number = id."""
-        ...
 
     @property
     def corners(self) -> int:
         """How many points: K."""
-        ...
 
     @property
     def spacing_m(self) -> float:
         """Distance of neighbouring points."""
-        ...
 
     @property
     def outline_m(self) -> Array:
         """(4, 3) corners of a rectangle about it."""
-        ...
 
     @property
     def least(self) -> int:
         """Points that a view must show to count."""
-        ...
 
     @property
     def turns(self) -> tuple[NDArray[np.int64], ...]:
         """Other ids (K,) that the same points could have in a picture: a plain chessboard may be read upside down."""
-        ...
 
     @property
     def name(self) -> str:
         """In words, with its size."""
-        ...
 
     def scaled(self, factor: float) -> Self:
         """The same, larger by `factor`."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -134,11 +134,9 @@ class Method(Protocol):
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The first `n` particles."""
-        ...
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
         """The next particles, as many as in the last iteration, from all iterations so far (oldest first)."""
-        ...
 
 
 @runtime_checkable
@@ -149,11 +147,9 @@ class OwnPolicies(Protocol):
         self, particle: Particle, history: Sequence[Iteration], executable: Executable | None = None
     ) -> SolvedPolicy:
         """The policy that a particle tries after all trials of `history`. Deterministic."""
-        ...
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
         """The final policy after all trials of `history`."""
-        ...
 
 
 @runtime_checkable
@@ -162,7 +158,6 @@ class Forecasting(Protocol):
 
     def assess(self, history: Sequence[Iteration]) -> tuple[Best, ExpectedGain]:
         """The final parameters, and the outlook. Raises ValueError without a trial."""
-        ...
 
 
 @runtime_checkable
@@ -171,7 +166,6 @@ class Choosing(Protocol):
 
     def choose(self, history: Sequence[Iteration]) -> Best:
         """The final parameters. Raises ValueError without a trial."""
-        ...
 
 
 def policy_of(

@@ -42,41 +42,32 @@ class PlayableSession(Protocol):
     @property
     def learner(self) -> Learner:
         """What adapts in it."""
-        ...
 
     @property
     def policies(self) -> Policies:
         """The task policies that were trained in this process."""
-        ...
 
     @property
     def progress(self) -> Progress:
         """Hears of each step."""
-        ...
 
     def next_stage(self) -> Stage:
         """The next missing stage."""
-        ...
 
     def particles(self, iteration: int) -> tuple[Particle, ...]:
         """The particles of an iteration."""
-        ...
 
     def history(self, iterations: int) -> tuple[Iteration, ...]:
         """The trials that count of the first `iterations`."""
-        ...
 
     def generator(self, iteration: int) -> np.random.Generator:
         """The random numbers of the adaptation after an iteration."""
-        ...
 
     def play_trial(self, stage: RunTrial, policy: PolicySource) -> None:
         """Run a trial and keep it, or keep why it does not count; then the next stage is its next attempt."""
-        ...
 
     def keep_particles(self, stage: Adapt, history: Sequence[Iteration], particles: tuple[Particle, ...]) -> None:
         """Keep the particles of the next iteration, chosen after `history`."""
-        ...
 
 
 def play_iteration(session: PlayableSession) -> Show:

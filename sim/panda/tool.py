@@ -52,27 +52,22 @@ class Held(Protocol):
     @property
     def X_FT(self) -> Array:
         """(4, 4) the tool in the flange."""
-        ...
 
     @property
     def tool_mass(self) -> Mass:
         """Mass in the tool frame, without the hand."""
-        ...
 
     @property
     def keep_clear(self) -> tuple[Capsule, ...]:
         """Capsules that must stay clear, in the tool frame."""
-        ...
 
     @property
     def may_touch(self) -> tuple[Capsule, ...]:
         """Capsules that may touch the table but nothing else, in the tool frame."""
-        ...
 
     @property
     def touchable(self) -> Touchable | None:
         """The touch-off of the tool; None: it has no feelers."""
-        ...
 
 
 def held(

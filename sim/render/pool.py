@@ -69,11 +69,9 @@ class RenderPool(Protocol):
 
     def render(self, poses: Poses, rng: np.random.Generator) -> Future[Picture]:
         """The picture of one exposure, soon; `rng` is of its noise. Its result may raise CameraError."""
-        ...
 
     def close(self, *, finish: bool) -> None:
         """End, with all pictures rendered that were asked for, or else with the rest of them cancelled."""
-        ...
 
 
 class ThreadPool:

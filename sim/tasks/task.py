@@ -148,7 +148,6 @@ class Simulate(Protocol):
         effects of a lab's world; None in training. A solver that does not converge gives a track with outcome
         SOLVER_FAILED and the reason in `flags`, never an exception.
         """
-        ...
 
 
 SimulateMany = Callable[[Array, Array, Array, Array], Sequence[ObjectTrack]]
@@ -180,7 +179,6 @@ class BuildScene(Protocol):
         unmodelled: Any,
     ) -> SceneBodies:
         """Weld (or flex-mount) the tool at X_PT (4, 4) in `tool_parent`; also sets the plant's contact model."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,15 +326,12 @@ class SolvedPolicy(Protocol):
 
     def __call__(self, context: Array) -> Array:
         """(c,) in units -> (a,) in units. Raises NotExecutable if no good action can be executed."""
-        ...
 
     def actions(self, contexts: Array) -> Array:
         """(G, c) -> (G, a), without the executability check: for training in simulation."""
-        ...
 
     def predict(self, context: Array) -> tuple[float, float, float]:
         """Expected reward of this policy at `context` if its parameters are true: mean, low, high."""
-        ...
 
 
 class Policies(Protocol):
@@ -345,7 +340,6 @@ class Policies(Protocol):
     @property
     def task(self) -> Task:
         """The task of the policies."""
-        ...
 
     def policies(
         self,
@@ -355,7 +349,6 @@ class Policies(Protocol):
         settings: SolverSettings | None = None,
     ) -> tuple[SolvedPolicy, ...]:
         """One policy for each of B distributions, given as samples (B, m, p); the same draws for all."""
-        ...
 
 
 class Expectations(Protocol):
@@ -364,7 +357,6 @@ class Expectations(Protocol):
     @property
     def task(self) -> Task:
         """The task of the trials."""
-        ...
 
     def expected_rewards(
         self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
@@ -372,32 +364,26 @@ class Expectations(Protocol):
         """(B,) rewards in targets (B, p) of actions (B, G, a) at contexts (G, c) or (B, G, c), averaged over everything
         but B.
         """
-        ...
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
         """(N,) expected rewards of N executed trials: (N, p), (N, c), (N, a), (N, n)."""
-        ...
 
     def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
         """(N, size) expected observations at the task's reference context, without camera noise."""
-        ...
 
     def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
         """(..., p), (..., a), (..., n), broadcast -> chance of success (M, ...) and end state of a success (M, ..., k).
 
         M is the size of the ensemble, or 1.
         """
-        ...
 
     @property
     def residual_std(self) -> Array:
         """(size,) spread of the errors of `trajectories`, normalised."""
-        ...
 
     @property
     def misfit_limit(self) -> float:
         """The misfit (see `sim.solvers.misfit`) that 95 % of simulated trials inside the ranges do not exceed."""
-        ...
 
 
 class Solver(Policies, Expectations, Protocol):

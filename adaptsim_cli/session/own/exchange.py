@@ -78,36 +78,29 @@ class Answerer(Protocol):
     @property
     def title(self) -> str:
         """Its name for an operator."""
-        ...
 
     @property
     def moves(self) -> bool:
         """Whether a question may move something real."""
-        ...
 
     @property
     def needs_consent(self) -> bool:
         """Whether a person at the terminal lets every question out."""
-        ...
 
     @property
     def release(self) -> Release:
         """The questions that let it begin."""
-        ...
 
     @property
     def announcement(self) -> str:
         """What happens if the operator agrees, one sentence without a full stop."""
-        ...
 
     @property
     def then(self) -> str:
         """What that answer leads to."""
-        ...
 
     def ask(self, exchange: Exchange, question: Question, progress: Progress) -> None:
         """Returns once the answer is kept in the exchange.
 
         Raises AnswerAwaited if it comes later, AnswerRefused if there is none, StoppedByOperator.
         """
-        ...

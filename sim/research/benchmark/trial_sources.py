@@ -34,23 +34,18 @@ class TrialSource(Protocol):
     @property
     def executable(self) -> Executable | None:
         """The test for executable actions; None: all are."""
-        ...
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Trial, ...]:
         """Run trials; their observations have the camera's noise."""
-        ...
 
     def take(self, action: Array) -> None:
         """Announce the action (a,) of the next trial; recorded trials exist only once."""
-        ...
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """(N,) rewards of rollouts that `play` never shows."""
-        ...
 
     def best_actions(self, contexts: Array) -> Array:
         """(N, a) the best actions by the data of `play`: an upper bound for any method."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

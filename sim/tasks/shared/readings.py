@@ -90,11 +90,9 @@ class Physics(Protocol):
 
     def now(self, t_s: float) -> Moment:
         """The present state, at time `t_s`."""
-        ...
 
     def advance_to(self, t_s: float) -> None:
         """Step until `t_s`. Raises RuntimeError if the solver gives up."""
-        ...
 
 
 def read(physics: Physics, course: Course) -> Readings:

@@ -186,6 +186,7 @@ def run(home: Path, *line: str, **env: str) -> subprocess.Popen[str]:
 PENDULUM = ("run-iteration", "--task", "pendulum", "--world", "wd", "--yes")
 
 
+@pytest.mark.long
 def test_a_pipe_that_breaks_and_a_terminal_without_unicode_leave_a_session_that_goes_on(tmp_path: Path) -> None:
     with run(tmp_path, *PENDULUM) as broken:
         assert broken.stdout is not None and broken.stderr is not None
@@ -199,6 +200,7 @@ def test_a_pipe_that_breaks_and_a_terminal_without_unicode_leave_a_session_that_
     assert len(kept(tmp_path)) == 4, "two iterations of two trials, none lost to the pipe"
 
 
+@pytest.mark.long
 def test_a_port_in_use_begins_nothing(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         process = run(tmp_path, *PENDULUM, "--view-port", str(taken.getsockname()[1]))

@@ -47,6 +47,7 @@ def test_the_shared_solution_predicts_what_it_has_not_seen(together: Together) -
     assert [len(camera.used) for camera in together.cameras] == [len(real_views.corners(k)) for k in range(3)]
 
 
+@pytest.mark.long
 def test_it_is_better_than_each_alone_by_markers_that_took_no_part(together: Together) -> None:
     alone = [real_views.solved(k)[0].X_AC for k in range(3)]
     assert room_px([camera.X_BC for camera in together.cameras]) < 0.75 * room_px(alone)

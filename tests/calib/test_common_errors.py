@@ -63,6 +63,7 @@ def by_pixels(some: Sequence[View]) -> Array:
     return move(X_AC, found.x[:6])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("camera", "seed", "half"), [(0, 4, 1), (2, 2, 0)])
 def test_small_markers_whose_corners_turn_them_are_fitted_together(camera: int, seed: int, half: int) -> None:
     """Each marker's own pose is off by degrees, which cost all views but one, or a camera 50 mm."""
@@ -102,6 +103,7 @@ def test_the_better_of_two_fits_is_kept_and_named() -> None:
     assert f"{choice.pixels_px:.2f} px" in choice.sentence
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("errors_px", "pixels_px", "kept"),
     [(0.8, 1.0, [Weights.ARM_AND_VIEWS]), (1.0, 0.97, [Weights.PIXELS]), (1.0, 1.0, list(Weights))],
@@ -125,6 +127,7 @@ def test_the_mean_is_taken_where_neither_fit_predicts_better(
     assert np.allclose(found.X_AC[:3, 3], np.mean([alone[weights] for weights in kept], axis=0), atol=1e-6)
 
 
+@pytest.mark.long
 def test_a_lens_that_is_not_as_stated_widens_the_stated_error_over_the_true_one() -> None:
     some = views(0.0)
     true, _ = settle(some, SETUP, None)[:2]
@@ -162,6 +165,7 @@ def test_a_matrix_that_cannot_be_inverted_means_degenerate_views(monkeypatch: py
         drift(views(0.0), SETUP, None, *unknowns_of(found))
 
 
+@pytest.mark.long
 def test_points_numbered_from_the_other_end_count_like_others() -> None:
     some = [
         replace(v, corners=Corners(v.corners.ids, v.corners.px[::-1])) if i % 3 == 1 else v
@@ -177,6 +181,7 @@ def test_points_numbered_from_the_other_end_count_like_others() -> None:
     assert fault.option == "--exchange 05:12"
 
 
+@pytest.mark.long
 def test_an_exchange_that_makes_it_worse_is_named_but_not_offered(monkeypatch: pytest.MonkeyPatch) -> None:
     some = exchanged(views(0.0), [("05", "12")])
     solution = solve(some, SETUP, None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import real_views
 import simulated_views as rig
 
@@ -30,6 +31,7 @@ def test_the_derivatives_of_a_lens() -> None:
         np.testing.assert_allclose(J[..., k], (ahead - behind) / 2e-5, atol=1e-3)
 
 
+@pytest.mark.long
 def test_a_real_camera_lacks_its_distortion() -> None:
     views = real_views.views(2)
     solution, setup = real_views.solved(2)
@@ -48,6 +50,7 @@ def test_a_real_camera_lacks_its_distortion() -> None:
     assert refined.uncertainty.worst_95_mm > 1.2 * sure.uncertainty.worst_95_mm  # a lens from the same views costs
 
 
+@pytest.mark.long
 def test_intrinsics_of_another_resolution_are_named() -> None:
     camera = real_views.camera(2)
     K = camera.K.copy()

@@ -51,6 +51,7 @@ def test_nothing_is_said_of_good_views() -> None:
     assert found(real_views.views(2)) == ()
 
 
+@pytest.mark.long
 def test_two_exchanged_views(known: tuple[Solution, Setup]) -> None:
     views = exchanged(real_views.views(2), [("05", "12")])
     (fault,) = found(views)

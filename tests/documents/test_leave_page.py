@@ -48,6 +48,7 @@ def test_drake_ends_within_a_millimetre_of_the_prediction(name, seed, tmp_path, 
     assert b"mu = 0.3" in (tmp_path / "adapted/scene.sdf").read_bytes()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "seed"), [("pushing", 4), ("scooping", 1)])
 def test_mujoco_loads_the_scene_and_ends_near_our_own_rollout_in_it(name, seed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -42,6 +42,7 @@ def test_it_is_a_notebook_without_outputs(page):
     assert not any(cell.get("outputs") for cell in notebook["cells"])
 
 
+@pytest.mark.long
 def test_the_examples_of_the_python_page_run(tmp_path, monkeypatch):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
     names: dict[str, object] = {}

@@ -315,6 +315,7 @@ def test_a_second_bottle_half_way_costs_no_finished_trial_and_the_session_goes_o
     assert len(trials(tmp_path)) == 4
 
 
+@pytest.mark.long
 def test_the_message_says_where_to_move_the_bottle(use: Callable[[BottleBench], BottleBench], capfd: Capture) -> None:
     use(BottleBench(before=lambda trial, attempt: Scene(((0.572, -0.009),)) if attempt == 0 else Scene()))
     assert app.run(ROLLOUT) == 0
@@ -322,6 +323,7 @@ def test_the_message_says_where_to_move_the_bottle(use: Callable[[BottleBench], 
     assert "5 mm are allowed; move it 12 mm towards the robot and 9 mm to the robot's left" in out
 
 
+@pytest.mark.long
 def test_four_millimetres_off_the_mark_are_accepted(use: Callable[[BottleBench], BottleBench], capfd: Capture) -> None:
     bench = use(BottleBench(before=lambda trial, attempt: Scene(((0.5628, 0.0028),))))
     assert app.run([*ROLLOUT, "--context", "goal_x=1.0"]) == 0

@@ -41,6 +41,7 @@ def test_swapped_views_are_said_and_mended(tmp_path, capsys):
     assert not mended["faults"]
 
 
+@pytest.mark.long
 def test_views_outside_of_the_wished_ones_take_no_part(tmp_path):
     folder = real_views.corner_folder(tmp_path)
     found = solve_folder(folder, wishes=Wishes(first="03", last="16"))

@@ -54,6 +54,7 @@ def quaternions(X_BF: Array, X_CM: Array) -> dict[str, object]:
     return {**hand, "target_position_m": X_CM[:3, 3].tolist(), "target_quaternion_xyzw": turn[1]}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "view", [lambda X_BF, X_CM: {"X_BF": X_BF.tolist(), "X_CM": X_CM.tolist()}, quaternions], ids=["matrix", "wxyz"]
 )

@@ -102,6 +102,7 @@ def test_a_missing_extra_gives_its_install_line(capsys, monkeypatch):
     assert "pip install 'adaptsim[" in said(capsys)[1]
 
 
+@pytest.mark.long
 def test_tables_are_made_for_contact_tasks_alone_and_missing_ones_name_the_command(capsys):
     assert run(["world-tables", "--task", "pendulum"]) == 2
     assert "pendulum needs no tables" in said(capsys)[1]

@@ -118,6 +118,7 @@ def test_the_trials_that_a_session_needs_are_read_from_beside_the_checkpoint(
     assert [one["difference"] for one in output["forecast"]["shown"]] == [0.1, 0.2, 0.4]
 
 
+@pytest.mark.long
 def test_a_new_session_says_it_in_a_line_and_a_continued_one_does_not(
     capfd: pytest.CaptureFixture[str],
 ) -> None:

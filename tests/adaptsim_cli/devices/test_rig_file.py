@@ -100,6 +100,7 @@ def test_the_balances_that_a_file_may_name_are_those_that_are_spoken():
         described(LEAST | {"balance": {"port": "/dev/a", "protocol": protocol}}, "rig.toml")
 
 
+@pytest.mark.long
 def test_a_touched_off_tool_hangs_where_it_was_measured():
     task = get_task("scooping")
     part = {"height_m": 0.003, "forward_m": -0.001, "pitch_rad": 0.1}

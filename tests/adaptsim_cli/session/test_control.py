@@ -209,6 +209,7 @@ def test_a_control_trial_is_redone_and_amended_like_any_other(tmp_path):
     assert after.mean_reward < before.mean_reward
 
 
+@pytest.mark.long
 def test_the_cost_is_said_before_and_nothing_is_promised_that_has_not_begun(tmp_path):
     home, screen = tmp_path, quiet()
     settings = resolved(home, control="udr")

@@ -56,6 +56,7 @@ def test_a_dead_estimate_moves_nothing_not_even_the_first_free_motion(model: str
     assert commands(sdk) == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 def test_an_estimate_that_dies_later_ends_the_touching(model: str) -> None:
     sdk = FakeSdk(k=model == "panda", q_rad=Q_AWAY_RAD.tolist())
@@ -87,6 +88,7 @@ def test_one_posture_proves_nothing() -> None:
     assert commands(sdk) == 0
 
 
+@pytest.mark.long
 def test_the_contact_window_of_a_task_motion_needs_it_too() -> None:
     sdk = FakeSdk(k=True, q_rad=Q_AWAY_RAD.tolist())
     with arm_of(sdk, tool=TOOL) as arm:

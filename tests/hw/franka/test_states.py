@@ -191,6 +191,7 @@ def somebody_recovers(sdk: FakeSdk) -> None:
     sdk.modes.reasons = ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize(
     ("events", "words"),
@@ -218,6 +219,7 @@ def test_a_person_who_acts_and_lets_go_between_check_and_motion_holds_it(
         arm.execute(path)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", MODELS)
 def test_a_pause_in_which_nobody_watched_the_button_moves_nothing(model: str) -> None:
     sdk = sdk_of(model)

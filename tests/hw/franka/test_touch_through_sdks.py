@@ -47,6 +47,7 @@ def fake(model: str, **more: Any) -> FakeSdk:
     return FakeSdk(k=model == "panda", q_rad=Q_AWAY_RAD.tolist(), **more)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("model", ["panda", "fr3"])
 @pytest.mark.parametrize("lost", [(), (700, 900, 901, 1000)])
 def test_a_touch_is_found_with_and_without_lost_cycles(model: str, lost: tuple[int, ...]) -> None:
@@ -96,6 +97,7 @@ def test_a_pedal_let_go_there_and_on_the_way_back() -> None:
             assert "pedal" in (arm.state().fault or "")
 
 
+@pytest.mark.long
 def test_a_reflex_at_the_touch_is_a_fault_that_is_recovered_in_place() -> None:
     sdk = fake("panda")
 
@@ -115,6 +117,7 @@ def test_a_reflex_at_the_touch_is_a_fault_that_is_recovered_in_place() -> None:
         np.testing.assert_array_equal(arm.state().q_rad, low_rad)
 
 
+@pytest.mark.long
 def test_a_way_back_that_the_arm_does_not_hold_leaves_it_there_and_says_so() -> None:
     sdk = fake("panda", feels=plane(PLANE_M))
     with arm_of(sdk, "panda", tool=TOOL) as arm:

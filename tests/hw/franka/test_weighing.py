@@ -50,6 +50,7 @@ def test_an_arms_own_errors_are_no_load(extra_kg: float, error_Nm: float) -> Non
         arm.execute(still(arm.state().q_rad))
 
 
+@pytest.mark.long
 def test_the_load_is_felt_once_and_again_for_another_tool() -> None:
     sdk = feeling(0.0)
     with arm_of(sdk, settings=SETTINGS) as arm:

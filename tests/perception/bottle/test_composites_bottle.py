@@ -13,6 +13,7 @@ def room() -> Room:
     return Room()
 
 
+@pytest.mark.long
 def test_a_bottle_with_the_holes_of_a_printed_mug_is_one_bottle_and_followed(room: Room) -> None:
     assert 0.3 < room.holes.mean() < 0.4
     found = judge(room, Effects())
@@ -43,6 +44,7 @@ def test_a_face_that_gives_too_few_readings_is_refused_with_what_helps(
     assert re.search(said, judge(room, spoilt(name, level)).failed)
 
 
+@pytest.mark.long
 def test_light_that_comes_by_the_table_is_flagged_where_it_breaks(room: Room) -> None:
     found = judge(room, spoilt("echo_mm", 10.0))
     assert found.broken

@@ -111,6 +111,7 @@ def test_trials_single_out_the_simulators_that_predict_them():
     assert after.parameters.shape == (KEPT, 4)
 
 
+@pytest.mark.long
 def test_the_policy_suits_the_target_and_knows_what_it_earns():
     policy = RealityPolicy(reality_after(12))
     assert earned(policy) > 0.9

@@ -251,6 +251,7 @@ def test_it_finds_the_best_action_from_rollouts_alone():
     assert np.linalg.norm(TOY.action.normalise(action) - best_action(MEAN)) < 0.12
 
 
+@pytest.mark.long
 def test_training_goes_on_from_a_donor_and_repeats_exactly():
     donor = train_naf(TOY, MEAN[None], roll, 500, 0)
     near = PARAMETERS.step(MEAN, np.array([1, 0, 0, 0]), 0.1)

@@ -75,6 +75,7 @@ def simulator(acting=None, seed=0) -> Simulator:
     return Simulator(emulator, acting or library(), EmulatedRolls(emulator, np.random.default_rng(seed)))
 
 
+@pytest.mark.long
 def test_a_visit_earns_more_at_the_right_parameters():
     solver = trained()[0]
     true = Simulator(solver, SolverActing(solver, SolverSettings(candidates=64, scenarios=4)), roll)
@@ -105,6 +106,7 @@ def test_sparse_rewards_and_exploration():
     assert (mixed != 1).any(axis=1).mean() == pytest.approx(0.5 * 26 / 27, abs=0.07)
 
 
+@pytest.mark.long
 def test_a_library_lets_every_distribution_act_like_the_nearest_one():
     shelf, rng = library(), np.random.default_rng(1)
     contexts, actions = shelf(shelf.means[:8], rng)
@@ -160,6 +162,7 @@ def _returns(episodes):
     return np.stack(rows[::-1])
 
 
+@pytest.mark.long
 def test_the_evaluation_orders_oracle_and_udr():
     emulator, _ = trained()
     methods: dict[str, Method] = {

@@ -35,7 +35,7 @@ from adaptsim_cli.outputs.exchange import Question
 from adaptsim_cli.outputs.trials import BestRecord
 from adaptsim_cli.report.agreement import mean_of, trial_std
 from adaptsim_cli.screen.views import between
-from adaptsim_cli.session import exporting, recording, store
+from adaptsim_cli.session import exporting, folders, history, recording, store
 from adaptsim_cli.session.exporting import Row
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, TrialRecord
@@ -104,12 +104,12 @@ class Session:
     @property
     def trials(self) -> tuple[TrialRecord, ...]:
         """Every completed trial that counts, in order; without control trials. Raises SessionError."""
-        return store.trials_of(self._stored)
+        return history.trials_of(self._stored)
 
     @property
     def controls(self) -> tuple[TrialRecord, ...]:
         """Every completed control trial that counts, in order. Raises SessionError."""
-        return tuple(trial for trial in store.played_of(self._stored) if trial.role is Role.CONTROL)
+        return tuple(trial for trial in history.played_of(self._stored) if trial.role is Role.CONTROL)
 
     @property
     def iterations(self) -> tuple[Iteration, ...]:
@@ -271,7 +271,7 @@ class Session:
     def recording(self, trial: int) -> Recording:
         """Frames, joints and camera of a completed trial that counts. Raises SessionError, UsageError."""
         stored = self._stored
-        record = store.completed(stored, trial)
+        record = history.completed(stored, trial)
         if stored.facts.curves:
             raise UsageError(
                 f"trial {trial} of session {self.name!r} has no recording: nothing films the "
@@ -314,7 +314,7 @@ class Session:
 
 def sessions() -> tuple[str, ...]:
     """Names of all stored sessions, damaged ones too, newest last."""
-    return store.names(config.load().places.sessions)
+    return folders.names(config.load().places.sessions)
 
 
 def open_session(name: str) -> Session:
@@ -361,10 +361,10 @@ def begin(
     resolved = config.load(flags)
     settings = running.anywhere(resolved.config)
     root, chosen = resolved.places.sessions, name or running.default_name(settings)
-    if store.folder_of(root, chosen).is_dir():
+    if folders.folder_of(root, chosen).is_dir():
         raise UsageError(f"session {chosen!r} exists already: api.open_session continues it; or choose another name")
     answerer = Mailbox() if settings.is_own else None
-    with wiring.open_parts(settings, store.folder_of(root, chosen) / "naf", answerer=answerer) as parts:
+    with wiring.open_parts(settings, folders.folder_of(root, chosen) / "naf", answerer=answerer) as parts:
         running.begin(root, chosen, settings, parts)
     return Session(chosen, root)
 

@@ -177,7 +177,7 @@ Trial = Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sess
 def stored(name: str | None) -> SessionStore:
     """The session with this name, or the newest. Raises SessionError, UsageError."""
     from adaptsim_cli import config
-    from adaptsim_cli.session import store
+    from adaptsim_cli.session import folders, store
 
     root = config.load().places.sessions
-    return store.SessionStore.open(root, name or store.newest(root))
+    return store.SessionStore.open(root, name or folders.newest(root))

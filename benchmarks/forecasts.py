@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from adaptsim_cli import config
-from adaptsim_cli.research.benchmarking import tables_folder
+from adaptsim_cli.research.world_tables import tables_folder
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.method import FAILED, Trial

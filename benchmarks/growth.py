@@ -29,8 +29,8 @@ from adaptsim_cli import config
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import recording, records, running
 from adaptsim_cli.session.flow import RunningSession, run_iteration
+from adaptsim_cli.session.folders import names
 from adaptsim_cli.session.operator import Unattended
-from adaptsim_cli.session.store import names
 from adaptsim_cli.session.summary import overview_or_damage
 from adaptsim_cli.wiring.hindsight import Reports
 from adaptsim_cli.wiring.session import open_parts

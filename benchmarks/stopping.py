@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adaptsim_cli import config
-from adaptsim_cli.research.benchmarking import tables_folder
+from adaptsim_cli.research.world_tables import tables_folder
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import WORTHWHILE, ExpectedGain
 from sim.adaptation.methods.adaptsim import AdaptSim, create, outlook_after

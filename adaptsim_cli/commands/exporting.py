@@ -149,11 +149,11 @@ def replay(
 
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import replaying, store
+    from adaptsim_cli.session import history, replaying
     from adaptsim_cli.session.exporting import written
 
     opened, screen = options.stored(session), console.Screen(as_json=as_json)
-    record = store.completed(opened, trial)
+    record = history.completed(opened, trial)
     if opened.facts.curves:
         raise UsageError(f"the task {opened.facts.task} has no recordings; adaptsim report {session} shows its curves")
     with screen.busy("Reading the recording"):
@@ -186,11 +186,11 @@ def bundle(
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import keeping, store, terminal_views
+    from adaptsim_cli.session import folders, keeping, terminal_views
 
     resolved = config.load()
     root = resolved.places.sessions
-    folder = store.folder_of(root, session or store.newest(root))
+    folder = folders.folder_of(root, session or folders.newest(root))
     if not folder.is_dir():
         raise SessionError(f"there is no session {folder.name!r} in {root}; adaptsim sessions list names them")
     settings = {

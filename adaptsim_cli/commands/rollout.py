@@ -65,7 +65,7 @@ def rollout(
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.screen import console, views
     from adaptsim_cli.session import single
-    from adaptsim_cli.session.store import SessionStore, trials_of
+    from adaptsim_cli.session.store import SessionStore
     from adaptsim_cli.view.live import live_view
     from adaptsim_cli.wiring import session as wiring
     from adaptsim_cli.wiring.best import best_of
@@ -110,12 +110,12 @@ def rollout(
             what = f"rollout {folder.name}"
             watcher = stack.enter_context(live_view(screen, parts, folder.name, what, settings.hw, view_port))
         store = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes, watcher=watcher)
-    _print(screen, store, chosen)
+    rewards = _print(screen, store, chosen)
     lab = same_lab(settings.task, settings.hw, settings.world)
     if session is None:
         screen.next((f"adaptsim run-iteration {lab}", "adapts in about twenty such trials"))
     else:
-        _measured(screen, session, [record.reward for record in trials_of(store)])
+        _measured(screen, session, rewards)
 
 
 def _require_together(best_of_session: bool, trials_alone: bool) -> None:
@@ -127,18 +127,20 @@ def _require_together(best_of_session: bool, trials_alone: bool) -> None:
         raise UsageError("--trials draws the contexts itself: adaptsim rollout --session NAME --best --trials 5")
 
 
-def _print(screen: Screen, store: SessionStore, chosen: Chosen) -> None:
-    """Print the trials of a rollout, and draw its page."""
+def _print(screen: Screen, store: SessionStore, chosen: Chosen) -> list[float]:
+    """Print the trials of a rollout, and draw its page; returns their rewards."""
     from adaptsim_cli.report.page import write
     from adaptsim_cli.session import single
-    from adaptsim_cli.session.store import trials_of
+    from adaptsim_cli.session.history import trials_of
 
-    for record in trials_of(store):
+    records = trials_of(store)
+    for record in records:
         screen.data("rollout", single.shown(store, record, chosen))
     screen.plain(f"Stored: {store.folder}")
     with screen.busy("Drawing its page", "reporting"):
         page = write(store)
     screen.plain(f"Report: {page}")
+    return [record.reward for record in records]
 
 
 def _measured(screen: Screen, session: str, rewards: list[float]) -> None:

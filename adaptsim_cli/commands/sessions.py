@@ -28,14 +28,14 @@ def list_sessions(
     from adaptsim_cli import config
     from adaptsim_cli.outputs.sessions import Damaged
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import store, summary, terminal_views
+    from adaptsim_cli.session import folders, summary, terminal_views
 
     root = config.load().places.sessions
-    rows = [summary.overview_or_damage(root, name) for name in store.names(root)]
+    rows = [summary.overview_or_damage(root, name) for name in folders.names(root)]
     if task is not None:
         rows = [one for one in rows if isinstance(one, Damaged) or one.task == task]
     screen = console.Screen(as_json=as_json)
-    if note := store.stray_note(root):
+    if note := folders.stray_note(root):
         screen.note(note)
     if screen.data("sessions list", {"sessions": rows}):
         return
@@ -113,14 +113,14 @@ def verify(
     from adaptsim_cli import config
     from adaptsim_cli.errors import SessionError
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import keeping, store, terminal_views
+    from adaptsim_cli.session import folders, keeping, terminal_views
 
     root = config.load().places.sessions
     screen = console.Screen(as_json=as_json)
-    if not names and (note := store.stray_note(root)):
+    if not names and (note := folders.stray_note(root)):
         screen.note(note)
     checked = []
-    for name in names or store.names(root):
+    for name in names or folders.names(root):
         with screen.busy(f"Reading {name}"):
             checked.append(keeping.verify(root, name))
     damage = [message for one in checked for message in one.damage]
@@ -169,10 +169,10 @@ def delete(name: options.Session, yes: options.Sure = False, as_json: options.Js
     from adaptsim_cli import config
     from adaptsim_cli.errors import StoppedByOperator
     from adaptsim_cli.screen import console
-    from adaptsim_cli.session import keeping, store, terminal_views
+    from adaptsim_cli.session import folders, keeping, terminal_views
 
     root = config.load().places.sessions
-    folder = store.folder_of(root, name)
+    folder = folders.folder_of(root, name)
     screen = console.Screen(as_json=as_json)
     if folder.is_dir() and not yes:
         console.require_terminal("deleting asks for the name of the session: run in a terminal, or add --yes")

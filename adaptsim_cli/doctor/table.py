@@ -112,6 +112,10 @@ def add_check(
     return add
 
 
+PROGRAM, MACHINE, DEVICES, TASK = "program", "machine", "devices", "task"
+"""The groups of the checks."""
+
+
 def real(lab: Examined) -> str:
     """Only for an arm that this program moves."""
     if lab.config.is_own:

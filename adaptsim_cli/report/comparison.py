@@ -19,8 +19,9 @@ from adaptsim_cli.report.page import both, fill, parameters_in_words
 from adaptsim_cli.report.svg import plain
 from adaptsim_cli.session.advice import in_words, tried_in
 from adaptsim_cli.session.exporting import Row, as_csv, rows
+from adaptsim_cli.session.history import results_of, trials_of
 from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
-from adaptsim_cli.session.store import SessionStore, results_of, trials_of
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
 from sim.adaptation.posterior import COLLAPSED
 

@@ -11,7 +11,8 @@ from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.report.comparison import ComparedSession, compared_session, interval_over
 from adaptsim_cli.report.page import fill
 from adaptsim_cli.session.film import FILM
-from adaptsim_cli.session.store import SessionStore, names
+from adaptsim_cli.session.folders import names
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
 
 PAGE = "index.html"

@@ -23,6 +23,7 @@ from adaptsim_cli.session import truth_view
 from adaptsim_cli.session.advice import compared_in_words, control_name, in_words, tried_in
 from adaptsim_cli.session.control import compared, is_hidden, pairs_of
 from adaptsim_cli.session.film import FILM
+from adaptsim_cli.session.history import means_of, particles_of
 from adaptsim_cli.session.records import (
     DimensionRecord,
     Facts,
@@ -30,7 +31,7 @@ from adaptsim_cli.session.records import (
     ResultRecord,
     TrialRecord,
 )
-from adaptsim_cli.session.store import Change, SessionStore, means_of, particles_of
+from adaptsim_cli.session.store import Change, SessionStore
 from adaptsim_cli.storage import durable
 from sim.adaptation.method import FAILED
 from sim.adaptation.stages import Role

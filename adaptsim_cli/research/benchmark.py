@@ -96,8 +96,8 @@ def world_tables(
     Example: adaptsim world-tables --task pushing --targets wd
     """
     from adaptsim_cli import config
-    from adaptsim_cli.research import benchmarking as wiring
     from adaptsim_cli.research.working import share_of, show_share, simulations
+    from adaptsim_cli.research.world_tables import make_tables, make_tables_share, tables_folder
     from adaptsim_cli.screen import console
 
     resolved = config.load({"task": task, "workers": workers})
@@ -105,12 +105,12 @@ def world_tables(
     part = share_of(share, as_json=as_json)
     if part is not None:
         with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
-            files = wiring.make_tables_share(resolved, targets, rollouts, part, crew, progress)
-        show_share(screen, part, f"{files} files of tables", wiring.tables_folder(resolved))
+            files = make_tables_share(resolved, targets, rollouts, part, crew, progress)
+        show_share(screen, part, f"{files} files of tables", tables_folder(resolved))
         return
     with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
-        tables = wiring.make_tables(resolved, targets, rollouts, crew, progress)
-    screen.plain(f"{len(tables)} tables of {resolved.config.task}: {wiring.tables_folder(resolved)}")
+        tables = make_tables(resolved, targets, rollouts, crew, progress)
+    screen.plain(f"{len(tables)} tables of {resolved.config.task}: {tables_folder(resolved)}")
     command = f"adaptsim benchmark --task {resolved.config.task} --targets {targets}"
     screen.next((command, "compares methods in these worlds"))
     screen.data("world-tables", {"task": resolved.config.task, "tables": tables})

@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,11 +15,10 @@ from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.research.pretraining import StageProgress
 from adaptsim_cli.research.working import working_in
+from adaptsim_cli.research.world_tables import DEFAULT, comma_separated, scene_keys, tables_folder
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
-    from sim.lab.physics import Physics
-    from sim.lab.world import World
     from sim.research.benchmark.jobs import BenchmarkRow, Job
     from sim.research.benchmark.sessions import Conditions
     from sim.research.benchmark.summary import SetSummary
@@ -27,11 +26,9 @@ if TYPE_CHECKING:
     from sim.research.benchmark.worlds import BenchmarkWorld
     from sim.rollouts.recorded import RecordedTrials
     from sim.rollouts.shares import Share
-    from sim.solvers.solver import Solver
     from sim.tasks.task import Task
 
 FORMAT = 1
-DEFAULT = "default"
 PAGE = "report.html"
 
 
@@ -141,12 +138,12 @@ def request_of(
     config = resolved.config
     task = get_task(config.task)
     possible = (*method_names(), *((BEST_ACTION, *CONTROLS) if config.recorded else LIMITS))
-    chosen = possible if methods == "all" else tuple(dict.fromkeys(_words(methods)))
+    chosen = possible if methods == "all" else tuple(dict.fromkeys(comma_separated(methods)))
     if unknown := [name for name in chosen if name not in possible]:
         raise UsageError(f"--methods {','.join(unknown)}: choose all, or any of {', '.join(possible)}")
     if not chosen:
         raise UsageError(f"--methods is empty: choose all, or any of {', '.join(possible)}")
-    names = _words(checkpoints) or (config.checkpoint or DEFAULT,)
+    names = comma_separated(checkpoints) or (config.checkpoint or DEFAULT,)
     loaded = tuple((name, load_checkpoint(task, name)) for name in names)
     left_out = dict[str, str]()
     for name in chosen:
@@ -168,7 +165,7 @@ def request_of(
             raise UsageError("--recorded: trials are neither simulated nor run in the lab; leave out --lab and --fresh")
         trials = read_recorded(task, Path(config.recorded))
     else:
-        worlds = targets_of(task, _words(targets))
+        worlds = targets_of(task, comma_separated(targets))
         if in_lab:
             _require_lab(task, worlds)
     rest = tuple(left_out.items())
@@ -222,94 +219,6 @@ def benchmark(
     return Comparison(request, any(table is not None for table in tables), tuple(rows))
 
 
-def tables_folder(resolved: Resolved) -> Path:
-    """The folder of the tables of the settings' task."""
-    return resolved.places.world_tables / resolved.config.task
-
-
-TABLES_BUSY = "another process is making tables in {}: wait for it"
-
-
-def make_tables(
-    resolved: Resolved, targets: str, rollouts: int, executor: Executor, progress: StageProgress
-) -> list[dict[str, Any]]:
-    """Simulate the missing parts of the tables of these worlds; one entry per world, for JSON.
-
-    Raises UsageError for a task that needs none, UnknownName, DatasetError, RolloutError, SessionError.
-    """
-    from sim.research.benchmark.tables import build_table
-
-    tables, rows = _planned(resolved, targets, rollouts), list[dict[str, Any]]()
-    with working_in(tables_folder(resolved), TABLES_BUSY):
-        for i, table in enumerate(tables):
-            show = partial(_report, progress, i * rollouts, len(tables) * rollouts)
-            built = build_table(*table.made_of, executor, show)
-            rows.append(
-                {
-                    "set": table.target.set,
-                    "world": table.target.name,
-                    "rollouts": len(built.actions),
-                    "digest": built.digest,
-                    "folder": str(table.folder),
-                }
-            )
-    return rows
-
-
-def make_tables_share(
-    resolved: Resolved, targets: str, rollouts: int, share: Share, executor: Executor, progress: StageProgress
-) -> int:
-    """Simulate the missing parts of one share of the tables of these worlds; how many files it has.
-
-    Raises as `make_tables`.
-    """
-    from sim.research.benchmark.tables import build_table_share
-
-    tables, files, before = _planned(resolved, targets, rollouts), 0, 0
-    with working_in(tables_folder(resolved), TABLES_BUSY, share):
-        for i, table in enumerate(tables):
-            show = partial(_report, progress, i * rollouts, len(tables) * rollouts)
-            mine, all_of_it = build_table_share(*table.made_of, share, before, executor, show)
-            files, before = files + mine, before + all_of_it
-    return files
-
-
-@dataclass(frozen=True, eq=False)
-class _PlannedTable:
-    """The table of a world that is to be made."""
-
-    target: BenchmarkWorld
-    checkpoint: Checkpoint
-    scene: str
-    folder: Path
-    size: int
-
-    @property
-    def made_of(self) -> tuple[Solver, str, str, World, Path, int]:
-        """The first arguments of `build_table`."""
-        solver, policies = self.checkpoint.solver, self.checkpoint.sha256
-        return solver, policies, self.scene, self.target.world, self.folder, self.size
-
-
-def _planned(resolved: Resolved, targets: str, rollouts: int) -> list[_PlannedTable]:
-    from sim.adaptation.checkpoint import load_checkpoint
-    from sim.research.benchmark.worlds import targets_of
-    from sim.tasks import get_task
-
-    config = resolved.config
-    task = get_task(config.task)
-    if task.exact:
-        raise UsageError(f"{task.name} needs no tables: its trials cost next to nothing, so a benchmark simulates them")
-    checkpoint = load_checkpoint(task, config.checkpoint or DEFAULT)
-    chosen = targets_of(task, _words(targets))
-    scenes, folder = _scenes(task, chosen), tables_folder(resolved)
-    return [_PlannedTable(t, checkpoint, scenes[t.world.physics], folder / t.set / t.name, rollouts) for t in chosen]
-
-
-def _report(progress: StageProgress, before: int, total: int, done: int, _: int) -> None:
-    progress("rollouts", before + done, total)
-
-
 def _runner(request: BenchmarkRequest) -> Callable[[Job], BenchmarkRow]:
     """The function that runs one job; the lab is imported only if trials run in it."""
     if request.in_lab:
@@ -337,18 +246,10 @@ def _tables(request: BenchmarkRequest) -> list[WorldTable | None]:
 
     if request.task.exact:
         return [None] * len(request.targets)
-    scenes, folder = _scenes(request.task, request.targets), tables_folder(request.resolved)
+    scenes, folder = scene_keys(request.task, request.targets), tables_folder(request.resolved)
     return [
         load_table(request.task, t.world, scenes[t.world.physics], folder / t.set / t.name) for t in request.targets
     ]
-
-
-def _scenes(task: Task, targets: Sequence[BenchmarkWorld]) -> dict[Physics, str]:
-    """The key of the scene, for each physics among the targets."""
-    from sim.lab.physics import in_physics
-    from sim.tasks.fingerprint import scene_key
-
-    return {physics: scene_key(in_physics(task, physics)) for physics in {t.world.physics for t in targets}}
 
 
 def _jobs(request: BenchmarkRequest, tables: Sequence[WorldTable | None]) -> list[Job]:
@@ -408,7 +309,3 @@ def _found_again(name: str, checkpoint: Checkpoint) -> str:
 
     is_shipped = checkpoint.path.is_relative_to(files_of(checkpoint.card.task, "checkpoints"))
     return name if is_shipped else str(checkpoint.path.absolute())
-
-
-def _words(listed: str) -> tuple[str, ...]:
-    return tuple(word.strip() for word in listed.split(",") if word.strip())

@@ -76,7 +76,7 @@ def pretrain(
     from adaptsim_cli.research import pretraining
     from adaptsim_cli.research.working import share_of, show_share, simulations
     from adaptsim_cli.screen import console
-    from sim.research.pretraining.pipeline import Wanted
+    from sim.research.pretraining.budget import Wanted
 
     if episodes is not None and not methods:
         raise UsageError("--episodes sets how much the adaptation policies learn from: add --methods")

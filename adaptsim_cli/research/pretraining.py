@@ -16,7 +16,7 @@ from adaptsim_cli.research.working import working_in
 from adaptsim_cli.wiring.settings import SOLVERS, checkpoint_of, task_of
 
 if TYPE_CHECKING:
-    from sim.research.pretraining.pipeline import PretrainBudget, Wanted
+    from sim.research.pretraining.budget import PretrainBudget, Wanted
     from sim.rollouts.shares import Share
     from sim.tasks.task import Task
 
@@ -106,8 +106,8 @@ def checked(resolved: Resolved, out: Path | None, budget: str, targets: str, siz
 
     Raises UsageError on an unknown budget, solver or kind of targets, SimError.
     """
+    from sim.research.pretraining.budget import PretrainBudget
     from sim.research.pretraining.meta_training import TARGETS
-    from sim.research.pretraining.pipeline import PretrainBudget
 
     budgets = {"full": PretrainBudget.full, "small": PretrainBudget.small}
     if budget not in budgets:

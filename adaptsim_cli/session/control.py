@@ -13,8 +13,10 @@ import numpy as np
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.trials import ControlRecord
+from adaptsim_cli.session.folders import names
+from adaptsim_cli.session.history import played_of
 from adaptsim_cli.session.records import Draw, Facts, TrialRecord, generator
-from adaptsim_cli.session.store import SessionStore, names, played_of
+from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from sim.adaptation.paired import compare
 from sim.adaptation.stages import Role, RunTrial

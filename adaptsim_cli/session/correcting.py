@@ -12,9 +12,10 @@ from adaptsim_cli.outputs.sessions import Amended
 from adaptsim_cli.outputs.trials import as_observed
 from adaptsim_cli.screen.views import words
 from adaptsim_cli.session import records
+from adaptsim_cli.session.history import completed
 from adaptsim_cli.session.operator import Choices
 from adaptsim_cli.session.records import Amendment, TrialRecord
-from adaptsim_cli.session.store import SessionStore, completed
+from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.stages import TrialKey, current_key

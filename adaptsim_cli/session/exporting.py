@@ -7,8 +7,9 @@ import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from adaptsim_cli.session.history import played_of
 from adaptsim_cli.session.records import Facts, TrialRecord
-from adaptsim_cli.session.store import SessionStore, played_of
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
 
 Cell = str | int | float

@@ -21,8 +21,6 @@ from adaptsim_cli.outputs.trials import (
     IterationOutput,
     OutlookRecord,
     SuspicionRecord,
-    TrackRecord,
-    as_observed,
     as_row,
     named,
 )
@@ -33,7 +31,8 @@ from adaptsim_cli.session.control import ControlPolicy, compared, is_hidden, pol
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.film import FILM
-from adaptsim_cli.session.live_trial import Motion, OutcomeUndecided, Placement, TrackedTrial
+from adaptsim_cli.session.history import history_of, particles_of, played_of, result_of, trials_of
+from adaptsim_cli.session.live_trial import Motion, OutcomeUndecided, Placement
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
@@ -41,13 +40,13 @@ from adaptsim_cli.session.records import (
     MotionRecord,
     ResultRecord,
     Samples,
-    TrialRecord,
     generator,
     now,
 )
-from adaptsim_cli.session.store import SessionStore, history_of, particles_of, played_of, result_of, trials_of
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary
 from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.trial_records import motion_record, propose, trial_record
 from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
@@ -60,7 +59,7 @@ from sim.adaptation.posterior import Posterior
 from sim.adaptation.sessions import Policies, PolicySource, Progress, play_iteration, train
 from sim.adaptation.stages import Adapt, Role, RunTrial, Show, Stage, TrialKey, changes_until, next_stage
 from sim.errors import ActionImpossible, NotExecutable
-from sim.tasks.task import SolvedPolicy, Task
+from sim.tasks.task import SolvedPolicy
 
 TOTAL, REJECTED = "total", "rejected attempts"
 """Two entries among the times of an iteration: the sum, and the time of attempts that do not count."""
@@ -419,46 +418,6 @@ def _left_s(store: SessionStore, stage: RunTrial) -> float:
     took_s = [sum(spent for name, spent in one.timing_s.items() if name != ANSWERING) for one in trials]
     missing = store.facts.layout.numbers(stage.iteration).stop - stage.key.number
     return missing * sum(took_s) / len(took_s) if took_s else 0.0
-
-
-def propose(task: Task, stage: RunTrial, parameters: Array, policy: SolvedPolicy, planned: Placement) -> MotionRecord:
-    """A planned trial with its expected reward; `parameters` (p,) are those of the policy."""
-    expected, low, high = policy.predict(planned.context)
-    return MotionRecord(
-        trial=stage.key.number,
-        attempt=stage.key.attempt + 1,
-        iteration=stage.iteration + 1,
-        particle=stage.particle + 1,
-        parameters=named(task.parameters.names, parameters),
-        drawn_context=named(task.context.names, planned.drawn),
-        context=named(task.context.names, planned.context),
-        goal_m=None if task.goal_m is None else as_row(task.goal_m(planned.context)),
-        action=named(task.action.names, planned.action),
-        predicted_reward=expected,
-        predicted_low=low,
-        predicted_high=high,
-        role=stage.role,
-    )
-
-
-def motion_record(proposed: MotionRecord, started: str, motion: Motion, timing_s: dict[str, float]) -> MotionRecord:
-    """The record of a finished motion."""
-    stopped = None if motion.stopped is None else str(motion.stopped)
-    return proposed.model_copy(update={"started": started, "stopped": stopped, "timing_s": timing_s})
-
-
-def trial_record(task: Task, motion: MotionRecord, tracked_trial: TrackedTrial) -> TrialRecord:
-    """The record of a tracked trial."""
-    return TrialRecord(
-        **dict(motion),
-        observation=as_observed(task.observation(tracked_trial.track)),
-        reward=task.score(tracked_trial.track, motion.context_array),
-        outcome=tracked_trial.track.outcome,
-        track=TrackRecord.from_track(tracked_trial.track),
-        moments=tracked_trial.moments,
-        film=tracked_trial.film,
-        control_success_rate=tracked_trial.control_success_rate,
-    )
 
 
 def _reject(session: RunningSession, stage: RunTrial, reason: str) -> None:

@@ -177,7 +177,7 @@ def export(
     something; ExtraMissing, SessionError, and the errors of `scene_of`.
     """
     chosen = format_named(kind)
-    from adaptsim_cli.session.store import played_of
+    from adaptsim_cli.session.history import played_of
 
     if not (records := played_of(store)):
         raise UsageError(f"session {store.facts.name} has no completed trial yet; nothing to export")

@@ -22,6 +22,7 @@ from pydantic import Field
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import recording, records
+from adaptsim_cli.session.folders import entries, existing_folder, folder_of, own_files
 from adaptsim_cli.session.records import (
     Amendment,
     MotionRecord,
@@ -31,18 +32,7 @@ from adaptsim_cli.session.records import (
     Started,
     TrialRecord,
 )
-from adaptsim_cli.session.store import (
-    MOTION,
-    PRUNED,
-    RESULT,
-    SUMMARY,
-    TRIAL,
-    SessionStore,
-    entries,
-    existing_folder,
-    folder_of,
-    own_files,
-)
+from adaptsim_cli.session.store import MOTION, PRUNED, RESULT, SUMMARY, TRIAL, SessionStore
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
 from hw.records import AnyRecord, Record

@@ -20,7 +20,8 @@ from adaptsim_cli.session.live_trial import Detection, MotionPreview, OutcomeUnd
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import brightness, rig_checks
 from adaptsim_cli.session.records import RIG, RigFacts, to_json
-from adaptsim_cli.session.target import Planner, Rig, Tracker, TrackRequest
+from adaptsim_cli.session.rig_tracking import come_home, shown_at_home, track_request
+from adaptsim_cli.session.target import Planner, Rig, Tracker
 from adaptsim_cli.session.topics import joints_at
 from hw.braking import FULL
 from hw.errors import ArmFault, HardwareError, Rehearsed
@@ -388,35 +389,3 @@ def _decimated(paths: Paths) -> tuple[Array, Array]:
     q_rad = np.concatenate([path.q_rad for path in paths])
     indices = np.unique(np.linspace(0, len(t_s) - 1, min(_SHOWN, len(t_s))).round().astype(int))
     return t_s[indices], q_rad[indices]
-
-
-def track_request(
-    stored: recording.Recording, detection: Detection, X_BT_at: Callable[[float], Array], duration_s: float
-) -> TrackRequest:
-    """The inputs of tracking a recording; the tool moved along `X_BT_at` for `duration_s`."""
-    return TrackRequest(
-        frames=stored.frames,
-        model=stored.model,
-        X_BC=stored.X_BC,
-        detection=detection,
-        X_BT_at=X_BT_at,
-        q_at=joints_at(stored.execution),
-        t_start_s=stored.execution.t_start_s,
-        duration_s=duration_s,
-    )
-
-
-def shown_at_home(
-    tracker: Tracker, stored: recording.Recording, detection: Detection, track: ObjectTrack
-) -> ObjectTrack | None:
-    """The track with the outcome that the picture with the arm at home shows, for an end that was hidden."""
-    if stored.after is None:
-        return None
-    return tracker.lies_at_home(track, detection, stored.before, stored.after, stored.model, stored.X_BC)
-
-
-def come_home(tracker: Tracker, stored: recording.Recording, detection: Detection, track: ObjectTrack) -> ObjectTrack:
-    """The track, with the outcome as the arm is home again, if there is a picture of that."""
-    if stored.after is None:
-        return track
-    return tracker.at_home(track, detection, stored.before, stored.after, stored.model, stored.X_BC)

@@ -21,12 +21,12 @@ from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.keys import Key, agree
 from adaptsim_cli.screen.views import failures
-from adaptsim_cli.session import store as stores
-from adaptsim_cli.session import terminal_views
+from adaptsim_cli.session import folders, terminal_views
 from adaptsim_cli.session.advice import after_iteration
 from adaptsim_cli.session.control import cost_in_words
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.flow import RunningSession, rows_of, run_iteration, tell
+from adaptsim_cli.session.history import results_of
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.own.trust import require_trusted
 from adaptsim_cli.session.preflight import preflight
@@ -106,7 +106,7 @@ def run_session(
     name = _meant(root, requested_config, request)
     earlier = _known(root, name)
     if earlier is None and "task" not in request.flag_keys:
-        near = did_you_mean(name, stores.names(root))
+        near = did_you_mean(name, folders.names(root))
         raise UsageError(f"there is no session {name!r} in {root}; to begin one, name its task: add --task{near}")
     if earlier is not None and earlier.facts.method == ROLLOUT:
         raise UsageError(f"session {name!r} is a rollout: nothing adapts in it. To begin a session, give --task alone")
@@ -117,7 +117,7 @@ def run_session(
     _confirm_session(screen, request, resolved, earlier)
     with ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
-            parts = stack.enter_context(open_parts(config, stores.folder_of(root, name) / "naf"))
+            parts = stack.enter_context(open_parts(config, folders.folder_of(root, name) / "naf"))
         operator = _operator(config, parts, request, screen)
         store = _same_parts(earlier, parts) if earlier else begin(root, name, config, parts)
         watcher = stack.enter_context(open_view(screen, store, parts))
@@ -155,7 +155,7 @@ def _end(screen: Screen, store: SessionStore, path: Path, ending: Ending | None)
     if ending is not None and (words := ending(store)) is not None:
         screen.show(words)
     screen.plain(f"Report: {path}")
-    if results := stores.results_of(store):
+    if results := results_of(store):
         screen.next(*after_iteration(store.facts, results[-1]))
 
 
@@ -208,9 +208,9 @@ def _meant(root: Path, config: Config, request: SessionRequest) -> str:
         return request.session
     if "task" in request.flag_keys:
         return default_name(config)
-    if request.flag_keys.intersection(_FROZEN) or not stores.names(root):
+    if request.flag_keys.intersection(_FROZEN) or not folders.names(root):
         raise UsageError("which session? Name its task to begin or continue one, e.g. --task scooping, or a --session")
-    return stores.newest(root, without=ROLLOUT)
+    return folders.newest(root, without=ROLLOUT)
 
 
 def _confirm_session(screen: Screen, request: SessionRequest, resolved: Resolved, earlier: SessionStore | None) -> None:
@@ -226,7 +226,7 @@ def _confirm_session(screen: Screen, request: SessionRequest, resolved: Resolved
     if earlier is not None or request.session is None:
         return
     name, root = request.session, resolved.places.sessions
-    near = did_you_mean(name, stores.names(root))
+    near = did_you_mean(name, folders.names(root))
     if not near or request.yes:
         return
     begin = agree("to begin it", f"A new session is begun in {root / name}.")
@@ -268,7 +268,7 @@ def anywhere(config: Config) -> Config:
 
 
 def _known(root: Path, name: str) -> SessionStore | None:
-    return SessionStore.open(root, name) if stores.folder_of(root, name).is_dir() else None
+    return SessionStore.open(root, name) if folders.folder_of(root, name).is_dir() else None
 
 
 def _continued(config: Config, store: SessionStore, request: SessionRequest) -> Config:

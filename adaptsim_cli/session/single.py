@@ -17,10 +17,11 @@ from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session.flow import RunningSession, rows_of
+from adaptsim_cli.session.folders import folder_of
 from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.records import ROLLOUT, SessionStart, TrialRecord
 from adaptsim_cli.session.running import NO_CONSENT, facts_for
-from adaptsim_cli.session.store import SessionStore, folder_of
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
 from hw.errors import MotionRefused

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from pathlib import Path
 
-import numpy as np
-
-from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import records
+from adaptsim_cli.session.folders import FACTS, entries, existing_folder, folder_of
 from adaptsim_cli.session.records import (
     Amendment,
     Facts,
@@ -29,23 +25,17 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.storage import durable
 from adaptsim_cli.storage.durable import locked
-from hw.bounded import read_table
 from hw.records import AnyRecord, Record
-from hw.types import Array
-from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
 from sim.adaptation.stages import Existing, Role, TrialKey, current_key
-from sim.errors import did_you_mean
-from sim.tasks.task import Task
 
+START = "start.json"
 _ITERATION = re.compile(r"iteration-(\d+)")
 _TRIAL = re.compile(r"trial-(\d+)-attempt-(\d+)(?:\.(started|rejected|restored|amended)(?:-(\d+))?\.json)?")
 _RESULT = re.compile(r"result-(\d+)(\.shown\.json)?")
-FACTS, START = "session.toml", "start.json"
 MOTION, TRIAL, PRUNED = "motion.json", "trial.json", "pruned.json"
 """The records of a trial: its motion, its result, and recordings removed to make room."""
 RESULT, SUMMARY = "result.json", "summary.json"
 
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 _CREATION_S = 5.0
 """How long a command waits while another one begins a session."""
 
@@ -355,165 +345,9 @@ def _shown(count: int) -> str:
     return f"result-{count}.shown.json"
 
 
-def folder_of(root: Path, name: str) -> Path:
-    """The folder of session `name`. Raises UsageError if that cannot be a folder's name."""
-    if not _NAME.fullmatch(name):
-        raise UsageError(f"session name {name!r}: use letters, digits, '.', '_' and '-' (at most 100)")
-    return root / name
-
-
-def existing_folder(root: Path, name: str) -> Path:
-    """The folder of a session, damaged or not. Raises SessionError naming the existing ones."""
-    folder = folder_of(root, name)
-    if not folder.is_dir():
-        listing = ", ".join(names(root)) or "none yet"
-        near = did_you_mean(name, names(root))
-        raise SessionError(f"there is no session {name!r} in {root}; sessions: {listing}{near}")
-    return folder
-
-
-def names(root: Path) -> tuple[str, ...]:
-    """The sessions below `root`, damaged ones too, newest last. Strays are left out."""
-    folders = [entry for entry in entries(root) if entry.is_dir() and _NAME.fullmatch(entry.name)]
-    return tuple(folder.name for folder in sorted(folders, key=_begun))
-
-
-def strays(root: Path) -> tuple[str, ...]:
-    """The folders below `root` that cannot be sessions by their names, e.g. `p1 (copy)` and `lost+found`."""
-    return tuple(entry.name for entry in entries(root) if entry.is_dir() and not _NAME.fullmatch(entry.name))
-
-
-def stray_note(root: Path) -> str:
-    """One sentence about the strays below `root`; "" without any."""
-    stray_names = strays(root)
-    if not stray_names:
-        return ""
-    which = ", ".join(repr(name) for name in stray_names[:5]) + (" and more" if len(stray_names) > 5 else "")
-    return (
-        f"Skipped in {root}: {which}. The name of a session has letters, digits, '.', '_' and '-' only: rename what "
-        "should be one"
-    )
-
-
-def newest(root: Path, without: str = "") -> str:
-    """The session that was begun last, of another method than `without`. Raises SessionError if there is none."""
-    candidates = [name for name in names(root) if (root / name / FACTS).is_file()]
-    if without:
-        candidates = [name for name in candidates if records.read(Facts, root / name / FACTS).method != without]
-    if not candidates:
-        raise SessionError(f"there are no sessions in {root} yet; begin one with adaptsim run-iteration")
-    return candidates[-1]
-
-
-def _begun(folder: Path) -> tuple[float, int]:
-    """When a session was begun, s since 1970 by its own record; then the time of its folder, for the same second.
-
-    Copying changes the times of files, so they count only for a session whose record cannot be read.
-    """
-    file = folder / FACTS
-    changed_ns = (file if file.is_file() else folder).stat().st_mtime_ns
-    try:
-        created_s = datetime.fromisoformat(str(read_table(file)["created"])).timestamp()
-    except (OSError, KeyError, ValueError):
-        created_s = 1e-9 * changed_ns
-    return created_s, changed_ns
-
-
 def _sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
 def _checksums(files: Mapping[str, bytes]) -> dict[str, str]:
     return {name: _sha256(content) for name, content in files.items()}
-
-
-def entries(folder: Path) -> list[Path]:
-    """A folder's own folders and regular files in alphabetical order, without leftovers of killed processes.
-
-    Links are not followed and pipes not opened: what lies elsewhere is not part of a session.
-    """
-    try:
-        with os.scandir(folder) as scan:
-            names = [entry.name for entry in scan if not entry.name.startswith(".") and _is_own(entry)]
-    except (FileNotFoundError, NotADirectoryError):
-        return []
-    return [folder / name for name in sorted(names)]
-
-
-def own_files(folder: Path) -> list[Path]:
-    """Every regular file in `folder` and in its own folders, by `entries`."""
-    files = []
-    for entry in entries(folder):
-        files += own_files(entry) if entry.is_dir() else [entry]
-    return files
-
-
-def _is_own(entry: os.DirEntry[str]) -> bool:
-    return entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)
-
-
-def result_of(store: SessionStore, iteration: int) -> ResultRecord:
-    """The newest result of an iteration. Raises SessionError if it has none."""
-    if (result := store.result(iteration)) is None:
-        raise SessionError(f"iteration {iteration + 1} of {store.facts.name} has no result yet")
-    return result
-
-
-def particles_of(store: SessionStore, iteration: int) -> tuple[Particle, ...]:
-    """The particles that an iteration's trials were (or will be) made with. Raises SessionError."""
-    stored = result_of(store, iteration - 1).next_particles if iteration else store.start.particles
-    return tuple(Particle(np.array(samples)) for samples in stored)
-
-
-def means_of(store: SessionStore, results: Sequence[ResultRecord]) -> Array:
-    """(I + 1, n, p) the particles' means in every iteration of `results`, and in the next one."""
-    steps = [store.start.particles, *(result.next_particles for result in results)]
-    return np.array([[np.mean(samples, axis=0) for samples in particles] for particles in steps])
-
-
-def history_of(task: Task, store: SessionStore, last: int) -> tuple[Iteration, ...]:
-    """The counting trials of iterations 0 to `last`, as learning methods take them. Raises SessionError."""
-
-    def iteration(i: int) -> Iteration:
-        trials = store.trials(i)
-        return tuple(
-            ParticleTrials(particle, tuple(_learnt_from(task, one) for one in trials if one.particle == number))
-            for number, particle in enumerate(particles_of(store, i), start=1)
-        )
-
-    return tuple(iteration(i) for i in range(last + 1))
-
-
-def _learnt_from(task: Task, record: TrialRecord) -> Trial:
-    return Trial(
-        context=record.context_array,
-        action=record.action_array,
-        observation=np.array(record.observation, dtype=np.float64),
-        reward=record.reward,
-        end_state=task.end_of(record.track.track()),
-        predicted=record.predicted_reward,
-    )
-
-
-def played_of(store: SessionStore) -> tuple[TrialRecord, ...]:
-    """Every completed trial that counts, in order, control trials too. Raises SessionError."""
-    return tuple(trial for i in range(store.iterations()) for trial in store.played(i))
-
-
-def trials_of(store: SessionStore) -> tuple[TrialRecord, ...]:
-    """Every completed trial that counts, in order; without control trials. Raises SessionError."""
-    return tuple(trial for i in range(store.iterations()) for trial in store.trials(i))
-
-
-def results_of(store: SessionStore) -> tuple[ResultRecord, ...]:
-    """The newest result of every iteration that has one. Raises SessionError."""
-    return tuple(result for i in range(store.iterations()) if (result := store.result(i)) is not None)
-
-
-def completed(store: SessionStore, number: int) -> TrialRecord:
-    """The completed trial `number` (from 1) that counts. Raises UsageError naming those that are, SessionError."""
-    trials = {trial.trial: trial for trial in played_of(store)}
-    if number not in trials:
-        listing = ", ".join(map(str, trials)) or "none"
-        raise UsageError(f"trial {number} of {store.facts.name} is not completed; completed are {listing}")
-    return trials[number]

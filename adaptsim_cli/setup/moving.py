@@ -16,7 +16,7 @@ from adaptsim_cli.devices.consent import SLOW_PACE
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.screen.keys import Key, enter
 from adaptsim_cli.session import single
-from adaptsim_cli.session.store import trials_of
+from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.setup.answers import Answers
 from adaptsim_cli.setup.describing import board_payload
 from adaptsim_cli.touch_off import flow as touching

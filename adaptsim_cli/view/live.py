@@ -20,10 +20,11 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import number, quantity
 from adaptsim_cli.session.advice import compared_in_words, in_words
 from adaptsim_cli.session.film import FILM
+from adaptsim_cli.session.history import means_of, played_of, results_of
 from adaptsim_cli.session.live_trial import Image, MotionPreview, Placement, TrackedTrial
 from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import MotionRecord, ResultRecord, TrialRecord
-from adaptsim_cli.session.store import SessionStore, means_of, played_of, results_of
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import PosteriorSource
 from adaptsim_cli.view.server import Page

@@ -11,9 +11,10 @@ import numpy as np
 from adaptsim_cli.config import Config, load
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.trials import as_row
+from adaptsim_cli.session.history import history_of, results_of, trials_of
 from adaptsim_cli.session.records import as_records
 from adaptsim_cli.session.running import settings_of
-from adaptsim_cli.session.store import SessionStore, history_of, results_of, trials_of
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.wiring.settings import checkpoint_of_session, task_of
 
 if TYPE_CHECKING:

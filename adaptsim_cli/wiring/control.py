@@ -11,7 +11,8 @@ from adaptsim_cli import config as settings
 from adaptsim_cli.config import Config
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session.control import ControlPolicies, ControlPolicy
-from adaptsim_cli.session.store import SessionStore, history_of, results_of
+from adaptsim_cli.session.history import history_of, results_of
+from adaptsim_cli.session.store import SessionStore
 from sim.errors import UnknownName
 
 if TYPE_CHECKING:

@@ -18,17 +18,10 @@ from adaptsim_cli.report import page
 from adaptsim_cli.report.agreement import end_error, mean_of
 from adaptsim_cli.report.figures import HeldOutScore, Judgement, Prediction
 from adaptsim_cli.session import truth_view
+from adaptsim_cli.session.folders import names
+from adaptsim_cli.session.history import history_of, particles_of, results_of, trials_of
 from adaptsim_cli.session.records import ROLLOUT, TrialRecord, read_object
-from adaptsim_cli.session.store import (
-    RESULT,
-    TRIAL,
-    SessionStore,
-    history_of,
-    names,
-    particles_of,
-    results_of,
-    trials_of,
-)
+from adaptsim_cli.session.store import RESULT, TRIAL, SessionStore
 from adaptsim_cli.wiring.settings import checkpoint_of_session, recordings_of
 from adaptsim_cli.wiring.truth import revealed
 from sim.errors import CollapsedPosterior, RecordingsRefused, SimError

@@ -73,7 +73,7 @@ def correlation(posterior: Posterior) -> Array:
 
 
 def _trials(store: SessionStore) -> tuple[Any, ...]:
-    from adaptsim_cli.session.store import trials_of
+    from adaptsim_cli.session.history import trials_of
 
     return trials_of(store)
 

@@ -13,7 +13,7 @@ from adaptsim_cli.devices.lab import Lab
 from adaptsim_cli.devices.mounted import MountedTask, mounted
 from adaptsim_cli.devices.opening import open_lab
 from adaptsim_cli.errors import CliError, UsageError
-from adaptsim_cli.session import store as stores
+from adaptsim_cli.session import folders
 from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.touch_off.store import SavedTouchOff
@@ -68,7 +68,7 @@ def open_sessions(config: Config, places: Places) -> tuple[str, ...]:
     """The sessions of this rig that can continue now, but not after its calibration or touch-off is replaced."""
     rig, now = calibration_key(config), dict[tuple[str, str], str]()
     names = []
-    for name in stores.names(places.sessions):
+    for name in folders.names(places.sessions):
         try:
             facts = SessionStore.open(places.sessions, name).facts
             identity = {"task": facts.task, "object": facts.object, "seed": facts.seed}

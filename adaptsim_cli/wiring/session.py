@@ -17,6 +17,7 @@ from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
+from adaptsim_cli.session.folders import FACTS
 from adaptsim_cli.session.own.exchange import Answerer
 from adaptsim_cli.session.own.person import TypedAnswers
 from adaptsim_cli.session.own.program import Program
@@ -25,7 +26,7 @@ from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.simulated_target import RecordedTarget, SimulatedTarget
-from adaptsim_cli.session.store import FACTS, SessionStore
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts, Planner, Provenance, Rig, Target
 from adaptsim_cli.session.watching import Watcher
 from adaptsim_cli.storage.durable import versions

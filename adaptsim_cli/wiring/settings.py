@@ -224,7 +224,8 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
     """
     import hashlib
 
-    from adaptsim_cli.session.store import SessionStore, history_of
+    from adaptsim_cli.session.history import history_of
+    from adaptsim_cli.session.store import SessionStore
     from sim.adaptation.methods import METHODS, kind_of
     from sim.adaptation.methods.belief import create
     from sim.adaptation.posterior import posterior

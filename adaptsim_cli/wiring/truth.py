@@ -13,8 +13,10 @@ import numpy as np
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.outputs.learning import Revealed, RevealedParameter
+from adaptsim_cli.session.folders import names
+from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.records import ROLLOUT
-from adaptsim_cli.session.store import SessionStore, names, trials_of
+from adaptsim_cli.session.store import SessionStore
 from sim.errors import CollapsedPosterior, SimError
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import numpy as np
 from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.devices.trackers import tracker_of
 from adaptsim_cli.session import recording
-from adaptsim_cli.session.rig_target import come_home, shown_at_home, track_request
+from adaptsim_cli.session.rig_tracking import come_home, shown_at_home, track_request
 from adaptsim_cli.session.topics import joints_at
 from hw.types import Array
 from perception.errors import PerceptionError

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adaptsim_cli.session.store import FACTS, SessionStore, trials_of
+from adaptsim_cli.session.folders import FACTS
+from adaptsim_cli.session.history import trials_of
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.wiring.recorded.manifest import (
     MANIFEST,
     OUTCOME,

@@ -13,19 +13,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from hw.bounded import Unreadable
 from hw.types import Array
-from sim.adaptation.checkpoint import CARD, Targets, save_checkpoint
+from sim.adaptation.checkpoint import CARD, save_checkpoint
 from sim.adaptation.method import Method
 from sim.adaptation.methods.belief import Belief
-from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
 from sim.adaptation.reward_table import ProspectSettings, RewardTable, look_ahead, restore_prospects
 from sim.errors import DatasetError
 from sim.research.methods.q_network import QNetwork
@@ -33,14 +32,14 @@ from sim.research.methods.q_policy import MemoryName, QPolicy, restore_policy, t
 from sim.research.methods.search import RandomSearch
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
+from sim.research.pretraining.budget import EVERYTHING, MEMORIES, NETWORKS, PretrainBudget, Wanted
 from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, SolverActing, fill_library
-from sim.research.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings, evaluate
+from sim.research.pretraining.evaluation import evaluate
 from sim.research.pretraining.logs import StageTimer, curve_file
 from sim.research.pretraining.meta_training import (
     CURVE,
     Gate,
     MetaSettings,
-    gate_visits,
     learning_gate,
     train_adaptation,
 )
@@ -50,7 +49,7 @@ from sim.rollouts.run import Roll, run_many
 from sim.rollouts.shards import CachedRollouts
 from sim.rollouts.shares import Share
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.training import EmulatorSettings, outcome_variance, train_emulator
+from sim.solvers.emulator.training import outcome_variance, train_emulator
 from sim.solvers.solver import Solver
 from sim.storage.files import load_tensors, read_toml, save_tensors, write_toml
 from sim.tasks.fingerprint import fingerprint
@@ -59,78 +58,12 @@ from sim.tasks.task import Task
 StageProgress = Callable[[str, int, int], None]
 """(stage, done, total)"""
 
-MEMORIES: tuple[MemoryName, ...] = get_args(MemoryName)
-"""Of the adaptation policies; the first is the paper's."""
-
-NETWORKS: dict[MemoryName, str] = {"iteration": "adaptsim-iteration", "history": "adaptsim-history"}
 BELIEF, RANDOM = "adaptsim-belief", "random"
 """The methods in the evaluation, by their names in `sim.adaptation.methods.METHODS`."""
-COMPARED = len(NETWORKS) + 2
 
 STAGES = ("dataset", "emulator", "prospects", "adaptation policies", "evaluation", "checkpoint")
 EXACT = "dataset and emulator: not needed, this task is solved exactly"
 """The file that replaces the first two stages with NAF."""
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """The optional stages. They can be added to a folder later."""
-
-    policies: bool = True  # the paper's adaptation policy and its variants; NAF's checkpoints always have them
-    evaluation: bool = True  # sessions of the available methods, on unseen targets
-
-
-EVERYTHING = Wanted()
-
-
-@dataclass(frozen=True)
-class PretrainBudget:
-    """The size of each stage: `full` strength, or `small` for a first look."""
-
-    rollouts: int = 10_240  # of the dataset, spread evenly over the space
-    denser: int = 6_144  # further ones where the outcome is uncertain
-    naf_scale: float = 1.0  # factor on the paper's rollout budgets, with the solver naf
-    emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
-    meta: MetaSettings = field(default_factory=MetaSettings)
-    prospects: ProspectSettings = field(default_factory=ProspectSettings)
-    evaluation: EvaluationSettings = field(default_factory=EvaluationSettings)
-
-    @classmethod
-    def full(cls, task: Task) -> PretrainBudget:
-        """The default: about a quarter of an hour of two quiet cores for a contact task.
-
-        Where the mirror image of a rollout counts too, three quarters as many are simulated.
-        """
-        whole = cls()
-        if task.mirror is None:
-            return whole
-        return replace(whole, rollouts=whole.rollouts * 3 // 4, denser=whole.denser * 3 // 4)
-
-    @classmethod
-    def small(cls, task: Task) -> PretrainBudget:
-        """For a first look: a third of the dataset."""
-        full = cls.full(task)
-        return cls(
-            rollouts=full.rollouts // 3,
-            denser=full.denser // 3,
-            meta=MetaSettings(episodes=1000),
-            evaluation=EvaluationSettings(targets=12),
-        )
-
-    def on_targets(self, kind: Targets) -> PretrainBudget:
-        """The same budget, trained and judged on this kind of targets."""
-        return replace(self, meta=replace(self.meta, targets=kind), evaluation=replace(self.evaluation, kind=kind))
-
-    def uncached(self, task: Task, stages: Wanted = EVERYTHING) -> int:
-        """Rollouts of training and evaluation without a counter; an upper bound for the evaluation, because policies
-        repeat.
-        """
-        trials = task.adaptation.trials_per_iteration
-        session = self.evaluation.particles * self.evaluation.iterations * trials
-        judged = self.evaluation.rollouts * (UDR_POLICIES + 1 + COMPARED * self.evaluation.iterations)
-        evaluated = self.evaluation.targets * (COMPARED * session + PROPOSED * SCREENING + judged)
-        trained = len(MEMORIES) * (self.meta.visits(task) + gate_visits(task)) * trials
-        return stages.policies * trained + stages.evaluation * evaluated
 
 
 @dataclass(frozen=True, eq=False)

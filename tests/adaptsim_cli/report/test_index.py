@@ -12,7 +12,8 @@ import pytest
 from toy_session import NAME, run
 
 from adaptsim_cli import app
-from adaptsim_cli.session.store import SessionStore, trials_of
+from adaptsim_cli.session.history import trials_of
+from adaptsim_cli.session.store import SessionStore
 
 
 @pytest.fixture(scope="module")

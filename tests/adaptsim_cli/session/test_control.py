@@ -18,9 +18,10 @@ from adaptsim_cli.session.control import ControlPolicy, compared, pairs_of
 from adaptsim_cli.session.correcting import amend, amendable, redo
 from adaptsim_cli.session.exporting import rows
 from adaptsim_cli.session.flow import RunningSession, run_iteration
+from adaptsim_cli.session.history import history_of, played_of, trials_of
 from adaptsim_cli.session.keeping import verify
 from adaptsim_cli.session.records import Facts, MotionRecord
-from adaptsim_cli.session.store import SessionStore, history_of, played_of, trials_of
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.watching import AllOf, SessionLog
 from adaptsim_cli.view.live import so_far, trial_shown
 from perception.types import Outcome

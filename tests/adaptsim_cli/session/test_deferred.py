@@ -14,7 +14,8 @@ from adaptsim_cli.errors import SessionError
 from adaptsim_cli.report import page
 from adaptsim_cli.session import running
 from adaptsim_cli.session.deferred import submit
-from adaptsim_cli.session.store import SessionStore, results_of, trials_of
+from adaptsim_cli.session.history import results_of, trials_of
+from adaptsim_cli.session.store import SessionStore
 
 WAIT_S = 30.0  # no test waits so long unless it fails
 

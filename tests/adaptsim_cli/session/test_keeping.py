@@ -19,10 +19,11 @@ from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import keeping, recording
 from adaptsim_cli.session.correcting import amend, amendable, redo
 from adaptsim_cli.session.flow import run_iteration
+from adaptsim_cli.session.folders import entries, names, own_files
 from adaptsim_cli.session.keeping import mark, prune, verify
 from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.records import RigFacts, WaiverRecord, to_json
-from adaptsim_cli.session.store import SessionStore, entries, names, own_files
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage.durable import seal_json
 from perception.types import Outcome
 from sim.adaptation.stages import TrialKey

@@ -12,7 +12,8 @@ from toy_session import resolved
 from adaptsim_cli.report import page
 from adaptsim_cli.screen import console
 from adaptsim_cli.session import running
-from adaptsim_cli.session.store import SessionStore, results_of
+from adaptsim_cli.session.history import results_of
+from adaptsim_cli.session.store import SessionStore
 
 ASKED = "The verdict says stop. Run another iteration?"
 

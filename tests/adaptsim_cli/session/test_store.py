@@ -11,9 +11,9 @@ from toy_rig import ToyLab, toy_parts
 from toy_session import NAME, resolved
 
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.session import keeping, records, running
-from adaptsim_cli.session import store as stores
-from adaptsim_cli.session.store import SessionStore, results_of, trials_of
+from adaptsim_cli.session import folders, keeping, records, running
+from adaptsim_cli.session.history import results_of, trials_of
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import details
 from adaptsim_cli.storage.durable import seal_json, seal_toml
 from hw.records import AnyRecord
@@ -144,11 +144,11 @@ def test_a_missing_session_lists_those_there_are(store):
 
 def test_the_newest_session_is_the_one_begun_last(tmp_path):
     with pytest.raises(SessionError, match="no sessions"):
-        stores.newest(tmp_path / "data" / "sessions")
+        folders.newest(tmp_path / "data" / "sessions")
     for seed in (2, 1):
         settings = resolved(tmp_path, seed=seed)
         running.begin(settings.places.sessions, f"toy-wd-seed{seed}", settings.config, toy_parts(ToyLab(0)))
-    assert stores.newest(tmp_path / "data" / "sessions") == "toy-wd-seed1"
+    assert folders.newest(tmp_path / "data" / "sessions") == "toy-wd-seed1"
 
 
 def test_a_record_is_read_once_however_often_a_session_asks_for_it(store, monkeypatch):

@@ -12,8 +12,7 @@ import pytest
 
 from adaptsim_cli import api, app
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session import formats
-from adaptsim_cli.session import store as stored
+from adaptsim_cli.session import formats, history
 from adaptsim_cli.wiring import best as wiring
 from adaptsim_cli.wiring.best import TaskPolicy
 from adaptsim_cli.wiring.hindsight import Hindsight
@@ -142,7 +141,7 @@ def store(monkeypatch) -> SimpleNamespace:
     monkeypatch.setattr(Hindsight, "of", lambda store: found)
     monkeypatch.setattr(wiring, "policy_of_session", lambda store, checkpoint: lambda context: ACTION)
     monkeypatch.setattr(wiring, "trials_of", lambda store: [SimpleNamespace(context_array=CONTEXT)])
-    monkeypatch.setattr(stored, "played_of", lambda store: [SimpleNamespace(context_array=CONTEXT)])
+    monkeypatch.setattr(history, "played_of", lambda store: [SimpleNamespace(context_array=CONTEXT)])
     return SimpleNamespace(facts=SimpleNamespace(name="s", units={}, curves={}))
 
 

@@ -12,8 +12,9 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.reward_table import ProspectSettings
 from sim.errors import CheckpointError, ObjectError
 from sim.research.pretraining import for_object
+from sim.research.pretraining.budget import PretrainBudget, Wanted
 from sim.research.pretraining.for_object import is_inside, make_ready
-from sim.research.pretraining.pipeline import PretrainBudget, Wanted, pretrain
+from sim.research.pretraining.pipeline import pretrain
 from sim.rollouts import serial_executor
 from sim.solvers.emulator.training import EmulatorSettings
 from sim.tasks import TASKS, get_task

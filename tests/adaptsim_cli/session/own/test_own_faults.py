@@ -11,7 +11,8 @@ import pytest
 from own_robot import NAME, PUSHED, answer, printing, program, robot, run, runs
 
 from adaptsim_cli.errors import AnswerRefused
-from adaptsim_cli.session.store import SessionStore, trials_of
+from adaptsim_cli.session.history import trials_of
+from adaptsim_cli.session.store import SessionStore
 
 LONG = [0.1 * i for i in range(12)]
 

@@ -13,8 +13,9 @@ import pytest
 from own_robot import NAME, PLACED, PUSHED, program, robot, run, runs
 
 from adaptsim_cli.errors import AnswerRefused
+from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.own import program as programs
-from adaptsim_cli.session.store import SessionStore, trials_of
+from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
 from sim.tasks.task import Task
 

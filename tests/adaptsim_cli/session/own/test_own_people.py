@@ -18,11 +18,12 @@ from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session import running
+from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.own.exchange import Answerer
 from adaptsim_cli.session.own.person import TypedAnswers
 from adaptsim_cli.session.own.program import Program
 from adaptsim_cli.session.own.trust import require_trusted
-from adaptsim_cli.session.store import SessionStore, trials_of
+from adaptsim_cli.session.store import SessionStore
 from sim.tasks.task import Task
 
 

@@ -16,6 +16,7 @@ from sim.errors import CheckpointError, DatasetError, RolloutError
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import QPolicy, networks_of, new_policy
 from sim.research.methods.search import RandomSearch
+from sim.research.pretraining.budget import COMPARED, EVERYTHING, MEMORIES, PretrainBudget, Wanted
 from sim.research.pretraining.episodes import (
     EmulatedRolls,
     Library,
@@ -34,7 +35,7 @@ from sim.research.pretraining.meta_training import (
     sample_targets,
     train_adaptation,
 )
-from sim.research.pretraining.pipeline import COMPARED, EVERYTHING, MEMORIES, STAGES, PretrainBudget, Wanted, pretrain
+from sim.research.pretraining.pipeline import STAGES, pretrain
 from sim.rollouts import serial_executor
 from sim.solvers.solver import SolverSettings
 from sim.tasks import get_task

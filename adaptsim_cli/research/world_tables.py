@@ -1,0 +1,128 @@
+"""Tables of true rollouts, in which a benchmark looks up its trials: which are wanted, and how they are made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from adaptsim_cli.config import Resolved
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.research.pretraining import StageProgress
+from adaptsim_cli.research.working import working_in
+
+if TYPE_CHECKING:
+    from sim.adaptation.checkpoint import Checkpoint
+    from sim.lab.physics import Physics
+    from sim.lab.world import World
+    from sim.research.benchmark.worlds import BenchmarkWorld
+    from sim.rollouts.shares import Share
+    from sim.solvers.solver import Solver
+    from sim.tasks.task import Task
+
+DEFAULT = "default"
+"""The checkpoint that is used where no other is named."""
+
+
+def tables_folder(resolved: Resolved) -> Path:
+    """The folder of the tables of the settings' task."""
+    return resolved.places.world_tables / resolved.config.task
+
+
+TABLES_BUSY = "another process is making tables in {}: wait for it"
+
+
+def make_tables(
+    resolved: Resolved, targets: str, rollouts: int, executor: Executor, progress: StageProgress
+) -> list[dict[str, Any]]:
+    """Simulate the missing parts of the tables of these worlds; one entry per world, for JSON.
+
+    Raises UsageError for a task that needs none, UnknownName, DatasetError, RolloutError, SessionError.
+    """
+    from sim.research.benchmark.tables import build_table
+
+    tables, rows = _planned(resolved, targets, rollouts), list[dict[str, Any]]()
+    with working_in(tables_folder(resolved), TABLES_BUSY):
+        for i, table in enumerate(tables):
+            show = partial(_report, progress, i * rollouts, len(tables) * rollouts)
+            built = build_table(*table.made_of, executor, show)
+            rows.append(
+                {
+                    "set": table.target.set,
+                    "world": table.target.name,
+                    "rollouts": len(built.actions),
+                    "digest": built.digest,
+                    "folder": str(table.folder),
+                }
+            )
+    return rows
+
+
+def make_tables_share(
+    resolved: Resolved, targets: str, rollouts: int, share: Share, executor: Executor, progress: StageProgress
+) -> int:
+    """Simulate the missing parts of one share of the tables of these worlds; how many files it has.
+
+    Raises as `make_tables`.
+    """
+    from sim.research.benchmark.tables import build_table_share
+
+    tables, files, before = _planned(resolved, targets, rollouts), 0, 0
+    with working_in(tables_folder(resolved), TABLES_BUSY, share):
+        for i, table in enumerate(tables):
+            show = partial(_report, progress, i * rollouts, len(tables) * rollouts)
+            mine, all_of_it = build_table_share(*table.made_of, share, before, executor, show)
+            files, before = files + mine, before + all_of_it
+    return files
+
+
+@dataclass(frozen=True, eq=False)
+class _PlannedTable:
+    """The table of a world that is to be made."""
+
+    target: BenchmarkWorld
+    checkpoint: Checkpoint
+    scene: str
+    folder: Path
+    size: int
+
+    @property
+    def made_of(self) -> tuple[Solver, str, str, World, Path, int]:
+        """The first arguments of `build_table`."""
+        solver, policies = self.checkpoint.solver, self.checkpoint.sha256
+        return solver, policies, self.scene, self.target.world, self.folder, self.size
+
+
+def _planned(resolved: Resolved, targets: str, rollouts: int) -> list[_PlannedTable]:
+    from sim.adaptation.checkpoint import load_checkpoint
+    from sim.research.benchmark.worlds import targets_of
+    from sim.tasks import get_task
+
+    config = resolved.config
+    task = get_task(config.task)
+    if task.exact:
+        raise UsageError(f"{task.name} needs no tables: its trials cost next to nothing, so a benchmark simulates them")
+    checkpoint = load_checkpoint(task, config.checkpoint or DEFAULT)
+    chosen = targets_of(task, comma_separated(targets))
+    scenes, folder = scene_keys(task, chosen), tables_folder(resolved)
+    return [_PlannedTable(t, checkpoint, scenes[t.world.physics], folder / t.set / t.name, rollouts) for t in chosen]
+
+
+def _report(progress: StageProgress, before: int, total: int, done: int, _: int) -> None:
+    progress("rollouts", before + done, total)
+
+
+def scene_keys(task: Task, targets: Sequence[BenchmarkWorld]) -> dict[Physics, str]:
+    """The key of the scene, for each physics among the targets."""
+    from sim.lab.physics import in_physics
+    from sim.tasks.fingerprint import scene_key
+
+    return {physics: scene_key(in_physics(task, physics)) for physics in {t.world.physics for t in targets}}
+
+
+def comma_separated(listed: str) -> tuple[str, ...]:
+    """The words of a list as it is typed, without blanks."""
+    return tuple(word.strip() for word in listed.split(",") if word.strip())

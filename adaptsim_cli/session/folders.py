@@ -1,0 +1,110 @@
+"""The folders of sessions: their names, which is the newest, and what belongs to them."""
+
+from __future__ import annotations
+
+import os
+import re
+from datetime import datetime
+from pathlib import Path
+
+from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.session import records
+from adaptsim_cli.session.records import (
+    Facts,
+)
+from hw.bounded import read_table
+from sim.errors import did_you_mean
+
+FACTS = "session.toml"
+
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+
+
+def folder_of(root: Path, name: str) -> Path:
+    """The folder of session `name`. Raises UsageError if that cannot be a folder's name."""
+    if not _NAME.fullmatch(name):
+        raise UsageError(f"session name {name!r}: use letters, digits, '.', '_' and '-' (at most 100)")
+    return root / name
+
+
+def existing_folder(root: Path, name: str) -> Path:
+    """The folder of a session, damaged or not. Raises SessionError naming the existing ones."""
+    folder = folder_of(root, name)
+    if not folder.is_dir():
+        listing = ", ".join(names(root)) or "none yet"
+        near = did_you_mean(name, names(root))
+        raise SessionError(f"there is no session {name!r} in {root}; sessions: {listing}{near}")
+    return folder
+
+
+def names(root: Path) -> tuple[str, ...]:
+    """The sessions below `root`, damaged ones too, newest last. Strays are left out."""
+    folders = [entry for entry in entries(root) if entry.is_dir() and _NAME.fullmatch(entry.name)]
+    return tuple(folder.name for folder in sorted(folders, key=_begun))
+
+
+def strays(root: Path) -> tuple[str, ...]:
+    """The folders below `root` that cannot be sessions by their names, e.g. `p1 (copy)` and `lost+found`."""
+    return tuple(entry.name for entry in entries(root) if entry.is_dir() and not _NAME.fullmatch(entry.name))
+
+
+def stray_note(root: Path) -> str:
+    """One sentence about the strays below `root`; "" without any."""
+    stray_names = strays(root)
+    if not stray_names:
+        return ""
+    which = ", ".join(repr(name) for name in stray_names[:5]) + (" and more" if len(stray_names) > 5 else "")
+    return (
+        f"Skipped in {root}: {which}. The name of a session has letters, digits, '.', '_' and '-' only: rename what "
+        "should be one"
+    )
+
+
+def newest(root: Path, without: str = "") -> str:
+    """The session that was begun last, of another method than `without`. Raises SessionError if there is none."""
+    candidates = [name for name in names(root) if (root / name / FACTS).is_file()]
+    if without:
+        candidates = [name for name in candidates if records.read(Facts, root / name / FACTS).method != without]
+    if not candidates:
+        raise SessionError(f"there are no sessions in {root} yet; begin one with adaptsim run-iteration")
+    return candidates[-1]
+
+
+def _begun(folder: Path) -> tuple[float, int]:
+    """When a session was begun, s since 1970 by its own record; then the time of its folder, for the same second.
+
+    Copying changes the times of files, so they count only for a session whose record cannot be read.
+    """
+    file = folder / FACTS
+    changed_ns = (file if file.is_file() else folder).stat().st_mtime_ns
+    try:
+        created_s = datetime.fromisoformat(str(read_table(file)["created"])).timestamp()
+    except (OSError, KeyError, ValueError):
+        created_s = 1e-9 * changed_ns
+    return created_s, changed_ns
+
+
+def entries(folder: Path) -> list[Path]:
+    """A folder's own folders and regular files in alphabetical order, without leftovers of killed processes.
+
+    Links are not followed and pipes not opened: what lies elsewhere is not part of a session.
+    """
+    try:
+        with os.scandir(folder) as scan:
+            names = [entry.name for entry in scan if not entry.name.startswith(".") and _is_own(entry)]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    return [folder / name for name in sorted(names)]
+
+
+def own_files(folder: Path) -> list[Path]:
+    """Every regular file in `folder` and in its own folders, by `entries`."""
+    files = []
+    for entry in entries(folder):
+        files += own_files(entry) if entry.is_dir() else [entry]
+    return files
+
+
+def _is_own(entry: os.DirEntry[str]) -> bool:
+    return entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)

@@ -380,8 +380,8 @@ def rollout(
 ) -> list[Row]:
     """Try an own policy `n` times in a simulated world, at contexts drawn from `seed`: a row each, for a data frame.
 
-    `policy` is a function of the context (c,) in units, or one action: numbers in the task's order, or by name. The
-    tool is driven directly, or the trials go through the whole `lab`: arm, camera and tracking. Nothing is stored.
+    `policy` is a function of the context (c,) in units, or one action: numbers in the task's order, or by name. Trials
+    run without arm or camera, or through the whole `lab`: arm, camera and tracking. Nothing is stored.
     Raises UnknownName, WorldError, UsageError, OutOfRange for an action beyond its range, RolloutError.
     """
     from adaptsim_cli.research import from_python

@@ -101,7 +101,7 @@ HeldOut = Annotated[
         "--held-out",
         show_default="0.5",
         rich_help_panel=ADVANCED,
-        help="Share of the recorded trials that only scores, 0 to 0.9.",
+        help="Fraction of the recorded trials held out for scoring, 0 to 0.9.",
     ),
 ]
 Context = Annotated[

@@ -2,7 +2,7 @@
 
     python benchmarks/coverage.py [--set drawn] [--budget 10] [--seed 0]
 
-Forty sessions of the default method in forty drawn worlds, none discarded. After each, the central 90 % of the
+Forty sessions of the default method in forty drawn worlds; none was dropped. After each, the central 90 % of the
 posterior should hold the true value in 36 of 40. A parameter is identified in a session if its interval is narrower
 than half of the interval before any trial. The world's values outside of the grid's margin are counted, too.
 """

@@ -208,7 +208,7 @@ def section(part: Part, sessions: Sequence[Session]) -> list[str]:
         kind = f"true rollouts; {judged} further ones score the final policy"
     if part.needs_tables and part.fresh:
         kind += ", and tables of true rollouts score the earlier ones"
-    how = "through the whole lab: arm, rendered camera, tracking" if part.lab else "tool driven directly"
+    how = "through the whole lab: arm, rendered camera, tracking" if part.lab else "without arm or camera"
     return [
         f"## {part.name.capitalize().replace('-lab', ' in the whole lab')}",
         "",

@@ -42,7 +42,7 @@ class OffsetsRecord(Record):
 
 
 class UncertaintyRecord(Record):
-    """The possible error of the camera's pose; 95 % of calibrations are better than the `_95` values."""
+    """The possible error of the camera's pose; the `_95` values are 95 % bounds."""
 
     sigma_mm: float
     sigma_deg: float

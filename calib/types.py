@@ -191,7 +191,7 @@ class Uncertainty:
     """The possible error of the solution: jackknife over views and the fit's covariance, with measured factors and a
     floor.
 
-    95 % of calibrations are better than the `*_95` values. Those in the arm's own frame matter if the same arm acts on
+    The `*_95` values are 95 % bounds. Those in the arm's own frame matter if the same arm acts on
     the camera's detections. The absolute ones add a rotation of the base about joint 1's axis, which no view can show
     (it is the offset of joint 1). It is assumed as large as the estimated offsets of the other joints.
     """

@@ -31,9 +31,9 @@ PROMPT = "$ "
 PAGE, CAST = ROOT / "docs/start/setup.md", ROOT / "docs/figures/setup.cast"
 HEAD = """# A setup, practised
 
-Written by `python docs/film.py`, which types this command into a terminal of 80 × 24 and answers its questions: mostly with Enter, which takes what stands in brackets, and with the word that lets something move.
+Written by `python docs/film.py`, which types this command into a terminal of 80 × 24 and answers its questions: mostly with Enter, which accepts the default in brackets, and with the word that lets something move.
 [The film](../figures/setup.cast) plays with `asciinema play setup.cast`; waits are cut to one second.
-With a real arm, `adaptsim setup --hw fr3`, the first five steps ask and look at the devices. Of every step the middle is left out here (…).
+With a real arm, `adaptsim setup --hw fr3`, the first five steps ask and look at the devices. Each step is shortened (…).
 
 """
 ANSWERS = {"Name a box": "lamp", "upper corner": "0.7 -0.7 0.5"}

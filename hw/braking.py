@@ -33,7 +33,7 @@ PIECES = 4
 """The bound on dv/dt is convex in v², so linear pieces between 0 and 1 never lie below it."""
 HARDEST_S2 = 60.0
 SHARPEST_S3 = 4000.0
-"""Harder than that no stop needs to be: at rest it takes 45 ms."""
+"""Upper bound on braking: from rest it takes 45 ms."""
 AHEAD_S = 0.025
 """How far a brake looks ahead for a place that permits less."""
 AHEAD_OF_JERK_S = 0.08

@@ -43,7 +43,7 @@ def require_seen(what: str, track: ObjectTrack, visible: Mask, at_end: Mask) -> 
     ]
     if few:
         raise OutcomeUnseen(
-            f"the {what} is seen in {'; in '.join(few)}: nobody knows how the trial ended. A {what} that stands out "
+            f"the {what} is seen in {'; in '.join(few)}: how the trial ended is not known. A {what} that stands out "
             "from table and tool, more light, or a camera that sees past the tool makes it visible",
             track,
             followed=bool(visible.mean() >= BEFORE_SHARE),

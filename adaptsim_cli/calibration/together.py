@@ -64,7 +64,7 @@ def show(solution: Together) -> RenderableType:
         Text(f"{len(solution.cameras)} cameras, one {solution.target}{size}", style="bold"),
         Text(f"Held-out views are predicted to {solution.held_out_px:.2f} px"),
         views.rows(head, rows),
-        Text("work volume: 95 % of calibrations are better than this at its worst corner"),
+        Text("work volume: 95 % bound at its worst corner"),
         Text(solution.choice.sentence),
         *(Text(f"  {line}", style="yellow") for line in _notes(solution)),
         Text("Accepted", style="bold green") if solution.accepted else Text("Not accepted", style="bold red"),

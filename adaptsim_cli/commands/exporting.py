@@ -37,7 +37,7 @@ def report(
         screen.plain(f"Report: {path}")
         screen.next(
             (f"xdg-open {shlex.quote(str(path))}", "opens it in the browser; it is a single file that you can send"),
-            (f"adaptsim run-iteration --session {name}", "goes on with the session"),
+            (f"adaptsim run-iteration --session {name}", "continues the session"),
         )
 
 

@@ -80,7 +80,7 @@ def _show(screen: Screen, task: Task, world: str, truth: dict[str, Any]) -> None
         return
     screen.plain(f"{truth['world']}: {truth['description']}")
     if task.hardware is not None and truth["physics"] != "drake":
-        screen.plain(f"Its physics is {truth['physics']}: the tool is driven directly, without arm and camera.")
+        screen.plain(f"Its physics is {truth['physics']}: trials run without arm or camera.")
     groups = ("parameters", "nuisance", "unmodelled", "sensing", "mount", "faults")
     named = {
         group: {d.name: (d.label, d.plain) for d in space.dimensions}

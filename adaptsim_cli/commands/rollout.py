@@ -150,7 +150,7 @@ def _measured(screen: Screen, session: str, rewards: list[float]) -> None:
         mean = sum(rewards) / len(rewards)
         screen.plain(f"Measured: {len(rewards)} trials of the best policy of {session}, mean reward {mean:.2f}")
         page = ((f"adaptsim report {session}", "prediction and measurement side by side"),)
-    screen.next(*page, (f"adaptsim run-iteration --session {session}", "goes on with it"))
+    screen.next(*page, (f"adaptsim run-iteration --session {session}", "continues this session"))
 
 
 def preview(

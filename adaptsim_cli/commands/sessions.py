@@ -47,7 +47,7 @@ def list_sessions(
     for name in [one.session for one in rows if not isinstance(one, Damaged)][-1:]:
         screen.next(
             (f"adaptsim sessions show {name}", "every trial of the newest"),
-            (f"adaptsim run-iteration --session {name}", "goes on with it"),
+            (f"adaptsim run-iteration --session {name}", "continues this session"),
         )
 
 
@@ -67,7 +67,7 @@ def show(name: options.Session, as_json: options.Json = False) -> None:
     screen.show(terminal_views.session(shown))
     rejected = {one.trial for one in shown.rejected} - {one.trial for one in shown.trials}
     screen.next(
-        (f"adaptsim run-iteration --session {name}", "goes on with it"),
+        (f"adaptsim run-iteration --session {name}", "continues this session"),
         (f"adaptsim report {name}", "pictures, paths and parameters on one page"),
         *((f"adaptsim sessions accept {name} {trial}", "lets the rejected attempt count") for trial in rejected),
     )

@@ -64,7 +64,7 @@ class Revealed(Record):
     trials: int = described("its trials so far")
     first_reward: float = described("mean reward of its first iteration")
     last_reward: float = described("mean reward of its last iteration")
-    udr_reward: float = described("mean reward there of the policies for all parameters, the tool driven directly")
+    udr_reward: float = described("mean reward there of the policies for the whole parameter range, without arm or camera")
     udr_trials: int = described("simulated trials behind it")
 
 
@@ -191,7 +191,7 @@ class BenchmarkOutput(Output):
         "their source: simulated (true rollouts), tables (looked up), lab (arm and camera), recorded"
     )
     recorded: str | None = optional("hash of the recorded trials; absent: none were")
-    held_out: float | None = optional("share of the recorded trials that only scores")
+    held_out: float | None = optional("fraction of the recorded trials held out for scoring")
     checkpoints: Any = described("checkpoints of the methods")
     targets: list[str] = described("worlds")
     seeds: int = described("sessions a world and method")

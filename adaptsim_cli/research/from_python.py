@@ -24,7 +24,7 @@ Policy = Callable[[Array], "Array | Sequence[float] | Mapping[str, float]"] | Se
 """A function context (c,) -> action in units, or one action for every context; an action as numbers or by name."""
 
 Through = Literal["direct", "lab"]
-"""The tool driven directly, or the whole simulated lab: arm, camera and tracking."""
+"""Without arm or camera, or the whole simulated lab: arm, camera and tracking."""
 
 
 def rollout(task_name: str, policy: Policy, *, world: str, n: int, seed: int, through: Through) -> list[Row]:

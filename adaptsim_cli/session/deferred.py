@@ -1,4 +1,4 @@
-"""Work in the background of a session, such as its report: nobody waits for it unless its result is needed."""
+"""Work in the background of a session, such as its report: the session waits for it only where it needs the result."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Deferred(Generic[T]):
-    """Work in the background. If it has not begun when its result is needed, the caller runs it."""
+    """Work in the background. If it has not started when its result is needed, the caller runs it."""
 
     work: Callable[[], T]
     future: Future[T]

@@ -64,7 +64,7 @@ from sim.tasks.task import SolvedPolicy
 TOTAL, REJECTED = "total", "rejected attempts"
 """Two entries among the times of an iteration: the sum, and the time of attempts that do not count."""
 RIM = 0.1
-"""Nobody is asked to place the object in this outer share of the area, because hands are not that steady."""
+"""Drawn placements keep this far from the edge of the area, as a share of it: placing by hand is inexact."""
 
 
 @dataclass(frozen=True)

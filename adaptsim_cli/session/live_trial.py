@@ -78,7 +78,7 @@ class Motion(Protocol):
 
     @property
     def stopped(self) -> HardwareError | None:
-        """Why it ended early; None: it did not. The recording until then is kept to look at, and is no trial."""
+        """Why it ended early; None: it did not. The recording until then is kept for inspection; it does not count."""
 
     def files(self) -> Mapping[str, bytes]:
         """The recorded files, name -> content; call it once, before `track`. Waits for frames still compressed."""

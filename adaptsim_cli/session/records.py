@@ -91,7 +91,7 @@ class Facts(Record):
     world: str
     world_sha256: str = ""  # hash of the world's file, or of the recorded trials
     recorded: str = ""  # folder of the recorded trials; empty: trials happen
-    held_out: float = 0.0  # share of the recorded trials that only scores
+    held_out: float = 0.0  # fraction of the recorded trials held out for scoring
     start_from: str = ""  # session whose posterior this one began with
     start_from_sha256: str = ""  # hash of that posterior
     policy_of: str = ""  # of a rollout: session whose best policy acts

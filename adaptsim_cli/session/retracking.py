@@ -68,7 +68,7 @@ def next_steps(session: str, trials: Sequence[RetrackedTrial]) -> tuple[tuple[st
     look = tuple(
         (f"adaptsim sessions amend {session} {n}", f"trial {n} now has another outcome: check it") for n in others
     )
-    return look or ((f"adaptsim run-iteration --session {session}", "goes on with the session"),)
+    return look or ((f"adaptsim run-iteration --session {session}", "continues the session"),)
 
 
 def require_tracked(trials: Sequence[RetrackedTrial]) -> None:

@@ -351,7 +351,7 @@ class RigTarget:
             facts = rig.attendant.facts().model_copy(update={"brightness": brightness(stored.before.colour)})
             try:
                 files = {RIG: to_json(facts)}
-            except ValueError as error:  # a number that is none must not cost the recording
+            except ValueError as error:  # NaN must not cost the recording
                 files = {RIG: to_json(RigFacts(problem=str(error)))}
         return {recording.FILE: mcap, "overlay.jpg": planned.overlay or b"", **files}, stored
 

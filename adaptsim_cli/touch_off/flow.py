@@ -54,7 +54,7 @@ OpenRig = Callable[[Config, Places, Grasp], AbstractContextManager[TouchRig]]
 """Connects the devices."""
 _HINT = "Nothing was stored; the previous touch-off stays in use. Start again with: adaptsim touch-off"
 UNSEEN = (
-    "on a real arm nobody has seen the automatic touch-off yet, so it does not start by itself. Set the tool down by "
+    "the automatic touch-off has never run on a real arm, so it does not start by itself. Set the tool down by "
     "hand: add --guide. Or watch the automatic one, a hand on the stop button: add --automatic"
 )
 
@@ -101,7 +101,7 @@ def conclude(saved: SavedTouchOff, store: TouchOffStore, config: Config, screen:
 def touch_off(rig: TouchRig, screen: Screen, *, unattended: bool, created: str) -> SavedTouchOff:
     """Home the hand, touch the table, take the tool, touch with it, press, touch again, solve.
 
-    Nobody is asked if `unattended`, in the simulated lab only. `created` is ISO 8601.
+    No question is asked if `unattended`, in the simulated lab only. `created` is ISO 8601.
     Raises TouchOffFailed, HardwareError, NotExecutable, StoppedByOperator, UsageError.
     """
 

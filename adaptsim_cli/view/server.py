@@ -152,7 +152,7 @@ class _Quiet(ThreadingHTTPServer):
     """A connection that fails (a reset, a closed page) ends alone, without a traceback in the operator's terminal."""
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Nothing: nobody waits for an answer any more."""
+        """Nothing: the client has disconnected."""
 
 
 def require_free(port: int) -> None:

@@ -258,7 +258,7 @@ def _simulated(config: Config, task: Task) -> SimulatedTarget:
     duration_s = float(task.observation.times_s[-1])
     title = f"simulated target, world {world.name}"
     if world.physics != "drake":
-        title += f" in {world.physics}, the tool driven directly"
+        title += f" in {world.physics}, without arm or camera"
     return SimulatedTarget(task.object_name, duration_s, title, rollout)
 
 

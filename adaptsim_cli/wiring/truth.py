@@ -91,7 +91,7 @@ def _levels(posterior: Posterior) -> Sequence[tuple[float, float, float] | None]
 
 @lru_cache(maxsize=8)
 def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
-    """The rewards of the policies of UDR in a world, the tool driven directly, in a few even contexts."""
+    """The rewards of the policies of UDR in a world, without arm or camera, in a few even contexts."""
     from sim.adaptation.methods.udr import udr_policies
     from sim.lab.world import rollouts_in
     from sim.rollouts.draws import cover

@@ -45,7 +45,7 @@ HOLD_S = 0.5
 """The longest wait for standstill after the last sample."""
 
 NONSENSE = "nonsense"
-"""The reason of a stop because the arm reported a number that is none, or joints that it cannot have."""
+"""The reason of a stop because the arm reported NaN, or joints that it cannot have."""
 
 TOUCH = "touch"
 """The reason of a guarded motion that stopped at a touch."""

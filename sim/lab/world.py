@@ -110,7 +110,7 @@ class World:
         """Raises NoHardware for a world with a foreign physics, which has no arm and no camera."""
         if self.physics != "drake":
             raise NoHardware(
-                f'world {self.name} has physics = "{self.physics}": there the tool is driven directly, without arm and '
+                f'world {self.name} has physics = "{self.physics}": there trials run without arm and '
                 "camera. `adaptsim run-iteration` and `adaptsim rollout` work there; for this, name another --world"
             )
 
@@ -176,7 +176,7 @@ _Kind = TypeVar("_Kind")
 class _File(HandWritten):
     task: str
     description: str = ""
-    physics: Physics = "drake"  # "mujoco": the tool is driven directly, in a physics that training does not use
+    physics: Physics = "drake"  # "mujoco": without arm or camera, in a physics that training does not use
     params: dict[str, Any]
     nuisance: dict[str, Any] = Field(default_factory=dict)
     unmodelled: dict[str, Any] = Field(default_factory=dict)
@@ -218,8 +218,8 @@ def _no_devices(file: _File, source: str) -> None:
     tables = [name for name in ("sensing", "mount", "faults") if getattr(file, name)]
     if file.physics != "drake" and tables:
         raise WorldError(
-            f'{source}: [{tables[0]}] describes arm and camera, but with physics = "{file.physics}" the tool is driven '
-            "directly; leave the table out"
+            f'{source}: [{tables[0]}] describes arm and camera, but with physics = "{file.physics}" trials run '
+            "without them; leave the table out"
         )
 
 

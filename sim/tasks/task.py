@@ -137,7 +137,7 @@ class Mirror:
 
 
 class Simulate(Protocol):
-    """One training rollout: the tool driven directly, no arm, no camera."""
+    """One training rollout, without arm or camera."""
 
     def __call__(
         self, parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None

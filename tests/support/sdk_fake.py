@@ -172,7 +172,7 @@ class FakeRobot:
             modes.reasons, modes.recovering, self._recovering = (), True, self.sdk.recovery_readings
 
     def send(self) -> None:
-        """A state that nobody waits for."""
+        """A state that no reader waits for."""
         if len(self._kept) < KEPT_STATES:
             self._kept.append(self._state())
 

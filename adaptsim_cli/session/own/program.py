@@ -25,9 +25,9 @@ from adaptsim_cli.session.own.reading import MOST_BYTES
 from sim.adaptation.sessions import Progress
 
 _RUN = 'q=$1; r=$2; shift 2; "$@" <"$q" >"$r.out" 2>"$r.err"; echo $? >"$r.exit.part"; mv "$r.exit.part" "$r.exit"'
-"""For a shell: run a program, and note its end even if nobody waits for it any more."""
+"""For a shell: run a program, and note its end even if the caller has gone."""
 _STARTED: list[subprocess.Popen[bytes]] = []
-"""Processes that may still run; nobody waits for them here, since they outlive this program."""
+"""Processes that may still run. They outlive this program, so it does not wait for them."""
 _LOOK_S = 0.05
 """How often to look whether a program has ended."""
 YOURS = "It moves YOUR robot; adaptsim checks none of its motion"

@@ -1,6 +1,6 @@
 """The worlds of a benchmark by name.
 
-`develop` and `drawn` are forty worlds each, drawn by `sim.lab.drawn`, none discarded. Methods are developed on
+`develop` and `drawn` are forty worlds each, drawn by `sim.lab.drawn`; none was dropped. Methods are developed on
 `develop`; `drawn` is for reported results. `drawn-3` are those of another seed. `named` are the shipped worlds.
 `foods` are forty pieces of food for scooping, drawn by `sim.lab.foods`. `mujoco` are the shipped worlds with a physics
 that training does not use. Any other name is that of one world, drawn ones included (`drawn-2-0`, `foods-5-0`), or of

@@ -15,7 +15,7 @@ STEEPNESS = 10.0
 """Reward lost per excess over the least possible cost: at .1 it is 0."""
 
 WORTHLESS = 2.0 / STEEPNESS
-"""Excesses of this and more are not told apart: they all earn 0, and say nothing of the actions that earn more."""
+"""Costs saturate here and score 0: larger ones say nothing about the actions that earn more."""
 
 
 def succeeded(track: ObjectTrack) -> bool:

@@ -43,12 +43,12 @@ def test_it_is_listed_and_shown_with_its_physics(capfd):
     physics = {world["name"]: world["physics"] for world in json.loads(capfd.readouterr().out)["worlds"]}
     assert (physics["wd"], physics["mujoco-wd"]) == ("drake", "mujoco")
     assert app.run(["lab", "show", *WORLD]) == 0
-    assert "Its physics is mujoco: the tool is driven directly" in capfd.readouterr().out
+    assert "Its physics is mujoco: trials run without arm or camera" in capfd.readouterr().out
 
 
 def test_nobody_takes_a_picture_there(tmp_path, capfd):
     assert app.run(["lab", "show", *WORLD, "--png", str(tmp_path / "seen.png")]) != 0
-    assert "there the tool is driven directly, without arm and camera" in " ".join(capfd.readouterr().err.split())
+    assert "there trials run without arm and camera" in " ".join(capfd.readouterr().err.split())
     assert not (tmp_path / "seen.png").exists()
 
 

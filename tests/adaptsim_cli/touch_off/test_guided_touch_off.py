@@ -191,7 +191,7 @@ def test_on_a_real_arm_the_automatic_one_waits_for_its_flag_and_proposes_the_han
     monkeypatch.setattr("adaptsim_cli.devices.lab.makers_drivers", devices.drivers)
     assert app.run(["touch-off", "--hw", "panda"]) == 2
     said_then = " ".join(capfd.readouterr().err.split())
-    assert "nobody has seen the automatic touch-off yet" in said_then
+    assert "the automatic touch-off has never run on a real arm" in said_then
     assert "add --guide" in said_then
     assert "add --automatic" in said_then
     assert app.run(["touch-off", "--hw", "panda", "--guide", "--automatic"]) == 2

@@ -17,7 +17,7 @@ from sim.research.pretraining.for_object import is_inside, make_ready
 from sim.research.pretraining.pipeline import pretrain
 from sim.rollouts import serial_executor
 from sim.solvers.emulator.training import EmulatorSettings
-from sim.tasks import TASKS, get_task
+from sim.tasks import get_task
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.own_object import OwnObject, as_toml, load_object, with_ranges
 
@@ -115,10 +115,6 @@ def test_its_checkpoint_holds_the_ranges_and_serves_no_others(tmp_path):
 
 def test_the_page_says_what_the_code_does(tmp_path):
     page = (Path(__file__).parents[3] / "docs" / "guide" / "own-objects.md").read_text()
-    for task in map(get_task, TASKS):
-        for usual, tried in zip(task.parameters.dimensions, task.margin.dimensions, strict=True):
-            row = f"{usual.label} | {usual.low:g} to {usual.high:g} | {tried.low:g} to {tried.high:g} |"
-            assert f"| {task.name} | {row}" in page
     example = re.search(r"```toml\n(.*?)```", page, re.DOTALL).group(1)
     assert with_ranges(get_task("scooping"), load_object(stored(tmp_path, example))).object_name == "tofu"
 

@@ -3,8 +3,8 @@
     python docs/pictures.py            a few minutes; needs Chromium or Chrome
     python docs/pictures.py --check    exit code 1 if a screen that a picture shows has changed since
 
-A session runs in the simulated lab with its page open: camera, live page, report. The planned motion is played from the
-page of `adaptsim preview`. What the pictures show is written to docs/figures/pictures.json, by a digest of the files
+A session runs in the simulated lab with its page open: camera, live page, report with numbers, film of a scoop. The
+planned motion is played from the page of `adaptsim preview`; a calibration holds the board. What the pictures show is written to docs/figures/pictures.json, by a digest of the files
 that draw each of them; a test compares.
 """
 
@@ -39,9 +39,23 @@ DRAWN_BY: Mapping[str, Sequence[str]] = {
     "guide-preview.png": ("sim/lab/preview.py",),
     "guide-report.png": ("adaptsim_cli/report/page.html.j2", "adaptsim_cli/report/style.css"),
     "live-page.png": ("adaptsim_cli/view/page.html",),
+    "scoop.webp": ("sim/render/renderer.py", "sim/lab/kinect.py"),
+    "board-in-hand.jpg": ("sim/render/renderer.py", "sim/lab/board.py"),
 }
 """Each picture, and the files that draw what it shows."""
 
+
+NUMBERED = """
+[".verdict", ".figures div:nth-child(1) dt", ".figures div:nth-child(2) dt", ".best", ".best ~ .best", "section figure"]
+  .forEach((selector, i) => {
+    const mark = document.createElement("span");
+    mark.textContent = i + 1;
+    mark.style = "display:inline-block;width:1.5em;line-height:1.5em;margin-right:.5em;border-radius:50%;text-align:center;"
+      + "font:bold 13px/1.5 sans-serif;background:#b34700;color:white";
+    document.querySelector(selector).prepend(mark);
+  });
+"""
+"""Numbers in the report, which the operator's guide explains."""
 
 COLOURS = 128
 """Of a picture, so that it is small."""
@@ -76,8 +90,35 @@ def session(page: Tab) -> None:
     shown = "state.judged && state.trial.iteration === 2"
     with live_session(page, shown, *WORLD, "--session", "guide", "-n", "2"):
         shoot(page, "live-page.png", 1120, 1560)
-    page.open((Path(os.environ["ADAPTSIM_HOME"]) / "data/sessions/guide/report.html").as_uri())
+    folder = Path(os.environ["ADAPTSIM_HOME"]) / "data/sessions/guide"
+    page.open((folder / "report.html").as_uri())
+    page.script(NUMBERED)
     shoot(page, "guide-report.png", 970, 980)
+    film(sorted(folder.glob("iteration-02/trial-005-attempt-?/recording.mcap"))[-1])
+
+
+def film(recording: Path) -> None:
+    """A scoop of the adapted policy, every second picture, in a loop."""
+    from adaptsim_cli import api  # noqa: PLC0415 imports OpenCV's readers
+
+    frames = [
+        Image.fromarray(cv2.resize(frame.colour[:, 320:960], (480, 540), interpolation=cv2.INTER_AREA))
+        for frame in api.read_recording(recording).frames[::2]
+    ]
+    first, *others = frames
+    first.save(FIGURES / "scoop.webp", save_all=True, append_images=others, duration=67, loop=0, quality=55)
+
+
+def board() -> None:
+    """The calibration board in the hand, as the camera sees it, with the corners that were found."""
+    from check_live import adaptsim  # noqa: PLC0415
+
+    subprocess.run(adaptsim("calibrate", *WORLD, "--yes"), check=True, capture_output=True)
+    view = sorted(Path(os.environ["ADAPTSIM_HOME"]).glob("data/calibrations/*/views-0001/004.corners.jpg"))[0]
+    picture = cv2.imread(str(view))
+    assert picture is not None, "the calibration keeps its pictures"
+    small = cv2.resize(picture, (720, 405), interpolation=cv2.INTER_AREA)
+    cv2.imwrite(str(FIGURES / "board-in-hand.jpg"), small, [cv2.IMWRITE_JPEG_QUALITY, 80])
 
 
 def preview(page: Tab, folder: Path) -> None:
@@ -116,6 +157,7 @@ def main() -> int:
         camera(Path(home))
         preview(page, Path(home))
         session(page)
+        board()  # its calibration would be used by a session
     STATES.write_text(json.dumps(digests(), indent=1) + "\n", encoding="utf-8")
     print("\n".join(f"docs/figures/{name}" for name in DRAWN_BY))
     return 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import drawings
 import pictures
 import pytest
 from generate import DOCS, stale
@@ -77,3 +78,9 @@ def test_the_pictures_of_the_guide_show_the_program_as_it_is():
     for name, files_that_draw in pictures.DRAWN_BY.items():
         assert (pictures.FIGURES / name).is_file()
         assert all((pictures.ROOT / file).is_file() for file in files_that_draw)
+
+
+@pytest.mark.parametrize(("name", "draw"), [(drawings.RIG, drawings.rig), (drawings.PEDAL, drawings.pedal)])
+def test_the_drawings_of_the_guide_have_the_distances_of_the_program(name, draw, tmp_path):
+    made = drawings.write(tmp_path / name, draw)
+    assert made.read_text() == (drawings.FIGURES / name).read_text(), "run `python docs/drawings.py` and commit"

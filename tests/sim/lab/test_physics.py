@@ -93,7 +93,8 @@ def test_its_rollouts_are_mujocos_and_travel_to_another_process() -> None:
 
 def test_the_lab_of_arm_and_camera_says_what_is_possible_instead() -> None:
     world, cell = load_world("mujoco-wd", SCOOPING), cell_as_shipped(SCOOPING.require_hardware(), "panda")
-    with pytest.raises(NoHardware, match=r"trials run without arm and camera.*`adaptsim run-iteration` and `adaptsim rollout` work"):
+    instead = r"trials run without arm and camera.*`adaptsim run-iteration` and `adaptsim rollout` work"
+    with pytest.raises(NoHardware, match=instead):
         SimulatedLab(SCOOPING, world, 0, cell)
     with pytest.raises(NoHardware, match="trials run without arm and camera"):
         TouchLab(SCOOPING, world, 0, cell, home_q_rad=np.zeros(7))

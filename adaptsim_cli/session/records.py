@@ -99,7 +99,7 @@ class Facts(Record):
     control_sha256: str = ""  # hash of what that session had learnt
     control_seed: int = 0  # of the order of control trials; random on a real arm, where a person must not know it
     seed: int
-    method: str  # "rollout": nothing is adapted
+    method: str  # how particles are updated; "rollout": nothing is adapted
     solver: str = ""  # how task policies are trained; empty: the checkpoint's solver
     object: str = ""  # file with the ranges of an own object
     particles: int

@@ -14,8 +14,9 @@ from pages.file_fields import FILES, SAID
 
 FILES_HEAD = """# Files, field by field
 
-Written by `make docs` from the models that read and write these files. Unknown keys are an error, in every file. Each file
-is written whole or not at all. A field without a default must be given. [A session on disk](sessions.md) tells where each file of
+Written by `make docs` from the models that read and write these files. In files that a person writes, an unknown key
+is an error; in files that the program writes, it is an addition of a newer version, and is kept. Each file is written whole or
+not at all. A field without a default must be given. [A session on disk](sessions.md) tells where each file of
 a session lies and when it is written; [calibrate](../guide/calibrate.md#views-from-elsewhere) has examples of views.
 
 Conventions: the end of a name is its unit (`_m`, `_rad`, `_s`, `_N`). `X_AB` is the pose of B in A, four rows of four. B is the arm's base, F the flange and T the tool; C is the colour camera, D the depth
@@ -34,7 +35,33 @@ def files() -> str:
             parts += ["| field | type | default | meaning |", "|---|---|---|---|"]
             parts += [f"| `{f}` | {cell(t)} | {d} | {cell(m)} |" for f, t, d, m in fields(module, name)]
             parts.append("")
-    return "\n".join(parts)
+    return "\n".join([*parts, TRIALS_HEAD, *columns(), ""])
+
+
+TRIALS_HEAD = """## A table of trials
+
+`adaptsim sessions export NAME --format csv` or `parquet`, and `trials.csv` beside a comparison: a row a trial that counts. Columns `parameter_NAME`, `context_NAME`
+and `action_NAME` hold each quantity of the task, in its unit. The meanings are those of session.toml and trial.json.
+
+| column | meaning |
+|---|---|"""
+
+RECORDS = "adaptsim_cli.session.records"
+COLUMNS = {
+    "session": ("Facts", "name"),
+    **{name: ("Facts", name) for name in ("task", "hw", "world", "method", "seed")},
+    **{name: ("MotionRecord", name) for name in ("started", "iteration", "trial", "attempt", "particle", "role")},
+    **{name: ("TrialRecord", name) for name in ("outcome", "overruled_from", "reward")},
+    "predicted_reward": ("MotionRecord", "predicted_reward"),
+}
+"""Each column of a table of trials, and the field that holds its meaning."""
+
+
+def columns() -> Iterator[str]:
+    """A row for each column."""
+    meanings = {kind: {name: text for name, _, _, text in fields(RECORDS, kind)} for kind, _ in COLUMNS.values()}
+    yield from (f"| `{column}` | {cell(meanings[kind][name])} |" for column, (kind, name) in COLUMNS.items())
+    yield "| `duration_s` | time from the start of the motion to the last observed moment |"
 
 
 def fields(module: str, name: str) -> Iterator[tuple[str, str, str, str]]:

@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from pages import files
 from toy_session import NAME
 
 from adaptsim_cli import app
-from adaptsim_cli.session import formats, recording, replaying, topics
+from adaptsim_cli.session import exporting, formats, recording, replaying, topics
 from adaptsim_cli.wiring.best import scene_files
 
 
@@ -80,6 +81,12 @@ def test_joints_have_the_velocity_and_torque_of_their_motion():
     assert np.abs(speed[50:-50, 0] - 0.6 * np.cos(2.0 * t_s[50:-50])).max() < 1e-3
     assert np.abs(speed[:, 1:]).max() < 1e-9
     assert topics.derivative(t_s[:3], q[:3], 1).tolist() == np.zeros((3, 7)).tolist()
+
+
+def test_every_column_of_a_table_has_its_meaning_in_the_reference(store):
+    quantities = ("parameter_", "context_", "action_")
+    plain = [column for column in exporting.rows(store)[0] if not column.startswith(quantities)]
+    assert plain == [*files.COLUMNS, "duration_s"]
 
 
 def test_a_table_has_a_row_for_each_trial(store):

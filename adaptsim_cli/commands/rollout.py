@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from adaptsim_cli import options
-
-if TYPE_CHECKING:
-    from adaptsim_cli.screen.console import Screen
-    from adaptsim_cli.session.single import Chosen
-    from adaptsim_cli.session.store import SessionStore
 
 
 def rollout(
@@ -57,100 +52,22 @@ def rollout(
 
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
-    from contextlib import ExitStack
-    from datetime import UTC, datetime
-    from tempfile import TemporaryDirectory
-
-    from adaptsim_cli.config import same_lab
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.screen import console, views
-    from adaptsim_cli.session import single
-    from adaptsim_cli.session.store import SessionStore
-    from adaptsim_cli.view.live import live_view
-    from adaptsim_cli.wiring import session as wiring
-    from adaptsim_cli.wiring.best import best_of
+    from adaptsim_cli.screen.console import Screen
+    from adaptsim_cli.wiring import rollouts
     from adaptsim_cli.wiring.settings import load
-    from sim.adaptation.method import Iteration
-    from sim.tasks import get_task
 
-    named = {"world": world, "seed": seed, "hw": hw, "pace": pace, "operator": operator}
-    answers = {"answer_with": answer_with, "answer_moves": answer_moves}
-    resolved = load({"task": task, "realtime": realtime or None, **named, **answers})
-    screen = console.Screen(as_json=as_json)
-    settings, history = resolved.config, tuple[Iteration, ...]()
-    _require_together(best == (session is not None), trials == 1 or not (session is None or context or out))
-    if session is not None:
-        if param or task:
-            raise UsageError("--best takes task and parameters from the session: leave out --task and --param")
-        policy = best_of(SessionStore.open(resolved.places.sessions, session), settings)
-        if policy.config.recorded:
-            raise UsageError(f"session {session} ran on recorded trials, to which none is added: see its report")
-        param, settings, history = policy.as_typed(), policy.config, policy.history
-        changed = {key: getattr(resolved.config, key) for key in named if named[key] is not None}
-        settings = settings.model_copy(update=changed)
-    task_meant = get_task(settings.task)
-    contexts = [context or []] if trials == 1 else single.drawn(task_meant, (settings.seed, len(history)), trials)
-    chosen = single.Chosen(contexts, action or [], param or [], session, history)
-    single.typed(task_meant, chosen)  # raises before anything is loaded or connected
-    folder = out or resolved.places.sessions / f"rollout-{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
-    with TemporaryDirectory() as learnt, ExitStack() as stack:
-        with screen.busy("Loading the task, the policies and the devices", "loading"):
-            parts = stack.enter_context(
-                wiring.open_parts(
-                    settings,
-                    folder.absolute() / "naf"
-                    if settings.is_own
-                    else Path(learnt),  # a session's questions lie beside it
-                    screen=None if settings.unattended(yes) else screen,
-                )
-            )
-        screen.show(views.badge(settings.hw, parts.target.title))
-        watcher = None
-        if view or view_port is not None:
-            what = f"rollout {folder.name}"
-            watcher = stack.enter_context(live_view(screen, parts, folder.name, what, settings.hw, view_port))
-        store = single.rollout(settings, parts, chosen, screen, folder.absolute(), yes=yes, watcher=watcher)
-    rewards = _print(screen, store, chosen)
-    lab = same_lab(settings.task, settings.hw, settings.world)
-    if session is None:
-        screen.next((f"adaptsim run-iteration {lab}", "adapts in about twenty such trials"))
-    else:
-        _measured(screen, session, rewards)
-
-
-def _require_together(best_of_session: bool, trials_alone: bool) -> None:
-    from adaptsim_cli.errors import UsageError
-
-    if not best_of_session:
+    if best != (session is not None):
         raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
-    if not trials_alone:
-        raise UsageError("--trials draws the contexts itself: adaptsim rollout --session NAME --best --trials 5")
-
-
-def _print(screen: Screen, store: SessionStore, chosen: Chosen) -> list[float]:
-    """Print the trials of a rollout, and draw its page; returns their rewards."""
-    from adaptsim_cli.report.page import write
-    from adaptsim_cli.session import single
-    from adaptsim_cli.session.history import trials_of
-
-    records = trials_of(store)
-    for record in records:
-        screen.data("rollout", single.shown(store, record, chosen))
-    screen.plain(f"Stored: {store.folder}")
-    with screen.busy("Drawing its page", "reporting"):
-        page = write(store)
-    screen.plain(f"Report: {page}")
-    return [record.reward for record in records]
-
-
-def _measured(screen: Screen, session: str, rewards: list[float]) -> None:
-    """Print what the best policy of a session has earned, and what comes next."""
-    page: tuple[tuple[str, str], ...] = ()
-    if len(rewards) > 1:
-        mean = sum(rewards) / len(rewards)
-        screen.plain(f"Measured: {len(rewards)} trials of the best policy of {session}, mean reward {mean:.2f}")
-        page = ((f"adaptsim report {session}", "prediction and measurement side by side"),)
-    screen.next(*page, (f"adaptsim run-iteration --session {session}", "continues this session"))
+    named = {"task": task, "world": world, "seed": seed, "hw": hw, "pace": pace, "operator": operator}
+    answers = {"answer_with": answer_with, "answer_moves": answer_moves}
+    resolved = load({"realtime": realtime or None, **named, **answers})
+    live_page = view or view_port is not None
+    request = rollouts.RolloutRequest(
+        context or (), action or (), param or (), session, trials, out, yes, live_page, view_port
+    )
+    changed = [key for key, value in named.items() if value is not None]
+    rollouts.run(resolved, changed, request, Screen(as_json=as_json))
 
 
 def preview(

@@ -19,8 +19,8 @@ from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.single import Chosen
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.view.live import live_view
+from adaptsim_cli.wiring import session as wiring
 from adaptsim_cli.wiring.best import best_of
-from adaptsim_cli.wiring.session import open_parts
 from sim.tasks import get_task
 
 
@@ -53,7 +53,7 @@ def run(resolved: Resolved, changed: Sequence[str], request: RolloutRequest, scr
         place = folder / "naf" if settings.is_own else Path(learnt)  # questions to an own robot lie beside the session
         asking = None if settings.unattended(request.yes) else screen
         with screen.busy("Loading the task, the policies and the devices", "loading"):
-            parts = stack.enter_context(open_parts(settings, place, screen=asking))
+            parts = stack.enter_context(wiring.open_parts(settings, place, screen=asking))
         screen.show(views.badge(settings.hw, parts.target.title))
         watcher = None
         if request.live_page:

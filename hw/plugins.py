@@ -1,14 +1,18 @@
-"""What installed packages offer by entry points: tasks and cameras. Each is imported on first use."""
+"""Things by name, ours and those of installed packages: tasks, methods, cameras, balances, instruments."""
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
+
+Thing = TypeVar("Thing")
 
 
 class PluginError(Exception):
@@ -69,13 +73,58 @@ def offers(group: str) -> tuple[Offer, ...]:
     return tuple(sorted(entries, key=lambda offer: (offer.name, offer.package, offer.value)))
 
 
-def clashes(group: str, ours: frozenset[str] | set[str]) -> tuple[str, ...]:
-    """A sentence for each offered name that is one of `ours`, or that two packages offer."""
-    complaints, first = [], dict[str, Offer]()
-    for offer in offers(group):
-        if offer.name in ours:
-            complaints.append(f"{offer} has the name of a built-in one, which is used instead: rename it")
-        elif offer.name in first:
-            complaints.append(f"{offer} is offered by {first[offer.name].package} too: uninstall one of them")
-        first.setdefault(offer.name, offer)
-    return tuple(complaints)
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """The most similar names as the end of a message; empty if none is similar."""
+    near = difflib.get_close_matches(name, list(names), n=3)
+    return f"; did you mean {' or '.join(near)}?" if near else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Registry(Generic[Thing]):
+    """Everything of one kind by name: ours, and what installed packages offer. A package is imported on first use."""
+
+    label: str  # what one is called in a message
+    group: str  # of the entry points by which packages offer one: its name, and a module
+    attribute: str  # of that module, which holds the thing
+    ours: Mapping[str, Any]
+    error: type[Exception]  # raised for an unknown name, and for a package that is not right
+    make: Callable[[Any], Thing]  # of a value of `ours`
+    complaint: Callable[[str, Any], str]  # about the thing that a package offers by that name, "" if it is right
+
+    def names(self) -> tuple[str, ...]:
+        """Our names, then those of installed packages."""
+        return tuple(dict.fromkeys((*self.ours, *(offer.name for offer in offers(self.group)))))
+
+    def get(self, name: str) -> Thing:
+        """The thing called `name`. Raises `error`, naming all there are, or the fault of the package."""
+        if name in self.ours:
+            return self.make(self.ours[name])
+        offer = self.offer(name)
+        if offer is None:
+            listing = ", ".join(self.names()) or "none"
+            near = did_you_mean(name, self.names())
+            raise self.error(f'{self.label} "{name}" is not known: it must be one of {listing}{near}')
+        if twice := [sentence for sentence in self.clashing() if sentence.startswith(f"{name} of ")]:
+            raise self.error(f"{self.label} {twice[0]}")
+        try:
+            thing: Thing = offer.load(self.attribute)
+        except PluginError as error:
+            raise self.error(f"{self.label} {error}") from error
+        if complaint := self.complaint(name, thing):
+            raise self.error(f"{self.label} {offer}: its {self.attribute} {complaint}")
+        return thing
+
+    def offer(self, name: str) -> Offer | None:
+        """The first offer of that name; None without one, and for ours."""
+        return next((one for one in offers(self.group) if one.name == name and name not in self.ours), None)
+
+    def clashing(self) -> tuple[str, ...]:
+        """A sentence for each offered name that is one of ours, or that two packages offer."""
+        complaints, first = [], dict[str, Offer]()
+        for offer in offers(self.group):
+            if offer.name in self.ours:
+                complaints.append(f"{offer} has the name of a built-in one, which is used instead: rename it")
+            elif offer.name in first:
+                complaints.append(f"{offer} is offered by {first[offer.name].package} too: uninstall one of them")
+            first.setdefault(offer.name, offer)
+        return tuple(complaints)

@@ -19,9 +19,6 @@ SimError
 └── CheckpointError      a checkpoint is corrupt, or of another task or version
 """
 
-import difflib
-from collections.abc import Iterable
-
 
 class SimError(Exception):
     """Base of everything that `sim` raises."""
@@ -85,9 +82,3 @@ class MomentsMissing(SimError):
 
 class RecordingsRefused(SimError):
     """Recorded trials cannot serve as a target."""
-
-
-def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """The most similar names as the end of a message; empty if none is similar."""
-    near = difflib.get_close_matches(name, list(names), n=3)
-    return f"; did you mean {' or '.join(near)}?" if near else ""

@@ -18,7 +18,7 @@ from adaptsim_cli.devices.pacing import PacedArm
 from adaptsim_cli.devices.recovery import offer_recovery
 from adaptsim_cli.devices.released import ReleasedHand
 from adaptsim_cli.devices.rig_file.description import RigDescription
-from adaptsim_cli.devices.rig_file.devices import instrument
+from adaptsim_cli.devices.rig_file.devices import OFFERED_INSTRUMENTS
 from adaptsim_cli.devices.rig_file.reading import BOARD, gaps, in_words
 from adaptsim_cli.devices.stop_check import StopCheck
 from adaptsim_cli.errors import UsageError
@@ -207,7 +207,7 @@ class RealLab:
 
     def _instruments(self) -> Instruments:
         """The instruments of the rig file, connected."""
-        kinds = {name: instrument(name) for name in self.rig.devices}
+        kinds = {name: OFFERED_INSTRUMENTS.get(name) for name in self.rig.devices}
         drivers = {name: self._stack.enter_context(kinds[name].driver(part)) for name, part in self.rig.devices.items()}
         return Instruments(kinds, drivers, self._screen)
 

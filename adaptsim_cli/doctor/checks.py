@@ -251,7 +251,7 @@ def _instruments(lab: Examined) -> Finding:
         return skipped("the rig file names none")
     answers = []
     for name, part in lab.rig.devices.items():
-        kind = devices.instrument(name)
+        kind = devices.OFFERED_INSTRUMENTS.get(name)
         finding = _device(lab, kind, part)
         if finding.verdict is not Severity.OK:
             return missing(f"{name}: {finding.detail}", finding.fix or kind.remedy)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import importlib.metadata
 import platform
 import shutil
-from collections.abc import Callable
+from collections.abc import Mapping
 from functools import partial
-from typing import NamedTuple
+from typing import Any
 
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
@@ -30,7 +30,7 @@ from hw.camera import kinds
 from hw.errors import DeviceUnavailable
 from hw.franka.realtime import PRIORITY
 from hw.franka.versions import MATRIX, PACKAGES
-from hw.plugins import Offer, offers
+from hw.plugins import Offer, Registry, offers
 from hw.serial import balance
 from sim import tasks
 from sim.adaptation import methods
@@ -44,7 +44,7 @@ check = partial(add_check, CHECKS)
 
 def offered() -> tuple[Offer, ...]:
     """What other packages offer: tasks, cameras, balances, instruments and methods."""
-    return tuple(offer for group in PLUG_INS for offer in offers(group))
+    return tuple(offer for group in REGISTRIES for offer in offers(group))
 
 
 LIBRARIES = {
@@ -90,35 +90,33 @@ def _libraries(lab: Examined) -> Finding:
     return ok(f"{' and '.join(used)} {'find theirs' if len(used) > 1 else 'finds its'}")
 
 
-class PlugIn(NamedTuple):
-    """One group of entry points by which packages offer something."""
-
-    noun: str
-    load: Callable[[str], object]  # by name; raises SimError or DeviceUnavailable
-    clashing: Callable[[], tuple[str, ...]]
-
-
-PLUG_INS = {
-    tasks.OFFERED: PlugIn("task", tasks.get_task, tasks.clashing),
-    kinds.OFFERED: PlugIn("camera", kinds.camera_kind, kinds.clashing),
-    balance.OFFERED: PlugIn("balance", balance.protocol_named, balance.clashing),
-    methods.OFFERED: PlugIn("method", methods.factory_of, methods.clashing),
-    devices.OFFERED: PlugIn("device", devices.instrument, devices.clashing),
+REGISTRIES: Mapping[str, Registry[Any]] = {
+    registry.group: registry
+    for registry in (
+        tasks.REGISTRY,
+        kinds.CAMERAS,
+        balance.BALANCES,
+        methods.REGISTRY,
+        devices.OFFERED_INSTRUMENTS,
+    )
 }
+"""Everything that packages may offer, by its group of entry points."""
 
 
 @check(PROGRAM, "plug-ins", "pip uninstall the package, or mend it", lambda lab: "" if offered() else "none installed")
 def _plugins(lab: Examined) -> Finding:
     """Everything that other packages offer, each loaded once."""
-    problems = [clash for plug_in in PLUG_INS.values() for clash in plug_in.clashing()]
+    problems = [clash for registry in REGISTRIES.values() for clash in registry.clashing()]
     for offer in offered():
         try:
-            PLUG_INS[offer.group].load(offer.name)
+            REGISTRIES[offer.group].get(offer.name)
         except (SimError, DeviceUnavailable) as error:
             problems.append(str(error))
     if problems:
         return advice("; ".join(dict.fromkeys(problems)))
-    return ok(", ".join(f"{PLUG_INS[one.group].noun} {one.name} of {one.package} {one.version}" for one in offered()))
+    return ok(
+        ", ".join(f"{REGISTRIES[one.group].label} {one.name} of {one.package} {one.version}" for one in offered())
+    )
 
 
 @check(PROGRAM, "driver", when=real)

@@ -64,9 +64,7 @@ class Revealed(Record):
     trials: int = described("its trials so far")
     first_reward: float = described("mean reward of its first iteration")
     last_reward: float = described("mean reward of its last iteration")
-    udr_reward: float = described(
-        "mean reward there of UDR, one policy for the whole range, without arm or camera"
-    )
+    udr_reward: float = described("mean reward there of UDR, one policy for the whole range, without arm or camera")
     udr_trials: int = described("simulated trials behind it")
 
 

@@ -13,7 +13,7 @@ from adaptsim_cli.session.records import (
     Facts,
 )
 from hw.bounded import read_table
-from sim.errors import did_you_mean
+from hw.plugins import did_you_mean
 
 FACTS = "session.toml"
 

@@ -45,10 +45,11 @@ from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
 from hw.memory import return_pictures
+from hw.plugins import did_you_mean
 from sim.adaptation.methods import ignores_seed
 from sim.adaptation.stages import next_stage
 from sim.adaptation.trials_forecast import load as load_forecast
-from sim.errors import MomentsMissing, did_you_mean
+from sim.errors import MomentsMissing
 from sim.tasks import files_of
 
 OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]

@@ -12,13 +12,13 @@ import numpy as np
 
 from adaptsim_cli.devices.mounted import mounted_as_shipped
 from adaptsim_cli.devices.opening import check_stop_button
-from adaptsim_cli.devices.rig_file.devices import BALANCE, PEDAL, DeviceKind, instrument, instrument_names
+from adaptsim_cli.devices.rig_file.devices import BALANCE, OFFERED_INSTRUMENTS, PEDAL, DeviceKind
 from adaptsim_cli.devices.rig_file.reading import BOARD, tasks_with_tools
 from adaptsim_cli.doctor import readings
 from adaptsim_cli.doctor.readings import like, serial_ports
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.setup.answers import NOTHING, WAIVE, Answers, numbers, shown
-from hw.camera.kinds import camera_kinds
+from hw.camera.kinds import CAMERAS
 from hw.collision import KeepOut, Side
 from hw.mass import Mass
 
@@ -64,8 +64,14 @@ def pedal(answers: Answers) -> None:
     if not rig.waives("pedal"):
         answers.ask(f"Serial port of the {PEDAL.label}? {which}; {WAIVE}: to go without.", port or "", with_pedal)
     _device(answers, BALANCE, ports, answers.rig.balance, lambda part: {"balance": part})
-    for name in instrument_names():
-        _device(answers, instrument(name), ports, answers.rig.devices.get(name), partial(_with_device, answers, name))
+    for name in OFFERED_INSTRUMENTS.names():
+        _device(
+            answers,
+            OFFERED_INSTRUMENTS.get(name),
+            ports,
+            answers.rig.devices.get(name),
+            partial(_with_device, answers, name),
+        )
 
 
 def _device(
@@ -118,7 +124,7 @@ def _port(text: str, ports: Sequence[str]) -> dict[str, str] | None:
 
 def camera(answers: Answers) -> None:
     """The kind of the camera, and its serial number."""
-    kind = answers.one_of("Which camera is it?", camera_kinds(), answers.rig.camera.kind)
+    kind = answers.one_of("Which camera is it?", CAMERAS.names(), answers.rig.camera.kind)
     answers.put(camera={**asdict(answers.rig.camera), "kind": kind})
     with answers.screen.busy("Looking for cameras"):
         serials = readings.cameras(kind).serials

@@ -12,10 +12,7 @@ from dataclasses import dataclass
 
 from hw.camera.probe import FoundDevice, ProbeReport, probe_k4a, probe_offered, probe_realsense
 from hw.errors import DeviceUnavailable
-from hw.plugins import PluginError, clashes, offers
-
-OFFERED = "adaptsim.cameras"
-"""The group of entry points by which packages offer cameras."""
+from hw.plugins import Registry
 
 
 @dataclass(frozen=True)
@@ -44,34 +41,17 @@ _PROBES: dict[str, Callable[[float], ProbeReport]] = {
 }
 
 
-def camera_kinds() -> tuple[str, ...]:
-    """Names of our kinds, then of those of installed packages."""
-    return (*KINDS, *dict.fromkeys(offer.name for offer in offers(OFFERED) if offer.name not in KINDS))
+def _complaint(_: str, kind: object) -> str:
+    return "" if isinstance(kind, CameraKind) else f"is a {type(kind).__name__}, not a CameraKind"
 
 
-def camera_kind(name: str) -> CameraKind:
-    """The kind called `name`. Raises DeviceUnavailable naming those there are, or what is wrong with the package."""
-    if name in KINDS:
-        return KINDS[name]
-    offer = next((one for one in offers(OFFERED) if one.name == name), None)
-    if offer is None:
-        raise DeviceUnavailable(f"camera kind {name!r} is not known: there are {', '.join(camera_kinds())}")
-    try:
-        kind = offer.load("CAMERA")
-    except PluginError as error:
-        raise DeviceUnavailable(f"camera {error}") from error
-    if not isinstance(kind, CameraKind):
-        raise DeviceUnavailable(f"camera {offer}: its CAMERA is a {type(kind).__name__}, not a CameraKind")
-    return kind
+CAMERAS = Registry[CameraKind](
+    "camera", "adaptsim.cameras", "CAMERA", KINDS, DeviceUnavailable, lambda kind: kind, _complaint
+)
 
 
 def probe(name: str, patience_s: float) -> ProbeReport:
     """The cameras of a kind that are plugged in, as a child process sees them. Raises DeviceUnavailable."""
     if name in _PROBES:
         return _PROBES[name](patience_s)
-    return probe_offered(name, camera_kind(name).install, patience_s)
-
-
-def clashing() -> tuple[str, ...]:
-    """A sentence for each camera of a package that cannot be used because of its name."""
-    return clashes(OFFERED, set(KINDS))
+    return probe_offered(name, CAMERAS.get(name).install, patience_s)

@@ -195,10 +195,10 @@ def _sentence(text: str) -> str:
 
 def _look_offered(name: str) -> ProbeReport:
     """The cameras of a kind that a package offers, by its own `find`."""
-    from hw.camera.kinds import camera_kind  # noqa: PLC0415 - kinds are declared with these probes
+    from hw.camera.kinds import CAMERAS  # noqa: PLC0415 - kinds are declared with these probes
 
     try:
-        kind = camera_kind(name)
+        kind = CAMERAS.get(name)
         devices = tuple(kind.find())
     except Exception as error:  # noqa: BLE001 - whatever a foreign library raises is the finding
         return _nothing(name, f"{type(error).__name__}: {error}", "mend the package of this camera")

@@ -12,7 +12,7 @@ from typing import Self
 import serial
 
 from hw.errors import BalanceError, DeviceUnavailable
-from hw.plugins import PluginError, clashes, offers
+from hw.plugins import Registry
 
 ANSWER_S = 3.0
 """How long a balance may take to settle."""
@@ -100,34 +100,13 @@ PROTOCOLS = {
 }
 
 
-OFFERED = "adaptsim.balances"
-"""The group of entry points by which packages offer protocols: the name, and a module with a `BALANCE`."""
+def _complaint(_: str, protocol: object) -> str:
+    return "" if isinstance(protocol, BalanceProtocol) else f"is a {type(protocol).__name__}, not a BalanceProtocol"
 
 
-def protocol_names() -> tuple[str, ...]:
-    """Our protocols, then those of installed packages."""
-    return (*PROTOCOLS, *dict.fromkeys(offer.name for offer in offers(OFFERED) if offer.name not in PROTOCOLS))
-
-
-def protocol_named(name: str) -> BalanceProtocol:
-    """Raises DeviceUnavailable naming those there are, or what is wrong with the package."""
-    if name in PROTOCOLS:
-        return PROTOCOLS[name]
-    offer = next((one for one in offers(OFFERED) if one.name == name), None)
-    if offer is None:
-        raise DeviceUnavailable(f"balance protocol {name!r} is not known: there are {', '.join(protocol_names())}")
-    try:
-        protocol = offer.load("BALANCE")
-    except PluginError as error:
-        raise DeviceUnavailable(f"balance {error}") from error
-    if not isinstance(protocol, BalanceProtocol):
-        raise DeviceUnavailable(f"balance {offer}: its BALANCE is a {type(protocol).__name__}, not a BalanceProtocol")
-    return protocol
-
-
-def clashing() -> tuple[str, ...]:
-    """A sentence for each protocol of a package that cannot be used because of its name."""
-    return clashes(OFFERED, set(PROTOCOLS))
+BALANCES = Registry[BalanceProtocol](
+    "balance", "adaptsim.balances", "BALANCE", PROTOCOLS, DeviceUnavailable, lambda protocol: protocol, _complaint
+)
 
 
 class SerialBalance:
@@ -137,8 +116,8 @@ class SerialBalance:
     """
 
     def __init__(self, port: str, protocol: str) -> None:
-        """`protocol` is one of `protocol_names`. Raises DeviceUnavailable."""
-        self._port, self._protocol = port, protocol_named(protocol)
+        """`protocol` is one of `BALANCES`. Raises DeviceUnavailable."""
+        self._port, self._protocol = port, BALANCES.get(protocol)
         self._line: serial.Serial | None = None
 
     def __enter__(self) -> Self:

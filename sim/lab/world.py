@@ -19,10 +19,11 @@ from pydantic import BaseModel, Field, ValidationError, create_model
 
 from hw.bounded import Unreadable, parse_table, read_table
 from hw.collision import Table
+from hw.plugins import did_you_mean
 from hw.records import HandWritten
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack
-from sim.errors import NoHardware, OutOfRange, RolloutError, SimError, UnknownName, WorldError, did_you_mean
+from sim.errors import NoHardware, OutOfRange, RolloutError, SimError, UnknownName, WorldError
 from sim.lab.physics import Physics, require_possible, simulate_of
 from sim.panda.tool import ToolCorrection
 from sim.tasks import files_of, task_names

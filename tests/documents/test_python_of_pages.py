@@ -68,7 +68,7 @@ def test_the_method_of_the_tutorial_runs_is_compared_and_is_found_in_a_package(t
     assert names["final"].keys() == {"udr", "narrowing", "random"}
 
     (tmp_path / "narrowing.py").write_text(written[0], encoding="utf-8")
-    install(tmp_path, "narrowing", {"narrowing": "narrowing:create", "udr": "narrowing:create"}, methods.OFFERED)
+    install(tmp_path, "narrowing", {"narrowing": "narrowing:create", "udr": "narrowing:create"}, methods.REGISTRY.group)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(methods, "_registered", {})
     plugins.offers.cache_clear()

@@ -64,7 +64,7 @@ def curling(tmp_path, monkeypatch) -> Iterator[Task]:
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(code, encoding="utf-8")
     project = tomllib.loads((tmp_path / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    install(tmp_path, project["name"], project["entry-points"][tasks.OFFERED])
+    install(tmp_path, project["name"], project["entry-points"][tasks.REGISTRY.group])
     monkeypatch.syspath_prepend(tmp_path)
     plugins.offers.cache_clear()
     yield tasks.get_task("curling")
@@ -116,7 +116,7 @@ def test_the_task_of_the_tutorial_is_pretrained_listed_and_run(curling, tmp_path
         ("import sys; sys.exit(3)", "cannot be imported: SystemExit: 3"),
         ("from sim.tasks.task import Task\nTASK = Task(name='darts')", "cannot be imported: TypeError: .*missing"),
         ("NOTHING = 1", "broken has no TASK"),
-        ("TASK = 3", "its TASK is a int; both names must agree"),
+        ("TASK = 3", "its TASK is a int, not a Task"),
     ],
 )
 def test_a_package_that_cannot_be_used_is_named_with_version_and_entry_point(code, said, tmp_path, monkeypatch):
@@ -145,7 +145,7 @@ def test_the_balance_of_the_tutorial_keeps_the_contract_of_every_balance(tmp_pat
     (adapter,) = [code for kind, path, code in found if kind == "file" and "balance" in path]
     (said,) = [code for kind, _, code in found if kind == "contract"]
     (tmp_path / "gs_balance.py").write_text(adapter, encoding="utf-8")
-    install(tmp_path, "gs-balance", {"gs": "gs_balance"}, balance.OFFERED)
+    install(tmp_path, "gs-balance", {"gs": "gs_balance"}, balance.BALANCES.group)
     monkeypatch.syspath_prepend(tmp_path)
     plugins.offers.cache_clear()
     assert BalancePart(port="/dev/ttyUSB0", protocol="gs").protocol == "gs"
@@ -164,11 +164,11 @@ def test_the_camera_of_the_tutorial_is_found_described_and_recorded_with(tmp_pat
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(code, encoding="utf-8")
     project = tomllib.loads((tmp_path / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    install(tmp_path, project["name"], project["entry-points"][kinds.OFFERED], kinds.OFFERED)
+    install(tmp_path, project["name"], project["entry-points"][kinds.CAMERAS.group], kinds.CAMERAS.group)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(ROOT)]))
     plugins.offers.cache_clear()
-    assert kinds.camera_kinds() == ("k4a", "realsense", "lumen")
+    assert kinds.CAMERAS.names() == ("k4a", "realsense", "lumen")
     report = kinds.probe("lumen", patience_s=60.0)
     assert (report.error, report.serials, report.maker) == (None, ("L-100",), "Lumen One")
     part = CameraPart(kind="lumen")
@@ -187,7 +187,7 @@ def test_the_camera_of_the_tutorial_is_found_described_and_recorded_with(tmp_pat
 
 def test_a_camera_adapter_that_does_not_import_is_said(tmp_path, monkeypatch):
     (tmp_path / "torn.py").write_text("import no_such_sdk", encoding="utf-8")
-    install(tmp_path, "torn", {"torn": "torn"}, kinds.OFFERED)
+    install(tmp_path, "torn", {"torn": "torn"}, kinds.CAMERAS.group)
     monkeypatch.syspath_prepend(tmp_path)
     plugins.offers.cache_clear()
     with pytest.raises(DeviceUnavailable, match=r"torn of torn 1\.0 .*No module named 'no_such_sdk'"):
@@ -201,7 +201,7 @@ def thermometer(tmp_path, monkeypatch) -> str:
     """The instrument of the tutorial, installed; its name."""
     (code,) = [code for _, path, code in blocks("add-a-device.md") if "thermometer" in path]
     (tmp_path / "room_thermometer.py").write_text(code, encoding="utf-8")
-    install(tmp_path, "room-thermometer", {"thermometer": "room_thermometer"}, devices.OFFERED)
+    install(tmp_path, "room-thermometer", {"thermometer": "room_thermometer"}, devices.OFFERED_INSTRUMENTS.group)
     monkeypatch.syspath_prepend(tmp_path)
     plugins.offers.cache_clear()
     return "thermometer"
@@ -221,7 +221,7 @@ def test_the_instrument_of_the_tutorial_is_described_asked_for_read_and_stored(t
         with serial_lines.answering(line, [b"21.5\r\n"]):
             finding = checks.CHECKS["instruments"].probe(lab)
         assert finding.detail == "thermometer answers, 21.0 °C"
-        kind, screen = devices.instrument(thermometer), quiet()
+        kind, screen = devices.OFFERED_INSTRUMENTS.get(thermometer), quiet()
         with kind.driver(rig.devices[thermometer]) as driver:
             instruments = Instruments({thermometer: kind}, {thermometer: driver}, screen)
             with serial_lines.answering(line, [b"22.5\r\n", b"?\r\n"]):
@@ -235,7 +235,7 @@ def test_the_instrument_of_the_tutorial_is_described_asked_for_read_and_stored(t
     [
         ({"thermometer": {"port": "/dev/a", "offset_C": 9.0}}, "devices.thermometer.offset_C: it must be less than"),
         ({"thermometer": {}}, "devices.thermometer.port: field required"),
-        ({"barometer": {"port": "/dev/a"}}, "device 'barometer' is not known: there are thermometer"),
+        ({"barometer": {"port": "/dev/a"}}, 'device "barometer" is not known: it must be one of thermometer'),
     ],
 )
 def test_a_wrong_section_of_an_instrument_is_named(section, message, thermometer):

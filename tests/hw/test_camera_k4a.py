@@ -281,7 +281,8 @@ def test_a_clock_that_settles_minutes_later_is_mapped_anew_before_the_camera_is_
         entering.result()
     asked_s = fake.clock.now_s()
     frame = meanwhile(fake, camera.snapshot, *frames(asked_s + 0.01, 3))
-    assert frame.t_s == pytest.approx(asked_s + 0.01, abs=2e-6)
+    exposed_s = [asked_s + 0.01 + i * PERIOD_S for i in range(3)]  # on a busy computer it may not be the first
+    assert min(abs(frame.t_s - t_s) for t_s in exposed_s) < 2e-6
     fake.end()
     camera.__exit__()
 

@@ -110,7 +110,7 @@ def require_kept(contract: ModuleType, **given: Any) -> None:
         test(**given)
 
 
-def install(folder: Path, package: str, offered: Mapping[str, str], group: str = tasks.OFFERED) -> None:
+def install(folder: Path, package: str, offered: Mapping[str, str], group: str = tasks.REGISTRY.group) -> None:
     """Metadata in `folder` as of an installed package that offers these tasks, or members of another group."""
     info = folder / f"{package}-1.0.dist-info"
     info.mkdir()

@@ -17,7 +17,7 @@ from adaptsim_cli.devices.rig_file.devices import BalancePart, PedalPart, instru
 from adaptsim_cli.devices.rig_file.keys import RULES, key
 from adaptsim_cli.devices.rig_file.waivers import Waivable, WaiverPart
 from hw.camera.k4a_device import ColourSettings
-from hw.camera.kinds import camera_kind, camera_kinds
+from hw.camera.kinds import CAMERAS
 from hw.camera.process import CameraProcess, served
 from hw.collision import MOST_SLOPE, KeepOut, Side, Table, persons_side
 from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
@@ -214,8 +214,8 @@ class KeepOutPart:
 
 
 def _known_kind(name: str) -> str:
-    if name not in camera_kinds():
-        raise ValueError(f"it must be one of {', '.join(camera_kinds())}")
+    if name not in CAMERAS.names():
+        raise ValueError(f"it must be one of {', '.join(CAMERAS.names())}")
     return name
 
 
@@ -238,7 +238,7 @@ class CameraPart:
 
     def camera(self, *, infrared: bool = False) -> CameraProcess:
         """The camera, not connected; `infrared` asks for that image in every frame."""
-        start = served(camera_kind(self.kind).make)
+        start = served(CAMERAS.get(self.kind).make)
         return CameraProcess(self.serial or None, self.settings(), infrared=infrared, start=start)
 
     def settings(self) -> ColourSettings:

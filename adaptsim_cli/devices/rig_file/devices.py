@@ -22,14 +22,11 @@ from pydantic.dataclasses import dataclass
 from adaptsim_cli.devices.rig_file.keys import RULES, key
 from adaptsim_cli.storage.validation import plain
 from hw.errors import BalanceError, DeviceUnavailable
-from hw.plugins import PluginError, clashes, offers
+from hw.plugins import Registry
 from hw.ports import Balance
-from hw.serial.balance import SerialBalance, protocol_names
+from hw.serial.balance import BALANCES, SerialBalance
 from hw.serial.enable_pedal import EnablePedal
 from hw.serial.pedal_protocol import VERSION
-
-OFFERED = "adaptsim.devices"
-"""The group of entry points by which packages offer instruments."""
 
 Part = TypeVar("Part")
 Driver = TypeVar("Driver", bound=AbstractContextManager[Any])
@@ -92,7 +89,7 @@ class BalancePart:
     protocol: Annotated[
         str,
         key("protocol by its name, such as mt-sics (Mettler Toledo) or sbi (Sartorius); `adaptsim setup` lists all"),
-        _one_of(protocol_names),
+        _one_of(BALANCES.names),
     ] = "mt-sics"
 
 
@@ -111,7 +108,7 @@ BALANCE = DeviceKind[BalancePart, Balance](
     remedy="switch it on; [balance] protocol in the rig file",
     without="the rig file names none: the object's mass is not recorded",
     cables=("sartorius", "mettler", "ftdi", "prolific"),
-    choices={"protocol": protocol_names},
+    choices={"protocol": BALANCES.names},
 )
 
 DEVICES: dict[str, DeviceKind[Any, Any]] = {"pedal": PEDAL, "balance": BALANCE}
@@ -121,30 +118,15 @@ INSTRUMENTS: dict[str, DeviceKind[Any, Any]] = {}
 """Our own instruments, by name: a row here is all that one more needs besides its driver."""
 
 
-def instrument_names() -> tuple[str, ...]:
-    """Our instruments, then those of installed packages."""
-    return (*INSTRUMENTS, *dict.fromkeys(offer.name for offer in offers(OFFERED) if offer.name not in INSTRUMENTS))
+def _complaint(_: str, kind: object) -> str:
+    fits = isinstance(kind, DeviceKind) and kind.measure is not None
+    return "" if fits else f"must be a DeviceKind with `measure`, not {kind!r:.60}"
 
 
-def instrument(name: str) -> DeviceKind[Any, Any]:
-    """Raises DeviceUnavailable naming those there are, or what is wrong with the package."""
-    if name in INSTRUMENTS:
-        return INSTRUMENTS[name]
-    offer = next((one for one in offers(OFFERED) if one.name == name), None)
-    if offer is None:
-        raise DeviceUnavailable(f"device {name!r} is not known: there are {', '.join(instrument_names()) or 'none'}")
-    try:
-        kind = offer.load("DEVICE")
-    except PluginError as error:
-        raise DeviceUnavailable(f"device {error}") from error
-    if not isinstance(kind, DeviceKind) or kind.measure is None:
-        raise DeviceUnavailable(f"device {offer}: its DEVICE must be a DeviceKind with `measure`, not {kind!r:.60}")
-    return kind
-
-
-def clashing() -> tuple[str, ...]:
-    """A sentence for each instrument of a package that cannot be used because of its name."""
-    return clashes(OFFERED, set(INSTRUMENTS))
+OFFERED_INSTRUMENTS = Registry[DeviceKind[Any, Any]](
+    "device", "adaptsim.devices", "DEVICE", INSTRUMENTS, DeviceUnavailable, lambda kind: kind, _complaint
+)
+"""Our instruments, and those of installed packages."""
 
 
 def instrument_parts(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -152,7 +134,7 @@ def instrument_parts(content: Mapping[str, Any]) -> dict[str, Any]:
     parts = dict[str, Any]()
     for name, section in content.items():  # an answer of a setup comes as a table, a rig that is copied as a part
         try:
-            kind = instrument(name)
+            kind = OFFERED_INSTRUMENTS.get(name)
         except DeviceUnavailable as error:
             raise ValueError(f"devices.{name}: {error}") from error
         table = section if isinstance(section, dict) else dataclasses.asdict(section)

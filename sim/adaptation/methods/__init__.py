@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Literal
 
-from hw.plugins import PluginError, clashes, offers
-from sim.errors import UnknownName, did_you_mean
+from hw.plugins import Registry
+from sim.errors import UnknownName
 from sim.rollouts.draws import repeats_exactly
 
 if TYPE_CHECKING:
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from sim.adaptation.method import Method
     from sim.tasks.task import Task
 
-OFFERED = "adaptsim.methods"
-"""The group of entry points by which packages offer methods."""
+    Factory = Callable[[Task, Checkpoint | None], Method]
+    """Makes a method."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,17 @@ def kind_of(name: str) -> MethodKind:
     return METHODS.get(name, MethodKind())
 
 
-_registered: dict[str, Callable[[Task, Checkpoint | None], Method]] = {}
+def _ours(kind: MethodKind) -> Factory:
+    module, _, function = kind.create.partition(":")
+    factory: Factory = getattr(import_module(module), function)
+    return factory
+
+
+REGISTRY: Registry[Factory] = Registry(
+    "method", "adaptsim.methods", "create", METHODS, UnknownName, _ours, lambda name, create: ""
+)
+
+_registered: dict[str, Factory] = {}
 
 
 def ignores_seed(name: str, task: Task) -> bool:
@@ -69,47 +79,26 @@ def ignores_seed(name: str, task: Task) -> bool:
     return not kind_of(name).draws and repeats_exactly(task)
 
 
-def register(name: str, create: Callable[[Task, Checkpoint | None], Method]) -> None:
+def register(name: str, create: Factory) -> None:
     """Offer a method in this process: `create(task, checkpoint)` returns it.
 
     Registering a name again replaces the earlier one. Raises ValueError for a name of ours or of an installed package.
     """
-    if name in METHODS or any(offer.name == name for offer in offers(OFFERED)):
+    if name in REGISTRY.names():
         raise ValueError(f"the method {name!r} exists already: choose another name")
     _registered[name] = create
 
 
 def method_names() -> tuple[str, ...]:
     """Names of our methods, of those of installed packages, and of those registered in this process."""
-    return tuple(dict.fromkeys((*METHODS, *(offer.name for offer in offers(OFFERED)), *_registered)))
+    return tuple(dict.fromkeys((*REGISTRY.names(), *_registered)))
 
 
-def factory_of(name: str) -> Callable[[Task, Checkpoint | None], Method]:
+def factory_of(name: str) -> Factory:
     """The function that makes the method. Raises UnknownName, also for a package that cannot be loaded."""
-    if name in METHODS:
-        module, _, function = METHODS[name].create.partition(":")
-        ours: Callable[[Task, Checkpoint | None], Method] = getattr(import_module(module), function)
-        return ours
-    if name in _registered:
-        return _registered[name]
-    offer = next((one for one in offers(OFFERED) if one.name == name), None)
-    if offer is None:
-        names = method_names()
-        raise UnknownName(
-            f'method "{name}" is not known: it must be one of {", ".join(names)}{did_you_mean(name, names)}'
-        )
-    try:
-        theirs: Callable[[Task, Checkpoint | None], Method] = offer.load("create")
-    except PluginError as error:
-        raise UnknownName(f"method {error}") from error
-    return theirs
+    return _registered[name] if name in _registered else REGISTRY.get(name)
 
 
 def make_method(name: str, task: Task, checkpoint: Checkpoint | None) -> Method:
     """Raises UnknownName, and CheckpointError if the method needs a checkpoint and there is none."""
     return factory_of(name)(task, checkpoint)
-
-
-def clashing() -> tuple[str, ...]:
-    """A sentence for each method of a package that cannot be used because of its name."""
-    return clashes(OFFERED, set(METHODS))

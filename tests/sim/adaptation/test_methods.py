@@ -229,7 +229,9 @@ def test_a_method_may_choose_what_its_session_keeps():
 def test_a_method_may_come_from_a_package(tmp_path, monkeypatch):
     code = "from test_methods import FirstForever\n\ndef create(task, checkpoint):\n    return FirstForever()\n"
     (tmp_path / "first_forever.py").write_text(code, encoding="utf-8")
-    install(tmp_path, "first-forever", {"first": "first_forever", "torn": "first_forever:nothing"}, methods.OFFERED)
+    install(
+        tmp_path, "first-forever", {"first": "first_forever", "torn": "first_forever:nothing"}, methods.REGISTRY.group
+    )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setitem(sys.modules, "test_methods", sys.modules[__name__])
     plugins.offers.cache_clear()

@@ -1,4 +1,4 @@
-"""What `pyproject.toml` cannot say: addresses that follow from where the repository is published.
+"""The part of the package that `pyproject.toml` cannot state: addresses of the published repository.
 
 `ADAPTSIM_REPOSITORY_URL` names it (CI sets it), else the remote `origin`. README's links are relative in the
 repository; in the metadata they become absolute, so that they work on a package index. In a checkout that was never

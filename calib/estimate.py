@@ -110,7 +110,7 @@ class HeldOutViews:
 
 @dataclass(frozen=True, eq=False)
 class BestFit:
-    """What is kept of the two fits."""
+    """The choice between the two fits."""
 
     fit: Fit  # with the mean of both as its state, if both are kept
     joints: JointOffsets | None

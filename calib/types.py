@@ -235,7 +235,7 @@ class Weights(StrEnum):
 
 @dataclass(frozen=True)
 class Choice:
-    """What was kept of two fits, by the error with which each predicts views that it has not seen."""
+    """The choice between two fits, by the error with which each predicts views that it has not seen."""
 
     weights: tuple[Weights, ...]  # one of the two, or both: their mean
     errors_px: float  # held-out error of the fit weighed by errors of arm and views, every view without its fifth

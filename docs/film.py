@@ -123,7 +123,7 @@ def _until_prompt(fd: int, events: list[tuple[float, str]], clock_s: float, afte
 
 
 def screen(stream: str, place: Path) -> str:
-    """What a terminal shows of it, with its history and its colours; tmux is that terminal."""
+    """Its terminal, with the history and its colours; tmux is that terminal."""
     if shutil.which("tmux") is None:
         raise SystemExit("docs/film.py needs tmux")
     recorded = place / "stream"

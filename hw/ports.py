@@ -98,7 +98,7 @@ class Camera(Protocol):
 
 
 class ObjectPlacer(Protocol):
-    """Whoever puts the object on the table: a person, or the simulated lab."""
+    """The one who puts the object on the table: a person, or the simulated lab."""
 
     def place(self, xy_m: Array, trial: int, attempt: int) -> None:
         """Ask for the object at `xy_m` (2,) in the base frame, for `trial` (numbered from 1 in a session).

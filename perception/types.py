@@ -1,4 +1,4 @@
-"""What cameras and simulations share: the result of tracking, and when a piece lies on the blade of the spatula."""
+"""Types of cameras and simulations: the result of tracking, and when a piece lies on the blade of the spatula."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Suspicion:
-    """What the trials of a session make likely about the rig, for a person: whole sentences."""
+    """A likely fault of the rig, from the trials of a session, for a person: whole sentences."""
 
     question: str
     why: str

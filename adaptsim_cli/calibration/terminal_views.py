@@ -112,7 +112,7 @@ def show(screen: Screen, record: SavedCalibration, path: Path) -> None:
 
 
 def listing_row(record: SavedCalibration, path: Path) -> dict[str, Any]:
-    """What a list says of one, for JSON."""
+    """The row of one in a list, for JSON."""
     report = path / REPORT
     return {
         "camera_m": [row[3] for row in record.X_AC[:3]],

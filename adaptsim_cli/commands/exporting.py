@@ -1,4 +1,4 @@
-"""What is made from stored sessions: `report`, `compare`, `sessions export`, `replay`, `bundle`, `retrack`."""
+"""Commands on stored sessions: `report`, `compare`, `sessions export`, `replay`, `bundle`, `retrack`."""
 
 from __future__ import annotations
 

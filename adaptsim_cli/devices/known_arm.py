@@ -1,4 +1,4 @@
-"""What this computer remembers of one real arm: its stop button's check, set-ups that moved it, its last motion."""
+"""The memory of this computer of one real arm: its stop button's check, set-ups that moved it, its last motion."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class SlowMotion:
 
 @dataclass(frozen=True)
 class StopMeasurement:
-    """What the stop button did to a slow motion, beside the worst case of that motion."""
+    """The effect of the stop button on a slow motion, beside the worst case of that motion."""
 
     at: str  # ISO 8601
     by: str  # the operator
@@ -94,7 +94,7 @@ class ArmFacts:
         return next((motion.at for motion in self.slow_motions if motion.setup == setup), "")
 
     def new_in(self, setup: SetUp) -> str:
-        """What of a set-up has never moved slowly, as the begin of a sentence."""
+        """The parts of a set-up that have never moved slowly, as the begin of a sentence."""
         like = [motion.setup for motion in self.slow_motions if motion.setup.kind == setup.kind]
         parts = (
             ("tool or table", setup.tool, {one.tool for one in like}),

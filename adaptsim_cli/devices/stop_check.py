@@ -78,7 +78,7 @@ def swinging(path: JointPath) -> str:
 
 
 def measurement(stopped: StopReport, path: JointPath, cell: Workcell, operator: str) -> StopMeasurement:
-    """What was measured, beside the worst case of the same motion."""
+    """The measured stop, beside the worst case of the same motion."""
     worst = worst_stop(cell, (path,))
     return StopMeasurement(
         at=datetime.now(UTC).isoformat(timespec="seconds"),

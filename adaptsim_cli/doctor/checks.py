@@ -1,4 +1,4 @@
-"""What the checklist probes, in its order: each check judges what `readings` returns."""
+"""The checks of the rig and of the task, in their order: each judges a reading of `readings`."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _rig_file(lab: Examined) -> Finding:
 
 @check(DEVICES, "safeguards", when=described)
 def _safeguards(lab: Examined) -> Finding:
-    """What the rig file must state or waive before the arm moves."""
+    """The safeguards that the rig file must state or waive before the arm moves."""
     if open_gaps := gaps(lab.rig, lab.config.task):
         lacking = "; ".join(gap.message for gap in open_gaps)
         return missing(f"{lacking}, and the arm does not move", "; ".join(gap.remedy for gap in open_gaps))

@@ -43,7 +43,7 @@ check = partial(add_check, CHECKS)
 
 
 def offered() -> tuple[Offer, ...]:
-    """What other packages offer: tasks, cameras, balances, instruments and methods."""
+    """The tasks, cameras, balances, instruments and methods that other packages offer."""
     return tuple(offer for group in REGISTRIES for offer in offers(group))
 
 

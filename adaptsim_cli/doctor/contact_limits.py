@@ -1,4 +1,4 @@
-"""What a person's body may bear of a contact, beside what this arm would do: ISO/TS 15066:2016, annex A.
+"""The limits of a person's body in a contact, beside the effect of this arm: ISO/TS 15066:2016, annex A.
 
 The limits were not compared with the standard itself; the assessment says so.
 

@@ -1,4 +1,4 @@
-"""What a robot of one's own is asked for a trial, and what it answers: the two records of ask and tell.
+"""Question and answer of a trial with a robot of one's own: the two records of ask and tell.
 
 `adaptsim schema own-robot question` and `adaptsim schema own-robot answer` print their JSON schemas. A key that goes,
 or gets another meaning, raises `VERSION`.

@@ -217,7 +217,7 @@ class ComparedMethod(Record):
 
 
 class ParameterBelief(Record):
-    """What one session believes of one parameter."""
+    """The belief of one session about one parameter."""
 
     session: str = described("which session")
     parameter: str = described("which parameter")

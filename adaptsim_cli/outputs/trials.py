@@ -102,7 +102,7 @@ class OutlookRecord(Record):
 
 
 class SuspicionRecord(Record):
-    """What the trials of a session hint at about the rig."""
+    """A fault of the rig at which the trials of a session hint."""
 
     question: str = described("the question to the person")
     why: str = described("what the trials showed")
@@ -115,7 +115,7 @@ class SuspicionRecord(Record):
 
 
 class ControlRecord(Record):
-    """What pairs of a trial and its control trial show: an answer that stays valid after every pair."""
+    """The comparison of trials with their control trials: an answer that stays valid after every pair."""
 
     control: str = described("method or session whose policy made the control trials")
     pairs: int = described("complete pairs so far")

@@ -54,7 +54,7 @@ def infill(part: Part) -> float | None:
 
 
 def lines(part: Part) -> tuple[str, ...]:
-    """What a person needs to know of one part."""
+    """The facts of one part for a person."""
     size = printed(part).extents
     if part.flat:
         return (f"{part.name}: an outline of {size[0]:.1f} x {size[1]:.1f} mm on the sheet", *part.notes)

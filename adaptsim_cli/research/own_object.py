@@ -108,7 +108,7 @@ def own_object(
 
 
 def _beyond(own: OwnObject, task: Task) -> list[str]:
-    """What makes the scene of the object another one than that of training, by its option."""
+    """The differences between the scene of the object and that of training, by option."""
     trained = {d.name: d for d in task.nuisance.dimensions}
     sizes = {key: (low, high) for key, (low, high) in own.sizes.items() if key in trained}
     wider = [key for key, (low, high) in sizes.items() if low < trained[key].low or high > trained[key].high]

@@ -16,7 +16,7 @@ from adaptsim_cli.screen.keys import Key, stop
 from adaptsim_cli.screen.views import clear_to_move
 
 Each = Literal["motion", "command"]
-"""What one answer releases: one motion, or all motions that a question announces."""
+"""The motions that one answer releases: one motion, or all motions that a question announces."""
 NOTHING_MOVED = "nothing has moved"
 ONE = "One motion begins. Ctrl-C stops it along its path; Enter lets nothing move."
 
@@ -28,7 +28,7 @@ def require_word(screen: Screen, question: str, word: Key, assurance: str = NOTH
 
 
 def before_first(robot: str, table: str, pedal: bool) -> str:
-    """What is said before the first motion of a command. `robot` is its name, `table` what may lie on the table."""
+    """The announcement before the first motion of a command; `table` names the things that may lie there."""
     from hw.stopping import WORST_STOP_S
 
     return (

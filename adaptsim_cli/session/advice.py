@@ -70,7 +70,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "") -> str:
 
 
 def _worth(verdict: Verdict) -> str:
-    """What another iteration is worth, for a method with a forecast."""
+    """The worth of another iteration, for a method with a forecast."""
     if verdict.gain is None or verdict.likely is None or verdict.kind in (Kind.HOPELESS, Kind.UNINFORMED):
         return ""
     if Reason.UNTRIED in verdict.reasons:
@@ -87,7 +87,7 @@ def control_name(control: str) -> str:
 
 
 def compared_in_words(shown: ControlRecord) -> str:
-    """What the pairs show, in one sentence."""
+    """The result of the pairs, in one sentence."""
     low, high = shown.ci95
     sentence = (
         f"Adapted {shown.mean_reward:.2f}, {control_name(shown.control)} {shown.control_reward:.2f}, "

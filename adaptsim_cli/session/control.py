@@ -60,7 +60,7 @@ def pairs_of(facts: Facts, played: Sequence[TrialRecord]) -> tuple[tuple[TrialRe
 
 
 def compared(facts: Facts, played: Sequence[TrialRecord]) -> ControlRecord | None:
-    """What the pairs show; None without a pair."""
+    """The result of the pairs; None without a pair."""
     pairs = pairs_of(facts, played)
     if not pairs:
         return None
@@ -80,7 +80,7 @@ def compared(facts: Facts, played: Sequence[TrialRecord]) -> ControlRecord | Non
 
 
 def cost_in_words(store: SessionStore, first: int, iterations: int) -> str:
-    """What the control costs in so many iterations from `first` (from 0) on, in one sentence."""
+    """The cost of the control in so many iterations from `first` (from 0) on, in one sentence."""
     layout = store.facts.layout
     coming = range(first, first + iterations)
     done = sum(trial.role is Role.CONTROL for trial in played_of(store) if trial.iteration - 1 in coming)

@@ -354,7 +354,7 @@ def keep_particles(
 
 
 def _suspicion(session: RunningSession) -> SuspicionRecord | None:
-    """What the trials so far hint at about the rig, by the task."""
+    """The fault of the rig at which the trials so far hint, by the task."""
     hardware = session.parts.task.hardware
     if hardware is None:
         return None

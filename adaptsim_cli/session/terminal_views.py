@@ -156,12 +156,12 @@ def adapted(
 
 
 def _control(result: ResultRecord) -> list[Text]:
-    """What the control trials show."""
+    """The result of the control trials."""
     return [] if result.control is None else [Text(compared_in_words(result.control), style="bold")]
 
 
 def _suspicion(result: ResultRecord) -> list[Text]:
-    """What the trials hint at about the rig."""
+    """The fault of the rig at which the trials hint."""
     if (suspicion := result.suspicion) is None:
         return []
     return [Text(f"{suspicion.question} {suspicion.why} {suspicion.look}.", style="bold yellow")]

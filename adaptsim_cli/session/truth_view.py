@@ -55,7 +55,7 @@ def table(shown: Revealed) -> RenderableType:
 
 
 def in_words(shown: Revealed) -> str:
-    """What adapting was worth, in one sentence."""
+    """The worth of adapting, in one sentence."""
     of_udr = (
         f"One policy for the whole range (UDR) earns {shown.udr_reward:.2f} in {shown.world} "
         f"({shown.udr_trials} simulated trials)"

@@ -51,7 +51,7 @@ class Answers:
 
     @property
     def known_arm(self) -> KnownArm:
-        """What this computer remembers of the arm."""
+        """The memory of this computer of the arm."""
         return KnownArm(folder_of(self.places, self.rig))
 
     def text(self, question: str, default: str) -> str:

@@ -88,7 +88,7 @@ def touch_off(rig: GuidedTouchRig, screen: Screen, *, unattended: bool, created:
 def touches_of(
     set_downs: Sequence[SetDown], true_rad: Sequence[Array], designed: Array
 ) -> tuple[list[Touched], list[Touched]]:
-    """What `solve` takes for fingers and for the tool, from the true joints (7,) of every set-down.
+    """The inputs of `solve` for fingers and for the tool, from the true joints (7,) of every set-down.
 
     The table is measured by the middle of the edge, where the tool is assumed to be; the tool by both corners
     everywhere.

@@ -122,7 +122,7 @@ def show(screen: Screen, record: SavedTouchOff, path: Path) -> None:
 
 
 def listing_row(record: SavedTouchOff, path: Path) -> dict[str, Any]:
-    """What a list says of one, for JSON."""
+    """The row of one in a list, for JSON."""
     values = {name: round(factor * getattr(record, field).value, 4) for field, name, _, factor, _ in LISTED}
     return {**values, "touches": len(record.touches)}
 

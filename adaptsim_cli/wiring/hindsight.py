@@ -177,7 +177,7 @@ def _of_udr(checkpoint: Checkpoint) -> tuple[SolvedPolicy, ...]:
 
 
 def believed(stores: Sequence[SessionStore]) -> tuple[ParameterBelief, ...]:
-    """What each session believes of each parameter; sessions without a posterior are left out. Raises SessionError."""
+    """The belief of each session about each parameter, except sessions without a posterior. Raises SessionError."""
     beliefs = list[ParameterBelief]()
     for store in stores:
         try:

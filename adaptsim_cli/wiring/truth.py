@@ -1,4 +1,4 @@
-"""What a simulated session could not see, beside what it found: shown to people after it, never read by learning."""
+"""The truth behind a simulated session, beside its belief: shown to people after it, never read by learning."""
 
 from __future__ import annotations
 

@@ -125,7 +125,7 @@ def check(lens_check: IntrinsicsCheck | None, *, refined: bool) -> Check:
 
 
 def rescues(lens_check: IntrinsicsCheck) -> str:
-    """What refined intrinsics would gain, in words; "" if they were not better or the views are too few."""
+    """The gain of refined intrinsics, in words; "" if they were not better or the views are too few."""
     if not lens_check.better or len(lens_check.used) < TO_REFINE:
         return ""
     more = f" and {lens_check.rescued} more views agree" if lens_check.rescued > 0 else ""

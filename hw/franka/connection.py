@@ -108,7 +108,7 @@ class Connection:
         self._clock, self._states = clock, States(self._robot, clock, unwatched_s)
 
     def reading(self) -> Reading:
-        """What the arm reports now."""
+        """The arm's present report."""
         try:
             return self._read(self._states.present())
         except self._errors as error:
@@ -179,7 +179,7 @@ class Connection:
             raise self._failure(error) from error
 
     def carry(self, payload: Payload) -> None:
-        """What the hand holds from now on; an arm that is not Idle receives it before its next motion. Never moves."""
+        """The load of the hand from now on; an arm that is not Idle receives it before its next motion. Never moves."""
         self._payload = payload
         if self._settled().mode != "Idle":  # it is sent with the settings of the next motion
             return

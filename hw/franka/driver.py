@@ -56,7 +56,7 @@ FAULT, UNMOVED, LOST, UNAVAILABLE = "fault", "unmoved", "lost", "unavailable"
 
 
 class Failure(Exception):
-    """What went wrong with the arm.
+    """The kind of a fault of the arm.
 
     `kind` is FAULT (it stopped or refused), UNMOVED (it takes no motion now), LOST (it does not answer) or UNAVAILABLE
     (cannot connect).

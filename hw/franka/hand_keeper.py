@@ -174,7 +174,7 @@ def _narrowest(watcher: Child) -> HandState | None:
 
 
 def _closed(narrowest: HandState | None) -> str:
-    """What a failed grasp met, for a person."""
+    """The width at which a failed grasp ended, for a person."""
     if narrowest is None:
         return "if it was there, measure its width and correct it"
     if narrowest.width_m <= EMPTY_M:

@@ -322,7 +322,7 @@ class Rhythm:
 
 @dataclass(frozen=True, eq=False)
 class PlayOutcome:
-    """What came of a motion: the log, and the failure that ended it, if one did."""
+    """The result of a motion: the log, and the failure that ended it, if one did."""
 
     played: Played
     failure: Failure | None = None

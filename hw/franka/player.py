@@ -152,7 +152,7 @@ def connect(model: str, settings: FrankaSettings, timing: Timing) -> connection.
 
 
 class Sole:
-    """What keeps the other programs of this computer away from an arm, until it is closed or its process ends."""
+    """The lock that keeps other programs of this computer away from an arm, until it is closed or its process ends."""
 
     def __init__(self, sockets: list[socket.socket]) -> None:
         self._sockets = sockets

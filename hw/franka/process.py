@@ -20,7 +20,7 @@ ANSWER_S = 60.0
 
 
 class Player(Protocol):
-    """What is asked of the process that plays motions (`hw.franka.process.PlayerProcess`). All raise Failure."""
+    """The requests to the process that plays motions (`hw.franka.process.PlayerProcess`). All raise Failure."""
 
     @property
     def alive(self) -> bool:
@@ -28,16 +28,16 @@ class Player(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the computer does not give its process: a sentence each."""
+        """The real-time properties that the computer denies its process: a sentence each."""
 
     def reading(self) -> Reading:
-        """What the arm reports now."""
+        """The arm's present report."""
 
     def recover(self) -> Reading:
-        """Clear a fault; what the arm reports then."""
+        """Clear a fault, and return the arm's report after that."""
 
     def carry(self, payload: Payload) -> Reading:
-        """Set what the hand holds; what the arm reports then."""
+        """Set the load of the hand, and return the arm's report after that."""
 
     def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
         """Play `motion`; `word` is asked every few milliseconds whether it may go on, `guard` ends it at a contact."""

@@ -1,4 +1,4 @@
-"""What the arm reports of its load and its hand, against what it was sent and what the rig file counts on.
+"""The arm's report of its load and its hand, against the sent values and the rig file.
 
 Collision thresholds and joint impedance cannot be compared: no state of either SDK contains them.
 """

@@ -97,7 +97,7 @@ class FrankaSettings:
     )
     """(7,) the arm's own default."""
     end_effector: Mass = HAND_MASS
-    """What Desk has to be set to: everything on the flange but the payload."""
+    """The end effector that Desk has to hold: everything on the flange but the payload."""
 
     def __post_init__(self) -> None:
         """Raises ValueError naming the setting."""

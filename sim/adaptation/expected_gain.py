@@ -35,7 +35,7 @@ _SURE = 0.05
 _UNLIKE = 8.0
 """The most that one end state can speak against a draw, in log-likelihood."""
 _OTHER_STD = 0.05
-"""What reality adds to an end state, in the unit of end states."""
+"""The difference that reality adds to an end state, in the unit of end states."""
 
 
 def outlook(reality: Reality, for_e: SolvedPolicy, optimism: Array, *, untried: bool) -> ExpectedGain:
@@ -79,7 +79,7 @@ def _next_trials(earned: Array, optimism: Array, each: int) -> NDArray[np.intp]:
 
 
 def _gains(reality: Reality, earned: Array, tried: NDArray[np.intp]) -> Array:
-    """(KEPT,) what the trials `tried` gain if this draw is the truth; `earned` (n, A, KEPT)."""
+    """(KEPT,) the gain by the trials `tried` if this draw is the truth; `earned` (n, A, KEPT)."""
     others = (1.0 - np.eye(KEPT)) / (KEPT - 1)
     contexts, truth = np.arange(len(earned))[:, None], np.arange(KEPT)
     before = earned[contexts, _chosen(earned, others), truth].mean(axis=0)

@@ -1,4 +1,4 @@
-"""What adapts in a session: a method, the training of its task policies, and the judgement of the trials."""
+"""The adapting part of a session: a method, the training of its task policies, and the judgement of the trials."""
 
 from __future__ import annotations
 

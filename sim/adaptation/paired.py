@@ -50,7 +50,7 @@ class Claim(StrEnum):
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """What the pairs so far say; all values are of rewards between 0 and 1."""
+    """The comparison by the pairs so far; all values are of rewards between 0 and 1."""
 
     pairs: int
     mean: float  # of the trials that are compared

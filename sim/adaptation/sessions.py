@@ -41,7 +41,7 @@ class PlayableSession(Protocol):
 
     @property
     def learner(self) -> Learner:
-        """What adapts in it."""
+        """Its adapting part."""
 
     @property
     def policies(self) -> Policies:

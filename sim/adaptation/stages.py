@@ -1,4 +1,4 @@
-"""What comes next in a session: a trial, the adaptation, or to show a complete iteration. Pure.
+"""The next stage of a session: a trial, the adaptation, or to show a complete iteration. Pure.
 
 The same rule serves a session on the disk, which may be continued after any step, and one in memory.
 """
@@ -86,7 +86,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Existing:
-    """What a session holds so far."""
+    """The content of a session so far."""
 
     completed: frozenset[TrialKey]
     started: frozenset[TrialKey]  # the motion was about to start: the arm may have moved

@@ -13,7 +13,7 @@ LEAST_TRIALS = 6
 
 
 class Kind(StrEnum):
-    """What to do. The first four come from a forecast, the others from how the parameters move."""
+    """The advice. The first four come from a forecast, the others from how the parameters move."""
 
     GO_ON = "go_on"  # another iteration is worth its trials
     ENOUGH = "enough"  # it is not, and the best policy is good
@@ -32,7 +32,7 @@ class Kind(StrEnum):
 
 
 class Reason(StrEnum):
-    """What else speaks for the verdict."""
+    """A further reason for the verdict."""
 
     INEXPRESSIBLE = "inexpressible"  # most trajectories lie outside of what any parameters in the ranges predict
     FAILURES = "failures"  # many trials in a row earned nothing

@@ -1,1 +1,1 @@
-"""What an operator's session never needs: pretraining, comparisons of methods, other methods, solvers and physics."""
+"""Parts that no operator's session needs: pretraining, comparisons of methods, other methods, solvers and physics."""

@@ -109,7 +109,7 @@ class GridSolver(FromOutcomes):
         return table
 
     def _at(self, action: Array, nuisance: Array, points: NDArray[np.intp]) -> _Known:
-        """All that is known of an action, at least at `points`."""
+        """The known outcomes of an action, at least at `points`."""
         task, key, count = self.task, _key(action, nuisance), len(self.points)
         entry = self._known.get(key)
         missing = np.unique(points if entry is None else points[~entry.done[points]])

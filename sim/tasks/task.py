@@ -229,7 +229,7 @@ class Hardware:
 
 @dataclass(frozen=True)
 class LabReport:
-    """What a lab with a robot of its own reports of a trial (docs/guide/own-robot.md)."""
+    """The report of a trial by a lab with a robot of its own (docs/guide/own-robot.md)."""
 
     columns: tuple[str, ...]  # of `ObjectTrack.state`, each with its unit: "x [m]"
     outcomes: tuple[Outcome, ...]  # how a trial can end
@@ -283,7 +283,7 @@ class Task:
         return self.hardware
 
     def require_report(self) -> LabReport:
-        """What a lab reports of its trials. Raises NoHardware for a task that no lab can report."""
+        """The report that a lab makes of its trials. Raises NoHardware for a task that no lab can report."""
         if self.report is None:
             raise NoHardware(
                 f"the task {self.name} does not say what a lab reports of a trial, so no robot of yours can run it: "

@@ -26,7 +26,7 @@ WITHOUT: dict[Waivable, str] = {
     "stop_button": "nobody shows every day that the stop button stops this arm",
     "slow_start": "a changed rig file, tool or calibration moves the arm at full speed at once",
 }
-"""What is missing where a rig file waives a safeguard."""
+"""The protection that is missing where a rig file waives a safeguard."""
 
 
 @dataclass(frozen=True, config=RULES)
@@ -57,5 +57,5 @@ class WaiverPart:
 
     @property
     def sentence(self) -> str:
-        """What is waived, why, by whom, from when to when."""
+        """The safeguard, the reason, the person, and the days from and to."""
         return f"{self.safeguard} is waived until {self.until}: {self.reason} ({self.by}, {self.on})"

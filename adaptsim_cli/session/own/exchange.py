@@ -93,11 +93,11 @@ class Answerer(Protocol):
 
     @property
     def announcement(self) -> str:
-        """What happens if the operator agrees, one sentence without a full stop."""
+        """The effect of the operator's agreement, one sentence without a full stop."""
 
     @property
     def then(self) -> str:
-        """What that answer leads to."""
+        """The consequence of that answer."""
 
     def ask(self, exchange: Exchange, question: Question, progress: Progress) -> None:
         """Returns once the answer is kept in the exchange.

@@ -102,7 +102,7 @@ def outlook_after(reality: Reality, for_e: SolvedPolicy, iterations: int, partic
 
 
 def _optimism(reality: Reality, iterations: int, particles: int) -> Array:
-    """(n,) what the particles add to the expected reward after so many iterations, in standard deviations."""
+    """(n,) the optimism of the particles after so many iterations, in standard deviations of the expected reward."""
     if _all_failed(reality):
         return np.array([DESPERATE, *[OPTIMISM] * (particles - 1)])
     return np.array([-CAUTION, *[OPTIMISM * max(0.0, 1.0 - iterations / FADES_OVER)] * (particles - 1)])

@@ -47,7 +47,7 @@ SETS: dict[str, Callable[[Task], tuple[World, ...]]] = {
 """Every set of worlds by its name; the only list of them."""
 
 RULES: dict[str, Callable[[Task, int, int], World]] = {REPORT: drawn_world, FOODS: food_world}
-"""What draws a world of a seed and number, by the first part of its name."""
+"""The function that draws a world of a seed and number, by the first part of its name."""
 _NAMED_SEEDS = {(REPORT, DEVELOP_SEED): DEVELOP, (REPORT, REPORT_SEED): REPORT, (FOODS, FOODS_SEED): FOODS}
 
 

@@ -39,7 +39,7 @@ class _Chain:
     rectified: bool  # after the last one too
 
     def __call__(self, x: Weights) -> list[Weights]:
-        """x (..., inputs) and what each layer makes of it."""
+        """x (..., inputs) -> the output of each layer."""
         activations = [x]
         for i, (weight, bias) in enumerate(self.layers):
             y = activations[-1] @ weight
@@ -83,7 +83,7 @@ class _Parts:
 
 @dataclass(frozen=True, eq=False)
 class _Pass:
-    """What a network made of its inputs on the way to its values."""
+    """The intermediate values of a network."""
 
     slots: Weights | None  # (B, S, inputs); None with one slot
     read: list[Weights] | None

@@ -58,7 +58,7 @@ _POINT_M = 0.0005
 """Radius of a point."""
 
 STEP_UP_M = 1e-5
-"""Height of the patch in a file: a few times what the bottle sinks in, so that points on it do not touch the table."""
+"""Height of the patch in a file: more than the bottle sinks in, so that points on it do not touch the table."""
 
 _DISCS = 8
 BAND_M = BOTTLE_HEIGHT_M - BASE_HEIGHT_M

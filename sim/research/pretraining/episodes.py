@@ -117,7 +117,7 @@ class EmulatedRolls:
 
 @dataclass(frozen=True, eq=False)
 class Simulator:
-    """What episodes run in: the task policies, a source of trials, and the rewards that they may expect."""
+    """The world of the episodes: the task policies, a source of trials, and the rewards that they may expect."""
 
     solver: Solver  # of the expected rewards
     acting: Acting
@@ -170,7 +170,7 @@ class Episodes:
     directions: Array  # (E, P, H, p) in {-1, 0, 1}
 
     def state(self, task: Task, memory: MemoryName, t: int) -> Array:
-        """(E * P, inputs) what a policy with this memory sees after the visit `t`."""
+        """(E * P, inputs) the input of a policy with this memory after the visit `t`."""
         until = slice(0, t + 1)
         return encode(task, memory, self._seen(until))
 
@@ -199,7 +199,7 @@ class Running:
         return visit(self._simulator, self._means[-1], self._targets, self._rng)
 
     def state(self, memory: MemoryName) -> Array:
-        """(E * P, inputs) what a policy with this memory sees now."""
+        """(E * P, inputs) the present input of a policy with this memory."""
         return self.episodes().state(self._task, memory, len(self._directions))
 
     def step(self, directions: NDArray[np.int_]) -> Array:

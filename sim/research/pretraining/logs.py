@@ -1,4 +1,4 @@
-"""What a pretraining writes down about itself: curves and times."""
+"""The log of a pretraining: curves and times."""
 
 from __future__ import annotations
 

@@ -287,7 +287,7 @@ def _acting(means: _Means, settings: MetaSettings, seed: int) -> Acting:
 
 
 def _simulator(means: _Means, acting: Acting, seed: int) -> Simulator:
-    """What episodes run in: the emulator's ensemble where there is one."""
+    """The world of the episodes: the emulator's ensemble where there is one."""
     roll = EmulatedRolls(means.emulator, np.random.default_rng(seed)) if means.emulator else means.roll
     return Simulator(means.new_solver(), acting, roll)
 

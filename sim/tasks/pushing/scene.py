@@ -218,7 +218,7 @@ def _add_pusher(plant: MultibodyPlant, parent: Frame, X_PT: Array) -> None:
 
 
 def bottle_mass_kg(parameters: Array, nuisance: Array, unmodelled: PushingUnmodelled) -> float:
-    """What every bottle of training weighs."""
+    """The mass of every bottle of training."""
     return BOTTLE_MASS_KG
 
 

@@ -71,7 +71,7 @@ def rest_pose(context: Array, parameters: Array, nuisance: Array, unmodelled: Sc
 
 
 def piece_mass_kg(parameters: Array, nuisance: Array, unmodelled: ScoopingUnmodelled) -> float:
-    """What a piece of training's density weighs."""
+    """The mass of a piece with the density of training."""
     return PIECE_DENSITY_KG_M3 * piece_of(parameters, nuisance, unmodelled).volume_m3
 
 

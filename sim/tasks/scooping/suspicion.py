@@ -1,4 +1,4 @@
-"""What the first scoops of a session hint at: an edge that passes too high over the table."""
+"""The fault at which the first scoops of a session hint: an edge that passes too high over the table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gravity as a table feels it that is off level: the one place that says in which direction a tilt goes."""
+"""Gravity on a table that is off level: the one place that says in which direction a tilt goes."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ NUMBERED = """
 
 
 QUALITY = 82
-"""Of a WebP picture: text stays sharp, and a small piece keeps its colour."""
+"""Quality of a WebP picture: text stays sharp, and a small piece keeps its colour."""
 
 
 def digests() -> dict[str, str]:

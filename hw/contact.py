@@ -38,7 +38,7 @@ RIPPLE_NM, RIPPLE_PER_RAD = 0.15, 30.0
 
 
 def estimate_errors_Nm(q_rad: Array, rng: np.random.Generator) -> Array:
-    """(..., 7) what a live estimate of external torques shows at joints (..., 7) without any contact: the noise of a
+    """(..., 7) a live estimate of external torques at joints (..., 7) without any contact: the noise of a
     real Panda, and ripple that depends on the posture.
     """
     phase_rad = np.arange(7.0)

@@ -18,7 +18,7 @@ from hw.types import ArmState, Array, Contact, Execution, Guard, JointPath, froz
 from hw.workcell import Workcell, refuse_unless_safe, refuse_while_stopped, require_guarded
 
 STIFFNESS_N_M = 4000.0
-"""Of what the fake arm touches."""
+"""Stiffness of the surface that the fake arm touches."""
 
 
 class FakeArm:

@@ -18,7 +18,7 @@ WALKING_M_S = 1.6
 INTRUSION_M = 0.85
 """How far a hand is ahead of a person whom nothing detects before the hand."""
 REACH_M = 0.855
-"""Of both arms, from the axis of joint 1 to the flange (the maker's data sheets)."""
+"""Reach of both arms, from the axis of joint 1 to the flange (the maker's data sheets)."""
 SIDE_M = 0.6
 """Where a side begins that a rig file does not describe: as `[person] from_m` does by default."""
 _EVERY = 20

@@ -17,9 +17,9 @@ from perception.types import ObjectTrack, Outcome
 
 FILM = "film.jpg"
 COLUMNS, ROWS = 6, 4
-"""Of the small pictures on a sheet, in the order of reading."""
+"""Columns and rows of small pictures on a sheet, in the order of reading."""
 MOST_BYTES = 220_000
-"""Of a sheet: 300 kB as text on a page."""
+"""The largest sheet: 300 kB as text on a page."""
 _MOMENT_PX, _CELL_PX = 480, 240  # both are square
 _REACH_M, _FALLEN_REACH_M = 0.08, 0.20  # margin shown around the object's path; larger for a fallen one, which rolls
 _REST_S = 0.15  # an object tracked this much longer than the motion came to rest elsewhere

@@ -138,7 +138,7 @@ def live_view(
 
 
 WIDTH_PX = 960
-"""Of the camera's newest picture on the page."""
+"""Width of the camera's newest picture on the page."""
 
 
 def newest_jpeg(newest_picture: Callable[[], Image | None] | None) -> bytes | None:

@@ -32,7 +32,7 @@ class HandProcess:
         self._model, self._host, self._pedal, self._silence_s = model, host, pedal, silence_s
         self._child: Child | None = None
         self.stopped_after_s: float | None = None
-        """Of the last stopped command: the time in s from the request to stop to the hand's answer."""
+        """Time in s from the request to stop to the hand's answer, of the last stopped command."""
 
     def __enter__(self) -> Self:
         """Raises DeviceUnavailable."""

@@ -267,7 +267,7 @@ def _around(p_m: Array, margin_m: float = 0.0) -> Array:
 
 
 def _symmetries(p_m: Array) -> tuple[NDArray[np.int64], ...]:
-    """Of points (K, 3): for each quarter turn about their middle that maps them onto themselves, the new numbers."""
+    """The symmetries of points (K, 3): for each quarter turn about their middle that maps them onto themselves, the new numbers."""
     centred = p_m - p_m.mean(axis=0)
     size = float(np.abs(centred).max())
     _, flat, axes = np.linalg.svd(centred, full_matrices=False)

@@ -30,7 +30,7 @@ SESSIONS = 64
 """Imagined sessions: the share of one in five is then known to 5 %."""
 
 ITERATIONS = 5
-"""Of an imagined session, as in the paper."""
+"""Iterations of an imagined session, as in the paper."""
 
 DIFFERENCES = (0.1, 0.2, 0.4)
 """Gains over UDR for which the table says when they are shown."""

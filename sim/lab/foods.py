@@ -24,7 +24,7 @@ EDGE_N_M = (1.5e3, 5e3)
 ELLIPSOID, CYLINDER, BOX = 0, 1, 2
 
 COARSEST_STEP_S, FINEST_STEP_S = 1e-3, 1.25e-4
-"""Of a plant with a blunt edge: at 1 ms a slice of cucumber converges, a raisin needs half of it (docs/decisions/0012).
+"""Time steps of a plant with a blunt edge: at 1 ms a slice of cucumber converges, a raisin needs half of it (docs/decisions/0012).
 """
 
 
@@ -48,7 +48,7 @@ def food_world(task: Task, seed: int, number: int) -> World:
 
 
 def volume_m3(shape: int, radius_m: float, height_m: float) -> float:
-    """Of a piece as wide as it is deep."""
+    """Volume of a piece as wide as it is deep."""
     share = {ELLIPSOID: 4.0 / 3.0 * math.pi / 2.0, CYLINDER: math.pi, BOX: 4.0}[shape]
     return share * radius_m**2 * height_m
 

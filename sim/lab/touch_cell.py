@@ -37,7 +37,7 @@ from sim.tasks.task import Task
 
 STEP_S = 0.0025
 FEELER_STIFFNESS_N_M = 2e5
-"""Of fingertips, and of a tool whose world states no stiffness of its edge."""
+"""Stiffness of fingertips, and of a tool whose world states no stiffness of its edge."""
 GRIP_NM_RAD, GRIP_NMS_RAD = 4000.0, 4.0
 _GRIP_M = 0.1034  # from the flange to the middle of the grip
 _GRIP = "grip"

@@ -48,7 +48,7 @@ def compared() -> tuple[str, ...]:
 DEFAULT = "adaptsim"
 PERMUTED, PERMUTED_UDR = "permuted", "permuted-udr"
 CONTROLS = (PERMUTED, PERMUTED_UDR)
-"""Of the default method and of UDR, with the outcomes of recorded trials shuffled."""
+"""Controls of the default method and of UDR, with the outcomes of recorded trials shuffled."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from sim.solvers.emulator.training import EmulatorSettings
 from sim.tasks.task import Task
 
 MEMORIES: tuple[MemoryName, ...] = get_args(MemoryName)
-"""Of the adaptation policies; the first is the paper's."""
+"""The memories of the adaptation policies; the first is the paper's."""
 
 NETWORKS: dict[MemoryName, str] = {"iteration": "adaptsim-iteration", "history": "adaptsim-history"}
 COMPARED = len(NETWORKS) + 2

@@ -80,7 +80,7 @@ class _Means:
 
     @property
     def memories(self) -> tuple[MemoryName, ...]:
-        """Of the adaptation policies: only the paper's where every trial is simulated."""
+        """The memories of the adaptation policies: only the paper's where every trial is simulated."""
         return MEMORIES if self.emulator or self.task.exact else MEMORIES[:1]
 
 

@@ -267,7 +267,7 @@ def _around(p_m: Array, margin_m: float = 0.0) -> Array:
 
 
 def _symmetries(p_m: Array) -> tuple[NDArray[np.int64], ...]:
-    """The symmetries of points (K, 3): for each quarter turn about their middle that maps them onto themselves, the new numbers."""
+    """Symmetries of points (K, 3): the new numbers for each quarter turn about their middle that keeps them."""
     centred = p_m - p_m.mean(axis=0)
     size = float(np.abs(centred).max())
     _, flat, axes = np.linalg.svd(centred, full_matrices=False)

@@ -24,8 +24,7 @@ EDGE_N_M = (1.5e3, 5e3)
 ELLIPSOID, CYLINDER, BOX = 0, 1, 2
 
 COARSEST_STEP_S, FINEST_STEP_S = 1e-3, 1.25e-4
-"""Time steps of a plant with a blunt edge: at 1 ms a slice of cucumber converges, a raisin needs half of it (docs/decisions/0012).
-"""
+"""Time steps with a blunt edge: at 1 ms a slice of cucumber converges, a raisin needs half of it (decision 12)."""
 
 
 def food_world(task: Task, seed: int, number: int) -> World:

@@ -215,7 +215,7 @@ def named(names: Sequence[str], point: Array) -> Quantities:
     return dict(zip(names, as_row(point), strict=True))
 
 
-class Rollout(Output, PlayedTrial):
+class Rollout(PlayedTrial, Output):
     """One single trial, with its conditions."""
 
     task: str = described("which task")

@@ -173,3 +173,21 @@ def test_the_worst_world_and_the_share_that_gains_are_over_all_sessions(sessions
 def test_the_best_parameters_are_said_to_be_as_far_ahead_as_they_are(sessions: Sessions) -> None:
     ahead = sessions.mean("scooping", "oracle") - sessions.mean("scooping", "adaptsim")
     assert f"the best E earns {ahead:.3f} more than `adaptsim`".replace("0.", ".") in text(RESULTS)
+
+
+def test_a_second_training_earns_what_its_sessions_earn() -> None:
+    rewards = defaultdict(list)
+    with (ROOT / "docs/results/sessions.csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            if row["part"].startswith("pushing") and int(row["seed"]) < 3:
+                rewards[row["part"], row["method"]].append(float(row["reward"]))
+    second, shipped = (
+        {m: np.mean(rewards[part, m]) for m in ("udr", "adaptsim")} for part in ("pushing-training-11", "pushing")
+    )
+    assert len(rewards["pushing-training-11", "adaptsim"]) == len(rewards["pushing", "adaptsim"]) == 120
+    udr, adapted = ((f"{second[m]:.3f}"[1:], f"{shipped[m]:.3f}"[1:]) for m in ("udr", "adaptsim"))
+    difference = f"{second['adaptsim'] - shipped['adaptsim']:+.3f}".replace("0.", ".")
+    assert (
+        f"UDR {udr[0]} (shipped: {udr[1]} in these sessions), `adaptsim` {adapted[0]} ({adapted[1]}), a difference of "
+        f"{difference} (−.001 to .010)"
+    ) in text(RESULTS)

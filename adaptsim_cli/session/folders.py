@@ -62,7 +62,7 @@ def stray_note(root: Path) -> str:
 
 
 def newest(root: Path, without: str = "") -> str:
-    """The session that was begun last, of another method than `without`. Raises SessionError if there is none."""
+    """The newest session by another method than `without`. Raises SessionError without one."""
     candidates = [name for name in names(root) if (root / name / FACTS).is_file()]
     if without:
         candidates = [name for name in candidates if records.read(Facts, root / name / FACTS).method != without]
@@ -74,7 +74,7 @@ def newest(root: Path, without: str = "") -> str:
 def _begun(folder: Path) -> tuple[float, int]:
     """When a session was begun, s since 1970 by its own record; then the time of its folder, for the same second.
 
-    Copying changes the times of files, so they count only for a session whose record cannot be read.
+    Copying changes the times of files, so they count only where the record cannot be read.
     """
     file = folder / FACTS
     changed_ns = (file if file.is_file() else folder).stat().st_mtime_ns

@@ -74,7 +74,7 @@ class Placement:
 
 
 class Motion(Protocol):
-    """A motion that is over, with its recording. Its target alone knows what was recorded, and how to track it."""
+    """A motion that is over, with its recording. Its target alone knows the recording, and how to track it."""
 
     @property
     def stopped(self) -> HardwareError | None:
@@ -89,7 +89,7 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TrackedTrial:
-    """A motion whose recording was tracked, with the pictures and files that support the track."""
+    """A motion with its track, and the pictures and files that support the track."""
 
     track: ObjectTrack
     track_px: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (N, 2) the object's centre in the picture

@@ -181,7 +181,7 @@ class MotionRecord(Record):
     stopped: str | None = None  # why the motion ended early; None: it did not
     timing_s: dict[str, float] = Field(default_factory=dict)  # wall time by stage
     checksums: dict[str, str] = Field(default_factory=dict)  # name -> SHA-256 of each recorded file
-    role: Role = Role.ALONE  # whose policy acts
+    role: Role = Role.ALONE  # the policy that acts: the session's own or the control's
 
     @property
     def is_blind(self) -> bool:

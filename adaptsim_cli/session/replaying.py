@@ -140,7 +140,7 @@ def _colours(file: Path) -> list[topics.Message]:
     with recording.opened(file) as reader:
         messages = reader.iter_messages(topics=list(recording.COLOURS))
         return [
-            (topics.stamp_ns(topics.decode(topics.PICTURE, message.data).header), channel.topic, message.data)
+            (message.log_time, channel.topic, message.data)  # the log time is the stamp, as we write it
             for _, channel, message in messages
         ]
 

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from mcap_ros2._dynamic import generate_dynamic, serialize_dynamic
+from mcap_ros2._dynamic import generate_dynamic, serialize_dynamic  # its public writer makes whole files only
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 

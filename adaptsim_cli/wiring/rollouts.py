@@ -31,7 +31,7 @@ class RolloutRequest:
     context: Sequence[str] = ()  # name=value, as the next two
     action: Sequence[str] = ()
     parameters: Sequence[str] = ()
-    best_of: str | None = None  # session whose best policy acts
+    best_of: str | None = None  # name of a session; its best policy acts
     trials: int = 1  # more than one: at drawn contexts, by the best policy of a session
     out: Path | None = None  # a new folder
     yes: bool = False
@@ -69,7 +69,7 @@ def run(resolved: Resolved, changed: Sequence[str], request: RolloutRequest, scr
 
 
 def _policy(resolved: Resolved, changed: Sequence[str], request: RolloutRequest) -> tuple[Config, Chosen]:
-    """The settings of the rollout, and its choices; those of a session whose best policy acts come first."""
+    """The settings of the rollout, and its choices; a session that gives its best policy gives its settings too."""
     settings, session = resolved.config, request.best_of
     if session is None:
         return settings, Chosen([request.context], request.action, request.parameters)

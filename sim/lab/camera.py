@@ -9,9 +9,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.cores import usable_cores
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Array, CameraModel, Frame
-from sim.cores import usable_cores
 from sim.lab.film import Filming
 from sim.lab.kinect import kinect_model
 from sim.lab.rng_streams import camera_stream

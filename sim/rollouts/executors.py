@@ -9,7 +9,7 @@ import sys
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import AbstractContextManager
 
-from sim.cores import usable_cores
+from hw.cores import usable_cores
 from sim.rollouts.cluster import dask_cluster
 
 _PR_SET_PDEATHSIG = 1

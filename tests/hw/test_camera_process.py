@@ -22,7 +22,16 @@ Staged = Callable[..., CameraProcess]
 
 
 @pytest.fixture
-def staged(monkeypatch: pytest.MonkeyPatch) -> Staged:
+def hang(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A FIFO that the staged driver opens as it hangs: reading it waits for that."""
+    fifo = tmp_path / "hang"
+    os.mkfifo(fifo)
+    monkeypatch.setenv("ADAPTSIM_STAGED_HANG", str(fifo))
+    return fifo
+
+
+@pytest.fixture
+def staged(monkeypatch: pytest.MonkeyPatch, hang: Path) -> Staged:
     def camera(wrong: str = "", step_s: float = 60.0) -> CameraProcess:
         paths = [str(SUPPORT), str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")]
         monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
@@ -79,14 +88,14 @@ def test_a_camera_that_exposes_otherwise_half_way_says_so(staged: Staged) -> Non
 
 @pytest.mark.long
 def test_a_driver_that_hangs_is_a_message_and_the_camera_can_be_entered_again(
-    staged: Staged, monkeypatch: pytest.MonkeyPatch
+    staged: Staged, hang: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     camera = staged("hangs 40")
     with camera:
         camera.start_recording()
         assert camera._child is not None
         pid = camera._child.pid
-        time.sleep(1.2)
+        hang.read_text()
         began_s = time.monotonic()
         with pytest.raises(CameraError, match="driver has not answered for 3 s, and was ended"):
             camera.stop_recording()
@@ -118,19 +127,19 @@ def test_a_driver_that_ends_its_process_takes_only_that_along(staged: Staged) ->
 
 
 @pytest.mark.long
-def test_leaving_never_waits_for_a_driver_that_hangs(staged: Staged) -> None:
+def test_leaving_never_waits_for_a_driver_that_hangs(staged: Staged, hang: Path) -> None:
     with staged("hangs 40"):
-        time.sleep(1.2)
+        hang.read_text()
         began_s = time.monotonic()
     assert time.monotonic() - began_s < 1.0 + SLACK_S
 
 
 @pytest.mark.long
-def test_a_killed_program_takes_a_hanging_camera_along(staged: Staged) -> None:
+def test_a_killed_program_takes_a_hanging_camera_along(staged: Staged, hang: Path) -> None:
     with staged("hangs 40") as camera:
         assert camera._child is not None
         keeper = camera._child
-        time.sleep(1.2)
+        hang.read_text()
         os.close(keeper._say)  # what the system does with a program that was killed
         began_s = time.monotonic()
         while keeper.alive:

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -311,6 +312,8 @@ class LiveK4a(FakeK4a):
     def _device_get_capture(self, handle: int, capture: Any, timeout_ms: int) -> int:
         self._count += 1
         if self._how == "hangs" and str(self._count) == self._when:
+            if fifo := os.environ.get("ADAPTSIM_STAGED_HANG"):
+                Path(fifo).open("w").close()  # returns once a test reads it
             threading.Event().wait()
         if self._how == "dies" and str(self._count) == self._when:
             os._exit(7)

@@ -12,24 +12,21 @@ from functools import partial
 from pathlib import Path
 
 from rich.console import RenderableType
-from rich.text import Text
 
 from adaptsim_cli.config import Config, Resolved, is_own
-from adaptsim_cli.errors import AnswerRefused, PreflightFailed, StoppedByOperator, UsageError
+from adaptsim_cli.errors import AnswerRefused, StoppedByOperator, UsageError
 from adaptsim_cli.outputs.trials import IterationOutput
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.keys import Key, agree
-from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import folders, terminal_views
 from adaptsim_cli.session.advice import after_iteration
-from adaptsim_cli.session.control import cost_in_words
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.flow import RunningSession, rows_of, run_iteration, tell
 from adaptsim_cli.session.history import results_of
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.own.trust import require_trusted
-from adaptsim_cli.session.preflight import preflight
+from adaptsim_cli.session.readiness import require_ready
 from adaptsim_cli.session.records import (
     FORMAT,
     ROLLOUT,
@@ -46,11 +43,7 @@ from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
 from hw.memory import return_pictures
 from hw.plugins import did_you_mean
-from sim.adaptation.methods import ignores_seed
-from sim.adaptation.stages import next_stage
-from sim.adaptation.trials_forecast import load as load_forecast
 from sim.errors import MomentsMissing
-from sim.tasks import files_of
 
 OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
 """(settings, folder for a solver's policies) -> the connected parts."""
@@ -132,7 +125,7 @@ def run_session(
         also = (AnswerRefused, MomentsMissing)
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}", also=also))
         left, report = request.iterations or parts.task.adaptation.horizon, None
-        _ready(session, config, left)
+        require_ready(session, config, left)
         tell(session)
         while left:
             summary, left = run_iteration(session), left - 1
@@ -356,47 +349,5 @@ def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
     return store
 
 
-def _trials_needed(facts: Facts) -> str:
-    """How many trials a session like this needs, by the forecast beside its checkpoint; "" without one."""
-    task, _, name = facts.checkpoint.partition("/")
-    if facts.method != Config().method or facts.recorded or not name:
-        return ""
-    folder = Path(facts.checkpoint_folder or files_of(task, "checkpoints") / name)
-    forecast = load_forecast(folder, facts.checkpoint_sha256)
-    if forecast is None or forecast.particles != facts.particles:
-        return ""
-    return terminal_views.trials_needed(forecast)
-
-
 def _ms(t_s: float) -> str:
     return f"{1e3 * t_s:.3f} ms"
-
-
-def _ready(session: RunningSession, config: Config, iterations: int) -> None:
-    facts, screen = session.store.facts, session.screen
-    existing = session.store.existing()
-    stage = next_stage(existing, facts.layout)
-    task, title, is_new = session.parts.task, session.parts.target.title, not existing.started
-    screen.show(terminal_views.session_header(task, facts, stage.iteration, title, is_new=is_new))
-    if is_new and facts.seed and not facts.recorded and ignores_seed(facts.method, task):
-        screen.note(
-            f"Deterministic: nothing is drawn in {task.name}, nor by {facts.method}. Every seed gives this session, so "
-            "one is enough."
-        )
-    if existing.completed:
-        count = len(existing.completed)
-        screen.note(
-            f"Continuing after {count} trial{'s' if count > 1 else ''}. Another --session starts from the beginning."
-        )
-    if is_new and (outlook := _trials_needed(facts)):
-        screen.show(Text(outlook, style="dim"))
-    if facts.control:
-        screen.note(cost_in_words(session.store, stage.iteration, iterations))
-    target = session.parts.target
-    with (
-        nullcontext() if target.needs_consent else screen.busy("Checking arm and camera", "checking")
-    ):  # a real one may ask
-        checks = preflight(target, facts, session.store.folder, config.min_free_mb)
-    screen.checks(checks)
-    if problem := failures(checks):
-        raise PreflightFailed(f"not ready, nothing has moved: {problem}")

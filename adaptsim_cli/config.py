@@ -45,6 +45,8 @@ def same_lab(task: str, hw: str, world: str, seed: int | None = None) -> str:
 PROJECT_FILE = "adaptsim.toml"
 RIG_FILE, PRACTICE_FILE = "rig.toml", "practice.toml"
 _PREFIX = "ADAPTSIM_"
+FLAG = "flag"
+"""The origin of a setting from the command line."""
 _NOT_SETTINGS = frozenset(
     _PREFIX + name
     for name in (
@@ -194,6 +196,11 @@ class Resolved:
     sources: Mapping[str, str]
     places: Places
 
+    @property
+    def flags(self) -> frozenset[str]:
+        """The settings that came as flags."""
+        return frozenset(key for key, source in self.sources.items() if source == FLAG)
+
 
 def places(env: Mapping[str, str] | None = None, project: Path | None = None) -> Places:
     """The folders of data and settings, in this environment and for this project folder (default: the current one).
@@ -225,12 +232,12 @@ def load(
         (str(where.user_file), _read(where.user_file)),
         (str(where.project_file), _read(where.project_file)),
         ("environment", _from_environment(env)),
-        ("flag", {key: value for key, value in (flags or {}).items() if value is not None}),
+        (FLAG, {key: value for key, value in (flags or {}).items() if value is not None}),
     )
     for source, layer in layers:
-        checked = _checked(layer, source, strict=source not in ("environment", "flag"))
+        checked = _checked(layer, source, strict=source not in ("environment", FLAG))
         if checked.get("rig"):  # a path in a settings file is relative to that file
-            folder = Path.cwd() if source in ("environment", "flag") else Path(source).parent
+            folder = Path.cwd() if source in ("environment", FLAG) else Path(source).parent
             checked["rig"] = str((folder / Path(checked["rig"]).expanduser()).absolute())
         for key in ("checkpoint", "object", "recorded", "world"):
             if checked.get(key, "").startswith("~"):

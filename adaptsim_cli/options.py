@@ -5,9 +5,10 @@ Light, because every press of Tab starts the program.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -162,6 +163,40 @@ ShareOfWork = Annotated[
     ),
 ]
 WorkingFolder = Annotated[Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")]
+
+StartFrom = Annotated[
+    str | None,
+    typer.Option("--start-from", autocompletion=session_names, help="Begin with the posterior of this session."),
+]
+Method = Annotated[
+    str | None,
+    typer.Option("--method", show_default="adaptsim", help="How to adapt, e.g. adaptsim, udr or random."),
+]
+Control = Annotated[
+    str | None,
+    typer.Option("--control", help="Add blind control trials by a method's first policies, or a session's best."),
+]
+
+SETTINGS: Mapping[str, Any] = {
+    "task": Task,
+    "world": World,
+    "seed": Seed,
+    "hw": Hw,
+    "method": Method,
+    "control": Control,
+    "solver": Solver,
+    "object": Object,
+    "recorded": Recorded,
+    "held_out": HeldOut,
+    "start_from": StartFrom,
+    "answer_with": AnswerWith,
+    "answer_moves": AnswerMoves,
+    "realtime": Realtime,
+    "pace": Pace,
+    "operator": Operator,
+    "workers": Workers,
+}
+"""The option of each setting that a flag may set (`config.Config`)."""
 
 Out = Annotated[Path | None, typer.Option("--out", help="Where to write it.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace a file named by --out.")]

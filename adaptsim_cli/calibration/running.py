@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
+from rich.console import RenderableType
 from rich.text import Text
 
 from adaptsim_cli.calibration import flow, pictures, printing, terminal_views, together
@@ -21,6 +22,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.guided import GuidedArm
+from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.screen.views import badge
 from adaptsim_cli.storage import durable
 from calib import checks
@@ -48,7 +50,7 @@ def calibrate(
     views: int = 25,
     fresh: bool = False,
     yes: bool = False,
-) -> None:
+) -> Reply:
     """The whole calibration. Raises the error that stops it, with the command to continue.
 
     `guide`: a person moves the arm; else it visits `views` places. `sessions` are the open ones that use the present
@@ -68,11 +70,11 @@ def calibrate(
         screen.show(terminal_views.explanation(rig, None if guide else views))
         solved, folder = flow.calibrate(rig, store, visits, screen, fresh=fresh, unattended=unattended)
     where = config.same_lab
-    screen.next(
+    steps = [
         (f"adaptsim touch-off {where}", "finds table and tool, if the tool of the task touches the table"),
         (f"adaptsim run-iteration {where}", "the first trials with this calibration"),
-    )
-    screen.data("calibrate", terminal_views.summary(solved.record) | {"folder": str(folder)})
+    ]
+    return Reply(terminal_views.summary(solved.record) | {"folder": str(folder)}, next=steps)
 
 
 def check(
@@ -83,7 +85,7 @@ def check(
     *,
     guide: bool = False,
     yes: bool = False,
-) -> None:
+) -> Reply:
     """Compare three views with the calibration in use. Raises CalibrationMissing without a calibration."""
     _unattended(resolved, yes=yes, guide=guide)
     config, calibration = resolved.config, store.current()
@@ -102,16 +104,15 @@ def check(
         rig = _guided(connected, screen) if guide else connected
         screen.show(badge(rig.name, rig.title))
         drift = flow.check(rig, calibration, _visits(rig, screen, None if guide else CHECK_PLACES, yes=yes), screen)
-    screen.show(Text(drift.message, style="bold red" if drift.moved else "green"))
+    text = Text(drift.message, style="bold red" if drift.moved else "green")
     where = config.same_lab
     again = (f"adaptsim calibrate {where}", "finds the camera's new pose")
-    screen.next(again if drift.moved else (f"adaptsim run-iteration {where}", "the calibration is still valid"))
-    screen.data("calibrate check", asdict(drift) | {"X_BC_now": drift.X_BC_now.tolist()})
+    step = again if drift.moved else (f"adaptsim run-iteration {where}", "the calibration is still valid")
+    return Reply(asdict(drift) | {"X_BC_now": drift.X_BC_now.tolist()}, [text], [step])
 
 
-def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> None:
-    """Solve views recorded elsewhere. Raises ViewFolderError, CalibrationError, PerceptionError."""
-    screen = Screen(as_json=as_json)
+def solve(folder: Path, out: Path | None, wishes: Wishes, screen: Screen) -> Reply:
+    """Solve views recorded elsewhere. Raises ViewFolderError, PerceptionError; a rejected result is the failure."""
     with screen.busy("Finding the board and solving"):
         solved = solve_folder(folder.absolute(), wishes=wishes)
     for sentence in solved.recognised:
@@ -131,33 +132,25 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, *, as_json: bool) -> N
     flow.show_arm(solved, path.with_name(prefix + pictures.ARM_PICTURE), screen)
     table = path.with_name(prefix + RESIDUALS)
     durable.replace_file(table, checks.residuals_table(solved.residuals).encode())
-    if solved.record.accepted:
-        screen.next((f"xdg-open {path}", "the place and the residual of every view"))
     left_mm = [view.rms_mm for view in solved.residuals if view.used]
-    screen.plain(f"Residual of every point: {table} (on the target {np.median(left_mm):.2f} mm in the middle view)")
+    text = f"Residual of every point: {table} (on the target {np.median(left_mm):.2f} mm in the middle view)"
     worth = solved.worth
-    screen.data(
-        "calibrate solve",
-        terminal_views.summary(solved.record)
-        | {
-            "residuals": str(table),
-            "report": str(path),
-            "recognised": solved.recognised,
-            "advice": solved.advice,
-            "views_that_help": dict(worth.without),
-            "three_more": {"like": worth.more, "error_left": worth.left, "to_halve": worth.to_halve},
-            "faults": [
-                {"kind": f.kind, "what": f.sentence, "option": f.option, "views": f.views} for f in solved.faults
-            ],
-        },
-    )
+    data = terminal_views.summary(solved.record) | {
+        "residuals": str(table),
+        "report": str(path),
+        "recognised": solved.recognised,
+        "advice": solved.advice,
+        "views_that_help": dict(worth.without),
+        "three_more": {"like": worth.more, "error_left": worth.left, "to_halve": worth.to_halve},
+        "faults": [{"kind": f.kind, "what": f.sentence, "option": f.option, "views": f.views} for f in solved.faults],
+    }
     if not solved.record.accepted:
-        raise flow.rejected(solved, path, f"Next: {solved.advice}")
+        return Reply(data, [text], failure=flow.rejected(solved, path, f"Next: {solved.advice}"))
+    return Reply(data, [text], [(f"xdg-open {path}", "the place and the residual of every view")])
 
 
-def overlay(folder: Path, out: Path | None, *, as_json: bool) -> None:
+def overlay(folder: Path, out: Path | None, screen: Screen) -> Reply:
     """Draw the arm into every picture of a folder. Raises ViewFolderError, CalibrationError, PerceptionError."""
-    screen = Screen(as_json=as_json)
     with screen.busy("Finding the board, solving and drawing"):
         solved = solve_folder(folder.absolute())
         drawn = pictures.draw_arm(solved)
@@ -167,33 +160,32 @@ def overlay(folder: Path, out: Path | None, *, as_json: bool) -> None:
         durable.replace_file(into / f"{name}.jpg", pictures.jpeg(picture))
     sheet = into / pictures.ARM_PICTURE
     durable.replace_file(sheet, drawn.sheet())
-    screen.plain(f"Look at {sheet}: the lines must lie on the edges of the arm")
-    screen.show(Text(drawn.sentence, style="bold" if drawn.fit is None or drawn.fits else "bold red"))
-    screen.next((f"xdg-open {sheet}", "the pictures, side by side"))
+    text: list[RenderableType] = [
+        f"Look at {sheet}: the lines must lie on the edges of the arm",
+        Text(drawn.sentence, style="bold" if drawn.fit is None or drawn.fits else "bold red"),
+    ]
     files = {name: str(into / f"{name}.jpg") for name in drawn.by_view}
-    screen.data("calibrate overlay", {"outline": drawn.as_json(), "sheet": str(sheet), "pictures": files})
+    data = {"outline": drawn.as_json(), "sheet": str(sheet), "pictures": files}
+    return Reply(data, text, [(f"xdg-open {sheet}", "the pictures, side by side")])
 
 
 def solve_cameras(
-    folders: Sequence[Path], out: Path, exchange: Sequence[tuple[str, str, str]] = (), *, as_json: bool
-) -> None:
+    folders: Sequence[Path], out: Path, exchange: Sequence[tuple[str, str, str]], screen: Screen
+) -> Reply:
     """Solve several cameras around one arm; `exchange` are folders' names with two views each.
 
-    Raises ViewFolderError, CalibrationError, PerceptionError.
+    Raises ViewFolderError, CalibrationError, PerceptionError; a rejected result is the failure.
     """
-    screen = Screen(as_json=as_json)
     with screen.busy("Finding the target and solving"):
         solution = together.solve([folder.absolute() for folder in folders], exchange)
-    screen.show(together.show(solution))
     path = out.absolute()
     durable.make_folder(path.parent)
     durable.replace_file(path, together.content(solution))
-    screen.plain(f"Written: {path}")
-    if solution.accepted:
-        screen.next((f"adaptsim calibrate solve {folders[0]}", "one camera alone, with every check and a report"))
-    screen.data("calibrate together", together.as_json(solution) | {"file": str(path)})
+    data, text = together.as_json(solution) | {"file": str(path)}, [together.show(solution), f"Written: {path}"]
     if not solution.accepted:
-        raise together.rejected(solution, path)
+        return Reply(data, text, failure=together.rejected(solution, path))
+    alone = (f"adaptsim calibrate solve {folders[0]}", "one camera alone, with every check and a report")
+    return Reply(data, text, [alone])
 
 
 def board(
@@ -203,7 +195,7 @@ def board(
     square_mm: float | None,
     width_mm: float | None,
     screen: Screen,
-) -> None:
+) -> Reply:
     """Write the page, and remember it with its measured width. Raises UsageError, SessionError."""
     if out.suffix not in printing.FORMATS:
         raise UsageError(f"--out {out}: the name ends in one of {', '.join(printing.FORMATS)}")
@@ -212,17 +204,17 @@ def board(
     durable.make_folder(path.parent)
     with screen.busy("Drawing the board"):
         durable.replace_file(path, printing.page(printed, paper, out.suffix))
-    screen.plain(f"Written: {path}")
     record = printing.remember(resolved.places.data, printed, width_mm)
+    text: list[RenderableType] = [f"Written: {path}"]
     if width_mm is None:
-        screen.note(
+        words = (
             "Print at 100 %, glue it to something stiff and flat, measure all squares of a row together, and run this "
             "again with --width-mm (adaptsim calibrate asks for it too)."
         )
+        text.append(Text(words, style="yellow"))
     measured = f"adaptsim calibrate board --paper {paper} --out {out} --width-mm WIDTH"
     step = (measured, "with the width that you measured") if width_mm is None else ("adaptsim calibrate", "with it")
-    screen.next(step)
-    screen.data("calibrate board", {"file": str(path), "paper": paper, **record.model_dump()})
+    return Reply({"file": str(path), "paper": paper, **record.model_dump()}, text, [step])
 
 
 def board_in_use(resolved: Resolved, screen: Screen, *, yes: bool) -> Board:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,6 @@ from rich.text import Text
 from adaptsim_cli.calibration.parts import CalibrationRig
 from adaptsim_cli.calibration.store import REPORT
 from adaptsim_cli.screen import views
-from adaptsim_cli.screen.console import Screen
 from calib.geometry import angle_deg, distance_mm
 from calib.poses import Coverage
 from calib.saved import SavedCalibration
@@ -105,10 +105,9 @@ def summary(record: SavedCalibration) -> dict[str, Any]:
     }
 
 
-def show(screen: Screen, record: SavedCalibration, path: Path) -> None:
-    """Show one."""
-    screen.show(calibration(record))
-    screen.plain(f"Report: {path / REPORT}")
+def shown(record: SavedCalibration, path: Path) -> Sequence[RenderableType]:
+    """One calibration, and its report."""
+    return calibration(record), f"Report: {path / REPORT}"
 
 
 def listing_row(record: SavedCalibration, path: Path) -> dict[str, Any]:

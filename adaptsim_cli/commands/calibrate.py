@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from adaptsim_cli import options
-from adaptsim_cli.commands.measurements import MeasurementKind, add_to
+from adaptsim_cli.command import command
+from adaptsim_cli.commands.measurements import RIG, MeasurementKind, add_to
+from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
     from adaptsim_cli.calibration.store import CalibrationStore
     from adaptsim_cli.config import Resolved
+    from adaptsim_cli.screen.console import Screen
 
 app = typer.Typer()
 
@@ -20,47 +23,39 @@ _Guide = Annotated[bool, typer.Option("--guide", help="Guide the arm by hand; no
 
 
 @app.callback(invoke_without_command=True)
+@command(*RIG, "realtime", "pace", "operator")
 def calibrate(
-    context: typer.Context,
-    task: options.Task = None,
-    world: options.World = None,
-    seed: options.Seed = None,
-    hw: options.Hw = None,
+    screen: Screen,
+    resolved: Resolved,
     guide: _Guide = False,
     views: Annotated[int, typer.Option("--views", min=12, max=100, help="How many places the arm visits.")] = 25,
     fresh: Annotated[bool, typer.Option("--fresh", help="Start again without the stored views.")] = False,
     yes: options.Yes = False,
-    realtime: options.Realtime = False,
-    pace: options.Pace = None,
-    operator: options.Operator = None,
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Find the camera's pose: the arm shows the camera a board from many sides. Takes about ten minutes.
 
     A stopped run continues with its stored views. A result that fails a check is not used.
 
     Example: adaptsim calibrate --hw fake --world ood-1 --seed 0 --yes
     """
-    if context.invoked_subcommand is not None:
-        return
     from functools import partial
 
     from adaptsim_cli.calibration import running
-    from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.wiring import calibration as wiring
-    from adaptsim_cli.wiring import rig_frames, settings
+    from adaptsim_cli.wiring import rig_frames
 
-    flags = {"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None}
-    resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
     open_rig = partial(wiring.open_calibration_rig, screen=None if resolved.config.unattended(yes) else screen)
     sessions = rig_frames.open_sessions(resolved.config, resolved.places)
-    running.calibrate(
+    return running.calibrate(
         resolved, _store(resolved), sessions, open_rig, screen, guide=guide, views=views, fresh=fresh, yes=yes
     )
 
 
 @app.command()
+@command()
 def board(
+    screen: Screen,
+    resolved: Resolved,
     out: Annotated[Path, typer.Option("--out", help="File to write: .pdf or .png.")] = Path("board.pdf"),
     paper: Annotated[str, typer.Option("--paper", help="a4, a3 or letter.")] = "a4",
     square_mm: Annotated[
@@ -72,33 +67,21 @@ def board(
     width_mm: Annotated[
         float | None, typer.Option("--width-mm", help="Measured width of all squares of a row together.")
     ] = None,
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Write the calibration board at true scale, and store the size that you measured on the print.
 
     Run it again with --width-mm once it is printed and measured.
 
     Example: adaptsim calibrate board --paper a4 --out board.pdf
     """
-    from adaptsim_cli import config
     from adaptsim_cli.calibration import running
-    from adaptsim_cli.screen.console import Screen
 
-    running.board(config.load({}), out, paper, square_mm, width_mm, Screen(as_json=as_json))
+    return running.board(resolved, out, paper, square_mm, width_mm, screen)
 
 
 @app.command()
-def check(
-    task: options.Task = None,
-    world: options.World = None,
-    seed: options.Seed = None,
-    hw: options.Hw = None,
-    guide: _Guide = False,
-    yes: options.Yes = False,
-    pace: options.Pace = None,
-    operator: options.Operator = None,
-    as_json: options.Json = False,
-) -> None:
+@command(*RIG, "pace", "operator")
+def check(screen: Screen, resolved: Resolved, guide: _Guide = False, yes: options.Yes = False) -> Reply:
     """Has the camera moved since it was calibrated, and by how much? Three places, one minute.
 
     Example: adaptsim calibrate check --hw fake --world ood-1 --seed 0 --yes
@@ -106,18 +89,16 @@ def check(
     from functools import partial
 
     from adaptsim_cli.calibration import running
-    from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.wiring import calibration as wiring
-    from adaptsim_cli.wiring import settings
 
-    flags = {"task": task, "world": world, "seed": seed, "hw": hw}
-    resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
     open_rig = partial(wiring.open_calibration_rig, screen=None if resolved.config.unattended(yes) else screen)
-    running.check(resolved, _store(resolved), open_rig, screen, guide=guide, yes=yes)
+    return running.check(resolved, _store(resolved), open_rig, screen, guide=guide, yes=yes)
 
 
 @app.command()
+@command()
 def solve(
+    screen: Screen,
     folder: Annotated[Path, typer.Argument(help="Folder of views; docs/guide/foreign-views.md describes its files.")],
     out: Annotated[
         Path | None, typer.Option("--out", help="Where to write the report; default: in the folder.")
@@ -152,8 +133,7 @@ def solve(
     last: Annotated[
         str, typer.Option("--until", rich_help_panel=options.ADVANCED, help="Leave out the views after this one.")
     ] = "",
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Solve from views recorded elsewhere, on any robot, with the same checks and report.
 
     Example: adaptsim calibrate solve my-views --json
@@ -166,11 +146,13 @@ def solve(
     if any(len(pair) != 2 for pair in pairs):
         raise UsageError("--exchange takes two names of views with a colon between them, as 25:26")
     wishes = Wishes(refine_intrinsics, tuple((a, b) for a, b in pairs), shift, first, last)
-    running.solve(folder, out, wishes, as_json=as_json)
+    return running.solve(folder, out, wishes, screen)
 
 
 @app.command()
+@command()
 def together(
+    screen: Screen,
     folders: Annotated[list[Path], typer.Argument(help="Folders of views, one a camera; docs/guide/foreign-views.md.")],
     out: Annotated[Path, typer.Option("--out", help="File to write.")] = Path("together.json"),
     exchange: Annotated[
@@ -181,8 +163,7 @@ def together(
             help="A folder and two of its views with exchanged poses, as cam:25:26; repeatable.",
         ),
     ] = None,
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Solve several fixed cameras that saw the same target on the same arm: better than each alone.
 
     Judged by the gates of one camera; a result that fails is written, and the command ends with an error.
@@ -197,17 +178,18 @@ def together(
     named = [tuple(one.rsplit(":", 2)) for one in exchange or ()]
     if any(len(one) != 3 for one in named):
         raise UsageError("--exchange takes a folder's name and two of its views with colons between, as cam:25:26")
-    running.solve_cameras(folders, out, [(a, b, c) for a, b, c in named], as_json=as_json)
+    return running.solve_cameras(folders, out, [(a, b, c) for a, b, c in named], screen)
 
 
 @app.command()
+@command()
 def overlay(
+    screen: Screen,
     folder: Annotated[Path, typer.Argument(help="Folder of views; docs/guide/foreign-views.md describes its files.")],
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the pictures; default: `overlay` in the folder of views.")
     ] = None,
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Draw the arm into the pictures of a solved folder: its lines must lie on the edges of the real hand.
 
     Also measures how far the hand's outline lies off what moves in the pictures.
@@ -216,7 +198,7 @@ def overlay(
     """
     from adaptsim_cli.calibration import running
 
-    running.overlay(folder, out, as_json=as_json)
+    return running.overlay(folder, out, screen)
 
 
 def _store(resolved: Resolved) -> CalibrationStore:

@@ -3,70 +3,66 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from adaptsim_cli import options
+from adaptsim_cli.command import command
+from adaptsim_cli.screen.reply import Reply
+
+if TYPE_CHECKING:
+    from adaptsim_cli.config import Resolved
+    from adaptsim_cli.screen.console import Screen
 
 app = typer.Typer(help="Settings, and where each comes from.", no_args_is_help=True)
 
 
 @app.command()
-def show(as_json: options.Json = False) -> None:
+@command()
+def show(screen: Screen, resolved: Resolved) -> Reply:
     """Show every setting with its value and origin, and the contents of the rig file.
 
     Example: adaptsim config show
     """
     from dataclasses import asdict
 
-    from adaptsim_cli import config
     from adaptsim_cli.devices.rig_file import reading
-    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.screen import views
 
-    resolved = config.load()
     settings = {k: {"value": v, "source": resolved.sources[k]} for k, v in resolved.config.model_dump().items()}
-    screen = console.Screen(as_json=as_json)
     body = [(name, str(s["value"]) or '""', str(s["source"])) for name, s in settings.items()]
-    if not as_json:  # before the rig file, which may be damaged
+    if not screen.as_json:  # before the rig file, which may be damaged
         screen.show(views.rows(("setting", "value", "from"), body))
     rig = asdict(reading.read(Path(resolved.config.rig))) if resolved.config.rig else None
-    if screen.data("config show", {"settings": settings, "rig_file": rig}):
-        return
-    if rig is not None:
-        screen.plain("")
-        screen.show(views.rows((resolved.config.rig, "value"), reading.flat(rig)))
-        screen.next(("adaptsim doctor", "checks that everything is ready"))
-    else:
-        screen.plain("No rig file, so no real arm.")
-        screen.next(("adaptsim setup --hw fr3", "asks about the lab, and leads to the first trial"))
+    data = {"settings": settings, "rig_file": rig}
+    if rig is None:
+        first_day = ("adaptsim setup --hw fr3", "asks about the lab, and leads to the first trial")
+        return Reply(data, ["No rig file, so no real arm."], [first_day])
+    table = views.rows((resolved.config.rig, "value"), reading.flat(rig))
+    return Reply(data, ["", table], [("adaptsim doctor", "checks that everything is ready")])
 
 
 @app.command()
-def path(as_json: options.Json = False) -> None:
+@command()
+def path(resolved: Resolved) -> Reply:
     """Show the folders of data and settings. ADAPTSIM_HOME moves both.
 
     Example: adaptsim config path
     """
     from dataclasses import asdict
 
-    from adaptsim_cli import config
-    from adaptsim_cli.screen import console
-
-    where = {name: str(place) for name, place in asdict(config.places()).items()}
-    screen = console.Screen(as_json=as_json)
-    if not screen.data("config path", where):
-        for name, place in where.items():
-            screen.plain(f"{name.replace('_', ' '):<13} {place}")
-        screen.next(("adaptsim config show", "all settings, and where each comes from"))
+    where = {name: str(place) for name, place in asdict(resolved.places).items()}
+    lines = [f"{name.replace('_', ' '):<13} {place}" for name, place in where.items()]
+    return Reply(where, lines, [("adaptsim config show", "all settings, and where each comes from")])
 
 
+@command()
 def schema(
     command: Annotated[
-        list[str] | None, typer.Argument(help="Command, e.g. sessions list; default: all of them.")
+        list[str] | None,
+        typer.Argument(help="Command, e.g. sessions list; default: all of them."),
     ] = None,
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Print the JSON schema of what a command prints with --json: names, types, units, meanings.
 
     `own-robot question` and `own-robot answer` are what a robot of your own is asked, and answers.
@@ -79,20 +75,17 @@ def schema(
 
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.outputs import catalogue
-    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.screen import views
 
     name = " ".join(command or ()).removeprefix("adaptsim ").strip()
     if name and name not in catalogue.SCHEMAS:
         near = difflib.get_close_matches(name, catalogue.SCHEMAS, n=3)
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise UsageError(f"no command {name!r} takes --json{hint} `adaptsim schema` lists those that do")
-    screen = console.Screen(as_json=as_json)
     names = [name] if name else list(catalogue.SCHEMAS)
-    if screen.data("schema", {"schemas": {one: catalogue.schema(one) for one in names}}):
-        return
+    data = {"schemas": {one: catalogue.schema(one) for one in names}}
     if name:
-        screen.plain(json.dumps(catalogue.schema(name), indent=2, ensure_ascii=False))
-    else:
-        rows = [(one, (kind.__doc__ or "").splitlines()[0]) for one, kind in catalogue.SCHEMAS.items()]
-        screen.show(views.rows(("command", "its output with --json"), rows))
-        screen.next(("adaptsim schema run-iteration", "every key with its type, unit and meaning"))
+        return Reply(data, [json.dumps(data["schemas"][name], indent=2, ensure_ascii=False)])
+    rows = [(one, (kind.__doc__ or "").splitlines()[0]) for one, kind in catalogue.SCHEMAS.items()]
+    every_key = ("adaptsim schema run-iteration", "every key with its type, unit and meaning")
+    return Reply(data, [views.rows(("command", "its output with --json"), rows)], [every_key])

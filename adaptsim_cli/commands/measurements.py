@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from adaptsim_cli import options
+from adaptsim_cli.command import command
+from adaptsim_cli.screen.reply import Reply, Step
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.storage.numbered import NumberedRecords
 
 Name = Annotated[str, typer.Argument(help="Name or number, as `list` shows it.")]
+
+RIG = ("task", "world", "seed", "hw")
+"""The settings that name a rig or a simulated world."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +31,7 @@ class MeasurementKind:
     command: str  # "calibrate"
     noun: str  # "calibration"
     example: str  # options that name a rig
-    then: tuple[str, str]  # the command after a restoration, and its reason
+    then: Step  # the command after a restoration, and its reason
     store: Callable[[Resolved], NumberedRecords[Any]]  # of the rig of these settings
     views: Callable[[], Any]  # the module `terminal_views` of the kind: COLUMNS, columns, told, summary, show, ...
 
@@ -34,7 +40,7 @@ def add_to(app: typer.Typer, kind: MeasurementKind) -> None:
     """Add the four commands to the group of `kind`."""
     noun, called = kind.noun, f"adaptsim {kind.command}"
 
-    def again(name: str, resolved: Resolved, why: str) -> tuple[str, str]:
+    def again(name: str, resolved: Resolved, why: str) -> Step:
         return f"{called} restore {name} {resolved.config.same_lab}", why
 
     @app.command(
@@ -42,42 +48,23 @@ def add_to(app: typer.Typer, kind: MeasurementKind) -> None:
         help=f"List the {noun}s of a rig or world, oldest first, and the sessions that rest on the one in use."
         f"\n\nExample: {called} list {kind.example}",
     )
-    def list_all(
-        task: options.Task = None,
-        world: options.World = None,
-        seed: options.Seed = None,
-        hw: options.Hw = None,
-        as_json: options.Json = False,
-    ) -> None:
-        from adaptsim_cli.screen import console
+    @command(*RIG)
+    def list_all(resolved: Resolved) -> Reply:
         from adaptsim_cli.wiring import rig_frames
 
-        resolved = _rig(task, world, seed, hw)
-        screen, store = console.Screen(as_json=as_json), kind.store(resolved)
-        sessions = rig_frames.open_sessions(resolved.config, resolved.places)
-        _list(kind, screen, store, sessions)
+        return _listed(kind, kind.store(resolved), rig_frames.open_sessions(resolved.config, resolved.places))
 
     @app.command(
         "show",
         help=f"Show one {noun}: every value and check.\n\nExample: {called} show 1 {kind.example}",
     )
-    def show(
-        name: Name,
-        task: options.Task = None,
-        world: options.World = None,
-        seed: options.Seed = None,
-        hw: options.Hw = None,
-        as_json: options.Json = False,
-    ) -> None:
-        from adaptsim_cli.screen import console
-
-        resolved, screen = _rig(task, world, seed, hw), console.Screen(as_json=as_json)
-        store = kind.store(resolved)
+    @command(*RIG)
+    def show(resolved: Resolved, name: Name) -> Reply:
+        store, views = kind.store(resolved), kind.views()
         path = store.numbered.named(name)
-        record, views = store.read(path), kind.views()
-        if not screen.data(f"{kind.command} show", views.summary(record) | {"folder": str(path)}):
-            views.show(screen, record, path)
-        screen.next(again(path.name, resolved, "puts it in use again"))
+        record = store.read(path)
+        data = views.summary(record) | {"folder": str(path)}
+        return Reply(data, views.shown(record, path), [again(path.name, resolved, "puts it in use again")])
 
     @app.command(
         "restore",
@@ -85,61 +72,38 @@ def add_to(app: typer.Typer, kind: MeasurementKind) -> None:
         "Names the open sessions that rest on the one in use until now."
         f"\n\nExample: {called} restore 1 {kind.example}",
     )
-    def restore(
-        name: Name,
-        task: options.Task = None,
-        world: options.World = None,
-        seed: options.Seed = None,
-        hw: options.Hw = None,
-        as_json: options.Json = False,
-    ) -> None:
+    @command(*RIG)
+    def restore(screen: Screen, resolved: Resolved, name: Name) -> Reply:
         from datetime import UTC, datetime
 
-        from adaptsim_cli.screen import console
         from adaptsim_cli.storage.durable import locked
         from adaptsim_cli.wiring import rig_frames
 
-        resolved, screen = _rig(task, world, seed, hw), console.Screen(as_json=as_json)
         store = kind.store(resolved)
         source = store.numbered.named(name)
-        sessions = rig_frames.open_sessions(resolved.config, resolved.places)
-        screen.resting(f"the {noun} in use", sessions)
+        screen.resting(f"the {noun} in use", rig_frames.open_sessions(resolved.config, resolved.places))
         with locked(store.folder, f"another command uses the {noun}s of this rig: wait until it has ended"):
             path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
         data = {"in_use": path.name, "restored_from": source.name, "folder": str(path)}
-        if not screen.data(f"{kind.command} restore", data):
-            screen.plain(f"In use from now on: {path}")
-            command, why = kind.then
-            screen.next((f"{command} {resolved.config.same_lab}", why))
+        after, why = kind.then
+        return Reply(data, [f"In use from now on: {path}"], [(f"{after} {resolved.config.same_lab}", why)])
 
     @app.command(
         "compare",
         help=f"Say how two {noun}s differ, beside how well both are known.\n\n"
         f"Example: {called} compare 1 2 {kind.example}",
     )
-    def compare(
-        first: Name,
-        second: Name,
-        task: options.Task = None,
-        world: options.World = None,
-        seed: options.Seed = None,
-        hw: options.Hw = None,
-        as_json: options.Json = False,
-    ) -> None:
-        from adaptsim_cli.screen import console
-
-        resolved, screen = _rig(task, world, seed, hw), console.Screen(as_json=as_json)
+    @command(*RIG)
+    def compare(resolved: Resolved, first: Name, second: Name) -> Reply:
         store, views = kind.store(resolved), kind.views()
         paths = [store.numbered.named(name) for name in (first, second)]
         names = {"first": paths[0].name, "second": paths[1].name}
         data = names | views.compared(*map(store.read, paths))
-        if not screen.data(f"{kind.command} compare", data):
-            screen.show(views.comparison(data))
-        screen.next(again(paths[0].name, resolved, "puts the first in use again"))
+        return Reply(data, [views.comparison(data)], [again(paths[0].name, resolved, "puts the first in use again")])
 
 
-def _list(kind: MeasurementKind, screen: Screen, store: NumberedRecords[Any], sessions: Sequence[str]) -> None:
-    """Show all, oldest first, with the open `sessions` that use the current one, and the next command."""
+def _listed(kind: MeasurementKind, store: NumberedRecords[Any], sessions: Sequence[str]) -> Reply:
+    """All, oldest first, with the open `sessions` that use the current one, and the next command."""
     from adaptsim_cli.screen import views
     from adaptsim_cli.storage.numbered import remark
 
@@ -158,24 +122,14 @@ def _list(kind: MeasurementKind, screen: Screen, store: NumberedRecords[Any], se
 
     listed = f"{kind.noun.replace('-', '_')}s"
     data = {"rig": store.folder.name, listed: entries, "open_sessions": list(sessions)}
-    if screen.data(f"{kind.command} list", data):
-        return
+    text: list[RenderableType] = [f"No {kind.noun}s yet in {store.folder}"]
     if entries:
-        screen.show(views.rows((kind.noun, "made", *kinds.COLUMNS, ""), [row(one) for one in entries]))
-    else:
-        screen.plain(f"No {kind.noun}s yet in {store.folder}")
+        text = [views.rows((kind.noun, "made", *kinds.COLUMNS, ""), [row(one) for one in entries])]
     if sessions:
-        screen.show(f"Open sessions that use the current one: {', '.join(sessions)}")
+        text.append(f"Open sessions that use the current one: {', '.join(sessions)}")
     called = f"adaptsim {kind.command}"
+    step = (called, "makes one, with the same --task, --world or --hw")
     if len(entries) > 1:
         names = f"{entries[-2]['name']} {entries[-1]['name']}"
-        screen.next((f"{called} compare {names}", "with the same --task, --world or --hw"))
-    else:
-        screen.next((called, "makes one, with the same --task, --world or --hw"))
-
-
-def _rig(task: str | None, world: str | None, seed: int | None, hw: str | None) -> Resolved:
-    from adaptsim_cli.wiring import settings
-
-    flags: Mapping[str, Any] = {"task": task, "world": world, "seed": seed, "hw": hw}
-    return settings.load(flags)
+        step = (f"{called} compare {names}", "with the same --task, --world or --hw")
+    return Reply(data, text, [step])

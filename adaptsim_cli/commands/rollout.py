@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from adaptsim_cli import options
+from adaptsim_cli.command import command
+from adaptsim_cli.screen.reply import Reply
+
+if TYPE_CHECKING:
+    from adaptsim_cli.config import Resolved
+    from adaptsim_cli.screen.console import Screen
+
+_RigFile = Annotated[str | None, typer.Option("--hw", help="Plan for the lab of the rig file: panda or fr3.")]
 
 
+@command("task", "world", "seed", "hw", "answer_with", "answer_moves", "realtime", "pace", "operator")
 def rollout(
-    task: options.Task = None,
+    screen: Screen,
+    resolved: Resolved,
     context: options.Context = None,
     action: options.Action = None,
     param: Annotated[
         list[str] | None,
         typer.Option("--param", help="Parameter to train the policy for, as name=value, repeatable."),
     ] = None,
-    world: options.World = None,
-    seed: options.Seed = None,
-    hw: options.Hw = None,
-    answer_with: options.AnswerWith = None,
-    answer_moves: options.AnswerMoves = None,
     session: Annotated[
         str | None,
         typer.Option(
@@ -36,14 +41,10 @@ def rollout(
     out: Annotated[
         Path | None, typer.Option("--out", help="New folder for it; by default beside the sessions.")
     ] = None,
-    realtime: options.Realtime = False,
-    pace: options.Pace = None,
-    operator: options.Operator = None,
     view: options.View = False,
     view_port: options.ViewPort = None,
     yes: options.Yes = False,
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Execute one trial with a chosen action, or with the action of a policy. Nothing is adapted.
 
     It is stored as a session without a learner, which `sessions` lists, shows and exports. The policy chooses the
@@ -53,61 +54,53 @@ def rollout(
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.wiring import rollouts
-    from adaptsim_cli.wiring.settings import load
 
     if best != (session is not None):
         raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
-    named = {"task": task, "world": world, "seed": seed, "hw": hw, "pace": pace, "operator": operator}
-    answers = {"answer_with": answer_with, "answer_moves": answer_moves}
-    resolved = load({"realtime": realtime or None, **named, **answers})
     live_page = view or view_port is not None
     request = rollouts.RolloutRequest(
         context or (), action or (), param or (), session, trials, out, yes, live_page, view_port
     )
-    changed = [key for key, value in named.items() if value is not None]
-    rollouts.run(resolved, changed, request, Screen(as_json=as_json))
+    return rollouts.run(resolved, request, screen)
 
 
+@command("task", hw=_RigFile)
 def preview(
-    task: options.Task = None,
+    screen: Screen,
+    resolved: Resolved,
     arm: Annotated[str | None, typer.Option("--arm", help="Arm with its factory limits: panda or fr3.")] = None,
-    hw: Annotated[str | None, typer.Option("--hw", help="Plan for the lab of the rig file: panda or fr3.")] = None,
     context: options.Context = None,
     action: options.Action = None,
     html: Annotated[
         Path | None, typer.Option("--html", help="Write the page to this file instead of serving it.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="The limit table on stdout; no page is served.")] = False,
-) -> None:
+) -> Reply:
     """Plan one motion, show how close it comes to each limit, and play it in the browser. Nothing moves.
 
-    A value that is not given is the middle of its range. With --hw, tool, table and boxes come from the rig file.
+    A value that is not given is the middle of its range. With --hw, tool, table and boxes come from the rig file. With
+    --json the limit table is printed, and no page is served.
 
     Example: adaptsim preview --task scooping --action pitch_rate=0.1 --context y=0.02
     """
-    from adaptsim_cli import config
     from adaptsim_cli.config import SIMULATED
-    from adaptsim_cli.screen import console, keys, views
+    from adaptsim_cli.screen import keys, views
     from adaptsim_cli.wiring import motion
 
-    resolved = config.load({"task": task, "hw": hw})
-    screen = console.Screen(as_json=as_json)
     with screen.busy("Planning the motion"):
         planned = motion.planned(motion.mounted_for(resolved, arm), context or [], action or [])
-    if not screen.data("preview", planned.as_json()):
+    if not screen.as_json:
         screen.show(views.badge(SIMULATED, "a preview"))
         screen.show(planned.table())
+    written = []
     if html is not None:
         from adaptsim_cli.storage import durable
 
         durable.replace_file(html, planned.page().html().encode())
-        screen.plain(f"Written: {html}")
-        screen.next(planned.next_step(resolved.config))
-    elif not as_json:
+        written = [f"Written: {html}"]
+    elif not screen.as_json:
         page = planned.page()
         screen.plain(f"The motion plays at {page.url}")
         close = keys.enter("to close the page", "The page ends, and so does the command."), keys.stop("The same.")
         screen.choose("Look at it in a browser.", *close)
-        screen.next(planned.next_step(resolved.config))
+    return Reply(planned.as_json(), written, [planned.next_step(resolved.config)])

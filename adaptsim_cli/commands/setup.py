@@ -8,20 +8,27 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from adaptsim_cli import options
+from adaptsim_cli.command import command
+from adaptsim_cli.screen.reply import Reply
+
+if TYPE_CHECKING:
+    from adaptsim_cli.config import Resolved
+    from adaptsim_cli.screen.console import Screen
+    from sim.types import Part
+
+_ArmOrPractice = Annotated[str | None, typer.Option("--hw", help="Which hardware: fr3, panda, or fake to practise.")]
 
 
+@command("task", "world", "seed", "operator", hw=_ArmOrPractice, with_json=False)
 def setup(
-    task: options.Task = None,
-    world: options.World = None,
-    seed: options.Seed = None,
-    hw: Annotated[str | None, typer.Option("--hw", help="Which hardware: fr3, panda, or fake to practise.")] = None,
+    screen: Screen,
+    resolved: Resolved,
     begin: Annotated[str, typer.Option("--from", help="Do this step and all after it again, e.g. camera.")] = "",
     waive: Annotated[
         str, typer.Option("--waive", help="Ask why this lab goes without a safeguard, e.g. hand, and nothing else.")
     ] = "",
-    operator: options.Operator = None,
     yes: options.Yes = False,
-) -> None:
+) -> Reply:
     """Set up a lab: from an unpacked arm to the first trial, with a check after every step.
 
     It asks, writes the rig file, and leads through calibration, touch-off and the first motions. A walk that was
@@ -30,33 +37,27 @@ def setup(
     Example: adaptsim setup --hw fr3 --task scooping
     """
     from adaptsim_cli.config import same_lab
-    from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.setup import walk
     from adaptsim_cli.setup.answers import begun
-    from adaptsim_cli.wiring import settings
 
-    resolved = settings.load({"task": task, "world": world, "seed": seed, "hw": hw, "operator": operator})
-    answers = begun(resolved, Screen(leads=False), yes=yes)
+    answers = begun(resolved, screen, yes=yes)
     if waive:
         walk.waive(answers, waive)
-        return
+        return Reply()
     walk.walk(answers, begin=begin)
     lab = answers.config
-    Screen().next(
-        (f"adaptsim run-iteration {lab.same_lab}", "the first session"),
-        (f"adaptsim doctor {same_lab(lab.task, lab.hw, lab.world)}", "everything in one table"),
-    )
+    table = (f"adaptsim doctor {same_lab(lab.task, lab.hw, lab.world)}", "everything in one table")
+    return Reply(next=[(f"adaptsim run-iteration {lab.same_lab}", "the first session"), table])
 
 
+@command("task", "world", "hw")
 def doctor(
-    task: options.Task = None,
-    world: options.World = None,
-    hw: options.Hw = None,
+    screen: Screen,
+    resolved: Resolved,
     assessment: Annotated[
         Path | None, typer.Option("--assessment", help="Write a risk assessment of this rig into a new .html file.")
     ] = None,
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Check everything that an iteration needs, and give the remedy for whatever is missing. Nothing moves.
 
     Exit code 3 when something is missing. With --assessment it only writes the sheet, to be completed and signed.
@@ -65,28 +66,20 @@ def doctor(
     """
     from adaptsim_cli.doctor import assessment as risks
     from adaptsim_cli.doctor import checks, table
-    from adaptsim_cli.screen import console
-    from adaptsim_cli.wiring import settings
 
-    resolved, screen = settings.load({"task": task, "world": world, "hw": hw}), console.Screen(as_json=as_json)
     if assessment is not None:
         risks.write(resolved, assessment, screen)
-        return
+        return Reply()
     with screen.busy(f"Looking at everything that hw = {resolved.config.hw} needs"):
         findings = tuple(checks.examine(resolved))
-    table.show(findings, resolved.config, screen)
-    screen.data("doctor", table.as_json(findings, resolved.config))
-    table.require(findings)
+    return table.reply(findings, resolved.config)
 
 
-if TYPE_CHECKING:
-    from sim.types import Part
-
-
+@command()
 def parts(
+    screen: Screen,
     out: Annotated[Path, typer.Option("--out", help="A new folder for the files.")] = Path("parts"),
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Write the parts that a lab prints: pusher, adapter of the turner, holder of the board, and a sheet.
 
     The numbers are those of scene, limits and masks. The sheet says how to print each, has its drawing, and the patch
@@ -96,10 +89,8 @@ def parts(
     """
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.report import parts as sheet
-    from adaptsim_cli.screen import console
     from adaptsim_cli.storage import durable
 
-    screen = console.Screen(as_json=as_json)
     if out.exists():
         raise UsageError(f"{out} exists already: give another folder with --out")
     with screen.busy("Building the solids"):
@@ -108,16 +99,13 @@ def parts(
         files = {f"{part.name}.stl": bytes(sheet.printed(part).export(file_type="stl")) for part in solids}
         files["parts.pdf"] = sheet.pdf(pieces)
     durable.write_folder(out, files)
-    for part in pieces:
-        for line in sheet.lines(part):
-            screen.plain(line)
-        screen.plain("")
-    screen.plain(f"Written: {out / 'parts.pdf'}")
+    lines = [line for part in pieces for line in (*sheet.lines(part), "")]
     rows = [
         {"file": str(out / f"{part.name}.stl"), "count": part.count, "notes": list(sheet.lines(part))}
         for part in solids
     ]
-    screen.data("parts", {"sheet": str(out / "parts.pdf"), "parts": rows})
+    data = {"sheet": str(out / "parts.pdf"), "parts": rows}
+    return Reply(data, [*lines, f"Written: {out / 'parts.pdf'}"])
 
 
 def all_parts() -> tuple[Part, ...]:

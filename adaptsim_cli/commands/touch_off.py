@@ -7,22 +7,23 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from adaptsim_cli import options
-from adaptsim_cli.commands.measurements import MeasurementKind, add_to
+from adaptsim_cli.command import command
+from adaptsim_cli.commands.measurements import RIG, MeasurementKind, add_to
+from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
     from adaptsim_cli.config import Resolved
+    from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.touch_off.store import TouchOffStore
 
 app = typer.Typer()
 
 
 @app.callback(invoke_without_command=True)
+@command(*RIG, "realtime", "pace", "operator")
 def touch_off(
-    context: typer.Context,
-    task: options.Task = None,
-    world: options.World = None,
-    seed: options.Seed = None,
-    hw: options.Hw = None,
+    screen: Screen,
+    resolved: Resolved,
     guide: Annotated[
         bool, typer.Option("--guide", help="Set the tool down by hand at seven places; nothing moves by itself.")
     ] = False,
@@ -45,11 +46,7 @@ def touch_off(
         ),
     ] = None,
     yes: options.Yes = False,
-    realtime: options.Realtime = False,
-    pace: options.Pace = None,
-    operator: options.Operator = None,
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Find the table's height and the tool's pose in the hand by touching. Do this before the first scoop.
 
     With --guide you set the tool down by hand. Without it the arm feels for the table by itself, slowly; on a real arm
@@ -57,30 +54,24 @@ def touch_off(
 
     Example: adaptsim touch-off --task scooping --world steep-mount --seed 0 --yes
     """
-    if context.invoked_subcommand is not None:
-        return
     from functools import partial
 
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.touch_off import flow, guiding
-    from adaptsim_cli.wiring import rig_frames, settings
+    from adaptsim_cli.wiring import rig_frames
     from adaptsim_cli.wiring import touch_off as wiring
 
-    flags = {"task": task, "world": world, "seed": seed, "hw": hw, "realtime": realtime or None}
-    resolved, screen = settings.load({**flags, "pace": pace, "operator": operator}), Screen(as_json=as_json)
     store, sessions = _store(resolved), rig_frames.open_sessions(resolved.config, resolved.places)
     if guide:
         if automatic:
             raise UsageError("--guide and --automatic exclude each other: leave one out")
         open_guided = partial(wiring.open_guided_rig, screen=screen)
-        guiding.run(resolved, store, sessions, open_guided, screen, yes=yes)
-        return
+        return guiding.run(resolved, store, sessions, open_guided, screen, yes=yes)
     if not (automatic or resolved.config.is_simulated or yes):
         raise UsageError(flow.UNSEEN)
     grasp = wiring.grasp_of(resolved.config, handle_mm, grasp_force_N)
-    prompt_screen = None if resolved.config.unattended(yes) else screen
-    flow.run(resolved, grasp, store, sessions, partial(wiring.open_touch_rig, screen=prompt_screen), screen, yes=yes)
+    open_rig = partial(wiring.open_touch_rig, screen=None if resolved.config.unattended(yes) else screen)
+    return flow.run(resolved, grasp, store, sessions, open_rig, screen, yes=yes)
 
 
 def _store(resolved: Resolved) -> TouchOffStore:

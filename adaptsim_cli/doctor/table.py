@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
 from functools import cached_property, partial
 from itertools import groupby
-from typing import Any
 
+from rich.console import RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -17,8 +17,8 @@ from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.reading import practised, rig_of, tasks_with_tools
 from adaptsim_cli.errors import CliError, PreflightFailed
 from adaptsim_cli.screen import views
-from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.pages import addressed
+from adaptsim_cli.screen.reply import Reply
 from calib.errors import CalibrationError
 from hw.errors import CameraError, DeviceUnavailable, MotionRefused
 from sim.errors import SimError
@@ -141,17 +141,23 @@ def after(name: str) -> When:
 _MARKS = {Severity.OK: ("✓", "green"), Severity.ADVICE: ("!", "yellow"), Severity.MISSING: ("✗", "bold red")}
 
 
-def show(findings: Sequence[Finding], config: Config, screen: Screen) -> None:
-    """Show everything, and the next command if nothing is missing."""
-    screen.show(views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw))
-    show_table(findings, screen)
-    if not missing_in(findings):
-        screen.plain("\nReady")
-        screen.next((f"adaptsim run-iteration {same_lab(config.task, config.hw, config.world)}", "the first trials"))
+def reply(findings: Sequence[Finding], config: Config) -> Reply:
+    """Everything, and the next command if nothing is missing; else the failure names what is."""
+    rows = [{**asdict(finding), "verdict": finding.verdict.value} for finding in findings]
+    names = missing_in(findings)
+    data = {"ready": not names, "hw": config.hw, "task": config.task, "checks": rows}
+    text = [views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw), *shown(findings)]
+    if names:
+        failure = PreflightFailed(
+            f'not ready: {", ".join(names)}. Each remedy is listed above, and under "fix" in --json'
+        )
+        return Reply(data, text, failure=failure)
+    first = (f"adaptsim run-iteration {same_lab(config.task, config.hw, config.world)}", "the first trials")
+    return Reply(data, [*text, "\nReady"], [first])
 
 
-def show_table(results: Sequence[Finding], screen: Screen, *, grouped: bool = True) -> None:
-    """Show the table, the checks left out, then each remedy on a line that is not wrapped, to be copied."""
+def shown(results: Sequence[Finding], *, grouped: bool = True) -> Iterator[RenderableType]:
+    """The table, the checks left out, then each remedy on a line that is not wrapped, to be copied."""
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
     table.add_column(width=1)
     table.add_column(min_width=17)
@@ -162,29 +168,17 @@ def show_table(results: Sequence[Finding], screen: Screen, *, grouped: bool = Tr
             table.add_row("", Text(group, style="bold"), "")
         for finding in findings:
             table.add_row(Text(*_MARKS[finding.verdict]), finding.name, Text(finding.detail))
-    screen.show(table)
+    yield table
     left_out = [finding for finding in results if finding.verdict not in _MARKS]
     for why in dict.fromkeys(finding.detail for finding in left_out):
         names = ", ".join(finding.name for finding in left_out if finding.detail == why)
-        screen.show(Text(f"– not checked: {names}; {why}", style="dim"))
+        yield Text(f"– not checked: {names}; {why}", style="dim")
     for verdict, head in ((Severity.MISSING, "Missing:"), (Severity.ADVICE, "Recommended:")):
         remedies = [finding for finding in results if finding.verdict is verdict]
         if remedies:
-            screen.show(Text(f"\n{head}", style="bold"))
+            yield Text(f"\n{head}", style="bold")
         for finding in remedies:
-            screen.plain(f"  {finding.name}: {addressed(finding.fix)}")
-
-
-def as_json(findings: Sequence[Finding], config: Config) -> dict[str, Any]:
-    """The checklist for `doctor --json`."""
-    rows = [{**asdict(finding), "verdict": finding.verdict.value} for finding in findings]
-    return {"ready": not missing_in(findings), "hw": config.hw, "task": config.task, "checks": rows}
-
-
-def require(findings: Sequence[Finding]) -> None:
-    """Raises PreflightFailed naming what is missing."""
-    if names := missing_in(findings):
-        raise PreflightFailed(f'not ready: {", ".join(names)}. Each remedy is listed above, and under "fix" in --json')
+            yield f"  {finding.name}: {addressed(finding.fix)}"
 
 
 def missing_in(findings: Sequence[Finding]) -> list[str]:

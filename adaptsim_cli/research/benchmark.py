@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from adaptsim_cli import options
+from adaptsim_cli.command import command
+from adaptsim_cli.screen.reply import Reply
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from adaptsim_cli.config import Resolved
+    from adaptsim_cli.screen.console import Screen
 
 
+@command("task", "recorded", "held_out", "workers")
 def benchmark(
-    task: options.Task = None,
+    screen: Screen,
+    resolved: Resolved,
     targets: Annotated[
         str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn and named.")
     ] = "wd,ood-1,ood-2,ood-3,ood-4",
-    recorded: options.Recorded = None,
-    held_out: options.HeldOut = None,
     methods: Annotated[str, typer.Option("--methods", help="Names of methods, or all.")] = "all",
     budget: Annotated[int, typer.Option("--budget", min=1, help="Real trials of a session.")] = 20,
     fresh: Annotated[
@@ -33,12 +41,10 @@ def benchmark(
     checkpoints: Annotated[
         str, typer.Option("--checkpoints", help="One per training seed, by name or folder; used in turn.")
     ] = "",
-    workers: options.Workers = None,
     scheduler: options.Scheduler = "",
     share: options.ShareOfWork = "",
     out: options.WorkingFolder = None,
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Compare methods: the same worlds, contexts, noise and budget of real trials for all, scored by fresh rollouts.
 
     Stop it at any time: the same command continues. Further methods or worlds are added to the results.
@@ -51,66 +57,52 @@ def benchmark(
 
     Example: adaptsim benchmark --task pendulum --targets wd --budget 6 --seeds 2
     """
-    from adaptsim_cli import config
     from adaptsim_cli.research import benchmark_page as page
     from adaptsim_cli.research import benchmarking as wiring
-    from adaptsim_cli.research.working import share_of, show_share, simulations
-    from adaptsim_cli.screen import console
+    from adaptsim_cli.research.working import complete, share_of, simulations
 
-    resolved = config.load({"task": task, "workers": workers, "recorded": recorded, "held_out": held_out})
-    screen = console.Screen(as_json=as_json)
     request = wiring.request_of(resolved, targets, methods, budget, fresh, seeds, checkpoints, out, in_lab=lab)
     for name, why in request.left_out:
         screen.note(f"{name} is left out: {why}")
-    part = share_of(share, as_json=as_json)
-    with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
+    part = share_of(share, screen)
+    with screen.progress() as progress, simulations(resolved, scheduler) as crew:
         result = wiring.benchmark(request, crew, progress, part)
     if part is not None:
-        show_share(screen, part, f"{len(result.rows)} sessions", request.folder)
-        return
+        return complete(part, f"{len(result.rows)} sessions", request.folder)
     document = page.write(result)
-    for table in page.tables(result.summaries):
-        screen.show(table)
-    screen.plain(f"Report: {document}")
-    screen.next((f"xdg-open {document}", "the page, in the browser; the same command with more methods adds to it"))
-    screen.data("benchmark", result.as_json())
+    text: list[RenderableType] = [*page.tables(result.summaries), f"Report: {document}"]
+    more = (f"xdg-open {document}", "the page, in the browser; the same command with more methods adds to it")
+    return Reply(result.as_json(), text, [more])
 
 
+@command("task", "workers")
 def world_tables(
-    task: options.Task = None,
+    screen: Screen,
+    resolved: Resolved,
     targets: Annotated[
         str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn and named.")
     ] = "develop,drawn,named",
     rollouts: Annotated[
         int, typer.Option("--rollouts", rich_help_panel=options.ADVANCED, min=8, help="True rollouts of each world.")
     ] = 320,
-    workers: options.Workers = None,
     scheduler: options.Scheduler = "",
     share: options.ShareOfWork = "",
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Simulate the tables in which a benchmark looks up its trials: about a minute of one core a world.
 
     Stop it at any time: the same command continues. Damaged files of a table are made again.
 
     Example: adaptsim world-tables --task pushing --targets wd
     """
-    from adaptsim_cli import config
-    from adaptsim_cli.research.working import share_of, show_share, simulations
+    from adaptsim_cli.research.working import complete, share_of, simulations
     from adaptsim_cli.research.world_tables import make_tables, make_tables_share, tables_folder
-    from adaptsim_cli.screen import console
 
-    resolved = config.load({"task": task, "workers": workers})
-    screen = console.Screen(as_json=as_json)
-    part = share_of(share, as_json=as_json)
-    if part is not None:
-        with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
+    part, task = share_of(share, screen), resolved.config.task
+    with screen.progress() as progress, simulations(resolved, scheduler) as crew:
+        if part is not None:
             files = make_tables_share(resolved, targets, rollouts, part, crew, progress)
-        show_share(screen, part, f"{files} files of tables", tables_folder(resolved))
-        return
-    with screen.progress() as progress, simulations(resolved.config, workers, scheduler) as crew:
+            return complete(part, f"{files} files of tables", tables_folder(resolved))
         tables = make_tables(resolved, targets, rollouts, crew, progress)
-    screen.plain(f"{len(tables)} tables of {resolved.config.task}: {tables_folder(resolved)}")
-    command = f"adaptsim benchmark --task {resolved.config.task} --targets {targets}"
-    screen.next((command, "compares methods in these worlds"))
-    screen.data("world-tables", {"task": resolved.config.task, "tables": tables})
+    text = f"{len(tables)} tables of {task}: {tables_folder(resolved)}"
+    step = (f"adaptsim benchmark --task {task} --targets {targets}", "compares methods in these worlds")
+    return Reply({"task": task, "tables": tables}, [text], [step])

@@ -7,35 +7,43 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from adaptsim_cli import options
+from adaptsim_cli.command import command
+from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from adaptsim_cli.config import Resolved
+    from adaptsim_cli.screen.console import Screen
     from sim.adaptation.trials_forecast import SessionShare
 
 app = typer.Typer(help="The pretrained policies.", no_args_is_help=True)
 
+_Folder = Annotated[str, typer.Argument(help="Name or folder; default: the shipped one, or the one for --object.")]
+
 
 @app.command("list")
-def list_checkpoints(as_json: options.Json = False) -> None:
+@command()
+def list_checkpoints() -> Reply:
     """List the shipped checkpoints and those of `adaptsim pretrain`.
 
     Example: adaptsim checkpoints list
     """
-    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.screen import views
     from adaptsim_cli.wiring import settings as wiring
 
     rows = wiring.list_checkpoints()
-    screen = console.Screen(as_json=as_json)
-    if not screen.data("checkpoints list", {"checkpoints": rows}):
-        body = [(c["task"], c["name"], c["created"], c["folder"]) for c in rows]
-        screen.show(views.rows(("task", "name", "created", "folder"), body))
-        screen.next(("adaptsim checkpoints verify FOLDER", "are the figures on its card still right?"))
+    body = [(c["task"], c["name"], c["created"], c["folder"]) for c in rows]
+    table = views.rows(("task", "name", "created", "folder"), body)
+    verified = ("adaptsim checkpoints verify FOLDER", "are the figures on its card still right?")
+    return Reply({"checkpoints": rows}, [table], [verified])
 
 
 @app.command()
+@command("task", "object", "seed", "workers", checkpoint=_Folder)
 def verify(
-    checkpoint: Annotated[str, typer.Argument(help="Folder; default: the shipped one, or the one for --object.")] = "",
-    task: options.Task = None,
-    own: options.Object = None,
+    screen: Screen,
+    resolved: Resolved,
     rollouts: Annotated[
         int | None,
         typer.Option(
@@ -48,10 +56,7 @@ def verify(
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer rollouts: some ten seconds instead of half a minute.")
     ] = False,
-    seed: options.Seed = None,
-    workers: options.Workers = None,
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Check every file of a checkpoint against its card, then the card's figures against fresh rollouts.
 
     A figure holds unless it is worse than the card's by more than three standard errors of the two together. Exit code
@@ -59,87 +64,70 @@ def verify(
 
     Example: adaptsim checkpoints verify --task scooping
     """
-    from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.research import pretraining
-    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.screen import views
     from sim.errors import CheckpointError
 
     if quick and rollouts is not None:
         raise UsageError("--quick and --rollouts contradict each other: give one of them")
-    flags = {"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed, "workers": workers}
-    settings = config.load(flags).config
     count = rollouts if rollouts is not None else pretraining.ROLLOUTS
-    screen = console.Screen(as_json=as_json)
     with screen.progress() as progress:
         result = pretraining.verify_figures(
-            settings,
+            resolved.config,
             pretraining.QUICK if quick else count,
             lambda done, total: progress("rollouts", done, total),
         )
-    screen.plain(f"{result['folder']} is intact: task {result['task']}, sha256 {result['sha256'][:12]}")
+    text: list[RenderableType] = [
+        f"{result['folder']} is intact: task {result['task']}, sha256 {result['sha256'][:12]}"
+    ]
     if result["figures"]:
         columns = ("", "figure", "card", "now", "may be worse by")
         body = [
             ("\N{CHECK MARK}" if f["holds"] else "\N{BALLOT X}", f["name"], *map(views.number, _numbers(f)))
             for f in result["figures"]
         ]
-        screen.show(views.rows(columns, body))
+        text.append(views.rows(columns, body))
     elif count:
-        screen.note("Every session trains its own task policies, so the card has no figures to compare with rollouts.")
-    screen.data("checkpoints verify", result)
+        text.append("Every session trains its own task policies, so the card has no figures to compare with rollouts.")
     if result["holds"]:
-        screen.next((f"adaptsim run-iteration --task {result['task']}", "a session with it, if the settings name it"))
-    else:
-        worse = ", ".join(f["name"] for f in result["figures"] if not f["holds"])
-        raise CheckpointError(
-            f"fresh rollouts are worse than the card of {result['folder']} says: {worse}. The simulation has changed "
-            "since the checkpoint was made, or the card is wrong: try another --seed with more --rollouts, then "
-            "`adaptsim pretrain` again"
-        )
+        session = (f"adaptsim run-iteration --task {result['task']}", "a session with it, if the settings name it")
+        return Reply(result, text, [session])
+    worse = ", ".join(f["name"] for f in result["figures"] if not f["holds"])
+    failure = CheckpointError(
+        f"fresh rollouts are worse than the card of {result['folder']} says: {worse}. The simulation has changed "
+        "since the checkpoint was made, or the card is wrong: try another --seed with more --rollouts, then "
+        "`adaptsim pretrain` again"
+    )
+    return Reply(result, text, failure=failure)
 
 
 @app.command()
-def parameters(
-    checkpoint: Annotated[str, typer.Argument(help="Name or folder; default: the shipped one.")] = "",
-    task: options.Task = None,
-    own: options.Object = None,
-    seed: options.Seed = None,
-    as_json: options.Json = False,
-) -> None:
+@command("task", "object", "seed", checkpoint=_Folder)
+def parameters(screen: Screen, resolved: Resolved) -> Reply:
     """Show which parameters a session can estimate, and which stay unknown. Measured in simulated sessions.
 
     Example: adaptsim checkpoints parameters --task pushing
     """
-    from adaptsim_cli import config
     from adaptsim_cli.research import pretraining
-    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.screen import views
 
-    settings = config.load({"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed}).config
-    screen = console.Screen(as_json=as_json)
     with screen.progress() as progress:
-        result = pretraining.tell_parameters(settings, lambda done, total: progress("sessions", done, total))
-    if screen.data("checkpoints parameters", result):
-        return
+        result = pretraining.tell_parameters(resolved.config, lambda done, total: progress("sessions", done, total))
     body = [(p["title"], views.number(p["left"]), p["words"]) for p in result["parameters"]]
-    screen.show(views.rows(("parameter", "error left", ""), body, right=(1,)))
-    screen.plain(
-        f"{result['sessions']} simulated targets, {result['trials']} trials each. 1: trials say nothing about it."
-    )
-    screen.next(
-        (f"adaptsim run-iteration --task {settings.task}", "a session; the report says what its trials settled")
-    )
+    table = views.rows(("parameter", "error left", ""), body, right=(1,))
+    basis = f"{result['sessions']} simulated targets, {result['trials']} trials each. 1: trials say nothing about it."
+    session = f"adaptsim run-iteration --task {resolved.config.task}"
+    return Reply(result, [table, basis], [(session, "a session; the report says what its trials settled")])
 
 
 @app.command()
+@command("task", "object", "seed", checkpoint=_Folder)
 def trials(
-    checkpoint: Annotated[str, typer.Argument(help="Name or folder; default: the shipped one.")] = "",
-    task: options.Task = None,
-    own: options.Object = None,
+    screen: Screen,
+    resolved: Resolved,
     again: Annotated[bool, typer.Option("--again", help="Play the imagined sessions again: some minutes.")] = False,
-    seed: options.Seed = None,
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """How many trials will a session need? Whole sessions are played in imagined worlds, before the first real trial.
 
     The method itself holds an imagined world possible: parameters of the ranges and their margin, and deviations
@@ -147,19 +135,14 @@ def trials(
 
     Example: adaptsim checkpoints trials --task scooping
     """
-    from adaptsim_cli import config
     from adaptsim_cli.research import pretraining
-    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.screen import views
     from sim.adaptation.trials_forecast import MOST_PAIRS
 
-    settings = config.load({"task": task, "checkpoint": checkpoint or None, "object": own, "seed": seed}).config
-    screen = console.Screen(as_json=as_json)
     with screen.progress() as progress:
         result = pretraining.tell_trials(
-            settings, anew=again, progress=lambda done, total: progress("imagined sessions", done, total)
+            resolved.config, anew=again, progress=lambda done, total: progress("imagined sessions", done, total)
         )
-    if screen.data("checkpoints trials", result):
-        return
     forecast = result["forecast"]
     until = [
         ("an iteration has a success", "trial", forecast.trials, forecast.first_success),
@@ -167,11 +150,10 @@ def trials(
         *((f"a gain of {one.difference:g} over UDR is shown", "pair", MOST_PAIRS, one) for one in forecast.shown),
     ]
     body = [(words, _at_most(one.half, unit, n), _at_most(one.four_of_five, unit, n)) for words, unit, n, one in until]
-    screen.show(views.rows(("until", "half of the sessions", "four of five"), body))
-    screen.plain(
-        f"{forecast.sessions} imagined sessions of {forecast.trials} trials; in brackets, the share that need no more."
-    )
-    screen.next((f"adaptsim run-iteration --task {settings.task}", "the first trials"))
+    table = views.rows(("until", "half of the sessions", "four of five"), body)
+    basis = f"{forecast.sessions} imagined sessions of {forecast.trials} trials"
+    first = (f"adaptsim run-iteration --task {resolved.config.task}", "the first trials")
+    return Reply(result, [table, f"{basis}; in brackets, the share that need no more."], [first])
 
 
 def _at_most(share: SessionShare, unit: str, limit: int) -> str:

@@ -9,10 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from adaptsim_cli import options
+from adaptsim_cli.command import command
+from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from rich.console import RenderableType
+
+    from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
     from sim.tasks.own_object import OwnObject
     from sim.tasks.task import Task
@@ -21,9 +26,11 @@ if TYPE_CHECKING:
 _Ranges = list[str] | None
 
 
+@command("task", "seed", "workers")
 def own_object(
+    screen: Screen,
+    resolved: Resolved,
     name: Annotated[str, typer.Argument(help="Name of the object; its file is NAME.toml in the current folder.")],
-    task: options.Task = None,
     ranges: Annotated[
         _Ranges, typer.Option("--range", help="Range of a parameter as name=low:high, repeatable; names: lab list.")
     ] = None,
@@ -41,11 +48,8 @@ def own_object(
             help="Simulated trials to learn from, if it is another scene.",
         ),
     ] = None,
-    seed: options.Seed = None,
-    workers: options.Workers = None,
     scheduler: options.Scheduler = "",
-    as_json: options.Json = False,
-) -> None:
+) -> Reply:
     """Describe an object of your own, draw it, and make its checkpoint from the shipped one.
 
     Without values it asks; a NAME.toml that exists is used as it is, and an interrupted run goes on. With narrower
@@ -54,17 +58,15 @@ def own_object(
 
     Example: adaptsim object tofu --task scooping --range mu=0.30:0.40 --range h=2.0:2.6
     """
-    from adaptsim_cli import config
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.research.pretraining import object_ready, to_learn
     from adaptsim_cli.research.working import simulations
-    from adaptsim_cli.screen import console, views
+    from adaptsim_cli.screen import views
     from adaptsim_cli.storage import durable
     from sim.tasks import get_task
     from sim.tasks.own_object import as_toml, load_object, with_ranges
 
-    resolved = config.load({"task": task, "seed": seed, "workers": workers})
-    screen, usual = console.Screen(as_json=as_json), get_task(resolved.config.task)
+    usual = get_task(resolved.config.task)
     file, picture = Path(f"{name}.toml"), Path(f"{name}.png")
     is_typed = any((ranges, sizes, mass, effect))
     if file.exists() and not is_typed:
@@ -89,22 +91,25 @@ def own_object(
             f"Another scene than in training ({', '.join(_beyond(own, get_task(own.task)))}): {count:,} rollouts are "
             "simulated, then learnt. The time left is shown after the first ones. Ctrl-C: the same command goes on."
         )
-    with screen.progress() as progress, simulations(chosen, workers, scheduler) as crew:
+    with screen.progress() as progress, simulations(resolved, scheduler) as crew:
         ready = object_ready(resolved, chosen, rollouts, crew, progress)
     data = {"object": name, "file": str(file), "picture": str(picture) if drawn else None, **ready}
-    if screen.data("object", data):
-        return
-    screen.plain(f"Object: {file}" + (f", picture: {picture}" if drawn else ""))
     body = [(p["title"], views.number(p["left"]), p["words"]) for p in ready["parameters"]]
-    screen.show(views.rows(("parameter", "share of error left", "after a session of 8 trials"), body, right=(1,)))
-    screen.plain("Inside the margin: nothing to learn." if ready["inside"] else "Another scene: learnt.")
+    text: list[RenderableType] = [
+        f"Object: {file}" + (f", picture: {picture}" if drawn else ""),
+        views.rows(("parameter", "share of error left", "after a session of 8 trials"), body, right=(1,)),
+        "Inside the margin: nothing to learn." if ready["inside"] else "Another scene: learnt.",
+    ]
     if (held_out := ready["held_out"]) is not None:
-        screen.plain(
+        text.append(
             f"On {held_out['rollouts']} fresh rollouts: {100 * held_out['accuracy']:.0f} % of outcomes right, "
             f"last position {1e3 * held_out['position_error_median']:.1f} mm off (median)."
         )
-    run = f"adaptsim run-iteration --task {own.task} --object {file}"
-    screen.next((run, "a session with it"), (f"xdg-open {picture}" if drawn else f"cat {file}", "is it your object?"))
+    steps = [
+        (f"adaptsim run-iteration --task {own.task} --object {file}", "a session with it"),
+        (f"xdg-open {picture}" if drawn else f"cat {file}", "is it your object?"),
+    ]
+    return Reply(data, text, steps)
 
 
 def _beyond(own: OwnObject, task: Task) -> list[str]:

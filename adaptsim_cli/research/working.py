@@ -10,34 +10,35 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from adaptsim_cli.config import Config
+from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen, how_to_continue
+from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.storage.durable import LOCK, locked, make_folder
 
 if TYPE_CHECKING:
     from sim.rollouts.shares import Share
 
 
-def simulations(config: Config, workers: int | None, scheduler: str) -> AbstractContextManager[Executor]:
+def simulations(resolved: Resolved, scheduler: str) -> AbstractContextManager[Executor]:
     """The executor of simulations: the workers of the Dask `scheduler`, or processes of this computer.
 
-    Raises UsageError if both a number of `workers` and a scheduler were given, ClusterUnavailable, ExtraMissing.
+    Raises UsageError if both --workers and a scheduler were given, ClusterUnavailable, ExtraMissing.
     """
     from sim.rollouts import simulating_executor
 
-    if scheduler and workers is not None:
+    if scheduler and "workers" in resolved.flags:
         raise UsageError("--workers counts processes of this computer, --scheduler uses others: leave one of them out")
-    return simulating_executor(config.workers, scheduler)
+    return simulating_executor(resolved.config.workers, scheduler)
 
 
-def share_of(text: str, *, as_json: bool) -> Share | None:
+def share_of(text: str, screen: Screen) -> Share | None:
     """The share K/N; None for the whole work. Raises UsageError."""
     from sim.rollouts.shares import Share
 
     if not text:
         return None
-    if as_json:
+    if screen.as_json:
         raise UsageError("--share computes a part and has no result as JSON: leave --json out")
     written = re.fullmatch(r"(\d+)/(\d+)", text)
     if written is not None and 1 <= int(written[1]) <= int(written[2]):
@@ -45,10 +46,10 @@ def share_of(text: str, *, as_json: bool) -> Share | None:
     raise UsageError(f"--share {text}: write K/N with K from 1 to N, for example 2/8")
 
 
-def show_share(screen: Screen, share: Share, contents: str, folder: Path) -> None:
-    """Tell that a share is complete."""
-    screen.plain(f"Share {share} is complete: {contents} in {folder}")
-    screen.plain("Once all shares are, the same command without --share joins them.")
+def complete(share: Share, contents: str, folder: Path) -> Reply:
+    """The end of a share."""
+    joined = "Once all shares are, the same command without --share joins them."
+    return Reply(text=[f"Share {share} is complete: {contents} in {folder}", joined])
 
 
 @contextmanager

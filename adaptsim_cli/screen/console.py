@@ -24,6 +24,7 @@ from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedB
 from adaptsim_cli.screen import loading, views
 from adaptsim_cli.screen.keys import HELP, Key, chosen, enter, explained, lines_typed, prompt, read_line, stop, unknown
 from adaptsim_cli.screen.pages import addressed
+from adaptsim_cli.screen.reply import Reply, Step
 from adaptsim_cli.screen.stopwatch import Stopwatch
 from adaptsim_cli.screen.views import Readiness
 from hw.errors import HardwareError
@@ -62,10 +63,8 @@ class Listener(Protocol):
 class Screen:
     """The terminal, or its stand-in."""
 
-    def __init__(self, *, as_json: bool = False, console: Console | None = None, leads: bool = True) -> None:
-        """`leads`: it shows next commands; a walk through several commands shows its own."""
+    def __init__(self, *, as_json: bool = False, console: Console | None = None) -> None:
         loading.clear()
-        self._leads = leads
         self._as_json = as_json
         self._console = console or CleanConsole(stderr=as_json, highlight=False, markup=False)
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
@@ -89,6 +88,11 @@ class Screen:
         return self._stopwatch.lap_s()
 
     @property
+    def as_json(self) -> bool:
+        """Whether stdout is for JSON alone."""
+        return self._as_json
+
+    @property
     def width(self) -> int:
         """Columns of the terminal."""
         return self._console.width
@@ -100,6 +104,14 @@ class Screen:
     def plain(self, text: str) -> None:
         """Print one unwrapped line, so that paths can be copied."""
         self._console.print(Text(text), soft_wrap=True)
+
+    def print(self, text: Iterable[RenderableType]) -> None:
+        """Print each part: a string unwrapped, any other renderable as rich does."""
+        for part in text:
+            if isinstance(part, str):
+                self.plain(part)
+            else:
+                self.show(part)
 
     def note(self, text: str) -> None:
         """Print a highlighted line."""
@@ -119,6 +131,17 @@ class Screen:
         sys.stdout.write(json.dumps(catalogue.output(command, value), allow_nan=False) + "\n")
         sys.stdout.flush()
         return True
+
+    def end(self, command: str, reply: Reply) -> None:
+        """Print the reply of `command`: with --json its data, else its text and the next commands.
+
+        Raises its failure.
+        """
+        if reply.data is None or not self.data(command, reply.data):
+            self.print(reply.text)
+            self.next(*reply.next)
+        if reply.failure is not None:
+            raise reply.failure
 
     def choose(self, question: str, *keys: Key, explain: str = "", listed: Sequence[Key] = ()) -> str:
         """Ask until one of the `keys` is typed, and return it ("" for Enter).
@@ -244,12 +267,9 @@ class Screen:
 
             yield say
 
-    def next(self, *steps: tuple[str, str]) -> None:
-        """Show the next commands, (command, reason) each, the likeliest first.
-
-        Commands stay unwrapped, to be copied.
-        """
-        for index, (command, why) in enumerate(steps if self._leads else ()):
+    def next(self, *steps: Step) -> None:
+        """Show the next commands, the likeliest first, unwrapped, to be copied."""
+        for index, (command, why) in enumerate(steps):
             self.plain(f"{'Next: ' if not index else '  or: '}{command}")
             self.show(Text(f"      {why}", style="dim"))
 

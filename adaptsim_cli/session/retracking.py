@@ -71,11 +71,12 @@ def next_steps(session: str, trials: Sequence[RetrackedTrial]) -> tuple[tuple[st
     return look or ((f"adaptsim run-iteration --session {session}", "continues the session"),)
 
 
-def require_tracked(trials: Sequence[RetrackedTrial]) -> None:
-    """Raises TrackingFailed naming every trial that was tracked before and cannot be tracked now."""
+def failure(trials: Sequence[RetrackedTrial]) -> TrackingFailed | None:
+    """An error that names every trial that was tracked before and cannot be tracked now; None without one."""
     failed = [f"trial {one.trial}: {one.failure}" for one in trials if one.now is None]
-    if failed:
-        raise TrackingFailed(f"{len(failed)} of {len(trials)} trials cannot be tracked now; " + "; ".join(failed))
+    if not failed:
+        return None
+    return TrackingFailed(f"{len(failed)} of {len(trials)} trials cannot be tracked now; " + "; ".join(failed))
 
 
 def require_camera(task: Task) -> None:

@@ -19,6 +19,7 @@ from adaptsim_cli.outputs.trials import IterationOutput
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.keys import Key, agree
+from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import folders, terminal_views
 from adaptsim_cli.session.advice import after_iteration
 from adaptsim_cli.session.deferred import submit
@@ -87,10 +88,10 @@ def run_session(
     screen: Screen | None = None,
     open_view: OpenView = terminal_alone,
     ending: Ending | None = None,
-) -> Path:
-    """Run the iterations and return the path of the report, which `draw` makes beside the session after each.
+) -> Reply:
+    """Run the iterations; `draw` makes the report beside the session after each. JSON is printed as they end.
 
-    `ending` makes what a person sees after the last iteration.
+    The reply has the words of `ending` and the report.
 
     The last iteration is done only once its result and report have reached the operator; a run that was killed just
     before shows them after a restart. Raises any error that stops a session or a report, with the command to continue.
@@ -140,17 +141,12 @@ def run_session(
                 with screen.busy("Drawing the report", "reporting"):
                     path = report.result()
             store.mark_shown(summary.iteration - 1, now())
-    _end(screen, store, path, ending)
-    return path
-
-
-def _end(screen: Screen, store: SessionStore, path: Path, ending: Ending | None) -> None:
-    """The last words of the command: those of `ending`, the report, the next commands."""
-    if ending is not None and (words := ending(store)) is not None:
-        screen.show(words)
-    screen.plain(f"Report: {path}")
-    if results := results_of(store):
-        screen.next(*after_iteration(store.facts, results[-1]))
+    words = None if ending is None else ending(store)
+    results = results_of(store)
+    return Reply(
+        text=[f"Report: {path}"] if words is None else [words, f"Report: {path}"],
+        next=after_iteration(store.facts, results[-1]) if results else (),
+    )
 
 
 def _operator(config: Config, parts: Parts, request: SessionRequest, screen: Screen) -> Operator:

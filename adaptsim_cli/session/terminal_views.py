@@ -18,7 +18,7 @@ from adaptsim_cli.outputs.sessions import (
     Verified,
 )
 from adaptsim_cli.screen import views
-from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session.advice import ENOUGH_ITERATIONS, HEADLINES, compared_in_words, in_words, tried_in
 from adaptsim_cli.session.records import ROLLOUT, Facts, MotionRecord, ResultRecord, TrialRecord
 from hw.types import Array
@@ -252,13 +252,10 @@ def session(shown: SessionShown) -> RenderableType:
     return Group(head, Text(shown.folder, style="dim"), Text(""), table, *rejected, *waiting, *last, *newer)
 
 
-def tell_amended(screen: Screen, command: str, changed: Amended, consequence: str) -> None:
-    """Print the amendment or restoration and its effect."""
-    if screen.data(command, changed):
-        return
-    screen.plain(f"{changed.changed[:1].upper()}{changed.changed[1:]}.")
-    screen.plain(consequence)
-    screen.next((f"adaptsim run-iteration --session {changed.session}", "adapts from it, and shows the change"))
+def amended(changed: Amended, consequence: str) -> Reply:
+    """The amendment or restoration of a trial, with its consequence in a sentence."""
+    step = (f"adaptsim run-iteration --session {changed.session}", "adapts from it, and shows the change")
+    return Reply(changed, [f"{changed.changed[:1].upper()}{changed.changed[1:]}.", consequence], [step])
 
 
 NO_BREAK = "\N{NO-BREAK SPACE}"

@@ -15,6 +15,7 @@ from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
+from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.storage.durable import versions
 from adaptsim_cli.touch_off import terminal_views
 from adaptsim_cli.touch_off.parts import Grasp, GuidedTouchRig, TouchOffFailed, TouchRig
@@ -68,7 +69,7 @@ def run(
     screen: Screen,
     *,
     yes: bool,
-) -> None:
+) -> Reply:
     """The whole automatic touch-off. Raises the error that stops it, with the command to continue.
 
     `sessions` are the open ones that use the present touch-off.
@@ -82,7 +83,7 @@ def run(
     with how_to_continue(_HINT, "interrupted"), open_rig(config, resolved.places, grasp) as rig:
         screen.show(terminal_views.explanation(rig))
         saved = touch_off(rig, screen, unattended=yes, created=now())
-    conclude(saved, store, config, screen)
+    return conclude(saved, store, config)
 
 
 def now() -> str:
@@ -90,12 +91,12 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def conclude(saved: SavedTouchOff, store: TouchOffStore, config: Config, screen: Screen) -> None:
-    """Store a touch-off and show what comes next."""
+def conclude(saved: SavedTouchOff, store: TouchOffStore, config: Config) -> Reply:
+    """Store a touch-off, and name the next command."""
     folder = store.save(saved)
-    screen.plain(f"In use from now on: {folder}")
-    screen.next((f"adaptsim rollout {config.same_lab}", "one trial with it"))
-    screen.data("touch-off", terminal_views.summary(saved) | {"folder": str(folder)})
+    data = terminal_views.summary(saved) | {"folder": str(folder)}
+    trial = (f"adaptsim rollout {config.same_lab}", "one trial with it")
+    return Reply(data, [f"In use from now on: {folder}"], [trial])
 
 
 def touch_off(rig: TouchRig, screen: Screen, *, unattended: bool, created: str) -> SavedTouchOff:

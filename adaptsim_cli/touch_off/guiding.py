@@ -17,6 +17,7 @@ from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.guided import GuidedArm, NotAtRest, at_rest
 from adaptsim_cli.screen.keys import Key, enter, stop
+from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.touch_off import terminal_views
 from adaptsim_cli.touch_off.flow import conclude, now, stored
 from adaptsim_cli.touch_off.parts import GuidedTouchRig, TouchOffFailed
@@ -51,7 +52,7 @@ def run(
     screen: Screen,
     *,
     yes: bool,
-) -> None:
+) -> Reply:
     """The whole touch-off by hand. Raises the error that stops it, with the command to continue.
 
     `sessions` are the open ones that use the present touch-off.
@@ -65,7 +66,7 @@ def run(
         screen.show(terminal_views.guided_explanation(rig))
         saved = touch_off(rig, screen, unattended=unattended, created=now())
         screen.plain("Guide the arm up now: the tool must be clear of the table before anything moves.")
-    conclude(saved, store, config, screen)
+    return conclude(saved, store, config)
 
 
 def touch_off(rig: GuidedTouchRig, screen: Screen, *, unattended: bool, created: str) -> SavedTouchOff:

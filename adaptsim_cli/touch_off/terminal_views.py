@@ -12,7 +12,6 @@ from rich.padding import Padding
 from rich.text import Text
 
 from adaptsim_cli.screen import views
-from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.touch_off.parts import GuidedTouchRig, TouchRig
 from adaptsim_cli.touch_off.solving import Result
 from adaptsim_cli.touch_off.store import SavedTouchOff, SlipCheckRecord
@@ -115,10 +114,9 @@ def summary(saved: SavedTouchOff) -> dict[str, Any]:
     }
 
 
-def show(screen: Screen, record: SavedTouchOff, path: Path) -> None:
-    """Show one."""
-    screen.plain(f"{path.name}, made {record.created}, with {record.tool}")
-    screen.show(result(record, record.slip))
+def shown(record: SavedTouchOff, path: Path) -> Sequence[RenderableType]:
+    """One touch-off, and when it was made."""
+    return f"{path.name}, made {record.created}, with {record.tool}", result(record, record.slip)
 
 
 def listing_row(record: SavedTouchOff, path: Path) -> dict[str, Any]:

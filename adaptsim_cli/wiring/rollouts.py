@@ -14,6 +14,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.report.page import write
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import single
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.single import Chosen
@@ -43,9 +44,9 @@ class RolloutRequest:
             raise UsageError("--trials draws the contexts itself: adaptsim rollout --session NAME --best --trials 5")
 
 
-def run(resolved: Resolved, changed: Sequence[str], request: RolloutRequest, screen: Screen) -> None:
-    """Run the trials and print them; `changed` are the settings that flags name. Raises the errors of trials."""
-    settings, chosen = _policy(resolved, changed, request)
+def run(resolved: Resolved, request: RolloutRequest, screen: Screen) -> Reply:
+    """Run the trials and print them; the reply names the page. Raises the errors of trials."""
+    settings, chosen = _policy(resolved, request)
     single.typed(get_task(settings.task), chosen)  # raises before anything is loaded or connected
     folder = request.out or resolved.places.sessions / f"rollout-{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     folder = folder.absolute()
@@ -60,17 +61,27 @@ def run(resolved: Resolved, changed: Sequence[str], request: RolloutRequest, scr
             about = f"rollout {folder.name}"
             watcher = stack.enter_context(live_view(screen, parts, folder.name, about, settings.hw, request.port))
         store = single.rollout(settings, parts, chosen, screen, folder, yes=request.yes, watcher=watcher)
-    rewards = _print(screen, store, chosen)
+    records = trials_of(store)
+    for record in records:
+        screen.data("rollout", single.shown(store, record, chosen))
+    with screen.busy("Drawing its page", "reporting"):
+        page = write(store)
+    text = [f"Stored: {store.folder}", f"Report: {page}"]
     if request.best_of is None:
         lab = same_lab(settings.task, settings.hw, settings.world)
-        screen.next((f"adaptsim run-iteration {lab}", "adapts in about twenty such trials"))
-    else:
-        _measured(screen, request.best_of, rewards)
+        return Reply(text=text, next=[(f"adaptsim run-iteration {lab}", "adapts in about twenty such trials")])
+    steps = [(f"adaptsim run-iteration --session {request.best_of}", "continues this session")]
+    if len(records) > 1:
+        mean = sum(record.reward for record in records) / len(records)
+        best = f"the best policy of {request.best_of}"
+        text.append(f"Measured: {len(records)} trials of {best}, mean reward {mean:.2f}")
+        steps.insert(0, (f"adaptsim report {request.best_of}", "prediction and measurement side by side"))
+    return Reply(text=text, next=steps)
 
 
-def _policy(resolved: Resolved, changed: Sequence[str], request: RolloutRequest) -> tuple[Config, Chosen]:
+def _policy(resolved: Resolved, request: RolloutRequest) -> tuple[Config, Chosen]:
     """The settings of the rollout, and its choices; a session that gives its best policy gives its settings too."""
-    settings, session = resolved.config, request.best_of
+    settings, session, changed = resolved.config, request.best_of, resolved.flags
     if session is None:
         return settings, Chosen([request.context], request.action, request.parameters)
     if request.parameters or "task" in changed:
@@ -83,25 +94,3 @@ def _policy(resolved: Resolved, changed: Sequence[str], request: RolloutRequest)
     if request.trials > 1:
         contexts = single.drawn(get_task(settings.task), (settings.seed, len(best.history)), request.trials)
     return settings, Chosen(contexts, request.action, best.as_typed(), session, best.history)
-
-
-def _print(screen: Screen, store: SessionStore, chosen: Chosen) -> list[float]:
-    """Print the trials of a rollout, and draw its page; returns their rewards."""
-    records = trials_of(store)
-    for record in records:
-        screen.data("rollout", single.shown(store, record, chosen))
-    screen.plain(f"Stored: {store.folder}")
-    with screen.busy("Drawing its page", "reporting"):
-        page = write(store)
-    screen.plain(f"Report: {page}")
-    return [record.reward for record in records]
-
-
-def _measured(screen: Screen, session: str, rewards: Sequence[float]) -> None:
-    """Print what the best policy of a session has earned, and what comes next."""
-    page: tuple[tuple[str, str], ...] = ()
-    if len(rewards) > 1:
-        mean = sum(rewards) / len(rewards)
-        screen.plain(f"Measured: {len(rewards)} trials of the best policy of {session}, mean reward {mean:.2f}")
-        page = ((f"adaptsim report {session}", "prediction and measurement side by side"),)
-    screen.next(*page, (f"adaptsim run-iteration --session {session}", "continues this session"))

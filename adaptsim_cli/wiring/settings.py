@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 SOLVERS = ("emulator", "naf")
 
+_WORLD = "world "
+"""Begins the origin of a task that the world decides."""
+
 
 def load(flags: Mapping[str, Any]) -> Resolved:
     """As `config.load`; the world decides the task if its name comes from closer to the command line than the task's.
@@ -46,7 +49,13 @@ def load(flags: Mapping[str, Any]) -> Resolved:
             return resolved
         raise UsageError(f"--world {settings.world}: there is one for {' and one for '.join(tasks)}; add --task")
     chosen = settings.model_copy(update={"task": tasks[0]})
-    return replace(resolved, config=chosen, sources={**sources, "task": f"world {settings.world}"})
+    return replace(resolved, config=chosen, sources={**sources, "task": _WORLD + settings.world})
+
+
+def named_by_flags(resolved: Resolved) -> frozenset[str]:
+    """The settings that flags name, with the task that their world decides."""
+    decided = resolved.sources["task"].startswith(_WORLD)
+    return resolved.flags | {"task"} if decided else resolved.flags
 
 
 def _rank(resolved: Resolved, source: str) -> int:
@@ -54,7 +63,7 @@ def _rank(resolved: Resolved, source: str) -> int:
     files = ("default", str(resolved.places.user_file), str(resolved.places.project_file))
     if source in files:
         return files.index(source)
-    return len(files) + (source == "flag")
+    return len(files) + (source == config.FLAG)
 
 
 def task_of(settings: Config) -> Task:

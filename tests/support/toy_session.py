@@ -80,10 +80,8 @@ def run(
     """`run-iteration --yes` on the toy rig, in this process; `kinds` are of `toy_parts`."""
     settings = resolved(home, **flags)
     request = running.SessionRequest(None, frozenset({"task"}), iterations, yes=True)
-    path = running.run_session(
-        settings, request, opener(lab or ToyLab(settings.config.seed), **kinds or {}), page.write
-    )
-    return SessionStore.open(settings.places.sessions, path.parent.name)
+    running.run_session(settings, request, opener(lab or ToyLab(settings.config.seed), **kinds or {}), page.write)
+    return SessionStore.open(settings.places.sessions, running.default_name(running.anywhere(settings.config)))
 
 
 def attended(home: Path, operator: Operator, lab: ToyLab | None = None, name: str = "fake") -> RunningSession:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +9,12 @@ import cv2
 import numpy as np
 import pytest
 import real_views
+from replies import output, refused
+from toy_session import silent
 
 from adaptsim_cli.calibration import pictures, running
 from adaptsim_cli.calibration.solving import SolvedFolder, Wishes, solve_folder
-from calib.errors import CalibrationRejected, UnusableViews
+from calib.errors import UnusableViews
 
 
 @pytest.fixture(scope="module")
@@ -61,9 +62,8 @@ def test_every_view_is_drawn_and_looks_other_than_before(folder, solved):
 
 
 @pytest.mark.long
-def test_the_command_writes_the_pictures(folder, tmp_path, capsys):
-    running.overlay(folder, tmp_path / "drawn", as_json=True)
-    told = json.loads(capsys.readouterr().out)
+def test_the_command_writes_the_pictures(folder, tmp_path):
+    told = output("calibrate overlay", running.overlay(folder, tmp_path / "drawn", silent()))
     assert told["outline"]["fits"] is True
     assert Path(told["sheet"]).is_file()
     assert all(Path(path).is_file() for path in told["pictures"].values())
@@ -71,10 +71,10 @@ def test_the_command_writes_the_pictures(folder, tmp_path, capsys):
 
 @pytest.mark.long
 def test_solving_leaves_the_picture_beside_the_report(folder, tmp_path):
-    with pytest.raises(CalibrationRejected, match="--refine-intrinsics"):  # they state no distortion
-        running.solve(folder, tmp_path / "report.html", Wishes(), as_json=False)
-    with pytest.raises(CalibrationRejected, match="stated error"):  # a third of the former one
-        running.solve(folder, tmp_path / "refined.html", Wishes(refine_intrinsics=True), as_json=False)
+    stated = running.solve(folder, tmp_path / "report.html", Wishes(), silent())
+    refused("calibrate solve", stated, "--refine-intrinsics")  # they state no distortion
+    refined = running.solve(folder, tmp_path / "refined.html", Wishes(refine_intrinsics=True), silent())
+    refused("calibrate solve", refined, "stated error")  # a third of the former one
     for name in ("report", "refined"):
         assert (tmp_path / name).with_suffix(".arm.jpg").is_file()
         assert (tmp_path / name).with_suffix(".residuals.csv").is_file()
@@ -83,7 +83,7 @@ def test_solving_leaves_the_picture_beside_the_report(folder, tmp_path):
 @pytest.mark.long
 def test_an_arm_of_unknown_looks_and_views_without_pictures_are_refused(tmp_path):
     with pytest.raises(UnusableViews, match='write arm = "panda"'):
-        running.overlay(real_views.picture_folder(tmp_path / "unknown"), None, as_json=False)
+        running.overlay(real_views.picture_folder(tmp_path / "unknown"), None, silent())
     bare = real_views.corner_folder(tmp_path, extra='arm = "panda"')
     with pytest.raises(UnusableViews, match="no pictures"):
-        running.overlay(bare, None, as_json=False)
+        running.overlay(bare, None, silent())

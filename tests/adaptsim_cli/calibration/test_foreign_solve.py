@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 import real_views
+from replies import output, refused
 from scipy.spatial.transform import Rotation
+from toy_session import silent
 
 from adaptsim_cli.calibration import running
 from adaptsim_cli.calibration.solving import Wishes, solve_folder
-from calib.errors import CalibrationRejected, DegenerateViews, UnusableViews
+from calib.errors import DegenerateViews, UnusableViews
 
 
 def folder_with_swapped_views(folder: Path) -> Path:
@@ -21,11 +23,10 @@ def folder_with_swapped_views(folder: Path) -> Path:
 
 
 @pytest.mark.long
-def test_swapped_views_are_said_and_mended(tmp_path, capsys):
+def test_swapped_views_are_said_and_mended(tmp_path):
     folder = folder_with_swapped_views(tmp_path)
-    with pytest.raises(CalibrationRejected, match="stated error"):  # two views fewer, of a lens that is not stated
-        running.solve(folder, None, Wishes(), as_json=True)
-    told = json.loads(capsys.readouterr().out)
+    # two views fewer, of a lens that is not stated
+    told = refused("calibrate solve", running.solve(folder, None, Wishes(), silent()), "stated error")
     assert set(told["views_rejected"]) == {"05", "12"}
     (fault,) = told["faults"]
     assert fault["option"] == "--exchange 05:12"
@@ -34,9 +35,8 @@ def test_swapped_views_are_said_and_mended(tmp_path, capsys):
     assert len(rows) == 4 * real_views.POSTURES
     far = {row["view"] for row in rows if float(row["off_mm"]) > 6.0}
     assert far == {row["view"] for row in rows if row["used"] == "0"} == {"05", "12"}
-    with pytest.raises(CalibrationRejected, match="stated error"):  # a lens that is not stated is in doubt
-        running.solve(folder, None, Wishes(exchange=(("05", "12"),)), as_json=True)
-    mended = json.loads(capsys.readouterr().out)
+    exchanged = Wishes(exchange=(("05", "12"),))  # a lens that is not stated is in doubt
+    mended = refused("calibrate solve", running.solve(folder, None, exchanged, silent()), "stated error")
     assert not mended["views_rejected"]
     assert not mended["faults"]
 
@@ -51,25 +51,23 @@ def test_views_outside_of_the_wished_ones_take_no_part(tmp_path):
 
 
 @pytest.mark.long
-def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path, capsys):
+def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path):
     """The factory states no distortion for this camera, and the views ask for k1 of about +0.1."""
     folder = real_views.corner_folder(tmp_path)
     plain = solve_folder(folder).record
     (said,) = [check.message for check in plain.checks if check.name == "intrinsics"]
     assert "k1 = +0.1" in said
     assert plain.refined_intrinsics is None
-    try:
-        running.solve(folder, None, Wishes(refine_intrinsics=True), as_json=True)
-    except CalibrationRejected as error:
-        assert "stated error" in str(error)
-    told = json.loads(capsys.readouterr().out)
+    answer = running.solve(folder, None, Wishes(refine_intrinsics=True), silent())
+    assert answer.failure is None or "stated error" in str(answer.failure)
+    told = output("calibrate solve", answer)
     assert 0.05 < told["refined_intrinsics"]["distortion"][0] < 0.2
     assert told["held_out_px"] < 0.7 * plain.held_out_px
     assert told["worst_95_mm"] < plain.uncertainty.worst_95_mm, "a lens in doubt costs more than an estimated one"
 
 
 @pytest.mark.long
-def test_together_judges_names_what_it_drops_and_mends_an_exchange(tmp_path, capsys, monkeypatch):
+def test_together_judges_names_what_it_drops_and_mends_an_exchange(tmp_path, monkeypatch):
     folders = [real_views.corner_folder(tmp_path / f"camera-{k}", k) for k in (0, 1)]
     swapped = {name: (tmp_path / "camera-2" / f"view-{name}.json") for name in ("05", "12")}
     folders.append(real_views.corner_folder(tmp_path / "camera-2"))
@@ -77,23 +75,21 @@ def test_together_judges_names_what_it_drops_and_mends_an_exchange(tmp_path, cap
     for path, record, other in zip(swapped.values(), (a, b), (b, a), strict=True):
         path.write_text(json.dumps(record | {"corners_px": other["corners_px"]}))
     monkeypatch.setattr("calib.gates.WORST_LIMIT_MM", 0.01)
-    with pytest.raises(CalibrationRejected, match="camera-2: stated error"):
-        running.solve_cameras(folders, tmp_path / "together.json", as_json=True)
-    told = json.loads(capsys.readouterr().out)
+    file = tmp_path / "together.json"
+    told = refused("calibrate together", running.solve_cameras(folders, file, (), silent()), "camera-2: stated error")
     assert not told["accepted"]
     assert set(told["cameras"][2]["views_rejected"]) == {"05", "12"}
     assert "05 and 12 look swapped" in told["cameras"][2]["faults"][0]["what"]
-    with pytest.raises(CalibrationRejected, match="stated error"):
-        running.solve_cameras(folders, tmp_path / "together.json", [("camera-2", "05", "12")], as_json=True)
-    mended = json.loads(capsys.readouterr().out)
+    answer = running.solve_cameras(folders, file, [("camera-2", "05", "12")], silent())
+    mended = refused("calibrate together", answer, "stated error")
     assert not mended["cameras"][2]["views_rejected"]
     assert mended["held_out_px"] < 0.9
-    written = json.loads((tmp_path / "together.json").read_text())
+    written = json.loads(file.read_text())
     assert written == {key: value for key, value in mended.items() if key not in ("file", "version")}
     with pytest.raises(UnusableViews, match="same name"):
-        running.solve_cameras([folders[0], folders[0]], tmp_path / "together.json", as_json=True)
+        running.solve_cameras([folders[0], folders[0]], file, (), silent())
     with pytest.raises(UnusableViews, match="camera other"):
-        running.solve_cameras(folders, tmp_path / "together.json", [("other", "05", "12")], as_json=True)
+        running.solve_cameras(folders, file, [("other", "05", "12")], silent())
 
 
 def test_one_repeated_pose_is_refused_in_words(tmp_path):

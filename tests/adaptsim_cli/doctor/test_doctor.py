@@ -17,6 +17,7 @@ from typing import Any
 
 import pytest
 from real_lab import READY_RAD, RIG, calibrated, calibration, write_rig
+from replies import output
 from rich.console import Console
 
 from adaptsim_cli import app, config
@@ -343,14 +344,14 @@ def test_remedies_stand_whole_below_a_table_that_fits_the_screen(place: Path) ->
         Finding(SKIPPED, "hw = fake needs none", group="devices", name="pedal"),
     )
     settings = config.load({}).config
-    table.show(found, settings, screen)
+    reply = table.reply(found, settings)
+    with pytest.raises(PreflightFailed, match="not ready: driver"):
+        screen.end("doctor", reply)
     shown, _, rest = file.getvalue().partition("Missing:")
     assert max(len(line.rstrip()) for line in shown.splitlines()) <= 80
     assert [line[0] for line in shown.splitlines() if line[:1].strip()] == ["✓", "✗", "!", "–"]
     assert "  driver: pip install panda-python==1.1.1\n" in rest
     assert "  clock frequency: sudo cpupower frequency-set -g performance\n" in rest
     assert "Ready:" not in rest
-    assert not table.as_json(found, settings)["ready"]
-    with pytest.raises(PreflightFailed, match="not ready: driver"):
-        table.require(found)
-    table.require(found[:1])
+    assert not output("doctor", reply)["ready"]
+    assert table.reply(found[:1], settings).failure is None

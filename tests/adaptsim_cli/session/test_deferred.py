@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from toy_rig import ToyLab, opener
-from toy_session import resolved, run
+from toy_session import NAME, resolved, run
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.report import page
@@ -60,8 +60,8 @@ def test_a_report_shows_its_iterations_while_the_session_is_beyond_them(tmp_path
 
     settings, request = resolved(tmp_path), running.SessionRequest(None, frozenset({"task"}), 2, yes=True)
     lab = ToyLab(0, {"place": lambda trial, attempt: went_on.set() if trial > 5 else None})
-    path = running.run_session(settings, request, opener(lab), draw)
-    store = SessionStore.open(settings.places.sessions, path.parent.name)
+    running.run_session(settings, request, opener(lab), draw)
+    store = SessionStore.open(settings.places.sessions, NAME)
     assert drawn == [[1, 2, 3, 4], [1, 2, 3, 4, 5, 6, 7, 8]], "the last one is drawn before the command ends"
     assert store.existing().shown == {0, 1}
 

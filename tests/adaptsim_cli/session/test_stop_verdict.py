@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from real_lab import quiet, said
 from toy_rig import ToyLab, opener
-from toy_session import resolved
+from toy_session import NAME, resolved
 
 from adaptsim_cli.report import page
 from adaptsim_cli.screen import console
@@ -22,8 +22,8 @@ def run(home: Path, *, yes: bool = True, until_done: bool = False) -> tuple[Sess
     """A session of up to three iterations, whose first verdict says stop, and its screen."""
     settings, screen = resolved(home), quiet()
     request = running.SessionRequest(None, frozenset({"task"}), 3, yes, until_done)
-    path = running.run_session(settings, request, opener(ToyLab(settings.config.seed)), page.write, screen)
-    return SessionStore.open(settings.places.sessions, path.parent.name), said(screen)
+    running.run_session(settings, request, opener(ToyLab(settings.config.seed)), page.write, screen)
+    return SessionStore.open(settings.places.sessions, NAME), said(screen)
 
 
 def test_unattended_it_runs_on_and_names_the_option_once(tmp_path):

@@ -63,9 +63,10 @@ def test_a_log_that_cannot_be_written_stops_no_session(tmp_path, monkeypatch):
     monkeypatch.setattr(watching, "_append", full)
     settings = resolved(tmp_path)
     request = running.SessionRequest(None, frozenset({"task"}), 1, yes=True)
-    path = running.run_session(settings, request, opener(ToyLab(0)), page.write)
-    assert not (path.parent / watching.FILE).exists()
-    assert SessionStore.open(settings.places.sessions, path.parent.name).result(0) is not None
+    running.run_session(settings, request, opener(ToyLab(0)), page.write)
+    store = SessionStore.open(settings.places.sessions, NAME)
+    assert not (store.folder / watching.FILE).exists()
+    assert store.result(0) is not None
 
 
 def test_a_log_goes_on_when_the_disk_does_and_the_screen_tells_each_gap_once(tmp_path, monkeypatch):

@@ -36,10 +36,10 @@ def command(
     declared = {name: options.SETTINGS[name] for name in settings} | own_words
 
     def declare(function: Callable[..., Reply]) -> Callable[..., None]:
-        wishes = inspect.signature(function).parameters
+        inputs = inspect.signature(function).parameters
         unloaded = dict.fromkeys(("Screen", "Resolved", "Reply"), Any)
         hints = get_type_hints(function, localns=unloaded, include_extras=True)
-        own = [_parameter(name, hints[name], p.default) for name, p in wishes.items() if name not in _PROVIDED]
+        own = [_parameter(name, hints[name], p.default) for name, p in inputs.items() if name not in _PROVIDED]
         switches = {name for name, kind in declared.items() if get_args(kind)[0] is bool}
         parameters = [_parameter(name, kind, False if name in switches else None) for name, kind in declared.items()]
         parameters = [*filter(_is_argument, own), *parameters, *(p for p in own if not _is_argument(p))]
@@ -53,9 +53,9 @@ def command(
 
             screen = Screen(as_json=as_json)
             flags = {name: values.pop(name) for name in declared}
-            if "screen" in wishes:
+            if "screen" in inputs:
                 values["screen"] = screen
-            if "resolved" in wishes:
+            if "resolved" in inputs:
                 values["resolved"] = _resolved(flags)
             screen.end(invocation.command_path.partition(" ")[2], function(**values))
 

@@ -69,14 +69,14 @@ class ArmViews:
         return X_BF if self.mounting is Mounting.FIXED else inverse(X_BF)
 
     def take(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> ArmViews:
-        """Only the views `rows`."""
+        """The views `rows` alone."""
         q = None if self.q_rad is None else self.q_rad[rows]
         names = ("X_BF", "body", "camera", "posture")
         return replace(self, q_rad=q, **{name: getattr(self, name)[rows] for name in names})
 
 
 def motion(mounting: Mounting, forward: Forward | None, q_rad: Array | None, X_BF: Array | None) -> ArmViews:
-    """From joints (N, n) and forward kinematics, or from poses (N, 4, 4); one camera, every view its own posture."""
+    """The motion from joints (N, n) and kinematics, or from poses (N, 4, 4); one camera, every view its own posture."""
     if q_rad is not None and forward is not None:
         X = forward(q_rad)
         n = q_rad.shape[1]
@@ -98,7 +98,7 @@ def _one_camera(views: int) -> tuple[Rows, Rows]:
 
 
 def motion_of(views: Sequence[View], mounting: Mounting, forward: Forward | None) -> ArmViews:
-    """From joints if all views have them and `forward` is given, else from poses. Raises UnusableViews."""
+    """The motion from joints if all views have them and `forward` is given, else from poses. Raises UnusableViews."""
     joints = [view.q_rad for view in views if view.q_rad is not None]
     if forward is not None and len(joints) == len(views):
         return motion(mounting, forward, np.stack(joints), None)
@@ -149,7 +149,7 @@ class CondensedViews:
     common: Array  # (N, 6, 6) covariance of that twist by smooth errors of 1 px along an axis
 
     def take(self, rows: NDArray[np.bool_] | Rows) -> CondensedViews:
-        """Only the views `rows`."""
+        """The views `rows` alone."""
         return CondensedViews(self.X_CM[rows], self.information[rows], self.common[rows])
 
     def covariance(self, noise: ErrorSizes, GG: Array) -> Array:

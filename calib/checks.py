@@ -177,7 +177,7 @@ def depth_residuals(X_DM: Array, board: CalibrationTarget, depth_mm: Array, came
 
 
 def depth_bias(residuals_m: Sequence[Array]) -> Check:
-    """From `depth_residuals` of several views: does the depth camera measure short or long?"""
+    """Does the depth camera measure short or long, by the `depth_residuals` of several views?"""
     medians = np.array([np.median(r) for r in residuals_m if len(r) >= 30])
     if len(medians) < 3:
         return Check.unmeasured("depth bias", f"{len(medians)} views with depth on the board, 3 are needed")

@@ -93,7 +93,7 @@ def _at_most(name: str, value: float, limit: float, unit: str, advice: str) -> C
 
 
 def _closed_forms(value: float) -> Check:
-    """Only a doubt, because closed forms are the weaker estimate."""
+    """A doubt and no gate, because closed forms are the weaker estimate."""
     limit = CROSS_CHECK_LIMIT_MM
     message = f"closed forms: median {value:.1f} mm from the solution, at most {limit:.0f} mm"
     advice = ": look at the views' tilts and at the poses' units"

@@ -44,7 +44,7 @@ _GENEROUS = ErrorSizes(1.0, 0.1, 1e-3)
 def reject(
     moved: ArmViews, both: tuple[CondensedViews, CondensedViews], start: Unknowns, model: Model
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64], Fit, Array]:
-    """Both candidate poses of N views -> valid (N,), chosen candidate (N,), the fit, and the squared distance of both
+    """Two candidate poses of N views -> valid (N,), chosen candidate (N,), the fit, and the squared distance of both
     candidates of every view from a fit without it (2, N)."""
     n = len(both[0].X_CM)
     # the half that agrees best, with generous joint noise

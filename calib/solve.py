@@ -28,7 +28,7 @@ from calib.geometry import move, rotation_vector
 from calib.projection import project
 from calib.rejection import LIMIT, MARGIN, MIN_TO_FREE, chosen, reject
 from calib.types import Forward, Noise, Setup, Solution, View, ViewFit
-from calib.uncertainty import jackknife, uncertainty, worth
+from calib.uncertainty import jackknife, uncertainty, view_influence
 from hw.poses import inverse
 from hw.types import Array
 
@@ -46,7 +46,7 @@ _TURNED_DEG = 80.0
 _MEETS = 0.02  # of the image's width
 _PLAIN = 9.0  # squared distance by which the arm prefers the mirror pose
 MIN_TURN_DEG = 1.5
-"""With smaller rotations about the second axis, some direction is almost undetermined."""
+"""Least rotation about the second axis: with smaller ones some direction is almost undetermined."""
 
 
 @determined()
@@ -229,7 +229,7 @@ def _solution(
         size_known=setup.size_known,
         tilt_spread_deg=float(_spread_deg(boards[rows])[1]),
         distance_m=float(np.median(np.linalg.norm(centres, axis=1))),
-        worth=worth(final, [views[i].name for i in rows], setup.p_AP_m - X_AC[:3, 3]),
+        influence=view_influence(final, [views[i].name for i in rows], setup.p_AP_m - X_AC[:3, 3]),
     )
 
 

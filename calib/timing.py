@@ -21,7 +21,7 @@ LIMIT_MS = 5.0
 SEARCH_S = 0.25
 MIN_FRAMES = 6
 MIN_SPEED_PX_S = 40.0
-"""At lower speeds (px/s), noise of 0.2 px is as large as the limit itself."""
+"""Lowest speed (px/s): below it, noise of 0.2 px is as large as the limit itself."""
 
 
 def time_offset(

@@ -41,7 +41,7 @@ class Pivot:
 
 
 def pivot(X_AF: Array) -> Pivot:
-    """From flange poses (N, 4, 4), N >= 4, with the tip at one point. `sigma_m` is inf if their tilts do not differ."""
+    """Tip and point from flange poses (N, 4, 4), N >= 4. `sigma_m` is inf if their tilts do not differ."""
     n = len(X_AF)
     if n < MIN_TOUCHES:
         raise ValueError(f"{n} touches, at least {MIN_TOUCHES} are needed")

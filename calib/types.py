@@ -244,7 +244,7 @@ class Choice:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """The choice in words."""
         errors_px = {Weights.ARM_AND_VIEWS: self.errors_px, Weights.PIXELS: self.pixels_px}
         labels = {by: f"{by} ({px:.2f} px held out)" for by, px in errors_px.items()}
         if len(self.weights) > 1:
@@ -255,7 +255,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Worth:
+class ViewInfluence:
     """The value of the used views. Shares refer to the error at the worst corner of the work volume."""
 
     without: tuple[tuple[str, float], ...]  # (view, growth of the error without it), the largest first
@@ -270,7 +270,7 @@ class Worth:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """In words."""
+        """The worth of the views in words."""
         most = ", ".join(f"{name} (+{100 * share:.0f} %)" for name, share in self.without[:3])
         lines = [f"The views that help most: {most} error without them"]
         if self.idle:
@@ -304,7 +304,7 @@ class Solution:
     size_known: bool  # False: the target's size comes from the arm's motion, and the stated error includes that
     tilt_spread_deg: float  # rms of the board's rotations about the axis of second most variety; one axis is too few
     distance_m: float  # of the board's centre from the camera, median over the views
-    worth: Worth  # value of each view, and of further ones
+    influence: ViewInfluence  # value of each view, and of further ones
 
     def __post_init__(self) -> None:
         for name in ("X_AC", "X_HM"):

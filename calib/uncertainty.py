@@ -16,7 +16,7 @@ from scipy.stats import t as student
 
 from calib.bundle import ArmViews, Fit
 from calib.geometry import adjoint, cross_matrix
-from calib.types import JointOffsets, Setup, Uncertainty, Worth
+from calib.types import JointOffsets, Setup, Uncertainty, ViewInfluence
 from hw.types import Array
 
 FACTOR_PLAIN = 0.92
@@ -140,7 +140,7 @@ MORE = 3
 _MOST = 12
 
 
-def worth(fit: Fit, names: Sequence[str], lever_m: Array) -> Worth:
+def view_influence(fit: Fit, names: Sequence[str], lever_m: Array) -> ViewInfluence:
     """The worth of the views of a fit to one camera, called `names`.
 
     `lever_m` (P, 3) are the work points relative to the camera, in axes of its carrier.
@@ -173,4 +173,4 @@ def worth(fit: Fit, names: Sequence[str], lever_m: Array) -> Worth:
         shares.append(errors[best] / now)
     halved = [count for count, share in enumerate(shares, start=1) if share <= 0.5]
     more = tuple(dict.fromkeys(names[i] for i in chosen[:MORE]))
-    return Worth(tuple(without), more, shares[MORE - 1], halved[0] if halved else None)
+    return ViewInfluence(tuple(without), more, shares[MORE - 1], halved[0] if halved else None)

@@ -270,7 +270,7 @@ def slowed(path: JointPath, pace: float) -> JointPath:
 
 
 def at_pace(path: JointPath, pace: float) -> JointPath:
-    """As `slowed`, and slower than an operator may ask for: what it takes to keep a reduced speed."""
+    """The path as `slowed`, at any pace: a reduced speed may need a slower one than an operator may ask for."""
     number(pace, "pace", 0.0, FULL, above=True)
     if pace == FULL:
         return path

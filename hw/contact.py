@@ -1,5 +1,4 @@
-"""From joint torques to a touch: the force on a point of the tool, the moment of the touch, and the place where it
-began.
+"""A touch, found in joint torques: the force on a point of the tool, the moment, and the place where it began.
 
 An external force f on a point of the tool loads the joints with J' f, J being the Jacobian of that point. Seven torques
 give three unknowns by least squares. The tare absorbs constant errors of the torque estimate (an inexact payload,

@@ -34,7 +34,7 @@ class Mass:
         return Mass(self.kg, R @ self.com_m + X[:3, 3], (inertia + inertia.T) / 2.0)
 
     def __add__(self, other: Mass) -> Mass:
-        """Both bodies as one, by the parallel axis theorem."""
+        """The two bodies as one, by the parallel axis theorem."""
         kg = self.kg + other.kg
         if kg == 0.0:
             return self

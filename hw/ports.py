@@ -135,7 +135,7 @@ class Balance(Protocol):
 Inner = TypeVar("Inner", bound=Arm)
 
 
-class AroundArm(ABC, Generic[Inner]):
+class ArmWrapper(ABC, Generic[Inner]):
     """`hw.ports.Arm`: the inner arm connects, reports and recovers; the subclass decides how it moves."""
 
     def __init__(self, arm: Inner) -> None:

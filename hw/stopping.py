@@ -28,15 +28,15 @@ from hw.watchdog import SILENCE_S, WORD_EVERY_S
 from hw.workcell import Workcell
 
 HEARD_S = WORD_EVERY_S + DT_S
-"""From the pedal's silence to the player: the wait for the program's next word, and one cycle."""
+"""Time from the pedal's silence to the player: the wait for the program's next word, and one cycle."""
 NEXT_STOP_S = 2.0 * STOPS_EVERY_S
 """The longest wait for a moment at which a stop may begin (`hw.franka.playback.motion_of`)."""
 LAG_S = STOP_S - LONGEST_S - NEXT_STOP_S
 """How far an arm may be behind its commands."""
 BEFORE_S = SILENCE_S + HEARD_S + NEXT_STOP_S
-"""From the wish to stop to the first slowed command, at worst."""
+"""Time from the wish to stop to the first slowed command, at worst."""
 WORST_STOP_S = BEFORE_S + LONGEST_S + LAG_S
-"""From the wish to stop to rest in any motion that the program accepts."""
+"""Time from the wish to stop to rest, in any motion that the program accepts."""
 REDUCED_M_S = 0.25
 """The reduced speed of ISO 10218-1: a slow motion keeps every point of arm and tool under it."""
 _KEPT = 0.99
@@ -45,7 +45,7 @@ _KEPT = 0.99
 
 @dataclass(frozen=True)
 class WorstStop:
-    """From the wish to stop to rest, at worst."""
+    """The worst stop, from the wish to stop to rest."""
 
     time_s: float
     distance_m: float  # travel of the point of arm or tool that goes farthest

@@ -16,7 +16,7 @@ X_FH: Array = frozen_array([[_S, _S, 0.0, 0.0], [-_S, _S, 0.0, 0.0], [0.0, 0.0, 
 """(4, 4) the hand in the flange: its fingers open along its Y axis, its Z axis is the flange's."""
 
 FINGERTIP_M = 0.1123
-"""From the flange to the ends of the fingers: the finger's joint at 0.0584 m, its mesh 0.0539 m long."""
+"""Distance of the fingers' ends from the flange: the finger's joint at 0.0584 m, its mesh 0.0539 m long."""
 
 _LINK7_TO_FLANGE_M = 0.107
 

@@ -42,7 +42,7 @@ class Thing:
 
     @property
     def words(self) -> str:
-        """Its place and size, for a message."""
+        """Place and size of the thing, for a message."""
         x, y, _ = self.centre_m
         return f"({x:.3f}, {y:+.3f}) m, {1e2 * self.height_m:.0f} cm high"
 

@@ -25,7 +25,7 @@ class OutcomeUnseen(TrackingFailed):
     def __init__(self, message: str, track: ObjectTrack, followed: bool) -> None:
         super().__init__(message)
         self.track = track
-        """Its known places. Its outcome says nothing."""
+        """The known places of the object; the outcome of this track says nothing."""
         self.followed = followed
         """Whether enough frames of the whole trial show it, and only its end is unseen."""
 

@@ -52,7 +52,7 @@ class ObjectTrack:
     confidence: Array  # (N,) 0 lost ... 1 fully visible and well fitted; simulation: 1
     flags: tuple[str, ...] = ()  # warnings for the operator, in words
     watched_s: tuple[float, float] = (-math.inf, math.inf)
-    """From when to when the state is known; before and after it is missing, not held."""
+    """First and last time at which the state is known; before and after it is missing, not held."""
 
     def __post_init__(self) -> None:
         t_s = frozen_array(self.t_s, (None,), "t_s")

@@ -231,7 +231,7 @@ def conclude(solved: SolvedFolder, store: CalibrationStore, views: Path, screen:
     """
     page = report.render(solved).encode()
     screen.show(terminal_views.calibration(solved.record))
-    for sentence in solved.worth.sentences:
+    for sentence in solved.influence.sentences:
         screen.plain(f"  {sentence}")
     show_arm(solved, views / pictures.ARM_PICTURE, screen)
     if not solved.record.accepted:

@@ -14,7 +14,7 @@ from rich.text import Text
 from adaptsim_cli.calibration import flow, pictures, printing, terminal_views, together
 from adaptsim_cli.calibration import page as report
 from adaptsim_cli.calibration.parts import CalibrationRig
-from adaptsim_cli.calibration.solving import Wishes, solve_folder
+from adaptsim_cli.calibration.solving import SolveOptions, solve_folder
 from adaptsim_cli.calibration.store import REPORT, CalibrationStore
 from adaptsim_cli.calibration.visits import Automatic, HandGuided, Visits, plan
 from adaptsim_cli.config import Config, Resolved
@@ -111,16 +111,16 @@ def check(
     return Reply(asdict(drift) | {"X_BC_now": drift.X_BC_now.tolist()}, [text], [step])
 
 
-def solve(folder: Path, out: Path | None, wishes: Wishes, screen: Screen) -> Reply:
+def solve(folder: Path, out: Path | None, options: SolveOptions, screen: Screen) -> Reply:
     """Solve views recorded elsewhere. Raises ViewFolderError, PerceptionError; a rejected result is the failure."""
     with screen.busy("Finding the board and solving"):
-        solved = solve_folder(folder.absolute(), wishes=wishes)
+        solved = solve_folder(folder.absolute(), options=options)
     for sentence in solved.recognised:
         screen.note(f"  {sentence}")
     for sentence in solved.not_seen:
         screen.note(f"  not used: {sentence}")
     screen.show(terminal_views.calibration(solved.record))
-    for sentence in solved.worth.sentences:
+    for sentence in solved.influence.sentences:
         screen.plain(f"  {sentence}")
     for fault in solved.faults:
         screen.note(f"  {fault.sentence}" + (f". To use them so: {fault.option}" if fault.option else ""))
@@ -134,14 +134,14 @@ def solve(folder: Path, out: Path | None, wishes: Wishes, screen: Screen) -> Rep
     durable.replace_file(table, checks.residuals_table(solved.residuals).encode())
     left_mm = [view.rms_mm for view in solved.residuals if view.used]
     text = f"Residual of every point: {table} (on the target {np.median(left_mm):.2f} mm in the middle view)"
-    worth = solved.worth
+    influence = solved.influence
     data = terminal_views.summary(solved.record) | {
         "residuals": str(table),
         "report": str(path),
         "recognised": solved.recognised,
         "advice": solved.advice,
-        "views_that_help": dict(worth.without),
-        "three_more": {"like": worth.more, "error_left": worth.left, "to_halve": worth.to_halve},
+        "views_that_help": dict(influence.without),
+        "three_more": {"like": influence.more, "error_left": influence.left, "to_halve": influence.to_halve},
         "faults": [{"kind": f.kind, "what": f.sentence, "option": f.option, "views": f.views} for f in solved.faults],
     }
     if not solved.record.accepted:

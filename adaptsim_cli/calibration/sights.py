@@ -9,7 +9,7 @@ from calib import files
 from calib.condense import unusable
 from calib.errors import TooFewViews
 from calib.foreign.conventions import recognise
-from calib.foreign.labelling import told_apart
+from calib.foreign.labelling import resolve_symmetry
 from calib.foreign.sizing import where_the_target_was
 from calib.pose_records import Convention
 from calib.types import Setup, View
@@ -62,7 +62,7 @@ def look(stored: files.Folder) -> Looked:
     left_out = tuple(f"view {name}: {error}" for name, error in failed)
     if stored.setup.work_box_m is None:
         setup = replace(setup, work_points_m=where_the_target_was(views, setup, stored.forward))
-    return Looked(setup, told_apart(views, setup, stored.forward), left_out, (*pattern_notes, *convention_notes))
+    return Looked(setup, resolve_symmetry(views, setup, stored.forward), left_out, (*pattern_notes, *convention_notes))
 
 
 def corners_of(view: files.StoredView, stored: files.Folder, target: CalibrationTarget) -> Corners:

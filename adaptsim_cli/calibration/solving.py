@@ -16,11 +16,11 @@ from calib.errors import UnusableViews
 from calib.foreign import pairing
 from calib.foreign.chains import any_arm
 from calib.foreign.intrinsics_check import TO_REFINE, IntrinsicsCheck
-from calib.foreign.labelling import told_apart
+from calib.foreign.labelling import resolve_symmetry
 from calib.foreign.pairing import Fault
 from calib.records import IntrinsicsRecord
 from calib.saved import SavedCalibration, record_calibration
-from calib.types import Forward, Setup, Solution, View, Worth
+from calib.types import Forward, Setup, Solution, View, ViewInfluence
 
 DEVICES = ("arm", "camera")
 """The devices whose temperatures are stored with a calibration, if reported."""
@@ -38,12 +38,12 @@ class SolvedFolder:
     recognised: tuple[str, ...]  # sentences: conventions that were recognised instead of stated
     faults: tuple[Fault, ...]  # faults of views that do not fit
     residuals: tuple[Residuals, ...]  # of every view that shows the target
-    worth: Worth  # value of each view, and of further ones
+    influence: ViewInfluence  # value of each view, and of further ones
     advice: str  # the one most effective next step
 
 
 @dataclass(frozen=True)
-class Wishes:
+class SolveOptions:
     """The operator's options beyond a plain solution."""
 
     refine_intrinsics: bool = False  # use the intrinsics estimated from the views
@@ -53,10 +53,12 @@ class Wishes:
     last: str = ""  # and those after this one
 
 
-PLAIN = Wishes()
+PLAIN = SolveOptions()
 
 
-def solve_folder(folder: Path, *, hw: str = "recorded", created: str = "", wishes: Wishes = PLAIN) -> SolvedFolder:
+def solve_folder(
+    folder: Path, *, hw: str = "recorded", created: str = "", options: SolveOptions = PLAIN
+) -> SolvedFolder:
     """Solve a folder of views, made now or `created` (ISO 8601).
 
     Raises ViewFolderError, PerceptionError if no view shows the board, CalibrationError.
@@ -67,9 +69,9 @@ def solve_folder(folder: Path, *, hw: str = "recorded", created: str = "", wishe
     created = created or datetime.now(UTC).isoformat(timespec="seconds")
     stored = files.read_folder(folder, any_arm)
     looked = sights.look(stored)
-    views, forward = _as_wished(looked.views, looked.setup, stored.forward, wishes), stored.forward
-    solution, setup, tried = _solution(views, looked.setup, forward, refine=wishes.refine_intrinsics)
-    refined = wishes.refine_intrinsics and tried is not None and len(tried.used) >= TO_REFINE
+    views, forward = _chosen_views(looked.views, looked.setup, stored.forward, options), stored.forward
+    solution, setup, tried = _solution(views, looked.setup, forward, refine=options.refine_intrinsics)
+    refined = options.refine_intrinsics and tried is not None and len(tried.used) >= TO_REFINE
     wrong = pairing.faults(views, setup, forward, solution)
     left = residuals(views, setup, solution, forward)
     checks = checking.checks(folder, stored, setup, views, solution, forward)
@@ -97,7 +99,7 @@ def solve_folder(folder: Path, *, hw: str = "recorded", created: str = "", wishe
     images = {view.name: folder / view.record.image for view in stored.views if view.record.image is not None}
     return SolvedFolder(
         record, setup, views, images, (*stored.damaged, *looked.left_out), looked.recognised, wrong, left,
-        solution.worth, _advice(record, wrong, tried, refined=refined),
+        solution.influence, _advice(record, wrong, tried, refined=refined),
     )  # fmt: skip
 
 
@@ -132,18 +134,20 @@ def _solution(
         raise
 
 
-def _as_wished(views: Sequence[View], setup: Setup, forward: Forward | None, wishes: Wishes) -> tuple[View, ...]:
+def _chosen_views(
+    views: Sequence[View], setup: Setup, forward: Forward | None, options: SolveOptions
+) -> tuple[View, ...]:
     """The chosen views, each with its corrected pose. Raises UnusableViews."""
     names = {view.name for view in views}
-    for option, name in (("--from", wishes.first), ("--until", wishes.last)):
+    for option, name in (("--from", options.first), ("--until", options.last)):
         if name and name not in names:
             raise UnusableViews(f"{option} names view {name}; there are {', '.join(sorted(names))}")
-    chosen = pairing.exchanged(views, wishes.exchange)
-    if wishes.shift:
-        chosen = pairing.shifted(chosen, wishes.shift)
-    if wishes.exchange or wishes.shift:
-        chosen = list(told_apart(chosen, setup, forward))  # other poses may ask for another end of the target
-    return tuple(v for v in chosen if wishes.first <= v.name and (not wishes.last or v.name <= wishes.last))
+    chosen = pairing.exchanged(views, options.exchange)
+    if options.shift:
+        chosen = pairing.shifted(chosen, options.shift)
+    if options.exchange or options.shift:
+        chosen = list(resolve_symmetry(chosen, setup, forward))  # other poses may ask for another end of the target
+    return tuple(v for v in chosen if options.first <= v.name and (not options.last or v.name <= options.last))
 
 
 def _source(hw: str, created: str) -> str:

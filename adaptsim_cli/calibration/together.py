@@ -14,14 +14,14 @@ from adaptsim_cli.calibration import sights
 from adaptsim_cli.screen import views
 from calib import files
 from calib.errors import CalibrationRejected, UnusableViews
-from calib.foreign.cameras import CameraViews, Together, solve_together
+from calib.foreign.cameras import CameraViews, JointSolution, solve_together
 from calib.foreign.chains import any_arm
-from calib.foreign.labelling import told_apart
+from calib.foreign.labelling import resolve_symmetry
 from calib.foreign.pairing import Fault, pictures_exchanged
 from calib.types import reasons
 
 
-def solve(folders: Sequence[Path], exchange: Sequence[tuple[str, str, str]] = ()) -> Together:
+def solve(folders: Sequence[Path], exchange: Sequence[tuple[str, str, str]] = ()) -> JointSolution:
     """Raises ViewFolderError, PerceptionError, UnusableViews; `exchange` are folders' names with two views each."""
     names = [folder.name for folder in folders]
     if len(set(names)) < len(names):
@@ -40,11 +40,11 @@ def _camera(folder: Path, pairs: Sequence[tuple[str, str]]) -> CameraViews:
     looked = sights.look(stored)
     views = looked.views
     if pairs:
-        views = told_apart(pictures_exchanged(views, pairs), looked.setup, stored.forward)
+        views = resolve_symmetry(pictures_exchanged(views, pairs), looked.setup, stored.forward)
     return CameraViews(folder.name, views, looked.setup, stored.forward)
 
 
-def show(solution: Together) -> RenderableType:
+def show(solution: JointSolution) -> RenderableType:
     """A table with one row per camera."""
     head = ("camera", "at, m in the base", "views", "held out", "alone", "work volume", "alone")
     rows = [
@@ -71,7 +71,7 @@ def show(solution: Together) -> RenderableType:
     )
 
 
-def _notes(solution: Together) -> list[str]:
+def _notes(solution: JointSolution) -> list[str]:
     """Views left out, and their faults."""
     lines = []
     for camera in solution.cameras:
@@ -86,7 +86,7 @@ def _option(camera: str, fault: Fault) -> str:
     return f". To use them so: --exchange {camera}:{':'.join(fault.views)}"
 
 
-def rejected(solution: Together, path: Path) -> CalibrationRejected:
+def rejected(solution: JointSolution, path: Path) -> CalibrationRejected:
     """The error with every reason, and the remedy."""
     why = [f"{c.name}: {reason}" for c in solution.cameras for reason in reasons(c.gates)]
     error = CalibrationRejected(f"not accepted: {'; '.join(why)}")
@@ -99,7 +99,7 @@ def rejected(solution: Together, path: Path) -> CalibrationRejected:
     return error
 
 
-def as_json(solution: Together) -> dict[str, Any]:
+def as_json(solution: JointSolution) -> dict[str, Any]:
     """The result for JSON."""
     return {
         "target": solution.target,
@@ -130,6 +130,6 @@ def as_json(solution: Together) -> dict[str, Any]:
     }
 
 
-def content(solution: Together) -> bytes:
+def content(solution: JointSolution) -> bytes:
     """The content of together.json."""
     return (json.dumps(as_json(solution), indent=1, allow_nan=False) + "\n").encode()

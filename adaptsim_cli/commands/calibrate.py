@@ -139,14 +139,14 @@ def solve(
     Example: adaptsim calibrate solve my-views --json
     """
     from adaptsim_cli.calibration import running
-    from adaptsim_cli.calibration.solving import Wishes
+    from adaptsim_cli.calibration.solving import SolveOptions
     from adaptsim_cli.errors import UsageError
 
     pairs = tuple(tuple(pair.split(":")) for pair in exchange or ())
     if any(len(pair) != 2 for pair in pairs):
         raise UsageError("--exchange takes two names of views with a colon between them, as 25:26")
-    wishes = Wishes(refine_intrinsics, tuple((a, b) for a, b in pairs), shift, first, last)
-    return running.solve(folder, out, wishes, screen)
+    chosen = SolveOptions(refine_intrinsics, tuple((a, b) for a, b in pairs), shift, first, last)
+    return running.solve(folder, out, chosen, screen)
 
 
 @app.command()

@@ -109,7 +109,7 @@ def parts(
 
 
 def all_parts() -> tuple[Part, ...]:
-    """Those of every task with an arm, and the board's holder. Raises ExtraMissing without trimesh and manifold3d."""
+    """Parts of every task with an arm, and the board's holder. Raises ExtraMissing without trimesh and manifold3d."""
     from sim.lab.board import holder
     from sim.tasks import get_task, task_names
 

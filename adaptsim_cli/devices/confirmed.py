@@ -12,7 +12,7 @@ from adaptsim_cli.devices.lab import RealArm
 from adaptsim_cli.screen.release import Release
 from hw.collision import Tool
 from hw.errors import MotionRefused
-from hw.ports import AroundArm, Pedal
+from hw.ports import ArmWrapper, Pedal
 from hw.types import Contact, Execution, Guard, JointPath
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ LEAST_RATE = 0.95
 """Share of commands that should reach the arm in time, by the maker (libfranka's communication test)."""
 
 
-class ConfirmedArm(AroundArm[RealArm]):
+class ConfirmedArm(ArmWrapper[RealArm]):
     """`hw.ports.GuardedArm` around a real one. Every motion needs the typed word; there is no way around it."""
 
     def __init__(

@@ -97,7 +97,7 @@ class RealArm(GuardedArm, Protocol):
 
     @property
     def last_stop(self) -> StopReport | None:
-        """How its last motion stopped; None: it came to its end."""
+        """How the arm's last motion stopped; None: it came to its end."""
 
     def carry(self, tool: Tool, payload: Payload) -> None:
         """Set the load, for the checks and for the arm's weight compensation. Nothing moves. Raises HardwareError."""

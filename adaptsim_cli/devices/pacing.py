@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from adaptsim_cli.devices.consent import SLOW_PACE
 from hw.braking import FULL, SLOWEST, at_pace
-from hw.ports import Arm, AroundArm, GuardedArm
+from hw.ports import Arm, ArmWrapper, GuardedArm
 from hw.stopping import reduced_pace
 from hw.types import Contact, Execution, Guard, JointPath, number
 from hw.workcell import Workcell
@@ -32,7 +32,7 @@ def at_speed(path: JointPath, pace: float, cell: Workcell) -> JointPath:
     return at_pace(path, pace if pace > SLOW_PACE else reduced_pace(path, cell, pace))
 
 
-class PacedArm(AroundArm[Inner]):
+class PacedArm(ArmWrapper[Inner]):
     """`hw.ports.Arm`: the inner arm checks and plays every path in stretched time; see `at_speed`.
 
     With `realtime` a motion also takes at least as long on the wall clock as on the arm's own clock.

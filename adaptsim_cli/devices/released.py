@@ -6,14 +6,14 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from adaptsim_cli.screen.release import Release
-from hw.ports import Arm, AroundArm, GuardedArm, Hand
+from hw.ports import Arm, ArmWrapper, GuardedArm, Hand
 from hw.types import Contact, Execution, Guard, HandState, JointPath
 
 Inner = TypeVar("Inner", bound=Arm)
 Feeling = TypeVar("Feeling", bound=GuardedArm)
 
 
-class ReleasedArm(AroundArm[Inner]):
+class ReleasedArm(ArmWrapper[Inner]):
     """`hw.ports.Arm`: no motion begins that `release` does not let begin. Each may raise StoppedByOperator."""
 
     def __init__(self, arm: Inner, release: Release) -> None:

@@ -26,9 +26,9 @@ from hw.types import Array, JointPath
 from hw.workcell import Workcell
 
 SWING_RAD = (0.8, 0.4, 0.15)
-"""To either side, tried in turn."""
+"""The swing to either side, tried in turn."""
 SWING_S = 1.5
-"""From the middle to one side, at full pace."""
+"""The time from the middle to one side, at full pace."""
 JOINTS = (0, 6)
 
 
@@ -37,7 +37,7 @@ class Reporting(Protocol):
 
     @property
     def last_stop(self) -> StopReport | None:
-        """None: it came to its end."""
+        """How the last motion stopped; None: it came to its end."""
 
 
 def swing(q_rad: Array, cell: Workcell) -> JointPath:
@@ -57,7 +57,7 @@ def swing(q_rad: Array, cell: Workcell) -> JointPath:
 
 
 def _swings(q_rad: Array) -> Iterator[JointPath]:
-    """To one side, to the other and back, at rest at every turn."""
+    """The swings to one side, to the other and back, at rest at every turn."""
     u = np.arange(1, round(1000 * SWING_S) + 1) / round(1000 * SWING_S)
     step = u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
     v = np.arange(1, 2 * len(u) + 1) / (2 * len(u))

@@ -37,7 +37,7 @@ from sim.adaptation import methods
 from sim.errors import SimError
 
 CHECKS: dict[str, DoctorCheck] = {}
-"""Its checks by their names, in the order of the screen."""
+"""The checks of the computer by their names, in the order of the screen."""
 
 check = partial(add_check, CHECKS)
 

@@ -117,24 +117,24 @@ PROGRAM, MACHINE, DEVICES, TASK = "program", "machine", "devices", "task"
 
 
 def real(lab: Examined) -> str:
-    """Only for an arm that this program moves."""
+    """The check is only for an arm that this program moves."""
     if lab.config.is_own:
         return "your robot belongs to your code"
     return "hw = fake needs none" if lab.config.is_simulated else ""
 
 
 def described(lab: Examined) -> str:
-    """Only with a rig file: of a real arm, or of a setup that is practised."""
+    """The check needs a rig file: of a real arm, or of a setup that is practised."""
     return "" if practised(lab.config) else with_rig(lab)
 
 
 def with_rig(lab: Examined) -> str:
-    """Only with a readable rig file."""
+    """The check needs a readable rig file."""
     return real(lab) or ("" if lab.works("rig file") else "without a rig file the devices are unknown")
 
 
 def after(name: str) -> When:
-    """Only if another check found nothing missing."""
+    """The check is made only if another one found nothing missing."""
     return lambda lab: with_rig(lab) or ("" if lab.works(name) else f"see {name}")
 
 

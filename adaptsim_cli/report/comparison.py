@@ -55,7 +55,7 @@ class ComparedSession:
 
     @property
     def title(self) -> str:
-        """Its identification among the compared sessions."""
+        """The name of the session among the compared ones."""
         return f"{self.facts.method}, {self.place}, seed {self.facts.seed}"
 
     @property

@@ -77,7 +77,7 @@ def render(rows: Sequence[IndexedSession], left_out: Sequence[str] = ()) -> str:
 
 
 def grouped(rows: Sequence[IndexedSession]) -> tuple[IndexedGroup, ...]:
-    """By task, place and method, in the order of their names."""
+    """The sessions by task, place and method, in the order of their names."""
     groups: dict[tuple[str, str, str], list[IndexedSession]] = {}
     for row in rows:
         facts = row.session.facts

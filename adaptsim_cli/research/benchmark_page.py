@@ -170,7 +170,7 @@ def signed_tick(value: float) -> str:
 
 
 def between(interval: Interval | None) -> str:
-    """Both ends of an interval; empty if unknown, `–` without a width, as of a single session."""
+    """The two ends of an interval; empty if unknown, `–` without a width, as for a single session."""
     return "" if interval is None else views.between(*interval, ".3f")
 
 

@@ -99,7 +99,7 @@ class InLab:
 
 
 def run_in_lab(job: Job) -> BenchmarkRow:
-    """As `run_job`, but with the session's trials in the lab.
+    """Run a job as `run_job` does, with the session's trials in the lab.
 
     UDR and the upper bounds run outside: they need no trials, or too many.
     """

@@ -301,7 +301,7 @@ def error(message: str) -> None:
 
 
 def ended(message: str) -> None:
-    """As `error`, for a command that a person ended, which is not an error."""
+    """Print a message as `error` does, for a command that a person ended, which is not an error."""
     _last_words("", "", message[:1].upper() + message[1:])
 
 

@@ -14,7 +14,7 @@ from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import enter, stop
 from hw.errors import ArmFault, DeviceUnavailable
-from hw.ports import Arm, AroundArm
+from hw.ports import Arm, ArmWrapper
 from hw.types import ArmState, Execution, JointPath
 
 REST_RAD_S = 0.003
@@ -28,7 +28,7 @@ class NotAtRest(Exception):
     """The arm does not come to rest, or a person still guides it. The message gives the reason."""
 
 
-class GuidedArm(AroundArm[Arm]):
+class GuidedArm(ArmWrapper[Arm]):
     """`hw.ports.Arm` while a person guides it: a lost connection is a question, not the end of the command."""
 
     def __init__(self, arm: Arm, screen: Screen, assurance: str) -> None:

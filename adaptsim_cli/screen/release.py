@@ -51,7 +51,7 @@ class Release:
     each: Each = "motion"
     first: Callable[[], None] = lambda: None  # what is asked once, before anything else
     completed: Callable[[], None] = lambda: None
-    """To be called when the task's own motion, or a whole series, came to its end: the way there or home is not it."""
+    """Call it when the task's own motion, or a whole series, came to its end: the way there or home does not count."""
     _left: float = field(default=0, init=False)  # motions that may begin without another question
     _run: tuple[str, str] | None = field(default=None, init=False)
     _watched: bool = field(default=False, init=False)  # a motion of the run was watched

@@ -82,7 +82,7 @@ NO_INTERVAL = "–"
 
 
 def between(low: float, high: float, form: str = ".2f") -> str:
-    """Both ends of an interval, `0.68 to 0.96`; `NO_INTERVAL` if they would read alike."""
+    """The two ends of an interval, `0.68 to 0.96`; `NO_INTERVAL` if they would read alike."""
     ends = [f"{end:{form}}".replace("-", "−") for end in (low, high)]
     return NO_INTERVAL if ends[0] == ends[1] else " to ".join(ends)
 
@@ -166,7 +166,7 @@ def badge(hw: str, hardware: str) -> Text:
 
 
 def mark(hw: str) -> Text:
-    """Only the short badge, for narrow places."""
+    """The short badge alone, for narrow places."""
     if hw == RECORDED:
         return Text(" RECORDED ", "black on yellow")
     if is_own(hw):

@@ -320,7 +320,7 @@ class ResultRecord(Record):
     changes: int = 0
     """The number of amended outcomes and restored attempts, up to this iteration, that the result includes."""
     amended: tuple[str, ...] = ()
-    """Those of them that no earlier result included, one sentence each."""
+    """The amendments that no earlier result included, one sentence each."""
 
     @property
     def keys(self) -> tuple[TrialKey, ...]:

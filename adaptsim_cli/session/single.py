@@ -56,7 +56,7 @@ def typed(task: Task, chosen: Chosen) -> tuple[Array, Array]:
 
 
 def drawn(task: Task, seed: tuple[int, int], count: int) -> list[list[str]]:
-    """So many random contexts as name=value; the same seed draws the same ones."""
+    """Random contexts as name=value; the same seed draws the same ones."""
     rows = task.context.sample(np.random.default_rng(seed), count)
     return [[f"{name}={float(v)!r}" for name, v in zip(task.context.names, row, strict=True)] for row in rows]
 

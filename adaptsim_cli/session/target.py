@@ -115,12 +115,12 @@ class Tracker:
     outcomes: tuple[Outcome, ...]
     """The outcomes that an operator may choose between."""
     at_home: Callable[[ObjectTrack, Any, Frame, Frame, CameraModel, Array], ObjectTrack] = lambda track, *_: track
-    lies_at_home: Callable[[ObjectTrack, Any, Frame, Frame, CameraModel, Array], ObjectTrack | None] = lambda *_: None
-    """As `at_home`, for an end that was hidden: the track with its outcome, or None if the picture does not show it."""
     """(track, detection, picture before, picture after, model, X_BC) -> the track, with the outcome as the arm is home.
 
     For a task that carries its object.
     """
+    lies_at_home: Callable[[ObjectTrack, Any, Frame, Frame, CameraModel, Array], ObjectTrack | None] = lambda *_: None
+    """As `at_home`, for a hidden end -> the track with its outcome; None: the picture does not show it."""
 
 
 @dataclass(frozen=True)

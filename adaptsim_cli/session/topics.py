@@ -190,7 +190,7 @@ X_FH[:3, :3] = Rotation.from_euler("z", -np.pi / 4).as_matrix()
 
 
 def cameras(model: CameraModel, t_ns: int) -> Iterator[Message]:
-    """Both cameras' intrinsics, once."""
+    """The intrinsics of both cameras, once."""
     yield t_ns, COLOUR_INFO, camera_info(t_ns, "camera_colour", model.colour)
     yield t_ns, DEPTH_INFO, camera_info(t_ns, "camera_depth", model.depth)
 

@@ -127,7 +127,7 @@ class Answers:
 
 
 def numbers(text: str, count: int) -> list[float]:
-    """So many numbers, with blanks or commas between them. Raises UsageError."""
+    """The `count` numbers of a text, with blanks or commas between them. Raises UsageError."""
     try:
         values = [float(word) for word in text.replace(",", " ").split()]
     except ValueError:

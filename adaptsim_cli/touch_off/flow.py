@@ -170,7 +170,7 @@ def stored(
 
 
 def _touch_all(rig: TouchRig, bench: HeldTool, probes: Sequence[Probe], table: Table, screen: Screen) -> list[Touched]:
-    """At each place: down until it touches, then again slowly. The result of one place helps to find the next."""
+    """Touch at each place: down to the table, then again slowly. The result of one place helps to find the next."""
     touches: list[Touched] = []
     lower_m = 0.0  # by how much the last place was lower than expected
     for number, probe in enumerate(probes):
@@ -234,7 +234,7 @@ def _slowly(rig: TouchRig, bench: HeldTool, probe: Probe, here: Array, found_m: 
 
 
 def _last_slow(found_m: float, beyond_m: float) -> tuple[Stage, Stage]:
-    """From `ABOVE_M` fast to shortly before the found height, then slowly to `beyond_m` below it."""
+    """The motion from `ABOVE_M` fast to shortly before the found height, then slowly to `beyond_m` below it."""
     return Stage(ABOVE_M - found_m - BEFORE_M, FAST_M_S), Stage(BEFORE_M + beyond_m, SLOW_M_S)
 
 

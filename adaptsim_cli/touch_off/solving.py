@@ -29,7 +29,7 @@ MISFIT_M = 0.0010
 UNCERTAIN_M, UNCERTAIN_RAD = 0.0015, 0.035
 """Largest acceptable half widths of the intervals. A pitch that is off by 2° hardly changes what a scoop earns."""
 MOST_PITCH_RAD, MOST_ROLL_RAD, MOST_HEIGHT_M = 0.075, 0.05, 0.015
-"""With larger deviations another corner would have touched, or the tool is a different one."""
+"""Limits of the deviations: beyond them another corner would have touched, or the tool is a different one."""
 
 
 @dataclass(frozen=True, eq=False)

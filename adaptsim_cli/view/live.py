@@ -276,7 +276,7 @@ def _parameters(
 
 
 def _marginals(space: Space, posterior: Posterior) -> list[list[float]]:
-    """For each parameter, the probability of each of `BINS` parts of its range; values beyond count at the ends."""
+    """The probability of each of `BINS` parts of every parameter's range; values beyond count at the ends."""
     unit = np.clip(space.normalise(posterior.samples), 0.0, 1.0 - 1e-9)
     return [
         _rounded(np.bincount((BINS * column).astype(int), weights=posterior.weights, minlength=BINS), 5)

@@ -19,7 +19,7 @@ from adaptsim_cli.errors import UsageError
 HOST = "127.0.0.1"
 PORT = 8765
 KEEP_ALIVE_S = 5.0
-"""After this time without news a comment is sent, to notice a closed page."""
+"""Time without news after which a comment is sent, to notice a closed page."""
 
 _POLICY = (
     "default-src 'none'; img-src 'self' data:; connect-src 'self'; "

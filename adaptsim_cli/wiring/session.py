@@ -161,7 +161,7 @@ def _learner(
 
 
 def _provenance(checkpoint: Checkpoint, prior: str, world_sha256: str) -> Provenance:
-    """Without a calibration."""
+    """The provenance of parts without a calibration."""
     task, folder = checkpoint.solver.task.name, checkpoint.path.absolute()
     return Provenance(
         checkpoint=f"{task}/{folder.name}",

@@ -29,7 +29,7 @@ _WORLD = "world "
 
 
 def load(flags: Mapping[str, Any]) -> Resolved:
-    """As `config.load`; the world decides the task if its name comes from closer to the command line than the task's.
+    """Load the settings; the world decides the task if its name comes from closer to the command line.
 
     Raises UsageError, also if several tasks have a world of that name and the settings name none of these tasks,
     UnknownName or WorldError for a world that no task has.
@@ -261,6 +261,6 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
 
 
 def _choosing_among(checkpoint: Checkpoint, trials: RecordedTrials) -> Checkpoint:
-    from sim.solvers.candidates import among
+    from sim.solvers.candidates import with_listed_actions
 
-    return replace(checkpoint, solver=among(checkpoint.solver, trials.actions))
+    return replace(checkpoint, solver=with_listed_actions(checkpoint.solver, trials.actions))

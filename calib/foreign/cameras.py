@@ -38,7 +38,7 @@ class CameraViews:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class CameraSolution:
     """One camera, solved alone and together."""
 
     name: str
@@ -58,10 +58,10 @@ class Placed:
 
 
 @dataclass(frozen=True, eq=False)
-class Together:
+class JointSolution:
     """The result for all cameras."""
 
-    cameras: tuple[Placed, ...]
+    cameras: tuple[CameraSolution, ...]
     X_FM: Array  # (4, 4) the target in the flange
     target: str  # in words, with the estimated size
     size_sigma: float  # standard deviation, as a share
@@ -75,7 +75,7 @@ class Together:
 
 
 @determined()
-def solve_together(cameras: Sequence[CameraViews]) -> Together:
+def solve_together(cameras: Sequence[CameraViews]) -> JointSolution:
     """Solve each camera, then all together, by the same estimator.
 
     Views of the same name show the same posture. Raises UnusableViews or a subclass.
@@ -95,7 +95,7 @@ def solve_together(cameras: Sequence[CameraViews]) -> Together:
     )
     sigma = float(np.sqrt(jackknife(joint.fit)[-1, -1])) if scale else 0.0
     size = target.scaled(joint.fit.state.scale).name
-    return Together(placed, joint.fit.state.X_HM, size, sigma, joint.folds.rms_px, joint.choice)
+    return JointSolution(placed, joint.fit.state.X_HM, size, sigma, joint.folds.rms_px, joint.choice)
 
 
 def _data(cameras: Sequence[CameraViews], alone: Sequence[Solution]) -> tuple[Data, Unknowns]:
@@ -117,12 +117,12 @@ def _data(cameras: Sequence[CameraViews], alone: Sequence[Solution]) -> tuple[Da
 
 def _placed(
     k: int, camera: CameraViews, alone: Solution, setup: Setup, data: Data, joint: BestFit, fit_px: Array
-) -> Placed:
+) -> CameraSolution:
     rows = data.moved.camera == k
     held = joint.folds.px[rows[joint.folds.rows]]
     X, own_uncertainty = joint.fit.state.X_AC[k], uncertainty(joint.fit, data.moved, setup, joint.joints, k)
     figures = {"fit_px": rms(fit_px[rows]), "held_out_px": rms(held), "worst_95_mm": own_uncertainty.worst_95_mm}
-    return Placed(
+    return CameraSolution(
         name=camera.name,
         X_BC=X,
         used=alone.used,

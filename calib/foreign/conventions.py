@@ -15,7 +15,7 @@ import numpy as np
 from calib.closed_form import robust_start, size_by_motion
 from calib.condense import condense
 from calib.errors import UnusableViews
-from calib.foreign.labelling import told_apart
+from calib.foreign.labelling import resolve_symmetry
 from calib.foreign.sizing import roughly_sized
 from calib.geometry import difference
 from calib.pose_records import EULER, Convention, PoseKeys, PosesRecord
@@ -100,7 +100,7 @@ def _misfit_px(
     X_BF = motion(poses, how, forward)
     views = [View(name, corners, X_BF=X) for (name, corners), X in zip(named_corners, X_BF, strict=True)]
     try:
-        views = list(told_apart(views, setup, None))
+        views = list(resolve_symmetry(views, setup, None))
         solution = solve(views, roughly_sized(views, setup, None), None)
     except UnusableViews:
         return float("inf")

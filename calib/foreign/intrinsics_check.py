@@ -13,7 +13,7 @@ import numpy as np
 
 from calib.bundle import motion_of
 from calib.errors import determined
-from calib.foreign.pixels import Adjusted, PixelUnknowns, adjust, held_out_px, jackknife, looks
+from calib.foreign.pixels import Adjusted, PixelUnknowns, adjust, held_out_px, jackknife, observations
 from calib.foreign.sizing import solve_any_size
 from calib.geometry import difference, rms
 from calib.projection import LENS, with_lens
@@ -37,7 +37,7 @@ _ALIKE = 0.06
 
 @dataclass(frozen=True, eq=False)
 class IntrinsicsCheck:
-    """Both fits."""
+    """The fits with stated and with estimated intrinsics."""
 
     stated_px: float  # held out: each view predicted without it, with the stated intrinsics
     refined_px: float  # the same with focal length, centre and distortion free
@@ -83,7 +83,7 @@ def trial(views: Sequence[View], setup: Setup, solution: Solution, forward: Forw
         return None
     moved = motion_of(used, setup.mounting, forward)
     X_AH = moved.X_AH(solution.offsets_rad(moved.joints))
-    of = looks([v.corners for v in used], X_AH, setup.board, setup.colour)
+    of = observations([v.corners for v in used], X_AH, setup.board, setup.colour)
     start = PixelUnknowns(solution.X_AC[None], solution.X_HM[None], 1.0, np.zeros((1, LENS)))
     noise = max(solution.fit_px / np.sqrt(2.0), 0.02)
     scale = not setup.size_known

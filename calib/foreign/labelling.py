@@ -22,7 +22,7 @@ from perception.board.types import CalibrationTarget, Corners
 _ROUNDS = 20
 
 
-def told_apart(views: Sequence[View], setup: Setup, forward: Forward | None) -> tuple[View, ...]:
+def resolve_symmetry(views: Sequence[View], setup: Setup, forward: Forward | None) -> tuple[View, ...]:
     """The views with consistent numbers of their points: those of the view that agrees with most others."""
     usable = [view for view in views if not unusable(view.corners, setup.board, setup.colour)]
     if not setup.board.turns or len(usable) < 3:

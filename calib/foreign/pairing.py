@@ -14,8 +14,8 @@ import numpy as np
 
 from calib.bundle import motion_of
 from calib.errors import UnusableViews, determined
-from calib.foreign.labelling import renumbered, told_apart
-from calib.foreign.pixels import Looks, PixelUnknowns, adjust, looks, poses, rms_px
+from calib.foreign.labelling import renumbered, resolve_symmetry
+from calib.foreign.pixels import Observations, PixelUnknowns, adjust, observations, poses, rms_px
 from calib.foreign.sizing import solve_any_size
 from calib.geometry import angle_deg, distance_mm, move
 from calib.projection import LENS
@@ -88,7 +88,7 @@ def _tried(
         return faults
     pairs = [(fault.views[0], fault.views[1]) for fault in swaps]
     try:
-        other, _ = solve_any_size(told_apart(exchanged(views, pairs), setup, forward), setup, forward)
+        other, _ = solve_any_size(resolve_symmetry(exchanged(views, pairs), setup, forward), setup, forward)
     except UnusableViews as error:
         return tuple(_untold(fault, f"so exchanged, the views cannot be solved ({error})") for fault in faults)
     if solution is None:
@@ -151,7 +151,7 @@ class _Crossed:
     """Every picture under every pose."""
 
     views: Sequence[View]
-    looks: Looks
+    observations: Observations
     place: PixelUnknowns
     px: Array  # (N, N) error of picture i with the pose of view j
     bad: tuple[int, ...]
@@ -170,7 +170,7 @@ class _Crossed:
             if i == 0:
                 continue
             name, before = self.views[i].name, self.views[i - 1].name
-            X, X_before = self.looks.X_AH[i], self.looks.X_AH[i - 1]
+            X, X_before = self.observations.X_AH[i], self.observations.X_AH[i - 1]
             if distance_mm(X, X_before) < _SAME_MM and angle_deg(X, X_before) < _SAME_DEG:
                 message = (
                     f"the pose of view {name} repeats that of {before} although the picture has changed: the joints "
@@ -183,8 +183,8 @@ class _Crossed:
         return tuple(faults)
 
     def _same_picture(self, i: int, j: int) -> bool:
-        both = self.looks.present[i] & self.looks.present[j]
-        apart = np.linalg.norm(self.looks.px[i] - self.looks.px[j], axis=-1)[both]
+        both = self.observations.present[i] & self.observations.present[j]
+        apart = np.linalg.norm(self.observations.px[i] - self.observations.px[j], axis=-1)[both]
         return len(apart) > 0 and float(np.median(apart)) < 3.0 * self.noise_px and self.fits(i, j)
 
     def exchanged(self, rows: Sequence[int]) -> tuple[Fault, ...]:
@@ -204,7 +204,7 @@ class _Crossed:
         )
 
     def shifted_tail(self, rows: Sequence[int]) -> tuple[Fault, ...]:
-        """From one view to the end, every picture fits the pose of a neighbour: a picture was lost or taken twice."""
+        """A lost picture, or one taken twice: from one view to the end every picture fits the pose of a neighbour."""
         n = len(self.views)
         if len(rows) < MIN_SEGMENT - 1 or list(rows) != list(range(rows[0], rows[-1] + 1)) or rows[-1] < n - 2:
             return ()
@@ -228,14 +228,14 @@ class _Crossed:
         twice = np.stack([np.zeros(6), _TWIST])
         one = self.place
         slipped = adjust(
-            replace(self.looks, mounting=later),
+            replace(self.observations, mounting=later),
             replace(one, X_HM=move(np.repeat(one.X_HM, 2, axis=0), twice)),
             self.noise_px,
             scale=self.scale,
             lens=False,
         )
         moved = adjust(
-            replace(self.looks, cameras=self.looks.cameras * 2, camera=later),
+            replace(self.observations, cameras=self.observations.cameras * 2, camera=later),
             replace(one, X_AC=move(np.repeat(one.X_AC, 2, axis=0), twice), lens=np.zeros((2, LENS))),
             self.noise_px,
             scale=self.scale,
@@ -267,7 +267,7 @@ def _crossed(views: Sequence[View], solution: Solution, setup: Setup, forward: F
     X_AH = moved.X_AH(solution.offsets_rad(moved.joints))
     readings = [renumbered(view.corners, setup.board) for view in views]
     numbered = [
-        looks([reading[k] for reading in readings], X_AH, setup.board, setup.colour)
+        observations([reading[k] for reading in readings], X_AH, setup.board, setup.colour)
         for k in range(1 + len(setup.board.turns))
     ]
     of = numbered[0]

@@ -29,7 +29,7 @@ Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Looks:
+class Observations:
     """N pictures of one target."""
 
     cameras: tuple[Intrinsics, ...]  # C
@@ -40,8 +40,8 @@ class Looks:
     px: Array  # (N, K, 2)
     present: NDArray[np.bool_]  # (N, K) False where padded
 
-    def take(self, rows: NDArray[np.bool_] | Index) -> Looks:
-        """Some of the pictures."""
+    def take(self, rows: NDArray[np.bool_] | Index) -> Observations:
+        """The chosen pictures."""
         names = ("camera", "mounting", "X_AH", "p_M_m", "px", "present")
         return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
@@ -73,26 +73,28 @@ class Adjusted:
         return float(np.sqrt(np.mean(self.rms_px**2)))
 
 
-def looks(corners: Sequence[Corners], X_AH: Array, target: CalibrationTarget, camera: Intrinsics) -> Looks:
+def observations(
+    corners: Sequence[Corners], X_AH: Array, target: CalibrationTarget, camera: Intrinsics
+) -> Observations:
     """Collect pictures of one camera, one per entry: corners, and pose of the holder (N, 4, 4)."""
     p, px, mask = padded(corners, target)
     none = np.zeros(len(corners), dtype=np.int64)
-    return Looks((camera,), none, none, X_AH, p, px, mask > 0)
+    return Observations((camera,), none, none, X_AH, p, px, mask > 0)
 
 
-def poses(place: PixelUnknowns, of: Looks) -> Array:
+def poses(place: PixelUnknowns, of: Observations) -> Array:
     """(N, 4, 4) X_CM of the target enlarged by `place.scale`."""
     return np.asarray(inverse(place.X_AC)[of.camera] @ of.X_AH @ place.X_HM[of.mounting])
 
 
-def rms_px(place: PixelUnknowns, of: Looks) -> Array:
+def rms_px(place: PixelUnknowns, of: Observations) -> Array:
     """(N,) root mean square distance of the corners, by picture."""
     off, _ = _linearised(place, of, lens=False)
     squares = np.sum(off**2, axis=-1) * of.present
     return np.asarray(np.sqrt(squares.sum(axis=1) / of.present.sum(axis=1)))
 
 
-def adjust(of: Looks, start: PixelUnknowns, noise_px: float, *, scale: bool, lens: bool) -> Adjusted:
+def adjust(of: Observations, start: PixelUnknowns, noise_px: float, *, scale: bool, lens: bool) -> Adjusted:
     """Least squares with a robust loss from `start`; `scale` and `lens` are free only on request."""
     C, H = len(start.X_AC), len(start.X_HM)
     free = np.ones(6 * C + 6 * H + 1 + LENS * C, dtype=bool)
@@ -151,7 +153,7 @@ def jackknife(fit: Adjusted) -> Array:
     return np.asarray((n - 1) / n * steps.T @ steps)
 
 
-def held_out_px(of: Looks, full: Adjusted, folds: int, *, scale: bool, lens: bool) -> Array:
+def held_out_px(of: Observations, full: Adjusted, folds: int, *, scale: bool, lens: bool) -> Array:
     """(N,) error in px of each picture, predicted by a fit without its fold; N is at least `folds`."""
     order = np.arange(len(of.px)) % folds
     out = np.zeros(len(of.px))
@@ -172,7 +174,7 @@ def _stepped(place: PixelUnknowns, x: Array, active: Index) -> PixelUnknowns:
     return PixelUnknowns(move(place.X_AC, a), move(place.X_HM, h), scale, place.lens + lens)
 
 
-def _linearised(place: PixelUnknowns, of: Looks, *, lens: bool) -> tuple[Array, Array]:
+def _linearised(place: PixelUnknowns, of: Observations, *, lens: bool) -> tuple[Array, Array]:
     """Predicted minus seen (N, K, 2), and its derivative (N, K, 2, all parameters)."""
     C, H = len(place.X_AC), len(place.X_HM)
     N, K = of.px.shape[:2]

@@ -111,7 +111,7 @@ def decode_jpeg(jpeg: bytes) -> NDArray[np.uint8]:
 
 
 MOST_MISSES = 4
-"""After this many waits of half a second without a complete image, the camera counts as gone."""
+"""Waits of half a second without a complete image, after which the camera counts as gone."""
 LONGEST_S = 60.0
 """The longest recording, in images: about 2 GB in memory."""
 

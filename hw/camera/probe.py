@@ -60,7 +60,7 @@ class ProbeReport:
             raise DeviceUnavailable(f"{self.error}. {self.fix}")
 
     def as_json(self) -> dict[str, Any]:
-        """Its fields, for JSON."""
+        """The fields of the report, for JSON."""
         return asdict(self)
 
 

@@ -108,7 +108,7 @@ class CameraProcess:
         return self._film
 
     def facts(self) -> dict[str, Any]:
-        """For a session's record: which camera, its settings, the quality of its last recording. Asks no device."""
+        """Facts for a session's record: the camera, its settings, the quality of its last recording. Asks no device."""
         return self._facts | ({"ended": self._ended} if self._ended else {})
 
     def snapshot(self) -> Frame:

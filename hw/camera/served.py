@@ -142,7 +142,7 @@ class LiveCamera:
         return self._running.newest()
 
     def facts(self, film: CameraRecording | None = None) -> dict[str, Any]:
-        """For a session's record: which camera, its settings, and the quality of its last recording."""
+        """Facts for a session's record: the camera, its settings, and the quality of its last recording."""
         if film is None:
             return self._facts | {"recording": None}
         last = {

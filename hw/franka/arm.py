@@ -219,7 +219,7 @@ class FrankaArm:
         self._weighed = True
 
     def _way_back(self, played: Played, path: JointPath, check: PathCheck) -> PlayableMotion:
-        """From the end of a guarded motion back to its start.
+        """Move from the end of a guarded motion back to its start.
 
         Raises ArmFault and StoppedByPedal: the arm stays where it is.
         """

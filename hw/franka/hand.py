@@ -53,7 +53,7 @@ class Stopped:
 
 
 Answer = HandState | HandError | DeviceUnavailable | Stopped
-"""To every call; HandError: it was not carried out, DeviceUnavailable: the hand is lost."""
+"""Answer to every call; HandError: it was not carried out, DeviceUnavailable: the hand is lost."""
 
 
 class FrankaHand:

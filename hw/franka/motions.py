@@ -24,7 +24,7 @@ from hw.workcell import Workcell, check_guarded, require_guarded, withdrawal
 
 FADE_S = 0.5
 SLOW_FADE_S = 2.0
-"""For guarded motions: their speed is limited too."""
+"""Fade of guarded motions, whose speed is limited too."""
 SAME_RAD = 1e-6
 """States come in single precision, so the held joints may differ by this much from the last command."""
 
@@ -177,7 +177,7 @@ def contact_of(played: Played, path: JointPath) -> Contact | None:
 def way_back(
     played: Played, path: JointPath, q_held_rad: Array, limits: MotionLimits, check: PathCheck
 ) -> PlayableMotion:
-    """From the end of a motion along `path` back to its start, the way it came, begun at the held joints (7,).
+    """The path from the end of a motion along `path` back to its start, the way it came, begun at the held joints (7,).
 
     Cycles lost on the way there are filled in. Raises MotionRefused.
     """

@@ -81,7 +81,7 @@ def _driven(driver: connection.Connection, playback: Playback) -> tuple[Failure 
 
 
 def wait_for_rest(driver: connection.Connection) -> list[Reading]:
-    """After the arm stopped by itself: read at 1 kHz until it stands still or does not answer."""
+    """Read at 1 kHz after the arm stopped by itself, until it stands still or does not answer."""
     still, readings = 0, list[Reading]()
     with suppress(Failure):
         for _ in range(REST_READINGS):

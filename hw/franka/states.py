@@ -15,13 +15,13 @@ from hw.franka import reflexes
 from hw.franka.driver import LOST, Failure, SdkState, error_names, mode_name
 
 UNREAD_S = 0.02
-"""After a shorter pause (computer's clock) the socket cannot be full: the state that comes next is the newest."""
+"""Longest pause (computer's clock) after which the socket cannot be full: the state that comes next is the newest."""
 
 WAITED_SHARE = 0.3
 """A state was waited for if it took at least this share of the time by which it is newer than the one before."""
 
 WAITED_FOR = 3
-"""So many states in a row that were waited for: the socket is empty. A computer that stalls imitates one of them."""
+"""States waited for in a row, after which the socket is empty. A computer that stalls imitates one of them."""
 
 MOST_STATES = 2000
 UNWATCHED_S = 0.2

@@ -24,7 +24,7 @@ _LOST = (OSError, serial.SerialException, termios.error)
 HEAVIEST_KG = 50.0
 """More than any object of a trial weighs."""
 EMPTY_KG = 0.005
-"""So far below 0 an empty pan may drift after it was tared."""
+"""Drift of an empty pan below 0 after it was tared."""
 AGREES_KG = 5e-6
 """Two stable answers differ by less than this, a few digits of a good balance, or by `AGREES_SHARE`."""
 AGREES_SHARE = 2e-4

@@ -55,7 +55,7 @@ class Chessboard:
 
     @property
     def least(self) -> int:
-        """Always all of them."""
+        """All corners: a part of the pattern is not enough."""
         return self.corners
 
     @property
@@ -65,7 +65,7 @@ class Chessboard:
 
     @property
     def name(self) -> str:
-        """In words."""
+        """The target in words."""
         return f"chessboard of {self.squares_across} x {self.squares_down} squares of {1e3 * self.square_m:.4g} mm"
 
     def scaled(self, factor: float) -> Chessboard:
@@ -106,7 +106,7 @@ class Circles:
 
     @property
     def least(self) -> int:
-        """Always all of them."""
+        """All corners: a part of the pattern is not enough."""
         return self.corners
 
     @property
@@ -118,7 +118,7 @@ class Circles:
 
     @property
     def name(self) -> str:
-        """In words."""
+        """The target in words."""
         rows = "staggered rows" if self.staggered else "rows"
         return f"{self.across} x {self.down} circles in {rows}, {1e3 * self.spacing_m:.4g} mm apart"
 
@@ -180,7 +180,7 @@ class Markers:
 
     @property
     def name(self) -> str:
-        """In words."""
+        """The target in words."""
         size = f"{1e3 * self.spacing_m:.4g} mm ({self.dictionary}"
         if len(self.ids) == 1:
             return f"marker {self.ids[0]} of {size})"
@@ -228,7 +228,7 @@ class Points:
 
     @property
     def name(self) -> str:
-        """In words."""
+        """The target in words."""
         return f"set of {self.corners} points, the nearest two {1e3 * self.spacing_m:.4g} mm apart"
 
     def scaled(self, factor: float) -> Points:

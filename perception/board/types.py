@@ -51,7 +51,7 @@ class CalibrationTarget(Protocol):
 
     @property
     def name(self) -> str:
-        """In words, with its size."""
+        """The board in words, with its size."""
 
     def scaled(self, factor: float) -> Self:
         """The same, larger by `factor`."""
@@ -124,7 +124,7 @@ class Board:
 
     @property
     def name(self) -> str:
-        """In words."""
+        """The board in words."""
         pattern = ", legacy pattern" if self.legacy else ""
         return (
             f"ChArUco board of {self.squares_across} x {self.squares_down} squares of {1e3 * self.square_m:.4g} mm"

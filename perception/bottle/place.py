@@ -50,7 +50,7 @@ class BottleFix:
 
     @property
     def tilt_deg(self) -> float:
-        """From upright."""
+        """The angle from upright."""
         return float(np.rad2deg(tilt_rad(self.X_BO)))
 
     @property

@@ -52,7 +52,7 @@ class Proxy:
         return self._hit(X_BO, view, directions, np.array(self.half_m) * inflate)[0]
 
     def front(self, X_BO: Array, view: ImageRegion, directions: Array32) -> tuple[Array, Array]:
-        """As `depth`, with the normals (n, 3) there: unit vectors in the base frame, towards the camera."""
+        """Depth as in `depth`, and normals (n, 3): unit vectors in the base frame, towards the camera."""
         half = np.array(self.half_m)
         depth, normals = self._hit(X_BO, view, directions, half)
         normal = normals() / half

@@ -56,7 +56,7 @@ class Trial:
 
     @property
     def key(self) -> bytes:
-        """The same for the same trial."""
+        """Digest that is the same for the same trial."""
         return b"".join(part.tobytes() for part in (self.context, self.action, self.observation))
 
 

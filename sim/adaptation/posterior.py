@@ -30,7 +30,7 @@ RESOLVED = 24.0
 """Least effective number of samples behind a posterior."""
 
 LEAST_EFFECTIVE = 10.0
-"""With fewer effective samples there is no interval: a grid of fewer vectors than `RESOLVED` cannot be tempered."""
+"""Least number of effective samples for an interval: a grid of fewer vectors than `RESOLVED` cannot be tempered."""
 
 COLLAPSED = "collapsed onto one sample: not an interval"
 """In place of an interval."""
@@ -181,7 +181,7 @@ def _tempered(log: Array, groups: NDArray[np.intp]) -> Array:
 
 
 def _quantiles(values: Array, weights: Array, levels: Sequence[float]) -> Array:
-    """For each level, the smallest of the sorted values up to which that share of the weight lies."""
+    """The smallest of the sorted values up to which a share of the weight lies, for each level."""
     reached = np.cumsum(weights)
     at = np.searchsorted(reached, np.asarray(levels) * reached[-1] - 1e-12)
     return np.asarray(values[np.minimum(at, len(values) - 1)])

@@ -55,7 +55,7 @@ class PredictionQuality:
 
 
 def prediction_quality(predicted: Array, observed: Array, latest: int = 1) -> PredictionQuality | None:
-    """For predicted and observed rewards (N,), the `latest` of them of the latest iteration.
+    """The quality for predicted and observed rewards (N,), the `latest` of them of the latest iteration.
 
     Trials without a prediction (nan) do not count. None below two.
     """

@@ -23,7 +23,7 @@ from hw.types import Array, frozen_array
 from sim.adaptation.method import Trial
 from sim.adaptation.reward_table import RewardTable
 from sim.rollouts.draws import Disturbances, cover, sobol, varies
-from sim.solvers.candidates import Among, CandidatePolicy, Outcomes, first_executable
+from sim.solvers.candidates import CandidatePolicy, ListedActionSolver, Outcomes, first_executable
 from sim.solvers.misfit import log_likelihood, observed_share, squares
 from sim.solvers.solver import Executable, Solver
 from sim.tasks.task import Task
@@ -55,7 +55,7 @@ class DiscrepancyScale:
     local: float  # varies over `LENGTH`
 
     def times(self, factor: float) -> DiscrepancyScale:
-        """Both, multiplied."""
+        """The two scales, multiplied."""
         return DiscrepancyScale(self.level * factor, self.local * factor)
 
     def kernel(self, a: Array, b: Array) -> Array:
@@ -120,7 +120,7 @@ END = DiscrepancyScale(level=0.1, local=0.15)
 """Prior scale of the discrepancy in the end state, in standard deviations of the end states in the ranges."""
 
 FACTORS, FACTORS_STD = (0.5, 1.0, 2.0, 4.0), 1.0
-"""Both scales are multiplied by a factor fitted to the trials; this is the prior standard deviation of its logarithm.
+"""Factors of the two scales are fitted to the trials; the second is the prior standard deviation of their logarithms.
 """
 
 LEAST_UNIT = 0.1
@@ -163,7 +163,7 @@ class Simulators:
     @property
     def refines(self) -> bool:
         """Whether there are other actions around a candidate."""
-        return self.task.exact is None and not isinstance(self.solver, Among)
+        return self.task.exact is None and not isinstance(self.solver, ListedActionSolver)
 
     @cached_property
     def disturbances(self) -> Disturbances:
@@ -187,7 +187,7 @@ class Simulators:
         task, the best ones for `parameters`.
         """
         task = self.task
-        if isinstance(self.solver, Among):
+        if isinstance(self.solver, ListedActionSolver):
             return self.solver.listed
         if task.exact is None:
             return cover(task.action, n, np.random.default_rng(0))
@@ -293,7 +293,7 @@ class Reality:
         return self._succeeded[:, None] - predicted.success
 
     def _off(self, predicted: _Predicted) -> list[Array]:
-        """For each end-state quantity, (successes, K): observed minus predicted."""
+        """Observed minus predicted end states, (successes, K) for each quantity."""
         shown = np.array([t.end_state for t in self.trials if t.end_state is not None]).reshape(-1, self._k)
         residuals = shown[:, None] / self.simulators.end_unit - predicted.end[self._succeeded]
         return [residuals[..., axis] for axis in range(self._k)]

@@ -41,7 +41,7 @@ class PlayableSession(Protocol):
 
     @property
     def learner(self) -> Learner:
-        """Its adapting part."""
+        """The adapting part of the session."""
 
     @property
     def policies(self) -> Policies:

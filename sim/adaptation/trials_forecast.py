@@ -25,14 +25,14 @@ class SessionShare(Record):
 
 
 class TrialsNeeded(Record):
-    """Until something happens in a session."""
+    """Trials until something happens in a session."""
 
     half: SessionShare = Field(description="at least half of the imagined sessions")
     four_of_five: SessionShare = Field(description="at least four of five of them")
 
 
 class PairsNeeded(TrialsNeeded):
-    """Until a gain over UDR is shown."""
+    """Pairs of trials until a gain over UDR is shown."""
 
     difference: float = Field(description="true gain of reward over UDR")
 

@@ -89,7 +89,7 @@ class SessionCourse:
 
     @property
     def trials(self) -> list[Trial]:
-        """Its own trials, in order; each knows its prediction."""
+        """The session's own trials, in order; each knows its prediction."""
         return [trial for iteration in self.history for entry in iteration for trial in entry.trials]
 
     @property

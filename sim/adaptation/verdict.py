@@ -9,7 +9,7 @@ from pydantic import Field
 from hw.records import Record
 
 LEAST_TRIALS = 6
-"""With fewer trials the verdict is only that there are too few, unless the method makes a forecast."""
+"""Fewest trials for a verdict: with fewer it says that there are too few, unless the method makes a forecast."""
 
 
 class Kind(StrEnum):

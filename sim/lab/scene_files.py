@@ -43,7 +43,7 @@ class PlannedTrial:
     action: Array  # (a,)
 
     def course(self) -> Course:
-        """Its drive, start and end. Raises NoHardware if the task has none."""
+        """Drive, start and end of the motion. Raises NoHardware if the task has none."""
         hardware = self.task.require_hardware()
         if hardware.course is None:
             raise NoHardware(f"the task {self.task.name} does not say how a tool alone is driven: no scene to export")

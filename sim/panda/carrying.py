@@ -30,8 +30,7 @@ _SHORTEST_S = 0.5
 
 
 def carry_path(q_from_rad: ArrayLike, q_to_rad: ArrayLike, X_FT: Array, arm: ArmModel) -> JointPath:
-    """From one posture (7,) to another (7,); the tool, at X_FT (4, 4) in the flange, moves straight and rotates
-    steadily.
+    """The path between two postures (7,); the tool, at X_FT (4, 4) in the flange, moves straight and rotates steadily.
 
     At every moment the posture is the one, among those with that tool pose, nearest to the straight line in joint
     space. Raises NotExecutable if there is none, or it comes too near to a limit.

@@ -194,7 +194,7 @@ def _postures(model: str) -> Array:
 
 
 def _neighbours(nodes: Array) -> list[dict[int, float]]:
-    """For each node its nearest neighbours, symmetric; the two ends have more neighbours."""
+    """The nearest neighbours of each node, symmetric; the two ends have more neighbours."""
     apart = np.abs((nodes[:, None] - nodes[None]) * _WEIGHTS).max(axis=-1)
     ways: list[dict[int, float]] = [{} for _ in nodes]
     for a, row in enumerate(apart):

@@ -53,7 +53,7 @@ def set_downs(feelers: Sequence[Feeler], centre_m: ArrayLike) -> tuple[SetDown, 
 
 
 TABLE = len(AROUND_M)
-"""So many set-downs measure the table."""
+"""Number of set-downs that measure the table."""
 
 
 def middle(corners: tuple[Feeler, Feeler], X_FT: Array) -> Feeler:

@@ -25,7 +25,7 @@ _Q7 = 61
 
 
 def postures(X_BF: Array, cell: Workcell, q_near_rad: ArrayLike) -> list[Array | None]:
-    """For each flange pose (N, 4, 4) the posture (7,) nearest to `q_near_rad` that keeps the clearance, else None."""
+    """The posture (7,) nearest to `q_near_rad` that keeps the clearance, or None, for each flange pose (N, 4, 4)."""
     arm, true = cell.arm, cell.in_true_joints()
     limits, near = true.arm.limits, arm.true_rad(frozen_array(q_near_rad, (7,), "q_near_rad"))
     choices: list[Array | None] = []

@@ -67,12 +67,12 @@ class Dataset:
         return columns_digest(columns | {f.name: getattr(self.rollouts, f.name) for f in fields(Rollouts)})[:16]
 
     def select(self, rows: NDArray[np.intp]) -> tuple[Requests, Rollouts]:
-        """Some of them."""
+        """The chosen rollouts."""
         return self.requests[rows], self.rollouts[rows]
 
 
 @dataclass(frozen=True)
-class Denser:
+class AdaptiveSampling:
     """The number of added rollouts, and the rule for their places."""
 
     count: int
@@ -111,7 +111,7 @@ def build_dataset(
     seed: int,
     executor: Executor,
     progress: Progress | None = None,
-    denser: Denser | None = None,
+    denser: AdaptiveSampling | None = None,
 ) -> Dataset:
     """Simulate the missing rollouts in `folder` and return all: `size`, and those of the `denser` part.
 
@@ -135,7 +135,7 @@ def build_share(
     share: Share,
     executor: Executor,
     progress: Progress | None = None,
-    denser: Denser | None = None,
+    denser: AdaptiveSampling | None = None,
 ) -> bool:
     """Simulate the missing rollouts of one share in `folder`; several processes may do so at a time.
 
@@ -156,7 +156,7 @@ def build_share(
 
 
 def _denser_shards(
-    task: Task, folder: Path, size: int, seed: int, results: Rollouts, denser: Denser
+    task: Task, folder: Path, size: int, seed: int, results: Rollouts, denser: AdaptiveSampling
 ) -> dict[Path, Requests]:
     """The shards of the second part, whose places are chosen once by the `results` of the first."""
     pool = _pool(task, seed, size, denser.count)

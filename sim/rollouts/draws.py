@@ -49,7 +49,7 @@ class Disturbances:
 
     @classmethod
     def from_unit(cls, task: Task, unit: Array) -> Disturbances:
-        """From points (N, a + n) of the unit box: the error's columns first."""
+        """The draws at points (N, a + n) of the unit box: the error's columns first."""
         a = len(task.action)
         return cls((2.0 * unit[:, :a] - 1.0) * task.action_noise, task.nuisance.spread(unit[:, a:]))
 

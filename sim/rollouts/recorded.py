@@ -70,7 +70,7 @@ class RecordedTrials:
         return np.fromiter(rows, dtype=np.intp, count=len(actions))
 
     def some(self, rows: NDArray[np.int_]) -> RecordedTrials:
-        """Only these trials."""
+        """The trials of these rows alone."""
         contexts = None if self.contexts is None else self.contexts[rows]
         names, tracks = tuple(self.names[i] for i in rows), tuple(self.tracks[i] for i in rows)
         return RecordedTrials(self.task, names, contexts, self.actions[rows], tracks)

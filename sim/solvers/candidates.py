@@ -214,7 +214,7 @@ class FromOutcomes(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Among(FromOutcomes):
+class ListedActionSolver(FromOutcomes):
     """A `Solver` with the actions (A, a), in units, that were recorded or that a search tries.
 
     Predictions are those of the solver behind it.
@@ -253,7 +253,7 @@ class Among(FromOutcomes):
         return self.behind.misfit_limit
 
 
-def among(solver: Solver, listed: Array) -> Among:
+def with_listed_actions(solver: Solver, listed: Array) -> ListedActionSolver:
     """The solver for which only the actions (A, a) exist."""
-    behind = solver.behind if isinstance(solver, Among) else solver
-    return Among(solver.task, behind, frozen_array(listed, (None, None), "actions"))
+    behind = solver.behind if isinstance(solver, ListedActionSolver) else solver
+    return ListedActionSolver(solver.task, behind, frozen_array(listed, (None, None), "actions"))

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from hw.types import Array, frozen_array
 from sim.rollouts.draws import cover
 from sim.rollouts.run import Rollouts, observed
-from sim.solvers.candidates import Among, FromOutcomes
+from sim.solvers.candidates import FromOutcomes, ListedActionSolver
 from sim.solvers.misfit import tolerance
 from sim.tasks.task import Task
 
@@ -151,12 +151,12 @@ class GridSolver(FromOutcomes):
         return cKDTree(self.task.margin.normalise(self.points))
 
 
-def grid_solver(task: Task) -> Among:
+def grid_solver(task: Task) -> ListedActionSolver:
     """The solver with `GRID` points of the margin, whose policies choose among `ACTIONS` that fill their ranges."""
     points, filling = (
         cover(space, n, np.random.default_rng(0)) for space, n in ((task.margin, GRID), (task.action, ACTIONS))
     )
-    return Among(task, GridSolver(task, points, filling[:PROBES]), filling)
+    return ListedActionSolver(task, GridSolver(task, points, filling[:PROBES]), filling)
 
 
 def _key(action: Array, nuisance: Array) -> bytes:

@@ -81,7 +81,7 @@ def publish(temporary: Path, path: Path) -> None:
 
 
 def publish_new(temporary: Path, path: Path) -> None:
-    """As `publish`, but never replaces anything. Raises FileExistsError, even if another process was first."""
+    """Publish a file and never replace one. Raises FileExistsError, even if another process was first."""
     if path.exists():
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
     try:

@@ -387,4 +387,4 @@ class Expectations(Protocol):
 
 
 class Solver(Policies, Expectations, Protocol):
-    """Both at once, as pretraining needs them."""
+    """Policies and expectations at once, as pretraining needs them."""

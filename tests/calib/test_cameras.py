@@ -10,7 +10,7 @@ import pytest
 import real_views
 
 from calib.errors import TooFewViews, UnusableViews
-from calib.foreign.cameras import CameraViews, Together, solve_together
+from calib.foreign.cameras import CameraViews, JointSolution, solve_together
 from calib.foreign.sizing import solve_any_size
 from calib.geometry import distance_mm
 from calib.types import Mounting, Setup
@@ -22,7 +22,7 @@ def cameras() -> list[CameraViews]:
 
 
 @pytest.fixture(scope="module")
-def together() -> Together:
+def together() -> JointSolution:
     return solve_together(cameras())
 
 
@@ -40,7 +40,7 @@ def room_px(X_BC: Sequence[Array]) -> float:
     return float(np.sqrt(np.mean(np.square(off))))
 
 
-def test_the_shared_solution_predicts_what_it_has_not_seen(together: Together) -> None:
+def test_the_shared_solution_predicts_what_it_has_not_seen(together: JointSolution) -> None:
     assert together.held_out_px < 0.9
     assert together.size_sigma < 2e-3
     assert "of 39.9" in together.target
@@ -48,7 +48,7 @@ def test_the_shared_solution_predicts_what_it_has_not_seen(together: Together) -
 
 
 @pytest.mark.long
-def test_it_is_better_than_each_alone_by_markers_that_took_no_part(together: Together) -> None:
+def test_it_is_better_than_each_alone_by_markers_that_took_no_part(together: JointSolution) -> None:
     alone = [real_views.solved(k)[0].X_AC for k in range(3)]
     assert room_px([camera.X_BC for camera in together.cameras]) < 0.75 * room_px(alone)
     known = [camera.worst_95_mm / camera.alone_worst_95_mm for camera in together.cameras]

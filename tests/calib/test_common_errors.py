@@ -18,7 +18,7 @@ from calib.condense import condense
 from calib.drift import drift, unknowns_of
 from calib.errors import DegenerateViews, TooFewViews
 from calib.foreign.intrinsics_check import settle
-from calib.foreign.labelling import told_apart
+from calib.foreign.labelling import resolve_symmetry
 from calib.foreign.pairing import exchanged, faults
 from calib.foreign.sizing import solve_any_size, where_the_target_was
 from calib.geometry import distance_mm, move
@@ -146,7 +146,7 @@ def test_a_lens_that_is_not_as_stated_widens_the_stated_error_over_the_true_one(
 def test_a_view_with_corners_far_outside_its_picture_is_left_out(times: float) -> None:
     first, *others = views(0.0)
     spoilt = replace(first, corners=Corners(first.corners.ids, times * first.corners.px))
-    found = solve(told_apart([spoilt, *others], SETUP, None), SETUP, None)
+    found = solve(resolve_symmetry([spoilt, *others], SETUP, None), SETUP, None)
     assert [view.name for view in found.rejected] == [first.name]
     with pytest.raises(TooFewViews, match=f"view {first.name}"):
         drift([spoilt, *others], SETUP, None, *unknowns_of(found))
@@ -172,11 +172,11 @@ def test_points_numbered_from_the_other_end_count_like_others() -> None:
         for i, v in enumerate(views(0.0))
     ]
     assert len(GRID.turns) == 1
-    found = solve(told_apart(some, SETUP, None), SETUP, None)
+    found = solve(resolve_symmetry(some, SETUP, None), SETUP, None)
     assert len(found.used) == real_views.POSTURES
     assert found.fit_px < 0.3
     swapped = exchanged(some, [("05", "12")])
-    told = told_apart(swapped, SETUP, None)
+    told = resolve_symmetry(swapped, SETUP, None)
     (fault,) = faults(told, SETUP, None, solve(told, SETUP, None))
     assert fault.option == "--exchange 05:12"
 

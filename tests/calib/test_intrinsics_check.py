@@ -10,7 +10,7 @@ import real_views
 import simulated_views as rig
 
 from calib.foreign.intrinsics_check import adopted, check, suspicious, trial
-from calib.foreign.pixels import PixelUnknowns, adjust, looks, poses, rms_px
+from calib.foreign.pixels import PixelUnknowns, adjust, observations, poses, rms_px
 from calib.foreign.sizing import solve_any_size
 from calib.geometry import move
 from calib.projection import LENS, lens_jacobian, project, with_lens
@@ -88,7 +88,7 @@ def test_two_cameras_and_two_mountings_at_once() -> None:
     )
     views = [*real_views.views(0), *real_views.views(2)]
     which = [0] * len(real_views.views(0)) + [1] * len(real_views.views(2))
-    of = looks([v.corners for v in views], np.stack([v.X_BF for v in views]), target, cameras[0])
+    of = observations([v.corners for v in views], np.stack([v.X_BF for v in views]), target, cameras[0])
     index = np.asarray(which, dtype=np.int64)
     of = replace(of, cameras=tuple(cameras), camera=index, mounting=index)
     px = np.concatenate(

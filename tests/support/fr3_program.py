@@ -27,7 +27,7 @@ from adaptsim_cli.devices import lab, real
 from hw.errors import CameraError
 from hw.franka.arm import FrankaArm, franka
 from hw.franka.playback import Timing
-from hw.ports import AroundArm
+from hw.ports import ArmWrapper
 from hw.serial import pedal_protocol
 from hw.types import CameraModel, Execution, Frame, JointPath
 from hw.workcell import Workcell
@@ -67,7 +67,7 @@ class Shown:
         self.offset_s = played.t_start_s - happened.t_start_s
 
 
-class ShownArm(AroundArm[FrankaArm]):
+class ShownArm(ArmWrapper[FrankaArm]):
     """The FR3 adapter, followed by the room. `cue` asks whoever drives the test before every motion."""
 
     def __init__(self, arm: FrankaArm, shown: Shown, cue: Any) -> None:

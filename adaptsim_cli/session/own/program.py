@@ -25,7 +25,7 @@ from adaptsim_cli.session.own.reading import MOST_BYTES
 from sim.adaptation.sessions import Progress
 
 _RUN = 'q=$1; r=$2; shift 2; "$@" <"$q" >"$r.out" 2>"$r.err"; echo $? >"$r.exit.part"; mv "$r.exit.part" "$r.exit"'
-"""For a shell: run a program, and note its end even if the caller has gone."""
+"""Script of a shell: it runs a program, and notes its end even if the caller has gone."""
 _STARTED: list[subprocess.Popen[bytes]] = []
 """Processes that may still run. They outlive this program, so it does not wait for them."""
 _LOOK_S = 0.05
@@ -145,12 +145,12 @@ class Run:
 
     @property
     def out(self) -> Path:
-        """Its output."""
+        """Output of the program."""
         return Path(f"{self.stem}.out")
 
     @property
     def exit(self) -> Path:
-        """Its exit code, once it has ended."""
+        """Exit code of the program, once it has ended."""
         return Path(f"{self.stem}.exit")
 
     @property

@@ -34,7 +34,7 @@ from sim.rollouts.draws import cover
 from sim.rollouts.recorded import RecordedTrials
 from sim.rollouts.run import Requests, observed
 from sim.rollouts.shards import read_rollouts, write_rollouts
-from sim.solvers.candidates import Among
+from sim.solvers.candidates import ListedActionSolver
 from sim.solvers.grid import PROBES, GridSolver
 from sim.solvers.solver import policy_for
 from sim.storage.files import whole_file
@@ -67,9 +67,9 @@ class Half:
     trials: RecordedTrials
 
     @cached_property
-    def solver(self) -> Among:
+    def solver(self) -> ListedActionSolver:
         """It knows only these tosses."""
-        return Among(self.grid.task, self.grid, self.trials.actions)
+        return ListedActionSolver(self.grid.task, self.grid, self.trials.actions)
 
     @cached_property
     def prospects(self) -> RewardTable:

@@ -65,7 +65,7 @@ class Belief:
         return self.weights_after_each(history)[-1]
 
     def weights_after_each(self, history: Sequence[Iteration]) -> list[Array]:
-        """The same before the first iteration, and after each."""
+        """The weights before the first iteration, and after each."""
         likely = (np.exp(log - log.max()) for log in self.log_likelihoods_after_each(history))
         return [np.asarray(weights / weights.sum()) for weights in likely]
 

@@ -46,5 +46,5 @@ class Udr:
         return tuple(Particle(cover(self.task.parameters, SAMPLES, rng)) for _ in range(n))
 
     def next(self, history: Sequence[Iteration], rng: np.random.Generator) -> tuple[Particle, ...]:
-        """The same as before."""
+        """The same particles as before."""
         return tuple(entry.particle for entry in history[-1])

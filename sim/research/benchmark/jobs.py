@@ -31,7 +31,7 @@ from sim.research.benchmark.sessions import (
 from sim.research.benchmark.tables import WorldTable
 from sim.research.benchmark.trial_sources import FromRecordings, SimulatedTrials, Tabled, TrialSource
 from sim.rollouts.recorded import RecordedTrials
-from sim.solvers.candidates import among
+from sim.solvers.candidates import with_listed_actions
 from sim.tasks import get_task
 from sim.types import Estimate
 
@@ -133,7 +133,9 @@ def _run_recorded(job: Job, recorded: RecordedTrials) -> BenchmarkRow:
     task, seed, name = recorded.task, job.seed, job.method
     shown, held = (recorded.permuted(seed) if name in CONTROLS else recorded).split(job.held_out, seed)
     place = FromRecordings(shown, held)
-    session, scores = (replace(checkpoint, solver=among(checkpoint.solver, half.actions)) for half in (shown, held))
+    session, scores = (
+        replace(checkpoint, solver=with_listed_actions(checkpoint.solver, half.actions)) for half in (shown, held)
+    )
 
     def judged(act: Commands) -> Estimate:
         return judge(task, act, place, job.conditions, seed)

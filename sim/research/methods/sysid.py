@@ -137,7 +137,7 @@ class SysId:
 
 
 def _within(drawn: Array) -> Array:
-    """Those of `drawn` (n, p) inside the ranges; if there are none, all of them, moved to the nearest edge."""
+    """The rows of `drawn` (n, p) inside the ranges; without any, all of them, moved to the nearest edge."""
     drawn = drawn[np.isfinite(drawn).all(axis=1)]
     inside = drawn[((drawn >= 0.0) & (drawn < 1.0)).all(axis=1)]
     return inside if len(inside) else np.clip(drawn, 0.0, 1.0 - 1e-9)

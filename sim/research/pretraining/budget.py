@@ -60,7 +60,7 @@ class PretrainBudget:
 
     @classmethod
     def small(cls, task: Task) -> PretrainBudget:
-        """For a first look: a third of the dataset."""
+        """The budget of a first look: a third of the dataset."""
         full = cls.full(task)
         return cls(
             rollouts=full.rollouts // 3,

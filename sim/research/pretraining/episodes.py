@@ -46,7 +46,7 @@ class SolverActing:
     settings: SolverSettings = field(default_factory=SolverSettings)
 
     def __call__(self, means: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Each with contexts of its own."""
+        """Every distribution has contexts of its own."""
         task = self.solver.task
         policies = self.solver.policies(means[:, None, :], rng, settings=self.settings)
         contexts = np.stack([rng.permutation(cover(task.context, CONTEXTS, rng)) for _ in policies])
@@ -67,7 +67,7 @@ class Library:
         return cKDTree(self.task.parameters.normalise(self.means))
 
     def __call__(self, means: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Those of the nearest distribution, in an order drawn anew."""
+        """Contexts and actions of the nearest distribution, in an order drawn anew."""
         _, nearest = self._tree.query(self.task.parameters.normalise(means))
         order = rng.permuted(np.tile(np.arange(self.contexts.shape[1]), (len(means), 1)), axis=1)
         return self.contexts[nearest[:, None], order], self.actions[nearest[:, None], order]
@@ -210,7 +210,7 @@ class Running:
         return self._visits[-1].rewards
 
     def episodes(self) -> Episodes:
-        """All until now."""
+        """The episodes until now."""
 
         def grouped(rows: Sequence[Array]) -> Array:
             """n times (E * P, ...) -> (E, P, n, ...)"""

@@ -163,7 +163,7 @@ def _report(
     settings: EvaluationSettings,
     rng: np.random.Generator,
 ) -> EvaluationReport:
-    """From rewards (targets, 2 + methods * iterations): UDR, oracle, each method after each iteration."""
+    """The report from rewards (targets, 2 + methods * iterations): UDR, oracle, each method after each iteration."""
     udr, oracle = true[:, 0], true[:, 1]
     gap = oracle - udr >= LEAST_GAP
     curves = true[:, 2:].reshape(len(true), len(names), settings.iterations)

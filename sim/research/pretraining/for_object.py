@@ -21,7 +21,7 @@ from sim.research.pretraining.budget import PretrainBudget
 from sim.research.pretraining.pipeline import StageProgress, stage_seeds
 from sim.rollouts.dataset import build_dataset, draw_requests
 from sim.rollouts.run import run_many
-from sim.solvers.emulator.network import Emulator, adopted
+from sim.solvers.emulator.network import Emulator, rescaled_to
 from sim.solvers.emulator.training import EmulatorSettings, held_out_errors, train_emulator
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
@@ -104,7 +104,7 @@ def _learnt(
 ) -> Emulator:
     if shipped.emulator is None:
         raise CheckpointError(f"{shipped.path} holds no emulator: `adaptsim pretrain --object` makes a checkpoint")
-    start = adopted(shipped.emulator, task)
+    start = rescaled_to(shipped.emulator, task)
     count = rollouts_of(task, shipped.solver.task, rollouts)
     if not count:
         return start

@@ -44,7 +44,7 @@ from sim.research.pretraining.meta_training import (
     train_adaptation,
 )
 from sim.research.pretraining.soundness import require_sound
-from sim.rollouts.dataset import Denser, build_dataset, build_share
+from sim.rollouts.dataset import AdaptiveSampling, build_dataset, build_share
 from sim.rollouts.run import Roll, run_many
 from sim.rollouts.shards import CachedRollouts
 from sim.rollouts.shares import Share
@@ -158,8 +158,8 @@ def simulate_dataset_share(
     )
 
 
-def _denser(task: Task, budget: PretrainBudget, seed: int) -> Denser | None:
-    return Denser(budget.denser, partial(outcome_variance, task, seed)) if budget.denser else None
+def _denser(task: Task, budget: PretrainBudget, seed: int) -> AdaptiveSampling | None:
+    return AdaptiveSampling(budget.denser, partial(outcome_variance, task, seed)) if budget.denser else None
 
 
 def stage_seeds(seed: int) -> tuple[int, ...]:

@@ -233,7 +233,7 @@ def require_same(emulator: Emulator, stored: Sequence[float] | None, where: Path
         )
 
 
-def adopted(emulator: Emulator, task: Task) -> Emulator:
+def rescaled_to(emulator: Emulator, task: Task) -> Emulator:
     """The emulator as one of `task`, the same one with other ranges. Raises CheckpointError if whole numbers differ.
 
     Inputs are scaled by the ranges. Between two ranges that is an affine map, which the first layer takes over.
@@ -261,7 +261,7 @@ def _levels(space: Space) -> list[tuple[float, float]]:
 
 
 def _is_whole(space: Space) -> Array:
-    """For each input of a space, whether it belongs to a whole number."""
+    """Whether each input of a space belongs to a whole number."""
     return np.concatenate(
         [np.full(int(d.high - d.low) + 1, True) if d.scale == "integer" else [False] for d in space.dimensions]
     ).astype(bool)

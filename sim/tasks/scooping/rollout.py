@@ -51,7 +51,7 @@ LEAD_S = 0.030
 """How long before the edge reaches the piece the rollout starts."""
 
 SETTLING_S = 0.70
-"""From here on the tool almost rests; a piece that also rests is not simulated further."""
+"""Time from which the tool almost rests; a piece that also rests is not simulated further."""
 
 LATEST_S = DURATION_S + SETTLE_S
 STILL_MOVING = f"still moving against the blade {LATEST_S:g} s after the start"
@@ -76,7 +76,7 @@ def piece_mass_kg(parameters: Array, nuisance: Array, unmodelled: ScoopingUnmode
 
 
 def _half_width_m(nuisance: Array, unmodelled: ScoopingUnmodelled | None) -> float:
-    """From the piece's centre to its near side."""
+    """Distance of the piece's near side from its centre."""
     return NUISANCE.named(nuisance).radius * (unmodelled or ScoopingUnmodelled()).semi_axis_scale[0]
 
 

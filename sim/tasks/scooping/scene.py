@@ -54,7 +54,7 @@ TOOL = "spatula"
 OBJECT = "piece"
 STEP_S = 0.0025
 BLUNT_STEP_S = 0.001
-"""With a lip higher than training's, which a piece has to climb (docs/decisions/0012)."""
+"""Time step with a lip higher than training's, which a piece has to climb (docs/decisions/0012)."""
 
 EDGE_RELAXATION_S = 0.0
 """With a larger value, SAP lets a pressed edge creep into the table, by 0.3 mm in a tenth of a second."""

@@ -46,7 +46,7 @@ _NECK_END_M = ROOT_M + NECK_M * UP
 _HANDLE_END_M = ROOT_M + (NECK_M + HANDLE_M) * UP
 
 _LOW_NECK_M = 0.03
-"""So far from its root the neck may touch the table with the blade."""
+"""Distance from its root up to which the neck may touch the table with the blade."""
 
 
 def _beside(name: str, start_m: Array, end_m: Array, y_m: float, radius_m: float) -> tuple[Capsule, Capsule]:

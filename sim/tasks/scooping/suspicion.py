@@ -8,7 +8,7 @@ from perception.types import ObjectTrack, Outcome
 from sim.types import Suspicion
 
 FIRST = 4
-"""So many scoops must have failed alike. By chance alone a fair policy does that once in many sessions."""
+"""Number of scoops that must have failed alike. By chance alone a fair policy does that once in many sessions."""
 PUSHED_M = 0.05
 """A piece that the blade pushed ahead, instead of going under it, lies at least this much farther."""
 

@@ -88,7 +88,7 @@ def hole(centre_m: tuple[float, float, float], length_m: float) -> trimesh.Trime
 
 
 def joined(*solids: trimesh.Trimesh) -> trimesh.Trimesh:
-    """All of them as one solid."""
+    """The solids as one."""
     return library().boolean.union(solids, engine="manifold")
 
 

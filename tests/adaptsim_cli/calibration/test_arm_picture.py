@@ -13,7 +13,7 @@ from replies import output, refused
 from toy_session import silent
 
 from adaptsim_cli.calibration import pictures, running
-from adaptsim_cli.calibration.solving import SolvedFolder, Wishes, solve_folder
+from adaptsim_cli.calibration.solving import SolvedFolder, SolveOptions, solve_folder
 from calib.errors import UnusableViews
 
 
@@ -71,9 +71,9 @@ def test_the_command_writes_the_pictures(folder, tmp_path):
 
 @pytest.mark.long
 def test_solving_leaves_the_picture_beside_the_report(folder, tmp_path):
-    stated = running.solve(folder, tmp_path / "report.html", Wishes(), silent())
+    stated = running.solve(folder, tmp_path / "report.html", SolveOptions(), silent())
     refused("calibrate solve", stated, "--refine-intrinsics")  # they state no distortion
-    refined = running.solve(folder, tmp_path / "refined.html", Wishes(refine_intrinsics=True), silent())
+    refined = running.solve(folder, tmp_path / "refined.html", SolveOptions(refine_intrinsics=True), silent())
     refused("calibrate solve", refined, "stated error")  # a third of the former one
     for name in ("report", "refined"):
         assert (tmp_path / name).with_suffix(".arm.jpg").is_file()

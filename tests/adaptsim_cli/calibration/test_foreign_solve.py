@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from toy_session import silent
 
 from adaptsim_cli.calibration import running
-from adaptsim_cli.calibration.solving import Wishes, solve_folder
+from adaptsim_cli.calibration.solving import SolveOptions, solve_folder
 from calib.errors import DegenerateViews, UnusableViews
 
 
@@ -26,7 +26,7 @@ def folder_with_swapped_views(folder: Path) -> Path:
 def test_swapped_views_are_said_and_mended(tmp_path):
     folder = folder_with_swapped_views(tmp_path)
     # two views fewer, of a lens that is not stated
-    told = refused("calibrate solve", running.solve(folder, None, Wishes(), silent()), "stated error")
+    told = refused("calibrate solve", running.solve(folder, None, SolveOptions(), silent()), "stated error")
     assert set(told["views_rejected"]) == {"05", "12"}
     (fault,) = told["faults"]
     assert fault["option"] == "--exchange 05:12"
@@ -35,7 +35,7 @@ def test_swapped_views_are_said_and_mended(tmp_path):
     assert len(rows) == 4 * real_views.POSTURES
     far = {row["view"] for row in rows if float(row["off_mm"]) > 6.0}
     assert far == {row["view"] for row in rows if row["used"] == "0"} == {"05", "12"}
-    exchanged = Wishes(exchange=(("05", "12"),))  # a lens that is not stated is in doubt
+    exchanged = SolveOptions(exchange=(("05", "12"),))  # a lens that is not stated is in doubt
     mended = refused("calibrate solve", running.solve(folder, None, exchanged, silent()), "stated error")
     assert not mended["views_rejected"]
     assert not mended["faults"]
@@ -44,10 +44,10 @@ def test_swapped_views_are_said_and_mended(tmp_path):
 @pytest.mark.long
 def test_views_outside_of_the_wished_ones_take_no_part(tmp_path):
     folder = real_views.corner_folder(tmp_path)
-    found = solve_folder(folder, wishes=Wishes(first="03", last="16"))
+    found = solve_folder(folder, options=SolveOptions(first="03", last="16"))
     assert [view.name for view in found.record.views] == [f"{i:02d}" for i in range(3, 17)]
     with pytest.raises(UnusableViews, match=r"--until.*99"):
-        solve_folder(folder, wishes=Wishes(last="99"))
+        solve_folder(folder, options=SolveOptions(last="99"))
 
 
 @pytest.mark.long
@@ -58,7 +58,7 @@ def test_refined_intrinsics_are_stored_with_what_they_cost(tmp_path):
     (said,) = [check.message for check in plain.checks if check.name == "intrinsics"]
     assert "k1 = +0.1" in said
     assert plain.refined_intrinsics is None
-    answer = running.solve(folder, None, Wishes(refine_intrinsics=True), silent())
+    answer = running.solve(folder, None, SolveOptions(refine_intrinsics=True), silent())
     assert answer.failure is None or "stated error" in str(answer.failure)
     told = output("calibrate solve", answer)
     assert 0.05 < told["refined_intrinsics"]["distortion"][0] < 0.2

@@ -33,7 +33,7 @@ from adaptsim_cli.session.watching import SessionLog
 from adaptsim_cli.session.watching import read as read_log
 from adaptsim_cli.wiring.session import open_trials
 from hw.fake import FakeArm, FakeClock
-from hw.ports import Arm, AroundArm
+from hw.ports import Arm, ArmWrapper
 from hw.types import ArmState, Execution, JointPath
 from sim.adaptation.stages import TrialKey
 from sim.tasks import get_task
@@ -135,7 +135,7 @@ def test_the_tasks_own_motion_makes_its_set_up_known_and_the_way_there_does_not(
     target = rig_target(toy_parts(lab))
     moved = list[int]()
 
-    class Counted(AroundArm[Arm]):
+    class Counted(ArmWrapper[Arm]):
         def execute(self, path: JointPath) -> Execution:
             moved.append(1)
             return self._arm.execute(path)

@@ -45,7 +45,7 @@ from adaptsim_cli.wiring.session import open_trials
 from calib.errors import CalibrationMissing
 from hw.errors import HandError
 from hw.kinematics import forward
-from hw.ports import Arm, AroundArm
+from hw.ports import Arm, ArmWrapper
 from hw.types import Execution, JointPath
 from perception.board.types import Board
 from perception.errors import PerceptionError
@@ -307,7 +307,7 @@ def test_a_tool_lost_during_the_motion_keeps_its_recording(tmp_path: Path) -> No
     target, moved = toy_parts(lab).target, list[JointPath]()
     assert isinstance(target, RigTarget)
 
-    class Watched(AroundArm[Arm]):
+    class Watched(ArmWrapper[Arm]):
         def execute(self, path: JointPath) -> Execution:
             moved.append(path)
             if len(moved) == 3:

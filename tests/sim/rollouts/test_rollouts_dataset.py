@@ -7,7 +7,7 @@ from toy_task import ACTION, TOY, Counted, best_action, simulate
 
 from sim.errors import DatasetError, RolloutError
 from sim.rollouts import build_dataset, load_dataset, run_many, serial_executor
-from sim.rollouts.dataset import Denser, build_share, dataset_requests
+from sim.rollouts.dataset import AdaptiveSampling, build_share, dataset_requests
 from sim.rollouts.draws import cover, sobol
 from sim.rollouts.shards import CachedRollouts
 from sim.rollouts.shares import Share
@@ -21,7 +21,7 @@ def other_scene(parameters, context, action, nuisance, unmodelled=None):
 
 def build(folder, size=600, seed=0, task=TOY, denser=0):
     with serial_executor() as executor:
-        more = Denser(denser, partial(outcome_variance, task, 0)) if denser else None
+        more = AdaptiveSampling(denser, partial(outcome_variance, task, 0)) if denser else None
         return build_dataset(task, folder, size, seed, executor, denser=more)
 
 
@@ -156,7 +156,7 @@ def test_whole_numbers_get_equal_shares_of_the_draws():
 def build_a_share(folder, number, count, size=600, denser=0):
     counted = Counted()
     with serial_executor() as executor:
-        more = Denser(denser, partial(outcome_variance, TOY, 0)) if denser else None
+        more = AdaptiveSampling(denser, partial(outcome_variance, TOY, 0)) if denser else None
         complete = build_share(counted.task, folder, size, 0, Share(number, count), executor, denser=more)
     return complete, counted.count - 2  # two probes
 

@@ -10,7 +10,7 @@ from toy_task import TOY
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.errors import CheckpointError, DatasetError
 from sim.rollouts import Dataset
-from sim.solvers.emulator.network import Emulator, adopted, encode
+from sim.solvers.emulator.network import Emulator, encode, rescaled_to
 from sim.solvers.emulator.training import _temperature, forward, train_emulator, with_mirror_images
 from sim.solvers.threads import one_blas_thread
 from sim.tasks import get_task
@@ -126,7 +126,7 @@ def emulator_of(name: str) -> Emulator:
 @pytest.mark.parametrize("name", OBJECTS)
 def test_the_networks_of_an_object_predict_what_they_predicted_for_the_task(name: str) -> None:
     shipped, task = emulator_of(name), with_ranges(get_task(name), OBJECTS[name])
-    own, rng = adopted(shipped, task), np.random.default_rng(0)
+    own, rng = rescaled_to(shipped, task), np.random.default_rng(0)
     given = [space.sample(rng, 200) for space in (task.margin, task.action, task.nuisance)]
     before, after = shipped.predict(*given), own.predict(*given)
     assert own.task is task
@@ -140,7 +140,7 @@ def test_other_whole_numbers_are_refused() -> None:
     g = task.margin.names.index("g")
     fewer = [dataclasses.replace(d, high=1) if i == g else d for i, d in enumerate(task.margin.dimensions)]
     with pytest.raises(CheckpointError, match="other whole numbers"):
-        adopted(emulator_of("scooping"), dataclasses.replace(task, margin=Space(tuple(fewer))))
+        rescaled_to(emulator_of("scooping"), dataclasses.replace(task, margin=Space(tuple(fewer))))
 
 
 def threads() -> set[int]:

@@ -10,7 +10,7 @@ import pytest
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import NotExecutable
-from sim.solvers.candidates import among
+from sim.solvers.candidates import with_listed_actions
 from sim.solvers.grid import grid_solver
 from sim.tasks.pendulum import TASK as PENDULUM
 from sim.tasks.task import Observation, Task
@@ -78,7 +78,7 @@ def test_the_misfit_limit_tells_a_trajectory_of_the_simulator_from_one_that_it_c
 
 def test_a_policy_takes_the_best_listed_action_that_is_left() -> None:
     listed = np.array([[0.1], [0.5], [0.9]])
-    solver = among(grid_solver(TASK), listed)
+    solver = with_listed_actions(grid_solver(TASK), listed)
     known, context = np.array([[[1.0]]]), np.array([0.9])
     left = [0.1, 0.5, 0.9]
     (policy,) = solver.policies(known, np.random.default_rng(0), lambda c, a: float(a[0]) in left)

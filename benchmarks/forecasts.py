@@ -31,7 +31,7 @@ from sim.adaptation.trials_needed import Play, course
 from sim.adaptation.verdict import Kind
 from sim.lab.physics import in_physics
 from sim.research.benchmark.tables import load_table
-from sim.research.benchmark.trial_sources import SimulatedTrials, Tabled, TrialSource
+from sim.research.benchmark.trial_sources import SimulatedTrials, TableTrials, TrialSource
 from sim.research.benchmark.worlds import BenchmarkWorld, targets_of
 from sim.tasks import get_task
 from sim.tasks.fingerprint import scene_key
@@ -94,7 +94,7 @@ def source(checkpoint: Checkpoint, task: Task, target: BenchmarkWorld) -> TrialS
         return SimulatedTrials(checkpoint.solver, target.world)
     folder = tables_folder(config.load({"task": task.name})) / target.set / target.name
     scene = scene_key(in_physics(task, target.world.physics))
-    return Tabled(task, load_table(task, target.world, scene, folder))
+    return TableTrials(task, load_table(task, target.world, scene, folder))
 
 
 def played(checkpoint: Checkpoint, targets: str, out: Path, seed: int, *, wired: bool) -> list[Course]:

@@ -29,7 +29,7 @@ from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Rig, Tracker
 from adaptsim_cli.storage import durable
 from calib.types import HandEye
-from hw.camera.grabber import Captured
+from hw.camera.grabber import Capture
 from hw.camera.recording import KinectRecording
 from hw.ports import Arm
 from hw.types import Array, CameraModel, Execution, Frame, JointPath
@@ -60,7 +60,7 @@ class TimedArm:
 class Repeating:
     """A camera that shows one instant of a recording, and the bench where the object stands already."""
 
-    shot: Captured
+    shot: Capture
     of: CameraModel
     _since_s: float = field(default=0.0)
 
@@ -109,7 +109,7 @@ def target_of(recording: Path) -> RigTarget:
     there = mounted_as_shipped(get_task("pushing"), "fr3")
     ok, jpeg = cv2.imencode(".jpg", frame.colour[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     assert ok
-    shot = Captured(0.0, 0.0, jpeg.tobytes(), alone(frame, model, seen), None, 0, 0)
+    shot = Capture(0.0, 0.0, jpeg.tobytes(), alone(frame, model, seen), None, 0, 0)
     tracker = Tracker(
         find=lambda frame, model, X_BC: bottle.find_bottle(frame, model, X_BC, body, area, circle.centre_m),
         overlay=lambda frame, *_: frame.colour,

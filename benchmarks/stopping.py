@@ -25,7 +25,7 @@ from sim.adaptation.methods.adaptsim import AdaptSim, create, outlook_after
 from sim.adaptation.reality import RealityPolicy
 from sim.research.benchmark.sessions import Conditions, judge, run_session
 from sim.research.benchmark.tables import load_table
-from sim.research.benchmark.trial_sources import SimulatedTrials, Tabled, TrialSource
+from sim.research.benchmark.trial_sources import SimulatedTrials, TableTrials, TrialSource
 from sim.research.benchmark.worlds import targets_of
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
@@ -66,7 +66,7 @@ def played(name: str, targets: str, seed: int, *, tables: bool) -> Sequence[Sess
     for target in targets_of(task, targets.split(",")):
         place: TrialSource = SimulatedTrials(checkpoint.solver, target.world)
         if tables:
-            place = Tabled(task, load_table(task, target.world, scene, root / target.set / target.name))
+            place = TableTrials(task, load_table(task, target.world, scene, root / target.set / target.name))
         policies = run_session(checkpoint.solver, AdaptSim(method.simulators), place, conditions, seed)
         own = [policy for policy in policies if isinstance(policy, RealityPolicy)]
         earned = tuple(judge(task, policy.actions, place, conditions, seed).mean for policy in own)

@@ -21,7 +21,7 @@ MIN_TO_RECOGNISE = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Looked:
+class DetectedViews:
     """The views with a target, and sentences about the others."""
 
     setup: Setup
@@ -30,7 +30,7 @@ class Looked:
     recognised: tuple[str, ...]  # sentences: conventions that were recognised instead of stated
 
 
-def look(stored: files.Folder) -> Looked:
+def look(stored: files.Folder) -> DetectedViews:
     """Find the target in every picture and read every pose.
 
     A picture without it is left out and named. Raises PerceptionError if no picture shows it, UnusableViews if poses
@@ -62,7 +62,9 @@ def look(stored: files.Folder) -> Looked:
     left_out = tuple(f"view {name}: {error}" for name, error in failed)
     if stored.setup.work_box_m is None:
         setup = replace(setup, work_points_m=where_the_target_was(views, setup, stored.forward))
-    return Looked(setup, resolve_symmetry(views, setup, stored.forward), left_out, (*pattern_notes, *convention_notes))
+    return DetectedViews(
+        setup, resolve_symmetry(views, setup, stored.forward), left_out, (*pattern_notes, *convention_notes)
+    )
 
 
 def corners_of(view: files.StoredView, stored: files.Folder, target: CalibrationTarget) -> Corners:

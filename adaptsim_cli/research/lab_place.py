@@ -27,7 +27,7 @@ from sim.errors import NotExecutable, RolloutError
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import World
 from sim.research.benchmark.jobs import LIMITS, UDR, BenchmarkRow, Job, run_job
-from sim.research.benchmark.trial_sources import Tabled, TrialSource
+from sim.research.benchmark.trial_sources import TableTrials, TrialSource
 from sim.solvers.solver import Executable
 from sim.tasks import get_task
 from sim.tasks.task import Task
@@ -115,7 +115,7 @@ def in_lab(job: Job) -> Iterator[InLab]:
     task = get_task(job.task)
     assert job.world is not None and job.table is not None, "only a task without hardware has no table"
     with rig_in_lab(task, job.world, job.seed) as (_, rig):
-        yield InLab(rig, Tabled(task, job.table), executable_on(rig.hardware, rig.planner))
+        yield InLab(rig, TableTrials(task, job.table), executable_on(rig.hardware, rig.planner))
 
 
 @contextmanager

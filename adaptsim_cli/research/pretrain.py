@@ -79,7 +79,7 @@ def pretrain(
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.research import pretraining
     from adaptsim_cli.research.working import complete, share_of, simulations
-    from sim.research.pretraining.budget import Wanted
+    from sim.research.pretraining.budget import OptionalStages
 
     if episodes is not None and not methods:
         raise UsageError("--episodes sets how much the adaptation policies learn from: add --methods")
@@ -94,7 +94,7 @@ def pretrain(
                 return complete(part, "its part of the dataset", request.folder)
             even = f"Share {part} of the even part is complete in {request.folder}"
             return Reply(text=[even, "Once all shares are, the same command simulates this share of the denser part."])
-        stages = Wanted(policies=methods, evaluation=evaluate)
+        stages = OptionalStages(policies=methods, evaluation=evaluate)
         folder = pretraining.pretrain(request, crew, progress, stages)
     chosen = resolved.config
     own = f" --object {chosen.object}" if chosen.object else ""

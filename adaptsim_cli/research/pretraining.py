@@ -16,7 +16,7 @@ from adaptsim_cli.research.working import working_in
 from adaptsim_cli.wiring.settings import SOLVERS, checkpoint_of, task_of
 
 if TYPE_CHECKING:
-    from sim.research.pretraining.budget import PretrainBudget, Wanted
+    from sim.research.pretraining.budget import OptionalStages, PretrainBudget
     from sim.rollouts.shares import Share
     from sim.tasks.task import Task
 
@@ -76,7 +76,7 @@ class Request:
 BUSY = "another pretraining is running in {}: wait for it, or give another --out"
 
 
-def pretrain(request: Request, executor: Executor, progress: StageProgress, stages: Wanted) -> Path:
+def pretrain(request: Request, executor: Executor, progress: StageProgress, stages: OptionalStages) -> Path:
     """Run Phase 1; return the checkpoint's folder. Resumes a run in the request's. Raises SimError, SessionError."""
     from sim.research.pretraining.pipeline import pretrain
 

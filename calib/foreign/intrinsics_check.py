@@ -13,7 +13,7 @@ import numpy as np
 
 from calib.bundle import motion_of
 from calib.errors import determined
-from calib.foreign.pixels import Adjusted, PixelUnknowns, adjust, held_out_px, jackknife, observations
+from calib.foreign.pixels import PixelFit, PixelUnknowns, adjust, held_out_px, jackknife, observations
 from calib.foreign.sizing import solve_any_size
 from calib.geometry import difference, rms
 from calib.projection import LENS, with_lens
@@ -159,7 +159,7 @@ def _sentence(stated: Intrinsics, lens: Array, sigma: Array, before: float, afte
     return f"{head}, {', '.join(changes)}; {held}"
 
 
-def _into_pose(free: Adjusted, covariance: Array) -> Array:
+def _into_pose(free: PixelFit, covariance: Array) -> Array:
     """The uncertainty of the camera's pose due to the lens, through the normal equations of all other unknowns."""
     rest = np.arange(len(free.normal) - LENS)
     lens = np.arange(len(free.normal) - LENS, len(free.normal))

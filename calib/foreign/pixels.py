@@ -57,7 +57,7 @@ class PixelUnknowns:
 
 
 @dataclass(frozen=True, eq=False)
-class Adjusted:
+class PixelFit:
     """A fit over pixels."""
 
     place: PixelUnknowns
@@ -94,7 +94,7 @@ def rms_px(place: PixelUnknowns, of: Observations) -> Array:
     return np.asarray(np.sqrt(squares.sum(axis=1) / of.present.sum(axis=1)))
 
 
-def adjust(of: Observations, start: PixelUnknowns, noise_px: float, *, scale: bool, lens: bool) -> Adjusted:
+def adjust(of: Observations, start: PixelUnknowns, noise_px: float, *, scale: bool, lens: bool) -> PixelFit:
     """Least squares with a robust loss from `start`; `scale` and `lens` are free only on request."""
     C, H = len(start.X_AC), len(start.X_HM)
     free = np.ones(6 * C + 6 * H + 1 + LENS * C, dtype=bool)
@@ -130,7 +130,7 @@ def adjust(of: Observations, start: PixelUnknowns, noise_px: float, *, scale: bo
     weight = 1 / np.sqrt(1 + (r[:size] / _ROBUST) ** 2)
     normal = np.einsum("rp,r,rq->pq", J[:size], weight, J[:size]) + J[size:].T @ J[size:]
     n = len(of.px)
-    return Adjusted(
+    return PixelFit(
         place,
         noise_px,
         rms_px(place, of),
@@ -140,7 +140,7 @@ def adjust(of: Observations, start: PixelUnknowns, noise_px: float, *, scale: bo
     )
 
 
-def jackknife(fit: Adjusted) -> Array:
+def jackknife(fit: PixelFit) -> Array:
     """(P, P) covariance by leaving out each picture in turn, with one Newton step from the fit."""
     moved = []
     for J, r in zip(fit.J, fit.residual, strict=True):
@@ -153,7 +153,7 @@ def jackknife(fit: Adjusted) -> Array:
     return np.asarray((n - 1) / n * steps.T @ steps)
 
 
-def held_out_px(of: Observations, full: Adjusted, folds: int, *, scale: bool, lens: bool) -> Array:
+def held_out_px(of: Observations, full: PixelFit, folds: int, *, scale: bool, lens: bool) -> Array:
     """(N,) error in px of each picture, predicted by a fit without its fold; N is at least `folds`."""
     order = np.arange(len(of.px)) % folds
     out = np.zeros(len(of.px))

@@ -86,7 +86,7 @@ class DeviceClock:
 
 
 @dataclass(frozen=True, eq=False)
-class Captured:
+class Capture:
     """One instant. The colour image is still a JPEG, so that nothing is decoded while the arm moves."""
 
     device_s: float  # middle of the colour image's exposure, on the device's clock
@@ -121,7 +121,7 @@ class TimedCapture:
     """One instant with its time on the host's clock."""
 
     t_s: float
-    captured: Captured
+    captured: Capture
 
 
 @dataclass(frozen=True)
@@ -142,14 +142,14 @@ class CameraRecording:
 class Grabber:
     """Owns the thread. `next_capture` waits for the next image and returns None if none came in time."""
 
-    def __init__(self, next_capture: Callable[[], Captured | None], clock: DeviceClock, rate_hz: float) -> None:
+    def __init__(self, next_capture: Callable[[], Capture | None], clock: DeviceClock, rate_hz: float) -> None:
         self._next, self._clock, self._rate_hz = next_capture, clock, rate_hz
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
         self._wanted, self._ended = True, False
         self._error: HardwareError | None = None
-        self._newest: Captured | None = None
-        self._kept: list[Captured] | None = None
+        self._newest: Capture | None = None
+        self._kept: list[Capture] | None = None
         self._since_s, self._jumps = 0.0, 0
 
     def start(self) -> None:
@@ -227,7 +227,7 @@ class Grabber:
                 self._ended = True
                 self._changed.notify_all()
 
-    def _take(self, captured: Captured) -> None:
+    def _take(self, captured: Capture) -> None:
         with self._changed:
             self._clock.add(captured.device_s, captured.arrived_s)
             self._newest = captured

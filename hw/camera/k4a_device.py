@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.camera import k4a_library as k4a
-from hw.camera.grabber import Captured
+from hw.camera.grabber import Capture
 from hw.camera.k4a_library import DebugHandler, K4aLibrary, serial_of
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import CameraModel, Intrinsics
@@ -136,7 +136,7 @@ class K4aDevice:
             self._library.k4a_device_stop_cameras(self._device)
         self._running = False
 
-    def next_capture(self) -> Captured | None:
+    def next_capture(self) -> Capture | None:
         """The next capture with all images; None if none came within half a second, or an image is missing.
 
         Raises CameraError when the camera is gone.
@@ -188,7 +188,7 @@ class K4aDevice:
         self._said = self._said or message.decode("utf-8", "replace").strip()
 
 
-def read_capture(library: K4aLibrary, capture: ctypes.c_void_p, now_s: float, *, infrared: bool) -> Captured | None:
+def read_capture(library: K4aLibrary, capture: ctypes.c_void_p, now_s: float, *, infrared: bool) -> Capture | None:
     """Copy a capture; None where colour or depth is missing, or infrared where it is asked for.
 
     `now_s` is the host's monotonic time. It replaces the library's arrival stamp if that is missing or comes from
@@ -208,7 +208,7 @@ def read_capture(library: K4aLibrary, capture: ctypes.c_void_p, now_s: float, *,
             )
         device_s = 1e-6 * library.k4a_image_get_device_timestamp_usec(colour)
         stamped_s = 1e-9 * library.k4a_image_get_system_timestamp_nsec(colour)
-        return Captured(
+        return Capture(
             device_s=device_s,
             arrived_s=stamped_s if 0.0 <= now_s - stamped_s <= _LATE_S else now_s,
             jpeg=_content(library, colour),

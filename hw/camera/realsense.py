@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from hw.camera.grabber import Captured
+from hw.camera.grabber import Capture
 from hw.camera.k4a_device import RATE_HZ, ColourSettings
 from hw.errors import CameraError, DeviceUnavailable
 from hw.types import Array, CameraModel, Intrinsics
@@ -123,7 +123,7 @@ class RealSenseDevice:
                 raise self._wrong(f"it does not start to send images ({error})") from error
             self._running.append(sensor)
 
-    def next_capture(self) -> Captured | None:
+    def next_capture(self) -> Capture | None:
         """The next images that belong together; None if none came within half a second."""
         while True:
             came, frame = self._queue.try_wait_for_frame(_WAIT_MS)
@@ -138,10 +138,10 @@ class RealSenseDevice:
             if len(stamps_s) == len(self._wanted) and max(stamps_s) - min(stamps_s) <= 0.5 / RATE_HZ:
                 return self._captured(arrived_s)
 
-    def _captured(self, arrived_s: float) -> Captured:
+    def _captured(self, arrived_s: float) -> Capture:
         frames, self._newest = self._newest, {}
         device_s, colour = frames["color"]
-        return Captured(
+        return Capture(
             device_s=device_s,
             arrived_s=arrived_s,
             jpeg=cv2.imencode(".jpg", colour, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes(),

@@ -18,7 +18,7 @@ from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
 from hw.camera import k4a_library
-from hw.camera.grabber import CameraRecording, Captured, DeviceClock, Grabber, TimedCapture
+from hw.camera.grabber import CameraRecording, Capture, DeviceClock, Grabber, TimedCapture
 from hw.camera.k4a_device import RATE_HZ, ColourSettings, K4aDevice
 from hw.camera.probe import probe_k4a
 from hw.child import Call
@@ -48,7 +48,7 @@ class Device(Protocol):
     def start(self, *, infrared: bool) -> None:
         """Colour and depth at 30 FPS, exposed together."""
 
-    def next_capture(self) -> Captured | None:
+    def next_capture(self) -> Capture | None:
         """The next capture with all images; None if none came within half a second, or an image is missing."""
 
     def close(self) -> None:

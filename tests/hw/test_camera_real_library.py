@@ -16,7 +16,7 @@ import pytest
 from kinect_alignment import points_in_colour
 
 from hw.camera import k4a_library
-from hw.camera.grabber import Captured
+from hw.camera.grabber import Capture
 from hw.camera.k4a_device import model_of, read_capture
 from hw.camera.k4a_library import K4aCalibration, K4aLibrary
 from hw.camera.probe import probe_k4a
@@ -40,7 +40,7 @@ def library() -> K4aLibrary:
 
 
 @pytest.fixture(scope="module")
-def playback(library: K4aLibrary) -> Iterator[tuple[Captured, K4aCalibration]]:
+def playback(library: K4aLibrary) -> Iterator[tuple[Capture, K4aCalibration]]:
     """First capture and calibration, as libk4arecord and our structures give them."""
     record, handle, capture = ctypes.CDLL(os.environ[NEEDED[1]]), ctypes.c_void_p(), ctypes.c_void_p()
     calibration = K4aCalibration()
@@ -60,7 +60,7 @@ def ours() -> tuple[CameraModel, Frame]:
         return recording.model(), next(recording.frames())
 
 
-def test_images_and_times_agree(playback: tuple[Captured, K4aCalibration], ours: tuple[CameraModel, Frame]) -> None:
+def test_images_and_times_agree(playback: tuple[Capture, K4aCalibration], ours: tuple[CameraModel, Frame]) -> None:
     captured, frame = playback[0], ours[1]
     assert captured.device_s == pytest.approx(frame.t_s, abs=1e-6)
     assert np.array_equal(captured.depth_mm, frame.depth_mm)
@@ -69,7 +69,7 @@ def test_images_and_times_agree(playback: tuple[Captured, K4aCalibration], ours:
     assert apart.mean() < 1.0 and np.percentile(apart, 99.9) <= 4
 
 
-def test_calibrations_agree(playback: tuple[Captured, K4aCalibration], ours: tuple[CameraModel, Frame]) -> None:
+def test_calibrations_agree(playback: tuple[Capture, K4aCalibration], ours: tuple[CameraModel, Frame]) -> None:
     theirs, mine = model_of(playback[1], ours[0].serial), ours[0]
     for one, other in ((theirs.colour, mine.colour), (theirs.depth, mine.depth)):
         assert (one.width, one.height) == (other.width, other.height)
@@ -78,7 +78,7 @@ def test_calibrations_agree(playback: tuple[Captured, K4aCalibration], ours: tup
 
 
 def test_pixels_go_from_depth_to_colour_as_the_library_takes_them(
-    library: K4aLibrary, playback: tuple[Captured, K4aCalibration], ours: tuple[CameraModel, Frame]
+    library: K4aLibrary, playback: tuple[Capture, K4aCalibration], ours: tuple[CameraModel, Frame]
 ) -> None:
     model, frame = ours
     pixels, _, valid = points_in_colour(frame.depth_mm, model)

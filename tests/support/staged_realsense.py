@@ -13,7 +13,7 @@ import numpy as np
 from camera_stage import Stage
 from fake_k4a import BOOT_S
 
-from hw.camera.grabber import Captured
+from hw.camera.grabber import Capture
 from hw.camera.k4a_device import ColourSettings
 from hw.camera.realsense import RealSenseDevice
 from hw.types import CameraModel
@@ -129,7 +129,7 @@ class _Fed:
         self._stage.wanted = ("color", "depth", "infrared") if infrared else ("color", "depth")
         self._driver.start(infrared=infrared)
 
-    def next_capture(self) -> Captured | None:
+    def next_capture(self) -> Capture | None:
         return self._driver.next_capture() if self._stage.feed() else None
 
     def close(self) -> None:

@@ -29,7 +29,7 @@ from sim.research.benchmark.sessions import (
     udr_policies,
 )
 from sim.research.benchmark.tables import WorldTable
-from sim.research.benchmark.trial_sources import FromRecordings, SimulatedTrials, Tabled, TrialSource
+from sim.research.benchmark.trial_sources import FromRecordings, SimulatedTrials, TableTrials, TrialSource
 from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.candidates import with_listed_actions
 from sim.tasks import get_task
@@ -100,7 +100,7 @@ def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
     solver, conditions = checkpoint.solver, job.conditions
     task, shown_reward = solver.task, None
     simulated = SimulatedTrials(solver, job.world)
-    place: TrialSource = simulated if job.table is None else Tabled(task, job.table)
+    place: TrialSource = simulated if job.table is None else TableTrials(task, job.table)
 
     def final(act: Commands, policies: int = 1) -> Estimate:
         """Judge by fresh rollouts, divided among `policies`, if they are requested."""

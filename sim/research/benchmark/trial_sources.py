@@ -86,7 +86,7 @@ class SimulatedTrials:
 
 
 @dataclass(frozen=True, eq=False)
-class Tabled:
+class TableTrials:
     """A `TrialSource` that looks up the rollout of a table whose executed action is nearest, in fractions of ranges."""
 
     task: Task

@@ -25,14 +25,14 @@ COMPARED = len(NETWORKS) + 2
 
 
 @dataclass(frozen=True)
-class Wanted:
+class OptionalStages:
     """The optional stages. They can be added to a folder later."""
 
     policies: bool = True  # the paper's adaptation policy and its variants; NAF's checkpoints always have them
     evaluation: bool = True  # sessions of the available methods, on unseen targets
 
 
-EVERYTHING = Wanted()
+EVERYTHING = OptionalStages()
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class PretrainBudget:
         """The same budget, trained and judged on this kind of targets."""
         return replace(self, meta=replace(self.meta, targets=kind), evaluation=replace(self.evaluation, kind=kind))
 
-    def uncached(self, task: Task, stages: Wanted = EVERYTHING) -> int:
+    def uncached(self, task: Task, stages: OptionalStages = EVERYTHING) -> int:
         """Rollouts of training and evaluation without a counter; an upper bound for the evaluation, because policies
         repeat.
         """

@@ -32,7 +32,7 @@ from sim.research.methods.q_policy import MemoryName, QPolicy, restore_policy, t
 from sim.research.methods.search import RandomSearch
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
-from sim.research.pretraining.budget import EVERYTHING, MEMORIES, NETWORKS, PretrainBudget, Wanted
+from sim.research.pretraining.budget import EVERYTHING, MEMORIES, NETWORKS, OptionalStages, PretrainBudget
 from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, SolverActing, fill_library
 from sim.research.pretraining.evaluation import evaluate
 from sim.research.pretraining.logs import StageTimer, curve_file
@@ -92,7 +92,7 @@ def pretrain(
     executor: Executor,
     progress: StageProgress,
     solver: str = "emulator",
-    stages: Wanted = EVERYTHING,
+    stages: OptionalStages = EVERYTHING,
 ) -> Path:
     """Make the checkpoint of `task` in `folder` and return its path, for `load_checkpoint`.
 
@@ -167,7 +167,7 @@ def stage_seeds(seed: int) -> tuple[int, ...]:
     return tuple(int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4))
 
 
-def _exact(task: Task, solver: Solver, budget: PretrainBudget, executor: Executor, stages: Wanted) -> _Means:
+def _exact(task: Task, solver: Solver, budget: PretrainBudget, executor: Executor, stages: OptionalStages) -> _Means:
     facts = {"budget": {"meta": asdict(budget.meta), "evaluation": asdict(budget.evaluation)}}
     roll = partial(run_many, task, executor=executor)
     return _Means(task, lambda: solver, None, roll, partial(budget.uncached, task, stages), facts)

@@ -12,7 +12,7 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.reward_table import ProspectSettings
 from sim.errors import CheckpointError, ObjectError
 from sim.research.pretraining import for_object
-from sim.research.pretraining.budget import PretrainBudget, Wanted
+from sim.research.pretraining.budget import OptionalStages, PretrainBudget
 from sim.research.pretraining.for_object import is_inside, make_ready
 from sim.research.pretraining.pipeline import pretrain
 from sim.rollouts import serial_executor
@@ -97,7 +97,9 @@ def test_its_checkpoint_holds_the_ranges_and_serves_no_others(tmp_path):
     usual = get_task("pendulum")
     heavy = with_ranges(usual, OwnObject("pendulum", "heavy pendulum", {"m1": (1.6, 2.0), "m2": (2.0, 2.6)}))
     with serial_executor() as executor:
-        path = pretrain(heavy, tmp_path / "work", TINY, 0, executor, lambda *_: None, stages=Wanted(False, False))
+        path = pretrain(
+            heavy, tmp_path / "work", TINY, 0, executor, lambda *_: None, stages=OptionalStages(False, False)
+        )
     checkpoint = load_checkpoint(heavy, str(path))
     assert checkpoint.card.object == "heavy pendulum"
     assert [(d["low"], d["high"]) for d in checkpoint.card.interface["parameters"][:2]] == [(1.6, 2.0), (2.0, 2.6)]

@@ -16,7 +16,7 @@ from sim.research.benchmark.jobs import Job, run_job
 from sim.research.benchmark.run import Results, run_jobs
 from sim.research.benchmark.sessions import Conditions, choose_oracle, judge, run_session
 from sim.research.benchmark.tables import WorldTable
-from sim.research.benchmark.trial_sources import SimulatedTrials, Tabled
+from sim.research.benchmark.trial_sources import SimulatedTrials, TableTrials
 from sim.rollouts import serial_executor
 from sim.rollouts.run import Rollouts
 from sim.tasks import get_task
@@ -102,7 +102,7 @@ def test_with_fresh_rollouts_no_trial_is_looked_up(monkeypatch):
     nothing = Rollouts(np.zeros((8, task.observation.size)), np.zeros((8, 2)), np.zeros(8, bool), np.zeros(8, np.int8))
     table = WorldTable("wd", task.action.sample(np.random.default_rng(0), 8), nothing, "0" * 16)
     looked_up: list[int] = []
-    monkeypatch.setattr(Tabled, "play", lambda self, contexts, *rest: looked_up.append(len(contexts)))
+    monkeypatch.setattr(TableTrials, "play", lambda self, contexts, *rest: looked_up.append(len(contexts)))
     contact = Job(
         task="pushing",
         checkpoint="default",

@@ -12,7 +12,7 @@ from sim.errors import DatasetError
 from sim.lab.world import Faults, Sensing, World
 from sim.research.benchmark import tables
 from sim.research.benchmark.tables import MANIFEST, build_table, build_table_share, load_table, table_requests
-from sim.research.benchmark.trial_sources import Tabled
+from sim.research.benchmark.trial_sources import TableTrials
 from sim.rollouts import serial_executor
 from sim.rollouts.shares import Share
 
@@ -117,7 +117,7 @@ def test_requests_are_the_same_for_the_same_world_and_differ_between_worlds():
 
 def test_a_looked_up_trial_is_the_true_one_nearby_and_scores_come_from_other_rollouts(tmp_path):
     table, _ = build(tmp_path, size=640)
-    place, rng = Tabled(TOY, table), np.random.default_rng(0)
+    place, rng = TableTrials(TOY, table), np.random.default_rng(0)
     contexts, actions = TOY.context.sample(rng, 200), TOY.action.sample(rng, 200)
     played = place.play(contexts, actions, rng)
     observed, rewards = np.stack([t.observation for t in played]), np.array([t.reward for t in played])
@@ -130,14 +130,14 @@ def test_a_looked_up_trial_is_the_true_one_nearby_and_scores_come_from_other_rol
     assert judged.mean() == pytest.approx(true.mean(), abs=0.05)
     assert not np.array_equal(judged, rewards)
     known = place.table.half(odd=False)[0]
-    exact = Tabled(replace(TOY, action_noise=np.zeros(2)), table).play(contexts[:50], known[:50], rng)
+    exact = TableTrials(replace(TOY, action_noise=np.zeros(2)), table).play(contexts[:50], known[:50], rng)
     true = table.half(odd=False)[1].rewards(TOY, TOY.reference_context[None])[:50]
     assert np.array_equal([trial.reward for trial in exact], true)
 
 
 def test_the_best_actions_of_a_table_earn_more_than_any_others(tmp_path):
     table, _ = build(tmp_path, size=640)
-    place, rng = Tabled(TOY, table), np.random.default_rng(1)
+    place, rng = TableTrials(TOY, table), np.random.default_rng(1)
     contexts = TOY.context.sample(rng, 32)
     best = place.judge(contexts, place.best_actions(contexts), rng).mean()
     others = [place.judge(contexts, np.tile(a, (32, 1)), rng).mean() for a in TOY.action.sample(rng, 20)]

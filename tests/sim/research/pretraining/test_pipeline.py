@@ -16,7 +16,7 @@ from sim.errors import CheckpointError, DatasetError, RolloutError
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import QPolicy, networks_of, new_policy
 from sim.research.methods.search import RandomSearch
-from sim.research.pretraining.budget import COMPARED, EVERYTHING, MEMORIES, PretrainBudget, Wanted
+from sim.research.pretraining.budget import COMPARED, EVERYTHING, MEMORIES, OptionalStages, PretrainBudget
 from sim.research.pretraining.episodes import (
     EmulatedRolls,
     Library,
@@ -202,7 +202,7 @@ def test_pretraining_makes_a_checkpoint_that_sessions_use(tmp_path):
 
 @pytest.mark.long
 def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
-    path, seen = run(tmp_path, wanted=Wanted(policies=False, evaluation=False))
+    path, seen = run(tmp_path, wanted=OptionalStages(policies=False, evaluation=False))
     first = load_checkpoint(TOY, str(path))
     assert list(dict.fromkeys(stage for stage, _, _ in seen)) == ["dataset", "emulator", "prospects", "checkpoint"]
     assert first.card.simulations == TINY.rollouts + TINY.denser
@@ -211,12 +211,12 @@ def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
     with pytest.raises(CheckpointError, match="--methods"):
         make_method("adaptsim-iteration", TOY, first)
 
-    run(tmp_path, wanted=Wanted(policies=False))
+    run(tmp_path, wanted=OptionalStages(policies=False))
     judged = load_checkpoint(TOY, str(path))
     assert judged.card.evaluation is not None
     assert {score.name for score in judged.card.evaluation.methods} == {"adaptsim-belief", "random"}
 
-    run(tmp_path, wanted=Wanted(evaluation=False))
+    run(tmp_path, wanted=OptionalStages(evaluation=False))
     taught = load_checkpoint(TOY, str(path))
     assert networks_of(taught).keys() == {"iteration", "history", "state"}
     assert taught.card.evaluation == judged.card.evaluation

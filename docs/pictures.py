@@ -4,7 +4,7 @@
     python docs/pictures.py --check    exit code 1 if a screen that a picture shows has changed since
 
 A session runs in the simulated lab with its page open: camera, live page, report with numbers, film of a scoop. The
-planned motion is played from the page of `adaptsim preview`; a calibration holds the board. What the pictures show is written to docs/figures/pictures.json, by a digest of the files
+first trial of another is answered in a terminal (tmux). The planned motion is played from the page of `adaptsim preview`; a calibration holds the board. What the pictures show is written to docs/figures/pictures.json, by a digest of the files
 that draw each of them; a test compares.
 """
 
@@ -39,6 +39,11 @@ DRAWN_BY: Mapping[str, Sequence[str]] = {
     "guide-preview.webp": ("sim/lab/preview.py",),
     "guide-report.webp": ("adaptsim_cli/report/page.html.j2", "adaptsim_cli/report/style.css"),
     "live-page.webp": ("adaptsim_cli/view/page.html",),
+    "guide-trial.webp": (
+        "adaptsim_cli/session/operator.py",
+        "adaptsim_cli/session/terminal_views.py",
+        "adaptsim_cli/devices/consent.py",
+    ),
     "scoop.webp": ("sim/render/renderer.py", "sim/lab/kinect.py"),
     "board-in-hand.jpg": ("sim/render/renderer.py", "sim/lab/board.py"),
 }
@@ -56,6 +61,20 @@ NUMBERED = """
   });
 """
 """Numbers in the report, which the operator's guide explains."""
+
+
+PARTS = ("SIMULATED", "The simulated lab puts", "Found", "Action", "Expected reward", "The motion takes", "Detection",
+         "The simulated robot is about", "Is the work area clear", "Tracked")  # fmt: skip
+"""The first words of the numbered lines of a trial; the operator's guide explains the numbers."""
+ANSWERS = (("stop, ? explains", ""), ("Type panda", "panda"), ("comes to the piece", "y"), ("makes its motion", "y"),
+           ("goes back", "y"), ("Is this what you saw", ""))  # fmt: skip
+"""What the screen asks in the first trial, and what is typed."""
+TRIAL_PAGE = """<meta charset="utf-8"><style>
+body {{ margin: 0; background: white }}
+pre {{ margin: 0; padding: 14px 14px 14px 52px; font: 14px/1.5 "DejaVu Sans Mono", monospace; color: #222 }}
+b.mark {{ position: absolute; left: 14px; width: 1.5em; border-radius: 50%; text-align: center;
+          font: bold 13px/1.5 sans-serif; background: #b34700; color: white }}
+</style><pre>{code}</pre>"""
 
 
 QUALITY = 82
@@ -110,6 +129,60 @@ def film(recording: Path) -> None:
     first.save(FIGURES / "scoop.webp", save_all=True, append_images=others, duration=67, loop=0, quality=55)
 
 
+def trial(page: Tab, folder: Path) -> None:
+    """The first trial of a session in a terminal of 96 columns, until the question about its outcome."""
+    from film import plain  # noqa: PLC0415
+
+    tmux = ["tmux", "-L", f"pictures-{os.getpid()}", "-f", "/dev/null"]
+    command = f"{sys.executable} -m adaptsim_cli run-iteration {' '.join(WORLD)} --session trial"
+    subprocess.run([*tmux, "new-session", "-d", "-x", "96", "-y", "70", command], check=True)
+    try:
+        for question, answer in ANSWERS:
+            shown = _terminal(tmux, question)
+            if question != ANSWERS[-1][0]:
+                subprocess.run([*tmux, "send-keys", answer, "Enter"], check=True)
+    finally:
+        subprocess.run([*tmux, "kill-server"], check=False)
+    lines = shown.replace(str(folder), "~").splitlines()
+    first = next(i for i, line in enumerate(lines) if "Trial 1" in plain(line))
+    html = folder / "trial.html"
+    html.write_text(TRIAL_PAGE.format(code=_numbered(lines[first:])), encoding="utf-8")
+    page.open(html.as_uri())
+    shoot(page, "guide-trial.webp", 900, 28 + 21 * len(lines[first:]))
+
+
+def _terminal(tmux: Sequence[str], question: str) -> str:
+    """The screen with its colours, once it ends with a question that has these words. Raises TimeoutError."""
+    from film import plain  # noqa: PLC0415
+
+    for _ in range(300):
+        time.sleep(1.0)
+        capture = [*tmux, "capture-pane", "-e", "-p", "-J"]
+        shown = subprocess.run(capture, check=True, capture_output=True, text=True).stdout.rstrip()
+        asked = " ".join(plain(shown).split())
+        if asked.endswith(":") and question in asked[-300:]:
+            return shown
+    raise TimeoutError(f"no question {question!r}")
+
+
+def _numbered(lines: Sequence[str]) -> str:
+    """Lines with colours as HTML, with a number before each of `PARTS`."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.text import Text  # noqa: PLC0415
+
+    left, rows = list(PARTS), []
+    for line in Text.from_ansi("\n".join(lines)).split("\n", allow_blank=True):
+        console = Console(file=io.StringIO(), record=True, width=100, force_terminal=True)
+        console.print(line, soft_wrap=True)
+        code = console.export_html(inline_styles=True, code_format="{code}").rstrip()
+        if left and line.plain.strip().startswith(left[0]):
+            code = f'<b class="mark">{len(PARTS) - len(left) + 1}</b>{code}'
+            del left[0]
+        rows.append(code)
+    assert not left, f"the trial shows no line {left[0]!r}"
+    return "\n".join(rows)
+
+
 def board() -> None:
     """The calibration board in the hand, as the camera sees it, with the corners that were found."""
     from check_live import adaptsim  # noqa: PLC0415
@@ -158,6 +231,7 @@ def main() -> int:
         camera(Path(home))
         preview(page, Path(home))
         session(page)
+        trial(page, Path(home))
         board()  # its calibration would be used by a session
     STATES.write_text(json.dumps(digests(), indent=1) + "\n", encoding="utf-8")
     print("\n".join(f"docs/figures/{name}" for name in DRAWN_BY))

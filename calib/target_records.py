@@ -30,7 +30,7 @@ class TargetRecord(Record, ABC):
         return self.size == "stated"
 
     def scaled(self, factor: float) -> Self:
-        """The same with every length larger by `factor`."""
+        """The same record with all lengths times `factor`."""
         lengths = {key: value for key, value in self if key.endswith("_mm") and value is not None}
         return self.model_copy(update={key: factor * value for key, value in lengths.items()})
 
@@ -143,7 +143,7 @@ class PointsRecord(TargetRecord):
     points_mm: tuple[tuple[float, float, float], ...] = ()  # filled in from the views
 
     def scaled(self, factor: float) -> Self:
-        """The same with every length larger by `factor`."""
+        """The same record with all lengths times `factor`."""
         grown = tuple((factor * x, factor * y, factor * z) for x, y, z in self.points_mm)
         return self.model_copy(update={"points_mm": grown})
 

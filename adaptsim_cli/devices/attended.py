@@ -81,7 +81,7 @@ class Instruments:
     screen: Screen
 
     def values(self) -> dict[str, float]:
-        """`instrument.quantity` -> value; without those of one that does not answer, which is noted."""
+        """`instrument.quantity` -> value. An instrument that does not answer is noted and left out."""
         values = dict[str, float]()
         for name, kind in self.kinds.items():
             assert kind.measure is not None  # else it is no instrument

@@ -93,7 +93,7 @@ class Board:
 
     @property
     def corners(self) -> int:
-        """Inner corners, ids 0 to this less one: along X first, then down."""
+        """Number of inner corners; their ids count from 0, along X first, then down."""
         return (self.squares_across - 1) * (self.squares_down - 1)
 
     @property

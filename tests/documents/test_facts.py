@@ -175,6 +175,31 @@ def test_the_best_parameters_are_said_to_be_as_far_ahead_as_they_are(sessions: S
     assert f"the best E earns {ahead:.3f} more than `adaptsim`".replace("0.", ".") in text(RESULTS)
 
 
+def test_a_second_training_of_scooping_earns_as_the_table_says(sessions: Sessions) -> None:
+    page = text(RESULTS)
+    for row, shipped, second in (
+        ("six foods, three sessions each", "foods", "foods-training-11"),
+        ("40 drawn foods, one session each", "foods-drawn-rollouts", "foods-drawn-training-11"),
+    ):
+        cells = (
+            ", ".join(f"{sessions.mean(part, method):.3f}"[1:] for method in ("udr", "adaptsim"))
+            for part in (shipped, second)
+        )
+        assert f"| {row} | {' | '.join(cells)} |" in page
+        udr, adapted = (sessions.mean(second, m) - sessions.mean(shipped, m) for m in ("udr", "adaptsim"))
+        assert f"{udr:+.2f}".replace("0.", ".") in page
+        assert f"−{-adapted:.3f}".replace("0.", ".") in page
+    udr, drawn = (short(sessions.mean(part, "udr")) for part in ("foods-training-11", "foods-drawn-training-11"))
+    adapted = {short(sessions.mean(part, "adaptsim")) for part in ("foods-training-11", "foods-drawn-training-11")}
+    assert f"UDR earns {udr} and {drawn} in the first two rows, `adaptsim` {adapted.pop()} in both" in text(README)
+    assert not adapted
+    gains = sessions.gains("foods-drawn-training-11")
+    worst = min(gains, key=lambda world: gains[world])
+    assert f"+{np.mean(list(gains.values())):.3f} (.123 to .270)".replace("0.", ".", 1) in page
+    assert f".05 or more in {sum(g >= GAIN for g in gains.values())} of the {len(gains)} instead of 26" in page
+    assert f"in {worst} the session lost {-gains[worst]:.3f}".replace("0.", ".") in page
+
+
 def test_a_second_training_earns_what_its_sessions_earn() -> None:
     rewards = defaultdict(list)
     with (ROOT / "docs/results/sessions.csv").open(encoding="utf-8", newline="") as file:

@@ -104,11 +104,11 @@ def check(
         rig = _guided(connected, screen) if guide else connected
         screen.show(badge(rig.name, rig.title))
         drift = flow.check(rig, calibration, _visits(rig, screen, None if guide else CHECK_PLACES, yes=yes), screen)
-    text = Text(drift.message, style="bold red" if drift.moved else "green")
+    screen.show(Text(drift.message, style="bold red" if drift.moved else "green"))
     where = config.same_lab
     again = (f"adaptsim calibrate {where}", "finds the camera's new pose")
     step = again if drift.moved else (f"adaptsim run-iteration {where}", "the calibration is still valid")
-    return Reply(asdict(drift) | {"X_BC_now": drift.X_BC_now.tolist()}, [text], [step])
+    return Reply(asdict(drift) | {"X_BC_now": drift.X_BC_now.tolist()}, next=[step])
 
 
 def solve(folder: Path, out: Path | None, options: SolveOptions, screen: Screen) -> Reply:
@@ -133,7 +133,7 @@ def solve(folder: Path, out: Path | None, options: SolveOptions, screen: Screen)
     table = path.with_name(prefix + RESIDUALS)
     durable.replace_file(table, checks.residuals_table(solved.residuals).encode())
     left_mm = [view.rms_mm for view in solved.residuals if view.used]
-    text = f"Residual of every point: {table} (on the target {np.median(left_mm):.2f} mm in the middle view)"
+    screen.plain(f"Residual of every point: {table} (on the target {np.median(left_mm):.2f} mm in the middle view)")
     influence = solved.influence
     data = terminal_views.summary(solved.record) | {
         "residuals": str(table),
@@ -145,8 +145,8 @@ def solve(folder: Path, out: Path | None, options: SolveOptions, screen: Screen)
         "faults": [{"kind": f.kind, "what": f.sentence, "option": f.option, "views": f.views} for f in solved.faults],
     }
     if not solved.record.accepted:
-        return Reply(data, [text], failure=flow.rejected(solved, path, f"Next: {solved.advice}"))
-    return Reply(data, [text], [(f"xdg-open {path}", "the place and the residual of every view")])
+        return Reply(data, failure=flow.rejected(solved, path, f"Next: {solved.advice}"))
+    return Reply(data, next=[(f"xdg-open {path}", "the place and the residual of every view")])
 
 
 def overlay(folder: Path, out: Path | None, screen: Screen) -> Reply:

@@ -72,6 +72,7 @@ def doctor(
         return Reply()
     with screen.busy(f"Looking at everything that hw = {resolved.config.hw} needs"):
         findings = tuple(checks.examine(resolved))
+    screen.print(table.checklist(findings, resolved.config))
     return table.reply(findings, resolved.config)
 
 

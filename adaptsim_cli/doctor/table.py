@@ -141,19 +141,26 @@ def after(name: str) -> When:
 _MARKS = {Severity.OK: ("✓", "green"), Severity.ADVICE: ("!", "yellow"), Severity.MISSING: ("✗", "bold red")}
 
 
+def checklist(findings: Sequence[Finding], config: Config) -> Iterator[RenderableType]:
+    """Everything: the lab, the table, the remedies, and whether it is ready."""
+    yield views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw)
+    yield from shown(findings)
+    if not missing_in(findings):
+        yield "\nReady"
+
+
 def reply(findings: Sequence[Finding], config: Config) -> Reply:
-    """Everything, and the next command if nothing is missing; else the failure names what is."""
+    """The findings, and the next command if nothing is missing; else the failure names what is."""
     rows = [{**asdict(finding), "verdict": finding.verdict.value} for finding in findings]
     names = missing_in(findings)
     data = {"ready": not names, "hw": config.hw, "task": config.task, "checks": rows}
-    text = [views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw), *shown(findings)]
     if names:
         failure = PreflightFailed(
             f'not ready: {", ".join(names)}. Each remedy is listed above, and under "fix" in --json'
         )
-        return Reply(data, text, failure=failure)
+        return Reply(data, failure=failure)
     first = (f"adaptsim run-iteration {same_lab(config.task, config.hw, config.world)}", "the first trials")
-    return Reply(data, [*text, "\nReady"], [first])
+    return Reply(data, next=[first])
 
 
 def shown(results: Sequence[Finding], *, grouped: bool = True) -> Iterator[RenderableType]:

@@ -11,8 +11,6 @@ from adaptsim_cli.command import command
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
 
@@ -70,9 +68,9 @@ def benchmark(
     if part is not None:
         return complete(part, f"{len(result.rows)} sessions", request.folder)
     document = page.write(result)
-    text: list[RenderableType] = [*page.tables(result.summaries), f"Report: {document}"]
+    screen.print([*page.tables(result.summaries), f"Report: {document}"])
     more = (f"xdg-open {document}", "the page, in the browser; the same command with more methods adds to it")
-    return Reply(result.as_json(), text, [more])
+    return Reply(result.as_json(), next=[more])
 
 
 @command("task", "workers")
@@ -103,6 +101,6 @@ def world_tables(
             files = make_tables_share(resolved, targets, rollouts, part, crew, progress)
             return complete(part, f"{files} files of tables", tables_folder(resolved))
         tables = make_tables(resolved, targets, rollouts, crew, progress)
-    text = f"{len(tables)} tables of {task}: {tables_folder(resolved)}"
+    screen.plain(f"{len(tables)} tables of {task}: {tables_folder(resolved)}")
     step = (f"adaptsim benchmark --task {task} --targets {targets}", "compares methods in these worlds")
-    return Reply({"task": task, "tables": tables}, [text], [step])
+    return Reply({"task": task, "tables": tables}, next=[step])

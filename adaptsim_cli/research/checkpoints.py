@@ -11,8 +11,6 @@ from adaptsim_cli.command import command
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
     from sim.adaptation.trials_forecast import SessionShare
@@ -78,28 +76,26 @@ def verify(
             pretraining.QUICK if quick else count,
             lambda done, total: progress("rollouts", done, total),
         )
-    text: list[RenderableType] = [
-        f"{result['folder']} is intact: task {result['task']}, sha256 {result['sha256'][:12]}"
-    ]
+    screen.plain(f"{result['folder']} is intact: task {result['task']}, sha256 {result['sha256'][:12]}")
     if result["figures"]:
         columns = ("", "figure", "card", "now", "may be worse by")
         body = [
             ("\N{CHECK MARK}" if f["holds"] else "\N{BALLOT X}", f["name"], *map(views.number, _numbers(f)))
             for f in result["figures"]
         ]
-        text.append(views.rows(columns, body))
+        screen.show(views.rows(columns, body))
     elif count:
-        text.append("Every session trains its own task policies, so the card has no figures to compare with rollouts.")
+        screen.note("Every session trains its own task policies, so the card has no figures to compare with rollouts.")
     if result["holds"]:
         session = (f"adaptsim run-iteration --task {result['task']}", "a session with it, if the settings name it")
-        return Reply(result, text, [session])
+        return Reply(result, next=[session])
     worse = ", ".join(f["name"] for f in result["figures"] if not f["holds"])
     failure = CheckpointError(
         f"fresh rollouts are worse than the card of {result['folder']} says: {worse}. The simulation has changed "
         "since the checkpoint was made, or the card is wrong: try another --seed with more --rollouts, then "
         "`adaptsim pretrain` again"
     )
-    return Reply(result, text, failure=failure)
+    return Reply(result, failure=failure)
 
 
 @app.command()

@@ -96,6 +96,7 @@ def pretrain(
             return Reply(text=[even, "Once all shares are, the same command simulates this share of the denser part."])
         stages = OptionalStages(policies=methods, evaluation=evaluate)
         folder = pretraining.pretrain(request, crew, progress, stages)
+    screen.plain(f"Checkpoint: {folder}")
     chosen = resolved.config
     own = f" --object {chosen.object}" if chosen.object else ""
     steps = [
@@ -103,4 +104,4 @@ def pretrain(
         (f"adaptsim checkpoints verify {folder}", "are the figures on its card right?"),
     ]
     data = {"checkpoint": str(folder), "card": pretraining.checkpoint_card(chosen.task, folder)}
-    return Reply(data, [f"Checkpoint: {folder}"], steps)
+    return Reply(data, next=steps)

@@ -18,5 +18,6 @@ def output(command: str, reply: Reply) -> Any:
 def refused(command: str, reply: Reply, *words: str) -> Any:
     """Its JSON, of a result that ends the command with an error of these words."""
     assert reply.failure is not None
-    assert all(word in str(reply.failure) for word in words), reply.failure
+    message = "\n".join([str(reply.failure), *getattr(reply.failure, "__notes__", ())])
+    assert all(word in message for word in words), message
     return output(command, reply)

@@ -344,6 +344,7 @@ def test_remedies_stand_whole_below_a_table_that_fits_the_screen(place: Path) ->
         Finding(SKIPPED, "hw = fake needs none", group="devices", name="pedal"),
     )
     settings = config.load({}).config
+    screen.print(table.checklist(found, settings))
     reply = table.reply(found, settings)
     with pytest.raises(PreflightFailed, match="not ready: driver"):
         screen.end("doctor", reply)

@@ -30,8 +30,8 @@ def command(
 ) -> Callable[[Callable[..., Reply]], Callable[..., None]]:
     """Make a command of typer from a function that returns its reply.
 
-    `settings` are names of `options.SETTINGS`: each becomes an option, whose value is in `resolved`. An option whose
-    help differs here comes as `own_words`. The world decides the task, if the command takes a world.
+    `settings` are names of `options.SETTINGS`: each becomes an option, and `resolved` has its value. `own_words` are
+    options of settings with another help text. The world decides the task, if the command takes a world.
     """
     declared = {name: options.SETTINGS[name] for name in settings} | own_words
 

@@ -68,7 +68,7 @@ PARTS = ("SIMULATED", "The simulated lab puts", "Found", "Action", "Expected rew
 """The first words of the numbered lines of a trial; the operator's guide explains the numbers."""
 ANSWERS = (("stop, ? explains", ""), ("Type panda", "panda"), ("comes to the piece", "y"), ("makes its motion", "y"),
            ("goes back", "y"), ("Is this what you saw", ""))  # fmt: skip
-"""What the screen asks in the first trial, and what is typed."""
+"""The questions of the first trial, and the typed answers."""
 TRIAL_PAGE = """<meta charset="utf-8"><style>
 body {{ margin: 0; background: white }}
 pre {{ margin: 0; padding: 14px 14px 14px 52px; font: 14px/1.5 "DejaVu Sans Mono", monospace; color: #222 }}

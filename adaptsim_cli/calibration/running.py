@@ -8,7 +8,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
-from rich.console import RenderableType
 from rich.text import Text
 
 from adaptsim_cli.calibration import flow, pictures, printing, terminal_views, together
@@ -160,13 +159,11 @@ def overlay(folder: Path, out: Path | None, screen: Screen) -> Reply:
         durable.replace_file(into / f"{name}.jpg", pictures.jpeg(picture))
     sheet = into / pictures.ARM_PICTURE
     durable.replace_file(sheet, drawn.sheet())
-    text: list[RenderableType] = [
-        f"Look at {sheet}: the lines must lie on the edges of the arm",
-        Text(drawn.sentence, style="bold" if drawn.fit is None or drawn.fits else "bold red"),
-    ]
+    screen.plain(f"Look at {sheet}: the lines must lie on the edges of the arm")
+    screen.show(Text(drawn.sentence, style="bold" if drawn.fit is None or drawn.fits else "bold red"))
     files = {name: str(into / f"{name}.jpg") for name in drawn.by_view}
     data = {"outline": drawn.as_json(), "sheet": str(sheet), "pictures": files}
-    return Reply(data, text, [(f"xdg-open {sheet}", "the pictures, side by side")])
+    return Reply(data, next=[(f"xdg-open {sheet}", "the pictures, side by side")])
 
 
 def solve_cameras(
@@ -181,11 +178,12 @@ def solve_cameras(
     path = out.absolute()
     durable.make_folder(path.parent)
     durable.replace_file(path, together.content(solution))
-    data, text = together.as_json(solution) | {"file": str(path)}, [together.show(solution), f"Written: {path}"]
+    screen.print([together.show(solution), f"Written: {path}"])
+    data = together.as_json(solution) | {"file": str(path)}
     if not solution.accepted:
-        return Reply(data, text, failure=together.rejected(solution, path))
+        return Reply(data, failure=together.rejected(solution, path))
     alone = (f"adaptsim calibrate solve {folders[0]}", "one camera alone, with every check and a report")
-    return Reply(data, text, [alone])
+    return Reply(data, next=[alone])
 
 
 def board(
@@ -204,17 +202,16 @@ def board(
     durable.make_folder(path.parent)
     with screen.busy("Drawing the board"):
         durable.replace_file(path, printing.page(printed, paper, out.suffix))
+    screen.plain(f"Written: {path}")
     record = printing.remember(resolved.places.data, printed, width_mm)
-    text: list[RenderableType] = [f"Written: {path}"]
     if width_mm is None:
-        words = (
+        screen.note(
             "Print at 100 %, glue it to something stiff and flat, measure all squares of a row together, and run this "
             "again with --width-mm (adaptsim calibrate asks for it too)."
         )
-        text.append(Text(words, style="yellow"))
     measured = f"adaptsim calibrate board --paper {paper} --out {out} --width-mm WIDTH"
     step = (measured, "with the width that you measured") if width_mm is None else ("adaptsim calibrate", "with it")
-    return Reply({"file": str(path), "paper": paper, **record.model_dump()}, text, [step])
+    return Reply({"file": str(path), "paper": paper, **record.model_dump()}, next=[step])
 
 
 def board_in_use(resolved: Resolved, screen: Screen, *, yes: bool) -> Board:

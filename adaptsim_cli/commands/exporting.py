@@ -160,13 +160,14 @@ def replay(
         path = out or Path(f"{stored_trial.title}-replay{'.rrd' if rerun else replaying.VIDEO}")
         written(path, (replaying.rerun_file if rerun else replaying.video)(stored_trial))
     data = {"session": session, "trial": trial, "recording": str(stored_trial.file), "written": str(path.absolute())}
+    screen.plain(str(path))
     if rerun and out is None and sys.stdout.isatty():
         subprocess.run([sys.executable, "-m", "rerun", str(path)], check=False)
     steps = [
         (f"{sys.executable} -m rerun {path}" if rerun else f"xdg-open {path}", "watch it"),
         (f"adaptsim sessions amend {session} {trial}", "if tracking has the wrong outcome"),
     ]
-    return Reply(data, [str(path)], steps)
+    return Reply(data, next=steps)
 
 
 @command()

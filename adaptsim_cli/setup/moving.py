@@ -35,7 +35,7 @@ def board(answers: Answers) -> None:
     record = printing.stored_board(data)
     if record is None:
         paper = answers.one_of("Paper for the calibration board?", tuple(printing.PAPERS_MM), "a4")
-        screen.print(calibrating.board(answers.resolved, BOARD_PDF, paper, None, None, screen).text)
+        calibrating.board(answers.resolved, BOARD_PDF, paper, None, None, screen)
         if not answers.defaults:
             screen.go_on("Print it, and glue it to something stiff and flat.", "when done", then="Nothing moves.")
     measured = calibrating.board_in_use(answers.resolved, screen, yes=answers.defaults)
@@ -71,12 +71,11 @@ def touch(answers: Answers) -> None:
     )
     if not config.is_simulated:
         open_guided = partial(touch_off.open_guided_rig, screen=screen)
-        reply = guiding.run(answers.resolved, store, sessions, open_guided, screen, yes=answers.defaults)
-    else:
-        open_rig = partial(touch_off.open_touch_rig, screen=answers.prompt_screen)
-        lab, grasp = _slowly(answers, practice=False), touch_off.grasp_of(config)
-        reply = touching.run(lab, grasp, store, sessions, open_rig, screen, yes=answers.defaults)
-    screen.print(reply.text)
+        guiding.run(answers.resolved, store, sessions, open_guided, screen, yes=answers.defaults)
+        return
+    open_rig = partial(touch_off.open_touch_rig, screen=answers.prompt_screen)
+    grasp = touch_off.grasp_of(config)
+    touching.run(_slowly(answers, practice=False), grasp, store, sessions, open_rig, screen, yes=answers.defaults)
 
 
 def stop(answers: Answers) -> None:

@@ -83,7 +83,7 @@ def run(
     with how_to_continue(_HINT, "interrupted"), open_rig(config, resolved.places, grasp) as rig:
         screen.show(terminal_views.explanation(rig))
         saved = touch_off(rig, screen, unattended=yes, created=now())
-    return conclude(saved, store, config)
+    return conclude(saved, store, config, screen)
 
 
 def now() -> str:
@@ -91,12 +91,13 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def conclude(saved: SavedTouchOff, store: TouchOffStore, config: Config) -> Reply:
+def conclude(saved: SavedTouchOff, store: TouchOffStore, config: Config, screen: Screen) -> Reply:
     """Store a touch-off, and name the next command."""
     folder = store.save(saved)
+    screen.plain(f"In use from now on: {folder}")
     data = terminal_views.summary(saved) | {"folder": str(folder)}
     trial = (f"adaptsim rollout {config.same_lab}", "one trial with it")
-    return Reply(data, [f"In use from now on: {folder}"], [trial])
+    return Reply(data, next=[trial])
 
 
 def touch_off(rig: TouchRig, screen: Screen, *, unattended: bool, created: str) -> SavedTouchOff:

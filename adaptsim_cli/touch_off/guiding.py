@@ -66,7 +66,7 @@ def run(
         screen.show(terminal_views.guided_explanation(rig))
         saved = touch_off(rig, screen, unattended=unattended, created=now())
         screen.plain("Guide the arm up now: the tool must be clear of the table before anything moves.")
-    return conclude(saved, store, config)
+    return conclude(saved, store, config, screen)
 
 
 def touch_off(rig: GuidedTouchRig, screen: Screen, *, unattended: bool, created: str) -> SavedTouchOff:

@@ -64,9 +64,10 @@ def run(resolved: Resolved, request: RolloutRequest, screen: Screen) -> Reply:
     records = trials_of(store)
     for record in records:
         screen.data("rollout", single.shown(store, record, chosen))
+    screen.plain(f"Stored: {store.folder}")
     with screen.busy("Drawing its page", "reporting"):
         page = write(store)
-    text = [f"Stored: {store.folder}", f"Report: {page}"]
+    text = [f"Report: {page}"]
     if request.best_of is None:
         lab = same_lab(settings.task, settings.hw, settings.world)
         return Reply(text=text, next=[(f"adaptsim run-iteration {lab}", "adapts in about twenty such trials")])

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SOLVERS = ("emulator", "naf")
 
 _WORLD = "world "
-"""Begins the origin of a task that the world decides."""
+"""First word of the origin of a task that the world decides."""
 
 
 def load(flags: Mapping[str, Any]) -> Resolved:

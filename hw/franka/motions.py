@@ -24,7 +24,7 @@ from hw.workcell import Workcell, check_guarded, require_guarded, withdrawal
 
 FADE_S = 0.5
 SLOW_FADE_S = 2.0
-"""Fade of guarded motions, whose speed is limited too."""
+"""Fade of guarded motions; their speed is limited too."""
 SAME_RAD = 1e-6
 """States come in single precision, so the held joints may differ by this much from the last command."""
 

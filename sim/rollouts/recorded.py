@@ -97,7 +97,7 @@ class RecordedTrials:
         return RecordedTrials(self.task, self.names, contexts, self.actions, tuple(self.tracks[i] for i in order))
 
     def context_of(self, row: int, context: Array) -> Array:
-        """(c,) the context of a trial: its own, or the requested `context` in a task whose contexts only score."""
+        """(c,) the context of a trial: its own, or the requested `context` if contexts only score in this task."""
         return context if self.contexts is None or scores_only(self.task) else self.contexts[row]
 
     def rewards(self, rows: Iterable[int], contexts: Array) -> Array:

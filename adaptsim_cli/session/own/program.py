@@ -25,7 +25,7 @@ from adaptsim_cli.session.own.reading import MOST_BYTES
 from sim.adaptation.sessions import Progress
 
 _RUN = 'q=$1; r=$2; shift 2; "$@" <"$q" >"$r.out" 2>"$r.err"; echo $? >"$r.exit.part"; mv "$r.exit.part" "$r.exit"'
-"""Script of a shell: it runs a program, and notes its end even if the caller has gone."""
+"""Shell script that runs a program, and notes its end even if the caller has gone."""
 _STARTED: list[subprocess.Popen[bytes]] = []
 """Processes that may still run. They outlive this program, so it does not wait for them."""
 _LOOK_S = 0.05

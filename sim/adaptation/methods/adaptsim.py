@@ -2,7 +2,7 @@
 
 `sim.adaptation.reality` describes all that may be true. The first particle takes the action with the highest expected
 reward, whether or not any E proposes it, and the surer one if two earn the same. The other particles explore actions
-whose reward may be higher still; they explore less with every iteration, and the last ones confirm. While every trial
+that may earn still more; they explore less with every iteration, and the last ones confirm. While every trial
 has failed, nothing can be lost, and the surer action would be the surer failure: then all of them explore. A particle
 shows the E with the policy that is expected to earn most. The correction is the difference between that policy and the
 actions of the particle.

@@ -161,7 +161,7 @@ class ViewRecord(PoseKeys):
         return self
 
     def target(self) -> Array | None:
-        """X_CM (4, 4), the target in the camera, if the view states it. Raises ValueError for what is no such pose."""
+        """X_CM (4, 4), the target in the camera, if the view states it. Raises ValueError for an invalid pose."""
         names = ("target_position_m", "target_quaternion_wxyz", "target_quaternion_xyzw")
         stated = {name.removeprefix("target_"): value for name in names if (value := getattr(self, name)) is not None}
         if self.X_CM is None and not stated:

@@ -240,7 +240,7 @@ class Choice:
     weights: tuple[Weights, ...]  # one of the two, or both: their mean
     errors_px: float  # held-out error of the fit weighed by errors of arm and views, every view without its fifth
     pixels_px: float  # the same of the fit over pixels
-    held_out_px: float  # the same of what is kept
+    held_out_px: float  # the same with the present calibration
 
     @property
     def sentence(self) -> str:

@@ -99,7 +99,7 @@ def _least_of_vector(braked: Array, fast: Array, largest: float, squares: Array)
 
 
 def _braked(clock: _PathClock, at_s: Array, hard: float, sharp: float, longest_s: float) -> tuple[Array, Array]:
-    """Brake from path times (K,) with shares `hard` and `sharp` of what the clock permits.
+    """Brake from path times (K,) with shares `hard` and `sharp` of the clock's limits.
 
     Returns path times (M, K), every millisecond from the beginning until the last is at rest, and durations (K,), inf
     where it does not come to rest within `longest_s`.
@@ -263,7 +263,7 @@ FULL = 1.0
 def slowed(path: JointPath, pace: float) -> JointPath:
     """`path` in time stretched by 1 / `pace`, its contact window too. Raises ValueError for a pace not in 0.1 to 1.
 
-    The result is a path as any other: whoever plays it checks every limit again.
+    The player checks every limit of the result again, as for any path.
     """
     number(pace, "pace", SLOWEST, FULL)
     return at_pace(path, pace)

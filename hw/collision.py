@@ -1,4 +1,4 @@
-"""Collision geometry: the tool, keep-out boxes, the table, and what the arm's bodies keep from them and each other.
+"""Collision geometry: the tool, keep-out boxes, the table, and the clearances of the arm's bodies.
 
 Two models of the arm (`hw.outline`): boxes and table are judged by an outline that contains the real arm, the arm
 against itself by the maker's own capsules, which are thinner. All clearances are exact and vectorised over the leading

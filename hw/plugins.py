@@ -81,7 +81,7 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Registry(Generic[Thing]):
-    """Everything of one kind by name: ours, and what installed packages offer. A package is imported on first use."""
+    """Everything of one kind by name: ours, and those of installed packages. A package is imported on first use."""
 
     label: str  # what one is called in a message
     group: str  # of the entry points by which packages offer one: its name, and a module

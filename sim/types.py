@@ -36,7 +36,7 @@ class Suspicion:
 class Dimension:
     """One named quantity with its range; `scale` says how it is normalised.
 
-    No fingerprint or file holds what comes after `scale`, and equality ignores it.
+    No fingerprint or file holds the fields after `scale`, and equality ignores them.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""`list`, `show`, `restore` and `compare` of what a rig keeps, numbered: its calibrations and its touch-offs."""
+"""`list`, `show`, `restore` and `compare` for a rig's numbered calibrations and touch-offs."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def folder_of(places: Places, rig: RigDescription) -> Path:
 
 @dataclass(frozen=True)
 class SetUp:
-    """Everything that decides where the arm moves, as short hashes beside the name of what it does."""
+    """Everything that decides where the arm moves, as short hashes, by effect."""
 
     kind: str = ""  # the task, "board" for a calibration, "touch-off"
     tool: str = ""  # its shape, mass and mount, and the table: what a touch-off finds

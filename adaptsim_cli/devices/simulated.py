@@ -1,4 +1,4 @@
-"""The simulated lab: a world hidden from learning and tracking. To whoever practises it asks what a real arm asks."""
+"""The simulated lab: a world hidden from learning and tracking. It asks the same questions as a real arm."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class WorldLab:
         pace: float = FULL,
         screen: Screen | None = None,
     ) -> None:
-        """`screen`: whoever sits there is asked before anything moves, as with a real arm; None: nobody is asked."""
+        """`screen`: asks before anything moves, as with a real arm; None: no questions."""
         self.rig, self.title = rig, f"simulated lab, world {world.name}"
         self.nominal = nominal_hand_eye(world, seed)
         self._task, self._world, self._seed, self._stack = task, world, seed, stack
@@ -125,7 +125,7 @@ class WorldLab:
         return stop
 
     def _release(self, table: str) -> Release:
-        """The questions to whoever practises here."""
+        """The questions before a motion."""
         model, screen = self.rig.arm.model, self._screen
 
         def first() -> None:

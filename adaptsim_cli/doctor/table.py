@@ -52,7 +52,7 @@ ok, advice, missing, skipped = (partial(Finding, kind) for kind in Severity)
 
 @dataclass
 class Examined:
-    """The lab of some settings, and what was found so far."""
+    """The lab of some settings, and the checks made so far."""
 
     resolved: Resolved
     findings: dict[str, Finding] = field(default_factory=dict)

@@ -68,7 +68,7 @@ class ShownRejection(Record):
 
 
 class SessionShown(Output):
-    """One session with all that counts in it."""
+    """One session with its trials and results."""
 
     facts: dict[str, Any] = described("its settings, as in session.toml")
     folder: str = described("its folder")

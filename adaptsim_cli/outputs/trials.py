@@ -1,4 +1,4 @@
-"""Trials and what follows from them, as they are stored and printed by run-iteration, rollout and preview."""
+"""Trials and their results, as they are stored and printed by run-iteration, rollout and preview."""
 
 from __future__ import annotations
 

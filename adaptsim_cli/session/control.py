@@ -1,4 +1,4 @@
-"""Control trials: the pairs of a session, what they show, and what they cost.
+"""Control trials: the pairs of a session, their result and their cost.
 
 A control trial is made in the same drawn context as a trial of the session, by another policy. Nobody is told which is
 which until their iteration is complete, and nothing learns from it.
@@ -80,7 +80,7 @@ def compared(facts: Facts, played: Sequence[TrialRecord]) -> ControlRecord | Non
 
 
 def cost_in_words(store: SessionStore, first: int, iterations: int) -> str:
-    """The cost of the control in so many iterations from `first` (from 0) on, in one sentence."""
+    """The cost of the control in these iterations from `first` (from 0) on, in one sentence."""
     layout = store.facts.layout
     coming = range(first, first + iterations)
     done = sum(trial.role is Role.CONTROL for trial in played_of(store) if trial.iteration - 1 in coming)

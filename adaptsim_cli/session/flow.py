@@ -94,7 +94,7 @@ class RunningSession:
         return self.screen.busy
 
     def next_stage(self) -> Stage:
-        """See `PlayableSession`; by what is on the disk. The time until here belongs to no trial.
+        """See `PlayableSession`; the files on the disk decide. The time until here belongs to no trial.
 
         Raises AnswerAwaited once nothing is left but trials whose answers come later.
         """

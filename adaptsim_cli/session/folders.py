@@ -1,4 +1,4 @@
-"""The folders of sessions: their names, which is the newest, and what belongs to them."""
+"""The folders of sessions: their names, the newest one, and their files."""
 
 from __future__ import annotations
 

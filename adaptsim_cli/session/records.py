@@ -96,7 +96,7 @@ class Facts(Record):
     start_from_sha256: str = ""  # hash of that posterior
     policy_of: str = ""  # of a rollout: session whose best policy acts
     control: str = ""  # method or session whose policy makes the control trials; empty: there are none
-    control_sha256: str = ""  # hash of what that session had learnt
+    control_sha256: str = ""  # hash of that session's record
     control_seed: int = 0  # of the order of control trials; random on a real arm, where a person must not know it
     seed: int
     method: str  # how particles are updated; "rollout": nothing is adapted
@@ -288,7 +288,7 @@ class Note(Record):
 
 
 class Started(Note):
-    """started.json beside a trial: its motion was about to start, as it was proposed."""
+    """started.json beside a trial: the proposed trial, just before its motion."""
 
     proposed: MotionRecord | None = None
 

@@ -193,7 +193,7 @@ class Provenance:
     versions: dict[str, str]
     camera_late_s: float = 0.0  # subtracted from the camera's time stamps
     start_from_sha256: str = ""  # of the posterior that the session begins with
-    control_sha256: str = ""  # of what the control's session had learnt
+    control_sha256: str = ""  # of the record of the control's session
     checkpoint_folder: str = ""  # of a checkpoint that does not ship
 
 

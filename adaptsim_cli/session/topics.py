@@ -1,4 +1,4 @@
-"""The messages of a recording: values as ROS 2 types in CDR, and what each topic holds."""
+"""The messages of a recording: values as ROS 2 types in CDR, and the content of each topic."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def row(one: RevealedParameter) -> tuple[str, str, str, str]:
 
 
 def table(shown: Revealed) -> RenderableType:
-    """The table with its chart, and one sentence on what adapting was worth."""
+    """The table with its chart, and one sentence on the gain of adapting."""
     body = [(*row(one), chart(one)) for one in shown.parameters]
     drawn = views.rows(("parameter", "truth", "range", "belief", ""), body)
     drawn.columns[-1].no_wrap = True

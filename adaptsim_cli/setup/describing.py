@@ -81,7 +81,7 @@ def _device(
     entry: Any,
     parts: Callable[[dict[str, Any] | None], dict[str, Any]],
 ) -> None:
-    """Ask for the port of a device, which may be none, and what else its kind asks; `parts` puts it into the rig."""
+    """Ask for the port of a device, if it has one, and for the other keys of its kind; `parts` puts it into the rig."""
     rig = answers.rig
     used_ports = {part.port for part in (rig.pedal, rig.balance, *rig.devices.values()) if part is not None}
     port = entry.port if entry else like([port for port in ports if port not in used_ports], kind.cables)

@@ -137,7 +137,7 @@ _POLL_S = 0.02
 def locked(
     folder: Path, refusal: str, wait_s: float = 0.0, *, file: str = LOCK, kind: int = fcntl.LOCK_EX
 ) -> Iterator[None]:
-    """Lock the existing `folder`; with LOCK_SH as `kind`, against whoever wants it alone.
+    """Lock the existing `folder`; with LOCK_SH as `kind`, against exclusive locks.
 
     Raises UsageError with the message `refusal` if another process still holds the lock after `wait_s`, DiskFull or
     SessionError if the folder is not writable, or was moved or deleted meanwhile.

@@ -95,7 +95,7 @@ def solve(
 ) -> tuple[Result, tuple[str, ...]]:
     """The result from all slow touches, and the reasons against its use. `work_m` (2,): place of the stated height.
 
-    So many of the tool's touches are made `together` and share an error: they count as one in every interval.
+    `together` touches of the tool share an error: they count as one in every interval.
 
     Needs touches at three places for the table and with both ends of the tool at two pitches; raises ValueError.
     """

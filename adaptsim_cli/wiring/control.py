@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def control_of(
     config: Config, checkpoint: Checkpoint, policies: Policies, executable: Executable | None
 ) -> tuple[ControlPolicies | None, str]:
-    """The control of the settings, and the SHA-256 of what its session had learnt, "" for a method; none without one.
+    """The control of the settings, and the SHA-256 of its session's record, "" for a method; none without a control.
 
     Raises UsageError for an unknown name or an unfit session, SessionError.
     """

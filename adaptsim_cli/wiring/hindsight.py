@@ -44,7 +44,7 @@ LIKELY = 24
 """Number of trajectories drawn from the posterior for each trial."""
 
 BELIEVED = (0.05, 0.5, 0.95)
-"""Lower end, median and upper end of what a session believes of a parameter."""
+"""Lower end, median and upper end of a session's posterior of a parameter."""
 
 
 @dataclass(frozen=True, eq=False)

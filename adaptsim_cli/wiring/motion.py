@@ -50,7 +50,7 @@ class PlannedMotion:
         return page
 
     def next_step(self, config: Config) -> tuple[str, str]:
-        """The command that makes this motion, and what it does."""
+        """The command that makes this motion, and its effect."""
         where = "" if config.is_simulated else f" --hw {config.hw}"
         named = dict(zip(self.task.action.names, self.action.tolist(), strict=True))
         action = views.typed("--action", named)

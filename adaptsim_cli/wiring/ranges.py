@@ -46,7 +46,7 @@ def ranges_of(store: SessionStore, posterior: Posterior) -> dict[str, Any]:
         "task": store.facts.task,
         "trials": len(_trials(store)),
         "effective_samples": posterior.effective,
-        "is_collapsed": posterior.is_collapsed,  # then the ranges are narrower than what is known
+        "is_collapsed": posterior.is_collapsed,  # then the ranges are too narrow
         "names": names,
         "units": [d.unit for d in posterior.space.dimensions],
         "scales": [d.scale for d in posterior.space.dimensions],

@@ -55,7 +55,7 @@ def correction_by(touched: SavedTouchOff, rig: RigDescription, task: Task) -> To
 
 
 def origin(touched: SavedTouchOff, task: Task) -> str:
-    """The sentence for a person about what a touch-off gives to a task."""
+    """The sentence for a person about a task's use of a touch-off."""
     if touched.tool == tool_name(task):
         return f"Table and tool come from the touch-off of {touched.created}."
     return f"The table comes from the touch-off of the {touched.tool}, {touched.created}; this tool from the rig file."

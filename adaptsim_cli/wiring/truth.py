@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from sim.lab.world import World
 
 BELIEVED = (0.05, 0.5, 0.95)
-"""Lower end, median and upper end of what a session believes of a parameter."""
+"""Lower end, median and upper end of a session's posterior of a parameter."""
 
 CONTEXTS = 4
 """Contexts in which each policy of UDR is tried."""

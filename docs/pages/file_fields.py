@@ -231,7 +231,7 @@ SAID = {
     "tool_roll_rad": "how much further its left side is rolled up",
     "edge_over_table_m": "edge against table, 95 %",
     "repeat_m": "spread of touches of one place",
-    "misfit_m": "largest distance of a place from what all others say",
+    "misfit_m": "largest distance of a place from the fit to all others",
     "touches": "every slow touch",
     "description": "one sentence for `adaptsim lab list`",
     "nuisance": "what differs from trial to trial; left out: the middle",

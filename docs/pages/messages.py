@@ -16,7 +16,7 @@ Entry = tuple[str, str]
 MESSAGES_HEAD = """# Troubleshooting by message
 
 Written by `make docs` from the errors that the program raises. Search this page for a part of the message that you see; `…` stands
-for a value. Most messages end with what to do; the same command continues the session. What to do beside the arm: [When something goes
+for a value. Most messages end with the next step; the same command continues the session. What to do beside the arm: [When something goes
 wrong](faults.md). What tasks, rollouts, training and benchmarks say: [messages for developers](developer-messages.md).
 
 The exit code of a command tells the kind of error:

@@ -129,7 +129,7 @@ class Connection:
         return self._states.since(checked_s)
 
     def listen(self, states: int) -> Rhythm:
-        """Read so many states as they come."""
+        """Read this number of states as they come."""
         robot, clock = self._robot, self._clock
         try:
             first_s = last_s = self._states.present().time.to_sec()

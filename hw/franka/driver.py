@@ -21,7 +21,7 @@ class Reading:
     dq_rad_s: tuple[float, ...]  # (7,)
     mode: str  # libfranka's RobotMode without k: Idle, Move, Reflex, ...
     reasons: tuple[str, ...] = ()  # present reflexes; in mode Reflex, those that ended the last motion
-    external_Nm: tuple[float, ...] = (0.0,) * JOINTS  # (7,) the arm's estimate of what external forces do to its joints
+    external_Nm: tuple[float, ...] = (0.0,) * JOINTS  # (7,) the torques of external forces, as the arm estimates them
     at_s: float = 0.0  # the state's stamp, on the arm's clock
     mismatch: str = ""  # how the end effector that is set in Desk differs from the hand; empty: it does not
 

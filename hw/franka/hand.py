@@ -125,7 +125,7 @@ class FrankaHand:
             raise HandError("the hand closed, but reports that it holds nothing; hand the tool over again")
 
     def narrowest(self, over: Callable[[], bool]) -> HandState:
-        """Read states until it is over: the one with the fingers closest together, whoever moves them."""
+        """Read states until it is over: the state with the fingers closest together."""
         least, ends = self.state(), False
         while not ends:
             ends = over()  # before the last state, which shows fingers that stayed where they had closed

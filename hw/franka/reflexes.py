@@ -1,4 +1,4 @@
-"""Explains why a Franka arm stopped by itself, and what to do. Names as in libfranka's `Errors`.
+"""Explains why a Franka arm stopped by itself, with the remedy. Names as in libfranka's `Errors`.
 
 Every error of both arms has its own text: what happened, what to check, what to do. The meanings are the maker's, from
 the documentation of `franka::Errors`. This program commands joint positions. So an error of Cartesian commands, of
@@ -142,7 +142,7 @@ REASONS: dict[str, Reflex] = {
     ),
     "power_limit_violation": Reflex(
         "the arm needed more power than allowed",
-        "check whether the payload in the rig file is what the hand holds, and whether something held the arm back",
+        "compare the payload in the rig file with the tool in the hand, and check whether something held the arm back",
         f"correct it, or take a slower action, {_RECOVER}",
     ),
     "controller_torque_discontinuity": Reflex(

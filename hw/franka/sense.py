@@ -20,7 +20,7 @@ LEAST_NOISE_NM = 2e-4
 """Least standard deviation of every joint over the readings: under a hundredth of the quietest joint's noise
 (`hw.contact.TORQUE_NOISE_NM`)."""
 APART_RAD, APART_JOINTS = 0.05, 3
-"""Two postures differ by this much in so many joints at least: the ripple of a single joint may happen to be equal."""
+"""Least difference of two postures, and least number of joints that differ by it: a single ripple may be equal."""
 UNLIKELY = 40.0
 """Sum over the joints of the squared change of the mean over its squared standard error. Noise around a constant
 exceeds it once in 800,000 times (chi-squared, 7 degrees of freedom); simulated ripple gives hundreds."""

@@ -200,7 +200,7 @@ def _explain(grey: Grey, board: Board, markers: int) -> None:
             if read >= max(_MIN_MARKERS + 2, 2 * markers):
                 raise WrongBoard(
                     f"{read} markers of the family {other.split('_')[0]} are in the image, the board should have"
-                    f" {board.dictionary}: use that board, or state the one that you have"
+                    f" {board.dictionary}: use that board, or state yours"
                 )
     raise BoardNotFound(
         f"{markers} of the board's {board.markers} markers can be read, {_MIN_MARKERS} are needed:"

@@ -1,4 +1,4 @@
-"""The calibration board and what a camera sees of it."""
+"""The calibration board, and its corners in a picture."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ _UNROUND_M = 0.0007
 
 @dataclass(frozen=True, eq=False)
 class PieceDetection:
-    """A piece lying on the table, with all that tracking needs."""
+    """A piece lying on the table: the input of tracking."""
 
     xy_m: Array  # (2,) centre in the base frame
     proxy: Proxy  # the body that stands for it; axes along those of the base frame

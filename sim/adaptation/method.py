@@ -66,7 +66,7 @@ def require_whole(method: str, trials: Iterable[Trial]) -> None:
     if missing:
         raise MomentsMissing(
             f"{method} needs every moment of a trial, and {missing} of the trials miss some: adapt with adaptsim, "
-            "which learns from what was observed, or report whole trajectories"
+            "which learns from partial observations, or report whole trajectories"
         )
 
 

@@ -154,7 +154,7 @@ class MemorySession:
         self.steps.append(particles)
 
     def iterations(self, count: int) -> Iterator[tuple[Iteration, ...]]:
-        """Play `count` iterations: all that the session knows after each."""
+        """Play `count` iterations: the history after each."""
         for _ in range(count):
             complete = play_iteration(self).iteration
             self.shown.add(complete)

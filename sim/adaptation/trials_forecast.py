@@ -18,7 +18,7 @@ MOST_PAIRS = 60
 
 
 class SessionShare(Record):
-    """The share of the imagined sessions that need at most so many trials, or pairs."""
+    """The share of the imagined sessions that need no more trials, or pairs."""
 
     most: int | None = Field(default=None, description="trials or pairs; null: more than were played")
     share: float = Field(description="share of the imagined sessions that need no more")

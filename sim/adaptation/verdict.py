@@ -34,7 +34,7 @@ class Kind(StrEnum):
 class Reason(StrEnum):
     """A further reason for the verdict."""
 
-    INEXPRESSIBLE = "inexpressible"  # most trajectories lie outside of what any parameters in the ranges predict
+    INEXPRESSIBLE = "inexpressible"  # no parameters in the ranges predict most trajectories
     FAILURES = "failures"  # many trials in a row earned nothing
     UNTRIED = "untried"  # little is to gain, but no trial has tried a policy like this one
 
@@ -47,7 +47,7 @@ class Verdict(Record):
     reward: float = Field(description="estimated reward of the best policy")
     ci95: tuple[float, float] = Field(description="95 % interval of that")
     trials: int = Field(description="trials so far")
-    strange: int = Field(description="trajectories outside of what any parameters in the ranges predict")
+    strange: int = Field(description="trajectories that no parameters in the ranges predict")
     gain: float | None = Field(default=None, description="expected gain by another iteration; null without a forecast")
     likely: float | None = Field(default=None, description="chance of a worthwhile gain; null without a forecast")
     prediction_error: float | None = Field(

@@ -256,7 +256,7 @@ def _resolve(source: str | Task) -> Task:
 
 
 def _failure(parts: Sequence[Requests], lost: Sequence[_Chunk], error: BaseException) -> RolloutError:
-    """Name the `lost` chunks of a part: the one that raised, or all that may have killed the process."""
+    """Name the `lost` chunks of a part: the one that raised, or all possible causes of a killed process."""
     requests, first = parts[lost[0].part], lost[0].start
     spans = [f"{c.start}-{c.end - 1}" if c.end - c.start > 1 else str(c.start) for c in lost]
     which = ", ".join(spans[:4]) + (" ..." if len(spans) > 4 else "")

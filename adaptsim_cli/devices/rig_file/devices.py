@@ -115,7 +115,7 @@ DEVICES: dict[str, DeviceKind[Any, Any]] = {"pedal": PEDAL, "balance": BALANCE}
 """The devices that a session itself uses, by their section of the rig file."""
 
 INSTRUMENTS: dict[str, DeviceKind[Any, Any]] = {}
-"""Our own instruments, by name: a row here is all that one more needs besides its driver."""
+"""Our own instruments, by name: another one needs a row here and its driver."""
 
 
 def _complaint(_: str, kind: object) -> str:

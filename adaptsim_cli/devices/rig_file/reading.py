@@ -119,7 +119,7 @@ def described(content: dict[str, Any], source: str, tools: Collection[str] = ())
     if OLD_WAIVERS in content:
         raise UsageError(
             f"{source}: {OLD_WAIVERS} is a list of an older version. A waiver now has a reason, a name and a day, and "
-            "counts for 30 days. adaptsim setup removes the list and asks again for what it named; for one of them "
+            "counts for 30 days. adaptsim setup removes the list and asks again about each entry; for one of them "
             "alone: adaptsim setup --waive NAME (docs/guide/rig.md#waivers)"
         )
     try:

@@ -73,7 +73,7 @@ class Exchange:
 
 
 class Answerer(Protocol):
-    """Who answers: a program, a person, or whoever calls the interface of Python."""
+    """Who answers: a program, a person, or a caller of the Python interface."""
 
     @property
     def title(self) -> str:

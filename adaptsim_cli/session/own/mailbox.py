@@ -13,7 +13,7 @@ from sim.adaptation.sessions import Progress
 
 @dataclass(frozen=True)
 class Mailbox:
-    """An `Answerer` that never waits. Who calls it consents to what it asks for."""
+    """An `Answerer` that never waits. A caller consents to the requested motion."""
 
     title = "asked and told from Python"
     moves = True

@@ -109,7 +109,7 @@ def measured_context(answer: Answer, question: Question, task: Task) -> Array:
 
 
 def track_of(answer: Answer, question: Question, task: Task) -> ObjectTrack:
-    """The track of a trial, with what was not observed as missing. Raises AnswerRefused."""
+    """The track of a trial; unobserved quantities are missing. Raises AnswerRefused."""
     report = task.require_report()
     outcome = answer.outcome
     if outcome is None and len(report.outcomes) == 1:

@@ -196,7 +196,7 @@ class OwnTarget:
 
 @contextmanager
 def _explained(exchange: Exchange) -> Iterator[None]:
-    """Adds to a refused answer where it is kept, and what to do."""
+    """Adds to a refused answer its file and the next step."""
     try:
         yield
     except (AnswerRefused, MomentsMissing) as error:

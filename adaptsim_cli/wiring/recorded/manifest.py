@@ -1,4 +1,4 @@
-"""`recorded.toml`, which says where the trials of a folder are; and what was read of each, checked against its task."""
+"""`recorded.toml`, which says where the trials of a folder are; and each trial as read, checked against its task."""
 
 from __future__ import annotations
 

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class MethodKind:
-    """A method as it is declared: who makes it, and what must be known of it before it is made."""
+    """The declaration of a method: its constructor, and the facts that are needed before."""
 
     create: str = ""  # module:function, called with (task, checkpoint); empty: a package's, or registered here
-    needs_whole: bool = False  # every moment of a trial; else it learns from what was observed
+    needs_whole: bool = False  # every moment of a trial; else partial observations suffice
     draws: bool = True  # random numbers; else the same trials give the same particles and policies
     takes_posterior: bool = False  # can begin with the posterior of another session
     phase_1: Literal["dataset", "episodes", "nothing"] = "dataset"  # the simulations that it needs

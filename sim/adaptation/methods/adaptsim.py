@@ -1,6 +1,6 @@
 """AdaptSim, the default method: combines the simulator with the trials; a policy is an E plus a correction.
 
-`sim.adaptation.reality` describes all that may be true. The first particle takes the action with the highest expected
+`sim.adaptation.reality` describes all possible realities. The first particle takes the action with the highest expected
 reward, whether or not any E proposes it, and the surer one if two earn the same. The other particles explore actions
 that may earn still more; they explore less with every iteration, and the last ones confirm. While every trial
 has failed, nothing can be lost, and the surer action would be the surer failure: then all of them explore. A particle
@@ -94,7 +94,7 @@ class AdaptSim:
 
 
 def outlook_after(reality: Reality, for_e: SolvedPolicy, iterations: int, particles: int) -> ExpectedGain:
-    """The outlook after so many iterations with so many particles; see `outlook`.
+    """The outlook after `iterations` with `particles`; see `outlook`.
 
     The second iteration is the first that tries a policy chosen by trials.
     """
@@ -102,7 +102,7 @@ def outlook_after(reality: Reality, for_e: SolvedPolicy, iterations: int, partic
 
 
 def _optimism(reality: Reality, iterations: int, particles: int) -> Array:
-    """(n,) the optimism of the particles after so many iterations, in standard deviations of the expected reward."""
+    """(n,) the optimism of the particles after `iterations`, in standard deviations of the expected reward."""
     if _all_failed(reality):
         return np.array([DESPERATE, *[OPTIMISM] * (particles - 1)])
     return np.array([-CAUTION, *[OPTIMISM * max(0.0, 1.0 - iterations / FADES_OVER)] * (particles - 1)])

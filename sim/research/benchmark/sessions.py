@@ -77,7 +77,7 @@ def run_session(
 def run_iterations(
     solver: Solver, method: Method, place: TrialSource, conditions: Conditions, seed: int
 ) -> Iterator[tuple[Iteration, ...]]:
-    """The session, iteration by iteration: all that it knows after each."""
+    """The history of a session after each iteration."""
     task = solver.task
 
     def play(policy: SolvedPolicy, iteration: int, particle: int) -> tuple[Trial, ...]:

@@ -119,7 +119,7 @@ class QNetwork:
         return self.values(x)[0]
 
     def values(self, x: Weights) -> tuple[Weights, _Pass]:
-        """Action values (B, branches, 3), and what `slopes` needs."""
+        """Action values (B, branches, 3), and the input of `slopes`."""
         parts = self._parts
         slots = read = pooled = None
         if parts.reader is not None:

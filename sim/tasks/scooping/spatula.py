@@ -1,4 +1,4 @@
-"""The spatula: a kitchen turner, its mass and looks, how the hand holds it, and what touches the table in a touch-off.
+"""The spatula: a kitchen turner, its mass, looks and place in the hand, and its points of touch in a touch-off.
 
 For the tool frame T see plan.py. Blade, neck and handle lie in its plane y = 0.
 """
@@ -63,7 +63,7 @@ KEEP_CLEAR = (
     Capsule("handle of the spatula", FLANGE, _NECK_END_M, _HANDLE_END_M, 0.0152),
     *_beside("adapter", ROOT_M + (GRIP_M - 0.0198) * UP, ROOT_M + (GRIP_M + 0.0198) * UP, 0.0113, 0.0216),
 )
-"""The outline of what must stay clear of arm, boxes and table, in T."""
+"""The outline that must stay clear of arm, boxes and table, in T."""
 
 _STRIP_M, _STRIP_RADIUS_M, _STRIP_INSET_M = BLADE_WIDTH_M / 3, 0.0146, 0.0055
 
@@ -80,7 +80,7 @@ MAY_TOUCH = (
     ),
     *_beside("neck", ROOT_M, ROOT_M + _LOW_NECK_M * UP, 0.0088, 0.0095),
 )
-"""The outline of what slides on the table, in T; the motion's contact window limits how deep."""
+"""The outline of the part that slides on the table, in T; the motion's contact window limits how deep."""
 
 BLADE_MASS_KG, TURNER_KG = 0.02, 0.12
 _HANDLE_EDGE_M = 0.02

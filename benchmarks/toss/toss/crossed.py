@@ -1,0 +1,89 @@
+"""Why `sysid-bayes` earns more than `adaptsim` on recorded tosses: python -m toss.crossed TOSSES.
+
+A session chooses tosses, then a final policy. Each method concludes from its own tosses and from those of the other,
+so the two parts separate. `adaptsim` also concludes without its caution (the surer of two equal actions), and without
+any discrepancy between simulator and reality. Simulations are those of `toss.experiment`, in the same folder `--out`.
+Stop it at any time: the same command continues. The last line is one JSON object.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+from hw.types import Array
+from sim.adaptation import reality
+from sim.adaptation.method import Iteration
+from sim.adaptation.methods.adaptsim import AdaptSim
+from sim.adaptation.reality import DiscrepancyScale, RealityPolicy
+from sim.storage.files import whole_file
+from toss.data import read_tosses
+from toss.experiment import HELD_OUT, METHODS, ORDER, SEEDS, Split, simulated
+
+CHOSEN_BY = ("adaptsim", "sysid-bayes")
+"""The methods that choose tosses, and that conclude from them."""
+
+NONE = DiscrepancyScale(level=1e-6, local=1e-6)
+"""A discrepancy too small to matter."""
+
+
+def crossed(split: Split) -> dict[str, float]:
+    """The rewards of final policies, by the method that chose the tosses and the way to conclude from them."""
+    rewards = dict[str, float]()
+    for chooser in CHOSEN_BY:
+        history = split.history(METHODS[chooser](split.session))
+        for name in CHOSEN_BY:
+            rewards[f"{chooser} > {name}"] = split.final(name, history)
+        rewards[f"{chooser} > without caution"] = _concluded(split, history)
+        with patch.multiple(reality, SUCCESS=NONE, END=NONE):
+            rewards[f"{chooser} > without discrepancy"] = _concluded(split, history)
+    return rewards
+
+
+def _concluded(split: Split, history: tuple[Iteration, ...]) -> float:
+    """The reward of the policy with the highest expected reward."""
+    method = METHODS["adaptsim"](split.scores)
+    assert isinstance(method, AdaptSim)
+    return split.scored(RealityPolicy(method.reality(history), 0.0, None))
+
+
+def _difference(rows: list[dict[str, float]], name: str, other: str) -> tuple[float, float, float]:
+    """The mean of `name` minus `other`, paired by seed, with its 95 % interval by bootstrap."""
+    apart: Array = np.array([row[name] - row[other] for row in rows])
+    drawn = np.random.default_rng(0).choice(apart, (10_000, len(apart))).mean(axis=1)
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    return float(apart.mean()), float(low), float(high)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tosses", type=Path, help="tosses.npz")
+    parser.add_argument("--out", type=Path, default=Path("build/tosses"), help="folder of the results")
+    parser.add_argument("--seeds", type=int, default=SEEDS)
+    asked = parser.parse_args()
+    tosses = read_tosses(asked.tosses)
+    tosses = tosses.some(np.random.default_rng(ORDER).permutation(len(tosses.trials)))
+    (asked.out / "table").mkdir(parents=True, exist_ok=True)
+    grid = simulated(tosses.trials, asked.out / "table")
+    folder = asked.out / "crossed"
+    folder.mkdir(exist_ok=True)
+    rows = []
+    for seed in range(asked.seeds):
+        path = folder / f"seed-{seed:04d}.json"
+        if not path.exists():
+            found = json.dumps(crossed(Split.of(grid, tosses.trials.split(HELD_OUT, seed), seed)))
+            with whole_file(path) as temporary:
+                temporary.write_text(found)
+        rows.append(json.loads(path.read_text()))
+    reference = "sysid-bayes > sysid-bayes"
+    means = {name: round(float(np.mean([row[name] for row in rows])), 4) for name in rows[0]}
+    apart = {name: [round(v, 4) for v in _difference(rows, name, reference)] for name in means if name != reference}
+    print(json.dumps({"seeds": len(rows), "reward": means, f"minus {reference}": apart}))
+
+
+if __name__ == "__main__":
+    main()

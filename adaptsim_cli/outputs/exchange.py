@@ -55,7 +55,7 @@ class Answer(HandWritten):
         default=None, description="the object's state at each time: one row a time"
     )
     end: Numbers | None = Field(default=None, description="instead of a trajectory: the object's state once it rests")
-    rest_s: float | None = Field(default=None, ge=0.0, description="from when on the object rested; null: not measured")
+    rest_s: float | None = Field(default=None, ge=0.0, description="when the object came to rest; null: not measured")
     end_in_tool_m: tuple[float, float, float] | None = Field(
         default=None, description="last place of the object in the tool's frame, where the question `needs` it"
     )

@@ -57,8 +57,8 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "") -> str:
         )
     if verdict.is_inexpressible:
         sentences.append(
-            f"The simulator cannot express this {object_name}: {verdict.strange} of {verdict.trials} trajectories lie "
-            "outside of what any parameters in the ranges predict."
+            f"The simulator cannot express this {object_name}: no parameters in the ranges predict {verdict.strange} "
+            f"of {verdict.trials} trajectories."
             + (f" Check the columns, units and clocks of {recordings} first." if recordings else "")
         )
     elif verdict.kind is Kind.STAYS_LOW:

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from mcap_ros2._dynamic import generate_dynamic, serialize_dynamic  # its public writer makes whole files only
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from hw.collision import HAND_MASS
 from hw.dynamics import torque_Nm
 from hw.kinematics import FLANGE, link_poses
 from hw.types import Array, CameraModel, Execution, Intrinsics
+from hw.wrist import X_FH
 from sim.panda.model import FLANGE_NAME, HAND_NAME, JOINT_NAMES, urdf
 
 _HEADER = "std_msgs/Header header\n"
@@ -184,10 +184,6 @@ SMOOTHED_S = 0.05
 FRAMES = (*(f"panda_link{i}" for i in range(8)), FLANGE_NAME, HAND_NAME)
 """The arm's frames: those of `hw.kinematics.link_poses`, and the hand."""
 
-X_FH = np.eye(4)
-"""The hand in the flange: rotated by 45° about Z (hw.kinematics)."""
-X_FH[:3, :3] = Rotation.from_euler("z", -np.pi / 4).as_matrix()
-
 
 def cameras(model: CameraModel, t_ns: int) -> Iterator[Message]:
     """The intrinsics of both cameras, once."""
@@ -271,6 +267,8 @@ def derivative(t_s: Array, values: Array, order: int) -> Array:
 
 
 def _transform(t_s: float, parent: str, child: str, X: Array) -> Message:
+    from scipy.spatial.transform import Rotation  # slow to import, and a list of sessions needs no motion
+
     t_ns, xyzw = ns(t_s), Rotation.from_matrix(X[:3, :3]).as_quat().tolist()
     return t_ns, TRANSFORMS, transform(t_ns, parent, child, X[:3, 3].tolist(), xyzw)
 

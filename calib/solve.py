@@ -41,6 +41,8 @@ Our board at 1 m has a tenth of it, a 4 cm marker ten times as much.
 _MISLED = 0.5
 """If a fit to all corners lowers their cost to this share, the views' own poses mislead: common errors of its corners
 turn a small target."""
+_EVALUATIONS = 200
+"""Most evaluations of a fit to all corners: views that belong together take 7 (median) to 151, others may never end."""
 _JUDGED_AGAIN = 3
 _TURNED_DEG = 80.0
 _MEETS = 0.02  # of the image's width
@@ -155,7 +157,10 @@ class _AllCorners:
             return Unknowns(X_AC, X_HM, np.zeros(self.moved.joints), start.scale * float(np.exp(np.sum(x[12:]))))
 
         none = np.zeros(13 if self.scale else 12)
-        return stepped(least_squares(lambda x: self._off_px(stepped(x)), none, x_scale=1e-3, loss="soft_l1").x)
+        fit = least_squares(
+            lambda x: self._off_px(stepped(x)), none, x_scale=1e-3, loss="soft_l1", max_nfev=_EVALUATIONS
+        )
+        return stepped(fit.x)
 
     def _off_px(self, state: Unknowns) -> Array:
         off = project(self.sight.camera, predict(state, self.moved), self.sight.p_M_m) - self.sight.px

@@ -57,10 +57,10 @@ demo: $(RUNS)
 	$(BIN)/adaptsim compare $$name-udr $$name
 
 test: $(STAMP)
-	$(BIN)/python -m pytest -n 2 --durations 10
+	$(BIN)/python -m pytest -n 2 --dist worksteal --durations 10
 
 test-long: $(STAMP)
-	$(BIN)/python -m pytest -n 2 -m 'long and not slow' --durations 10
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'long and not slow' --durations 10
 
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n 2 -m slow --durations 10

@@ -262,7 +262,7 @@ def test_every_device_has_its_section_in_the_rig_file_and_on_the_pages():
         assert re.search(rf"^#?\[*{name}[.\]]|^{name} = ", rig_page, re.MULTILINE), name
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_the_task_of_the_tutorial_asks_and_is_told(curling, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     monkeypatch.chdir(tmp_path)

@@ -110,7 +110,7 @@ def test_tables_are_made_for_contact_tasks_alone_and_missing_ones_name_the_comma
     assert "make it with `adaptsim world-tables --task pushing --targets wd`" in said(capsys)[1]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_table_of_pushing_is_made_and_sessions_are_looked_up_in_it(capsys):
     """A table far too small for anything but this."""
     assert run(["world-tables", "--task", "pushing", "--targets", "wd", "--rollouts", "16", "--json"]) == 0

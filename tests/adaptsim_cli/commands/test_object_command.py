@@ -13,7 +13,7 @@ from adaptsim_cli.wiring.settings import checkpoint_of
 VALUES = ["--task", "pendulum", "--range", "m1=1.5:2.0"]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_session_finds_the_checkpoint_of_an_object(refused, printed):
     told = printed("object", "rod", *VALUES, "--json")
     assert (told["inside"], told["held_out"], told["picture"]) == (True, None, None)

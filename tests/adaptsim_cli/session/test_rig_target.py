@@ -61,7 +61,7 @@ def test_a_recording_gives_the_same_track_again_bit_for_bit(tmp_path):
     require_same_again(rig_target(toy_parts(ToyLab(0))), CONTEXT, ACTION, tmp_path)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["scooping", "pushing"])
 def test_so_does_a_recording_of_the_whole_lab(tmp_path, name):
     task = get_task(name)

@@ -133,7 +133,7 @@ def test_control_trials_are_made_by_the_robot_too(printed, answers) -> None:
     assert printed(*line)["control"]["pairs"] == 4
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_robot_that_computes_the_simulated_labs_world_gives_the_simulated_labs_numbers() -> None:
     lab = api.begin("pushing", world=WORLD, name="lab")
     lab.run_iteration()

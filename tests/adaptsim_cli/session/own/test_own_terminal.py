@@ -74,7 +74,7 @@ def played(person: Ruler, *line: str) -> tuple[int, str]:
     return code, re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_person_answers_a_whole_session_and_it_adapts(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)

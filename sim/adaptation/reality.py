@@ -24,6 +24,7 @@ from sim.adaptation.method import Trial
 from sim.adaptation.reward_table import RewardTable
 from sim.rollouts.draws import Disturbances, cover, sobol, varies
 from sim.solvers.candidates import CandidatePolicy, ListedActionSolver, Outcomes, first_executable
+from sim.solvers.grid import GridSolver
 from sim.solvers.misfit import log_likelihood, observed_share, squares
 from sim.solvers.solver import Executable, Solver
 from sim.tasks.task import Task
@@ -165,6 +166,11 @@ class Simulators:
         """Whether there are other actions around a candidate."""
         return self.task.exact is None and not isinstance(self.solver, ListedActionSolver)
 
+    @property
+    def is_grid(self) -> bool:
+        """Whether any parameters count as the nearest point of a coarse grid."""
+        return isinstance(self.solver, ListedActionSolver) and isinstance(self.solver.behind, GridSolver)
+
     @cached_property
     def disturbances(self) -> Disturbances:
         """The disturbances over which every prediction is averaged."""
@@ -238,14 +244,18 @@ class Reality:
 
     @cached_property
     def weights(self) -> Array:
-        """(T,) probabilities of `Simulators.truths`: their posterior; the prior is uniform over the margin."""
+        """(T,) probabilities of `Simulators.truths`: their posterior; the prior is uniform over the margin.
+
+        No point of a grid is the truth, and the distance to it is the same in every trial. So all trials together count
+        as much as one of them on average; their sum would name a single point (docs/results/tosses.md).
+        """
         if not self.trials:
             return np.full(len(self.simulators.truths), 1.0 / len(self.simulators.truths))
         predicted = self._on_average
         log = predicted.log_likelihood.sum(axis=0) + self._success.evidence(self._missed(predicted))
         for discrepancy, residuals in zip(self._ends, self._off(predicted), strict=True):
             log = log + discrepancy.evidence(residuals)
-        return _weights(log)
+        return _weights(log / len(self.trials) if self.simulators.is_grid else log)
 
     @cached_property
     def parameters(self) -> Array:

@@ -1,8 +1,8 @@
-"""Why `sysid-bayes` earns more than `adaptsim` on recorded tosses: python -m toss.crossed TOSSES.
+"""Tosses or conclusion: why methods earn differently on recorded tosses: python -m toss.crossed TOSSES.
 
 A session chooses tosses, then a final policy. Each method concludes from its own tosses and from those of the other,
-so the two parts separate. `adaptsim` also concludes without its caution (the surer of two equal actions), and without
-any discrepancy between simulator and reality. Simulations are those of `toss.experiment`, in the same folder `--out`.
+so the two parts separate. `adaptsim` also concludes without its caution (the surer of two equal actions), and as if its
+grid had no error (`Simulators.is_grid`). Simulations are those of `toss.experiment`, in the same folder `--out`.
 Stop it at any time: the same command continues. The last line is one JSON object.
 """
 
@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import argparse
 import json
+from contextlib import AbstractContextManager
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation import reality
 from sim.adaptation.method import Iteration
 from sim.adaptation.methods.adaptsim import AdaptSim
-from sim.adaptation.reality import DiscrepancyScale, RealityPolicy
+from sim.adaptation.reality import Reality, RealityPolicy, Simulators
 from sim.storage.files import whole_file
 from toss.data import read_tosses
 from toss.experiment import HELD_OUT, METHODS, ORDER, SEEDS, Split, simulated
@@ -27,28 +27,40 @@ from toss.experiment import HELD_OUT, METHODS, ORDER, SEEDS, Split, simulated
 CHOSEN_BY = ("adaptsim", "sysid-bayes")
 """The methods that choose tosses, and that conclude from them."""
 
-NONE = DiscrepancyScale(level=1e-6, local=1e-6)
-"""A discrepancy too small to matter."""
-
 
 def crossed(split: Split) -> dict[str, float]:
-    """The rewards of final policies, by the method that chose the tosses and the way to conclude from them."""
-    rewards = dict[str, float]()
+    """The rewards of final policies, by the method that chose the tosses and the way to conclude from them; and the
+    effective number of the grid's points in the posterior of `adaptsim`.
+    """
+    results = dict[str, float]()
     for chooser in CHOSEN_BY:
         history = split.history(METHODS[chooser](split.session))
         for name in CHOSEN_BY:
-            rewards[f"{chooser} > {name}"] = split.final(name, history)
-        rewards[f"{chooser} > without caution"] = _concluded(split, history)
-        with patch.multiple(reality, SUCCESS=NONE, END=NONE):
-            rewards[f"{chooser} > without discrepancy"] = _concluded(split, history)
-    return rewards
+            results[f"{chooser} > {name}"] = split.final(name, history)
+        known = _reality(split, history)
+        results[f"{chooser} > without caution"] = split.scored(RealityPolicy(known, 0.0, None))
+        results[f"{chooser}: points"] = _effective(known)
+        with _without_the_grids_error():
+            results[f"{chooser} > without the grid's error"] = split.final("adaptsim", history)
+            results[f"{chooser}: points without the grid's error"] = _effective(_reality(split, history))
+    with _without_the_grids_error():
+        history = split.history(METHODS["adaptsim"](split.session))
+        results["without the grid's error > itself"] = split.final("adaptsim", history)
+    return results
 
 
-def _concluded(split: Split, history: tuple[Iteration, ...]) -> float:
-    """The reward of the policy with the highest expected reward."""
+def _without_the_grids_error() -> AbstractContextManager[object]:
+    return patch.object(Simulators, "is_grid", False)
+
+
+def _effective(known: Reality) -> float:
+    return float(1.0 / np.sum(known.weights**2))
+
+
+def _reality(split: Split, history: tuple[Iteration, ...]) -> Reality:
     method = METHODS["adaptsim"](split.scores)
     assert isinstance(method, AdaptSim)
-    return split.scored(RealityPolicy(method.reality(history), 0.0, None))
+    return method.reality(history)
 
 
 def _difference(rows: list[dict[str, float]], name: str, other: str) -> tuple[float, float, float]:
@@ -71,7 +83,7 @@ def main() -> None:
     grid = simulated(tosses.trials, asked.out / "table")
     folder = asked.out / "crossed"
     folder.mkdir(exist_ok=True)
-    rows = []
+    rows = list[dict[str, float]]()
     for seed in range(asked.seeds):
         path = folder / f"seed-{seed:04d}.json"
         if not path.exists():
@@ -81,8 +93,9 @@ def main() -> None:
         rows.append(json.loads(path.read_text()))
     reference = "sysid-bayes > sysid-bayes"
     means = {name: round(float(np.mean([row[name] for row in rows])), 4) for name in rows[0]}
-    apart = {name: [round(v, 4) for v in _difference(rows, name, reference)] for name in means if name != reference}
-    print(json.dumps({"seeds": len(rows), "reward": means, f"minus {reference}": apart}))
+    ways = [name for name in means if ">" in name and name != reference]
+    apart = {name: [round(v, 4) for v in _difference(rows, name, reference)] for name in ways}
+    print(json.dumps({"seeds": len(rows), "means": means, f"minus {reference}": apart}))
 
 
 if __name__ == "__main__":

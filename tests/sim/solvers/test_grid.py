@@ -9,6 +9,9 @@ import pytest
 
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
+from sim.adaptation.method import Trial
+from sim.adaptation.reality import Reality, Simulators
+from sim.adaptation.reward_table import RewardTable
 from sim.errors import NotExecutable
 from sim.solvers.candidates import with_listed_actions
 from sim.solvers.grid import grid_solver
@@ -90,3 +93,21 @@ def test_a_policy_takes_the_best_listed_action_that_is_left() -> None:
     with pytest.raises(NotExecutable, match="none of the 3 listed actions is left"):
         policy(context)
     assert policy.actions(np.array([[0.1], [0.9]])).tolist() == [[0.1], [0.9]]
+
+
+@pytest.mark.parametrize("count", [1, 20])
+def test_any_number_of_trials_leaves_both_points_beside_the_truth(count) -> None:
+    solver = grid_solver(TASK)
+    points = solver.behind.points  # type: ignore[attr-defined]
+    below, above = np.sort(points[:, 0])[31:33]
+    truth = 0.6 * below + 0.4 * above
+    speeds = np.linspace(0.3, 0.9, count)
+    ends = [np.array([speed / truth]) for speed in speeds]
+    trials = tuple(
+        Trial(np.array([0.5]), np.array([speed]), np.concatenate([[0.0], end]), 1.0, end)
+        for speed, end in zip(speeds, ends, strict=True)
+    )
+    prospects = RewardTable(points, points, np.zeros((len(points), len(points))))
+    weights = dict(zip(points[:, 0], Reality(Simulators(solver, prospects), trials).weights, strict=True))
+    assert weights[below] == max(weights.values())
+    assert weights[above] > 0.5 * weights[below]

@@ -120,6 +120,13 @@ def test_the_experiment_scores_by_tosses_that_no_session_saw_writes_its_page_and
     assert again == out
     assert "simulated" not in told
 
+    monkeypatch.setattr(sys, "argv", [*asked[:-1], "1"])
+    importlib.import_module("toss.crossed").main()
+    means = json.loads(capsys.readouterr().out.splitlines()[-1])["means"]
+    kept = json.loads(next((tmp_path / "out").rglob("seed-0000-adaptsim.json")).read_text())
+    assert means["adaptsim > adaptsim"] == pytest.approx(kept["adaptsim"], abs=1e-4)
+    assert means["adaptsim: points"] > means["adaptsim: points without the grid's error"] >= 1.0
+
 
 def test_a_damaged_file_of_tosses_is_refused(toss, tmp_path, monkeypatch, capsys):
     experiment = importlib.import_module("toss.experiment")

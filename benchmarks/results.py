@@ -81,7 +81,7 @@ WHOLE = (
     Part("foods", "scooping", ",".join(FOODS), {("all",): 3}, fresh=24),
     Part("foods-lab", "scooping", ",".join(FOODS), {FIVE: 1}, fresh=24, lab=True),
     Part("foods-drawn", "scooping", "foods", {("all",): 3}),
-    Part("foods-drawn-rollouts", "scooping", "foods", {("udr", "adaptsim", "bo-prior"): 1}, fresh=24),
+    Part("foods-drawn-rollouts", "scooping", "foods", {("udr", "adaptsim", "bo-prior", "random"): 1}, fresh=24),
     Part("scooping", "scooping", "drawn", {FIVE: 5, OTHERS: 1}),
     Part("pushing", "pushing", "drawn", {FIVE: 5, OTHERS: 1}),
     Part("pendulum", "pendulum", "drawn", {FIVE: 5, OTHERS: 1}, budget=10),

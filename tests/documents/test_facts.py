@@ -91,21 +91,22 @@ def test_after_four_trials_the_pages_say_how_far_each_method_is(sessions: Sessio
 
 def test_the_drawn_foods_by_true_rollouts_are_those_of_their_sessions(sessions: Sessions) -> None:
     page, part = text(RESULTS), "foods-drawn-rollouts"
-    udr, adapted, other = (f"{sessions.mean(part, m):.3f}"[1:] for m in ("udr", "adaptsim", "bo-prior"))
+    methods = ("udr", "adaptsim", "random", "bo-prior")
+    udr, adapted, drawn, other = (f"{sessions.mean(part, m):.3f}"[1:] for m in methods)
     gains = sessions.gains(part)
     worst = min(gains, key=lambda world: gains[world])
-    assert (
-        f"UDR {udr}, `adaptsim` {adapted}, `bo-prior` {other}. Minus UDR +{np.mean(list(gains.values())):.3f}".replace(
-            "+0.", "+."
-        )
-        in page
-    )
+    gain = f"{np.mean(list(gains.values())):+.3f}".replace("+0.", "+.")
+    assert f"UDR {udr}, `adaptsim` {adapted}, `random` {drawn}, `bo-prior` {other}. Minus UDR {gain}" in page
     share = f".05 or more in {sum(g >= GAIN for g in gains.values())} of the {len(gains)}"
     assert f"{share}, at least −{-gains[worst]:.3f} ({worst})".replace("−0.", "−.") in page
     (row,) = [line for line in text("docs/results/methods.md").split("| `") if line.startswith("bo-prior` | 1 | 0.924")]
     lead = sessions.mean(part, "adaptsim") - sessions.mean(part, "bo-prior")
     assert f"{lead:+.3f} (+0.001 to +0.049)" in row
-    assert "Minus `bo-prior` +.020 (.001 to .049)" in page
+    assert "minus `bo-prior` +.020 (.001 to .049)" in page
+    (row,) = [line for line in text("docs/results/methods.md").split("| `") if line.startswith("random` | 1 | 0.927")]
+    lead = sessions.mean(part, "adaptsim") - sessions.mean(part, "random")
+    assert f"{lead:+.3f} (-0.001 to +0.039)" in row
+    assert "Minus `random` +.017 (−.001 to .039)" in page
 
 
 def test_the_drawn_foods_are_those_of_their_sessions(sessions: Sessions) -> None:

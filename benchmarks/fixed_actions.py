@@ -31,7 +31,7 @@ from sim.tasks import get_task
 
 TASK = get_task("scooping")
 RATES, PITCHES, DISTANCES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5), (0.0, 0.1, 0.2, 0.3), (0.5, 1.0)
-"""The grid, in fractions of the ranges, around the policies of UDR: flat, from far behind the piece, turning down."""
+"""The grid, in fractions of the ranges, around the policies of UDR: flat, from far behind the piece, lifted early."""
 
 E, DRAWS, CONTEXTS = 64, 4, 8
 """For the emulator's reward: parameters over Omega, disturbances, contexts."""
@@ -44,7 +44,9 @@ def grid() -> Array:
 
 
 def rewards_in(name: str, udr: Array, contexts: Array, errors: Array) -> list[float]:
-    """(A + 1,) rewards of the grid's actions and of UDR's (D, a) in one food, averaged over D places and errors."""
+    """(A + 1,) rewards of the grid's actions, and the mean of UDR's policies (P, D, a), in one food, averaged over D
+    places and errors.
+    """
     (target,) = targets_of(TASK, (name,))
     scoop, nothing = rollouts_in(target.world), np.zeros(0)  # parameters and nuisance are the world's
 
@@ -52,7 +54,8 @@ def rewards_in(name: str, udr: Array, contexts: Array, errors: Array) -> list[fl
         trials = zip(contexts, actions + errors, strict=True)
         return float(np.mean([TASK.score(scoop(nothing, place, action, nothing), place) for place, action in trials]))
 
-    return [*(earned(np.tile(action, (len(contexts), 1))) for action in grid()), earned(udr)]
+    fixed = [earned(np.tile(action, (len(contexts), 1))) for action in grid()]
+    return [*fixed, float(np.mean([earned(actions) for actions in udr]))]
 
 
 def expected(solver: Solver, actions: Array) -> Array:
@@ -105,7 +108,7 @@ def main() -> None:
     solver, rng = load_checkpoint(TASK).solver, np.random.default_rng(asked.seed)
     contexts = TASK.context.sample(rng, asked.draws)
     errors = Disturbances.at_random(TASK, asked.draws, rng).error
-    udr = udr_policies(solver, asked.seed)[0].actions(contexts)
+    udr = np.stack([policy.actions(contexts) for policy in udr_policies(solver, asked.seed)])
     names = [target.name for target in targets_of(TASK, ("foods",))]
     missing = [name for name in names if not (asked.out / f"{name}.json").exists()]
     run = partial(rewards_in, udr=udr, contexts=contexts, errors=errors)

@@ -1,6 +1,6 @@
 """One action for all drawn foods: how much of the gain over UDR would a luckier fixed action have earned?
 
-Every action of a grid scoops every food of the set `foods` in the same drawn places with the same errors (true
+Every action of a grid scoops every food of the set `foods`, in a food all with the same drawn places and errors (true
 rollouts). Beside its reward there stands that of the emulator over Omega, by which UDR chooses. The best fixed action
 is chosen in the foods with even numbers and scored in the others, and the other way round: it is a bound, because no
 lab knows forty foods beforehand. Stop it at any time: the same command continues.
@@ -13,8 +13,8 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,13 +25,13 @@ from sim.lab.world import rollouts_in
 from sim.research.benchmark.sessions import udr_policies
 from sim.research.benchmark.worlds import targets_of
 from sim.rollouts.draws import Disturbances, cover
-from sim.solvers.solver import Solver
+from sim.solvers.solver import SolvedPolicy, Solver
 from sim.storage.files import whole_file
 from sim.tasks import get_task
 
 TASK = get_task("scooping")
-RATES, PITCHES, DISTANCES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5), (0.0, 0.1, 0.2, 0.3), (0.5, 1.0)
-"""The grid, in fractions of the ranges, around the policies of UDR: flat, from far behind the piece, lifted early."""
+RATES, PITCHES, DISTANCES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7), (0.0, 0.2), (1.0,)
+"""The grid, in fractions of the ranges: flat and from far behind the piece, as UDR, lifted early to late."""
 
 E, DRAWS, CONTEXTS = 64, 4, 8
 """For the emulator's reward: parameters over Omega, disturbances, contexts."""
@@ -43,10 +43,21 @@ def grid() -> Array:
     return TASK.action.denormalise(np.stack(axes, axis=-1).reshape(-1, 3))
 
 
-def rewards_in(name: str, udr: Array, contexts: Array, errors: Array) -> list[float]:
+def draws(
+    name: str, number: int, policies: Sequence[SolvedPolicy], n: int, seed: int
+) -> tuple[str, Array, Array, Array]:
+    """A food's name, the actions of UDR's policies (P, D, a), places (D, c) and errors (D, a)."""
+    rng = np.random.default_rng([seed, number])
+    contexts = TASK.context.sample(rng, n)
+    errors = Disturbances.at_random(TASK, n, rng).error
+    return name, np.stack([policy.actions(contexts) for policy in policies]), contexts, errors
+
+
+def rewards_in(drawn: tuple[str, Array, Array, Array]) -> list[float]:
     """(A + 1,) rewards of the grid's actions, and the mean of UDR's policies (P, D, a), in one food, averaged over D
-    places and errors.
+    places (D, c) and errors (D, a).
     """
+    name, udr, contexts, errors = drawn
     (target,) = targets_of(TASK, (name,))
     scoop, nothing = rollouts_in(target.world), np.zeros(0)  # parameters and nuisance are the world's
 
@@ -105,15 +116,13 @@ def main() -> None:
     asked = parser.parse_args()
     logging.getLogger("drake").setLevel(logging.ERROR)
     asked.out.mkdir(parents=True, exist_ok=True)
-    solver, rng = load_checkpoint(TASK).solver, np.random.default_rng(asked.seed)
-    contexts = TASK.context.sample(rng, asked.draws)
-    errors = Disturbances.at_random(TASK, asked.draws, rng).error
-    udr = np.stack([policy.actions(contexts) for policy in udr_policies(solver, asked.seed)])
+    solver = load_checkpoint(TASK).solver
+    policies = udr_policies(solver, asked.seed)
     names = [target.name for target in targets_of(TASK, ("foods",))]
     missing = [name for name in names if not (asked.out / f"{name}.json").exists()]
-    run = partial(rewards_in, udr=udr, contexts=contexts, errors=errors)
     with ProcessPoolExecutor(asked.workers) as pool:
-        for name, row in zip(missing, pool.map(run, missing), strict=True):
+        jobs = (draws(name, names.index(name), policies, asked.draws, asked.seed) for name in missing)
+        for name, row in zip(missing, pool.map(rewards_in, jobs), strict=True):
             with whole_file(asked.out / f"{name}.json") as temporary:
                 temporary.write_text(json.dumps(row))
             print(f"{name} ({names.index(name) + 1} of {len(names)})", flush=True)

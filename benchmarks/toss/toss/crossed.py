@@ -87,9 +87,9 @@ def main() -> None:
     for seed in range(asked.seeds):
         path = folder / f"seed-{seed:04d}.json"
         if not path.exists():
-            found = json.dumps(crossed(Split.of(grid, tosses.trials.split(HELD_OUT, seed), seed)))
+            row = crossed(Split.of(grid, tosses.trials.split(HELD_OUT, seed), seed))
             with whole_file(path) as temporary:
-                temporary.write_text(found)
+                temporary.write_text(json.dumps(row))
         rows.append(json.loads(path.read_text()))
     reference = "sysid-bayes > sysid-bayes"
     means = {name: round(float(np.mean([row[name] for row in rows])), 4) for name in rows[0]}

@@ -1,9 +1,9 @@
 """One action for all drawn foods: how much of the gain over UDR would a luckier fixed action have earned?
 
-Every action of a grid scoops every food of the set `foods`, in a food all with the same drawn places and errors (true
-rollouts). Beside its reward there stands that of the emulator over Omega, by which UDR chooses. The best fixed action
-is chosen in the foods with even numbers and scored in the others, and the other way round: it is a bound, because no
-lab knows forty foods beforehand. Stop it at any time: the same command continues.
+Every action of a grid scoops every food of the set `foods` (true rollouts). Within a food all actions share the drawn
+places and errors. The emulator's reward over Omega, by which UDR chooses, is printed beside that in the foods. The best
+fixed action is chosen in the foods with even numbers and scored in the others, and the other way round: it is a bound,
+because no lab knows forty foods beforehand. Stop it at any time: the same command continues.
 
     python benchmarks/fixed_actions.py --out build/fixed-actions
 """
@@ -115,18 +115,19 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("build/fixed-actions"), help="folder of the results")
     asked = parser.parse_args()
     logging.getLogger("drake").setLevel(logging.ERROR)
-    asked.out.mkdir(parents=True, exist_ok=True)
+    folder = asked.out / f"seed-{asked.seed}-draws-{asked.draws}-actions-{len(grid())}"
+    folder.mkdir(parents=True, exist_ok=True)
     solver = load_checkpoint(TASK).solver
     policies = udr_policies(solver, asked.seed)
     names = [target.name for target in targets_of(TASK, ("foods",))]
-    missing = [name for name in names if not (asked.out / f"{name}.json").exists()]
+    missing = [name for name in names if not (folder / f"{name}.json").exists()]
     with ProcessPoolExecutor(asked.workers) as pool:
         jobs = (draws(name, names.index(name), policies, asked.draws, asked.seed) for name in missing)
         for name, row in zip(missing, pool.map(rewards_in, jobs), strict=True):
-            with whole_file(asked.out / f"{name}.json") as temporary:
+            with whole_file(folder / f"{name}.json") as temporary:
                 temporary.write_text(json.dumps(row))
             print(f"{name} ({names.index(name) + 1} of {len(names)})", flush=True)
-    rewards = np.array([json.loads((asked.out / f"{name}.json").read_text()) for name in names])
+    rewards = np.array([json.loads((folder / f"{name}.json").read_text()) for name in names])
     show(rewards, expected(solver, grid()))
 
 

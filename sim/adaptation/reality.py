@@ -246,8 +246,7 @@ class Reality:
     def weights(self) -> Array:
         """(T,) probabilities of `Simulators.truths`: their posterior; the prior is uniform over the margin.
 
-        No point of a grid is the truth, and the distance to it is the same in every trial. So all trials together count
-        as much as one of them on average; their sum would name a single point (docs/results/tosses.md).
+        No point of a grid is the truth, and a point is as wrong in every trial: together they count as one on average.
         """
         if not self.trials:
             return np.full(len(self.simulators.truths), 1.0 / len(self.simulators.truths))

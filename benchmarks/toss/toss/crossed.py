@@ -11,18 +11,17 @@ from __future__ import annotations
 import argparse
 import json
 from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
 
-from hw.types import Array
 from sim.adaptation.method import Iteration
 from sim.adaptation.methods.adaptsim import AdaptSim
 from sim.adaptation.reality import Reality, RealityPolicy, Simulators
-from sim.storage.files import whole_file
-from toss.data import read_tosses
-from toss.experiment import HELD_OUT, METHODS, ORDER, SEEDS, Split, simulated
+from toss.experiment import HELD_OUT, METHODS, SEEDS, Split, prepared, stored
+from toss.page import interval
 
 CHOSEN_BY = ("adaptsim", "sysid-bayes")
 """The methods that choose tosses, and that conclude from them."""
@@ -63,39 +62,26 @@ def _reality(split: Split, history: tuple[Iteration, ...]) -> Reality:
     return method.reality(history)
 
 
-def _difference(rows: list[dict[str, float]], name: str, other: str) -> tuple[float, float, float]:
-    """The mean of `name` minus `other`, paired by seed, with its 95 % interval by bootstrap."""
-    apart: Array = np.array([row[name] - row[other] for row in rows])
-    drawn = np.random.default_rng(0).choice(apart, (10_000, len(apart))).mean(axis=1)
-    low, high = np.quantile(drawn, (0.025, 0.975))
-    return float(apart.mean()), float(low), float(high)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("tosses", type=Path, help="tosses.npz")
     parser.add_argument("--out", type=Path, default=Path("build/tosses"), help="folder of the results")
     parser.add_argument("--seeds", type=int, default=SEEDS)
     asked = parser.parse_args()
-    tosses = read_tosses(asked.tosses)
-    tosses = tosses.some(np.random.default_rng(ORDER).permutation(len(tosses.trials)))
-    (asked.out / "table").mkdir(parents=True, exist_ok=True)
-    grid = simulated(tosses.trials, asked.out / "table")
-    folder = asked.out / "crossed"
-    folder.mkdir(exist_ok=True)
+    try:
+        tosses, grid, folder = prepared(asked.tosses, asked.out)
+    except ValueError as error:
+        parser.error(str(error))
     rows = list[dict[str, float]]()
     for seed in range(asked.seeds):
-        path = folder / f"seed-{seed:04d}.json"
-        if not path.exists():
-            row = crossed(Split.of(grid, tosses.trials.split(HELD_OUT, seed), seed))
-            with whole_file(path) as temporary:
-                temporary.write_text(json.dumps(row))
-        rows.append(json.loads(path.read_text()))
+        split = Split.of(grid, tosses.trials.split(HELD_OUT, seed), seed)
+        rows.append(stored(folder / f"crossed-{seed:04d}.json", partial(crossed, split)))
     reference = "sysid-bayes > sysid-bayes"
     means = {name: round(float(np.mean([row[name] for row in rows])), 4) for name in rows[0]}
     ways = [name for name in means if ">" in name and name != reference]
-    apart = {name: [round(v, 4) for v in _difference(rows, name, reference)] for name in ways}
-    print(json.dumps({"seeds": len(rows), "means": means, f"minus {reference}": apart}))
+    apart = {name: [row[name] - row[reference] for row in rows] for name in ways}
+    leads = {name: [round(v, 4) for v in (float(np.mean(d)), *interval(d))] for name, d in apart.items()}
+    print(json.dumps({"seeds": len(rows), "means": means, f"minus {reference}": leads}))
 
 
 if __name__ == "__main__":

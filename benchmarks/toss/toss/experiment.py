@@ -40,7 +40,7 @@ from sim.solvers.solver import policy_for
 from sim.storage.files import whole_file
 from sim.tasks.task import SolvedPolicy
 from toss import PARAMETERS, TASK, face_on_top
-from toss.data import read_tosses
+from toss.data import Tosses, read_tosses
 from toss.page import write
 
 GRID = 48
@@ -173,12 +173,12 @@ def simulated(tosses: RecordedTrials, folder: Path) -> GridSolver:
         context = np.tile(np.asarray(TASK.reference_context), (k, 1))
         asked = Requests(grid.points, context, np.tile(action, (k, 1)), np.zeros((k, 0)))
         path = folder / f"toss-{int(name):04d}.npz"
-        found = read_rollouts(path, asked)
-        if found is None:
-            found = observed(TASK, [TASK.simulate(point, context[0], action, nothing) for point in grid.points])
-            write_rollouts(path, asked, found)
+        rollouts = read_rollouts(path, asked)
+        if rollouts is None:
+            rollouts = observed(TASK, [TASK.simulate(point, context[0], action, nothing) for point in grid.points])
+            write_rollouts(path, asked, rollouts)
             _say(f"simulated {i + 1} of {len(tosses)} tosses")
-        grid.remember(action, nothing, found)
+        grid.remember(action, nothing, rollouts)
     return grid
 
 
@@ -189,8 +189,8 @@ def results(name: str, grid: GridSolver, trials: RecordedTrials, seed: int) -> d
         return _references(split) | _controls(grid, trials, seed)
     method = METHODS[name](split.session)
     history = split.history(method)
-    found: dict[str, Any] = {name: split.final(name, history)}
-    return found | (_judged(method, split, history) if isinstance(method, AdaptSim) else {})
+    row: dict[str, Any] = {name: split.final(name, history)}
+    return row | (_judged(method, split, history) if isinstance(method, AdaptSim) else {})
 
 
 def _references(split: Split) -> dict[str, Any]:
@@ -208,15 +208,15 @@ def _references(split: Split) -> dict[str, Any]:
 def _controls(grid: GridSolver, trials: RecordedTrials, seed: int) -> dict[str, float]:
     """The gain of `adaptsim` over UDR if the recorded outcomes are shuffled: in all tosses, and only in those shown."""
     shown, held = trials.split(HELD_OUT, seed)
-    found = dict[str, float]()
+    row = dict[str, float]()
     for name, parts in {
         "permuted": trials.permuted(seed).split(HELD_OUT, seed),
         "permuted_shown": (shown.permuted(seed), held),
     }.items():
         split = Split.of(grid, parts, seed)
         history = split.history(METHODS["adaptsim"](split.session))
-        found[name] = split.final("adaptsim", history) - split.udr()
-    return found
+        row[name] = split.final("adaptsim", history) - split.udr()
+    return row
 
 
 def _judged(method: AdaptSim, split: Split, history: tuple[Iteration, ...]) -> dict[str, Any]:
@@ -228,12 +228,12 @@ def _judged(method: AdaptSim, split: Split, history: tuple[Iteration, ...]) -> d
     _, ends = split.scores.outcomes
     off_m = np.linalg.norm(ends[..., :2] - truth[:, None, :2], axis=-1)
     shows = face_on_top(ends[..., 2:]) == face_on_top(truth[:, 2:])[:, None]
-    found: dict[str, Any] = {"inexpressible": verdict.is_inexpressible, "strange": verdict.strange}
+    row: dict[str, Any] = {"inexpressible": verdict.is_inexpressible, "strange": verdict.strange}
     for name, share in (("prior", np.full(len(weights), 1.0 / len(weights))), ("posterior", weights)):
-        found[f"{name}_error_mm"] = 1e3 * float(np.median(off_m @ share))
-        found[f"{name}_face"] = float((shows @ share).mean())
-    found["posterior"] = [float(v) for v in weights @ TASK.parameters.normalise(split.session.grid.points)]
-    return found
+        row[f"{name}_error_mm"] = 1e3 * float(np.median(off_m @ share))
+        row[f"{name}_face"] = float((shows @ share).mean())
+    row["posterior"] = [float(v) for v in weights @ TASK.parameters.normalise(split.session.grid.points)]
+    return row
 
 
 def rows_of(
@@ -244,13 +244,33 @@ def rows_of(
         row: dict[str, Any] = {"seed": seed}
         for name in (REFERENCES, *methods):
             path = folder / f"seed-{seed:04d}-{name}.json"
-            if not path.exists():
-                found = json.dumps(results(name, grid, trials, seed))
-                with whole_file(path) as temporary:
-                    temporary.write_text(found)
-            row |= json.loads(path.read_text())
+            row |= stored(path, partial(results, name, grid, trials, seed))
         _say(f"seed {seed + 1} of {seeds}: udr {row['udr']:.3f}, " + ", ".join(f"{m} {row[m]:.3f}" for m in methods))
         yield row
+
+
+def stored(path: Path, compute: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """The content of `path`; computed and written if it is missing."""
+    if not path.exists():
+        row = json.dumps(compute())
+        with whole_file(path) as temporary:
+            temporary.write_text(row)
+    content: dict[str, Any] = json.loads(path.read_text())
+    return content
+
+
+def prepared(path: Path, out: Path) -> tuple[Tosses, GridSolver, Path]:
+    """The tosses, the simulator's answers to them, and the folder of their results in `out`.
+
+    Raises ValueError for a file that holds no tosses.
+    """
+    tosses = read_tosses(path)
+    tosses = tosses.some(np.random.default_rng(ORDER).permutation(len(tosses.trials)))
+    (out / "table").mkdir(parents=True, exist_ok=True)
+    grid = simulated(tosses.trials, out / "table")
+    folder = out / hashlib.sha256(tosses.trials.actions.tobytes() + grid.points.tobytes()).hexdigest()[:12]
+    folder.mkdir(exist_ok=True)
+    return tosses, grid, folder
 
 
 def _best(predicted: Array) -> NDArray[np.intp]:
@@ -271,15 +291,10 @@ def main() -> None:
     asked = parser.parse_args()
     methods = tuple(METHODS)
     try:
-        tosses = read_tosses(asked.tosses)
+        tosses, grid, folder = prepared(asked.tosses, asked.out)
     except ValueError as error:
         parser.error(str(error))
-    tosses = tosses.some(np.random.default_rng(ORDER).permutation(len(tosses.trials)))
     trials = tosses.trials
-    (asked.out / "table").mkdir(parents=True, exist_ok=True)
-    grid = simulated(trials, asked.out / "table")
-    folder = asked.out / hashlib.sha256(trials.actions.tobytes() + grid.points.tobytes()).hexdigest()[:12]
-    folder.mkdir(exist_ok=True)
     rows = list(rows_of(grid, trials, methods, asked.seeds, folder))
     if asked.page is not None:
         held = trials.split(HELD_OUT, 0)[1]

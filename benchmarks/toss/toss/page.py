@@ -79,7 +79,7 @@ def write(
 
 def _conclusion(rows: Sequence[dict[str, Any]], methods: Sequence[str]) -> str:
     """`adaptsim` against UDR, and against the best of the other methods."""
-    low, high = _interval([row["adaptsim"] - row["udr"] for row in rows])
+    low, high = interval([row["adaptsim"] - row["udr"] for row in rows])
     told = "`adaptsim` does **not** clearly beat UDR here: the interval of its gain holds zero."
     if low > 0.0:
         told = "`adaptsim` earns more than UDR on real tosses that it never saw."
@@ -102,26 +102,31 @@ def _expressed(grid: GridSolver, tosses: RecordedTrials) -> dict[str, str]:
     unit = TASK.parameters.normalise(grid.points)
     _, near = cKDTree(unit).query(unit, k=2)
     apart_m = np.linalg.norm(ends[0, ..., :2] - ends[0][:, near[:, 1], :2], axis=-1)
-    found = {"own": np.median(off_m.min(axis=1)), "joint": np.median(off_m, axis=0).min(), "apart": np.median(apart_m)}
+    medians_m = {
+        "own": np.median(off_m.min(axis=1)),
+        "joint": np.median(off_m, axis=0).min(),
+        "apart": np.median(apart_m),
+    }
     right = "So the silence is right: these tosses cannot tell a wrong simulator from a coarse grid."
     wrong = "So the silence is **wrong**: neighbouring points differ by less than what the best one leaves."
-    values = {f"{name}_mm": f"{1e3 * value:.0f}" for name, value in found.items()}
-    return values | {"right": right if found["joint"] <= found["apart"] else wrong}
+    values = {f"{name}_mm": f"{1e3 * value:.0f}" for name, value in medians_m.items()}
+    return values | {"right": right if medians_m["joint"] <= medians_m["apart"] else wrong}
 
 
 def _mean(rows: Sequence[dict[str, Any]], name: str) -> str:
     values = [row[name] for row in rows]
-    low, high = _interval(values)
+    low, high = interval(values)
     return f"{np.mean(values):.3f} ({low:.3f} to {high:.3f})"
 
 
 def _gain(rows: Sequence[dict[str, Any]], name: str, other: str = "udr") -> str:
     values = [row[name] - row[other] for row in rows]
-    low, high = _interval(values)
+    low, high = interval(values)
     return f"{np.mean(values):+.3f} ({low:+.3f} to {high:+.3f})"
 
 
-def _interval(values: Sequence[float]) -> tuple[float, float]:
+def interval(values: Sequence[float]) -> tuple[float, float]:
+    """95 % interval of the mean, by bootstrap."""
     drawn = np.random.default_rng(0).integers(len(values), size=(RESAMPLED, len(values)))
     low, high = np.quantile(np.asarray(values)[drawn].mean(axis=1), [0.025, 0.975])
     return float(low), float(high)

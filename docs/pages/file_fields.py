@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from adaptsim_cli.devices.rig_file.devices import DEVICES, INSTRUMENTS
+from adaptsim_cli.bench.rig_file.devices import DEVICES, INSTRUMENTS
 
 FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
     (
@@ -14,18 +14,18 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "rig.toml",
         "One lab with a real arm; [the rig file](../guide/rig.md) explains it.",
         (
-            ("", "adaptsim_cli.devices.rig_file.description", "RigDescription"),
-            ("[arm]", "adaptsim_cli.devices.rig_file.description", "ArmPart"),
-            ("[arm.collision]", "adaptsim_cli.devices.rig_file.description", "Collision"),
-            ("[table]", "adaptsim_cli.devices.rig_file.description", "TablePart"),
-            ("[camera]", "adaptsim_cli.devices.rig_file.description", "CameraPart"),
+            ("", "adaptsim_cli.bench.rig_file.description", "RigDescription"),
+            ("[arm]", "adaptsim_cli.bench.rig_file.description", "ArmPart"),
+            ("[arm.collision]", "adaptsim_cli.bench.rig_file.description", "Collision"),
+            ("[table]", "adaptsim_cli.bench.rig_file.description", "TablePart"),
+            ("[camera]", "adaptsim_cli.bench.rig_file.description", "CameraPart"),
             *((f"[{name}]", kind.part.__module__, kind.part.__name__) for name, kind in DEVICES.items()),
             *((f"[devices.{name}]", kind.part.__module__, kind.part.__name__) for name, kind in INSTRUMENTS.items()),
-            ("[tools.TASK]", "adaptsim_cli.devices.rig_file.description", "ToolPart"),
-            ("[tools.TASK.payload]", "adaptsim_cli.devices.rig_file.description", "PayloadPart"),
-            ("[person]", "adaptsim_cli.devices.rig_file.description", "PersonPart"),
-            ("[[keep_out]]", "adaptsim_cli.devices.rig_file.description", "KeepOutPart"),
-            ("[[waivers]]", "adaptsim_cli.devices.rig_file.waivers", "WaiverPart"),
+            ("[tools.TASK]", "adaptsim_cli.bench.rig_file.description", "ToolPart"),
+            ("[tools.TASK.payload]", "adaptsim_cli.bench.rig_file.description", "PayloadPart"),
+            ("[person]", "adaptsim_cli.bench.rig_file.description", "PersonPart"),
+            ("[[keep_out]]", "adaptsim_cli.bench.rig_file.description", "KeepOutPart"),
+            ("[[waivers]]", "adaptsim_cli.bench.rig_file.waivers", "WaiverPart"),
         ),
     ),
     (
@@ -64,7 +64,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "One completed trial.",
         (
             ("the fields of motion.json, and", "adaptsim_cli.session.records", "TrialRecord"),
-            ("track", "adaptsim_cli.outputs.trials", "TrackRecord"),
+            ("track", "adaptsim_cli.screen.outputs.trials", "TrackRecord"),
             ("moments", "adaptsim_cli.session.records", "KeyMoment"),
         ),
     ),
@@ -99,7 +99,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "What the trials of one iteration led to.",
         (
             ("", "adaptsim_cli.session.records", "ResultRecord"),
-            ("best", "adaptsim_cli.outputs.trials", "BestRecord"),
+            ("best", "adaptsim_cli.screen.outputs.trials", "BestRecord"),
             ("verdict", "sim.adaptation.verdict", "Verdict"),
         ),
     ),
@@ -135,9 +135,9 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "touch-off.json",
         "A stored touch-off.",
         (
-            ("", "adaptsim_cli.touch_off.store", "SavedTouchOff"),
-            ("every value with an interval", "adaptsim_cli.touch_off.solving", "MeasuredValue"),
-            ("touches", "adaptsim_cli.touch_off.store", "SlowTouchRecord"),
+            ("", "adaptsim_cli.bench.touch_off.store", "SavedTouchOff"),
+            ("every value with an interval", "adaptsim_cli.bench.touch_off.solving", "MeasuredValue"),
+            ("touches", "adaptsim_cli.bench.touch_off.store", "SlowTouchRecord"),
         ),
     ),
     (

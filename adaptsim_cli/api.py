@@ -166,8 +166,7 @@ class Session:
         Raises UsageError for a session on a real arm, and the errors of `adaptsim run-iteration`. Completed steps stay
         stored, and another call continues.
         """
-        from adaptsim_cli.session import opening as wiring
-        from adaptsim_cli.session import running
+        from adaptsim_cli.session import opening, running
         from adaptsim_cli.show.reports import Reports
 
         stored = self._stored
@@ -181,7 +180,7 @@ class Session:
                 f"adaptsim run-iteration --session {self.name}"
             )
         request = running.SessionRequest(self.name, frozenset(), yes=True)
-        running.run_session(config.load(), request, wiring.open_parts, Reports().draw, screen=_silent())
+        running.run_session(config.load(), request, opening.open_parts, Reports().draw, screen=_silent())
         return self.iterations[-1]
 
     def ask(self) -> Question:
@@ -255,14 +254,13 @@ class Session:
         """Take what was told, and go on until the next answers are awaited or an iteration is complete."""
         from functools import partial
 
-        from adaptsim_cli.session import opening as wiring
-        from adaptsim_cli.session import running
+        from adaptsim_cli.session import opening, running
         from adaptsim_cli.session.own.mailbox import Mailbox
         from adaptsim_cli.show.first_look import with_first_look
         from adaptsim_cli.show.reports import Reports
 
         request = running.SessionRequest(self.name, frozenset(), yes=True)
-        opener = partial(wiring.open_parts, answerer=Mailbox())
+        opener = partial(opening.open_parts, answerer=Mailbox())
         settings = config.load({"answer_with": "", "answer_moves": "robot"})
         view = with_first_look(running.terminal_alone)
         with suppress(AnswerAwaited):
@@ -345,8 +343,7 @@ def begin(
     this one begins with its posterior. Without a name it gets the default name of `adaptsim run-iteration`. Raises
     UsageError if a session of this name exists, UnknownName, WorldError, CheckpointError, RecordingsRefused.
     """
-    from adaptsim_cli.session import opening as wiring
-    from adaptsim_cli.session import running
+    from adaptsim_cli.session import opening, running
     from adaptsim_cli.session.own.mailbox import Mailbox
 
     flags: dict[str, Any] = {
@@ -364,7 +361,7 @@ def begin(
     if folders.folder_of(root, chosen).is_dir():
         raise UsageError(f"session {chosen!r} exists already: api.open_session continues it; or choose another name")
     answerer = Mailbox() if settings.is_own else None
-    with wiring.open_parts(settings, folders.folder_of(root, chosen) / "naf", answerer=answerer) as parts:
+    with opening.open_parts(settings, folders.folder_of(root, chosen) / "naf", answerer=answerer) as parts:
         running.begin(root, chosen, settings, parts)
     return Session(chosen, root)
 

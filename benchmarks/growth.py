@@ -23,7 +23,6 @@ from typing import TypeVar
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the program does
 
 import numpy as np
-from adaptsim_cli.show.reports import Reports
 from rich.console import Console
 
 from adaptsim_cli import config
@@ -34,6 +33,7 @@ from adaptsim_cli.session.folders import names
 from adaptsim_cli.session.opening import open_parts
 from adaptsim_cli.session.operator import Unattended
 from adaptsim_cli.session.summary import overview_or_damage
+from adaptsim_cli.show.reports import Reports
 from hw.records import AnyRecord
 from hw.types import Execution, Frame
 from sim.lab.kinect import kinect_model

@@ -56,15 +56,15 @@ def benchmark(
     Example: adaptsim benchmark --task pendulum --targets wd --budget 6 --seeds 2
     """
     from adaptsim_cli.research import benchmark_page as page
-    from adaptsim_cli.research import benchmarking as wiring
+    from adaptsim_cli.research import benchmarking
     from adaptsim_cli.research.working import complete, share_of, simulations
 
-    request = wiring.request_of(resolved, targets, methods, budget, fresh, seeds, checkpoints, out, in_lab=lab)
+    request = benchmarking.request_of(resolved, targets, methods, budget, fresh, seeds, checkpoints, out, in_lab=lab)
     for name, why in request.left_out:
         screen.note(f"{name} is left out: {why}")
     part = share_of(share, screen)
     with screen.progress() as progress, simulations(resolved, scheduler) as crew:
-        result = wiring.benchmark(request, crew, progress, part)
+        result = benchmarking.benchmark(request, crew, progress, part)
     if part is not None:
         return complete(part, f"{len(result.rows)} sessions", request.folder)
     document = page.write(result)

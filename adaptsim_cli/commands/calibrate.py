@@ -40,12 +40,14 @@ def calibrate(
     """
     from functools import partial
 
-    from adaptsim_cli.bench import calibration_in_use as wiring
-    from adaptsim_cli.bench import rig_frames
+    from adaptsim_cli.bench import calibration_in_use
     from adaptsim_cli.bench.calibration import running
+    from adaptsim_cli.session import rig_sessions
 
-    open_rig = partial(wiring.open_calibration_rig, screen=None if resolved.config.unattended(yes) else screen)
-    sessions = rig_frames.open_sessions(resolved.config, resolved.places)
+    open_rig = partial(
+        calibration_in_use.open_calibration_rig, screen=None if resolved.config.unattended(yes) else screen
+    )
+    sessions = rig_sessions.open_sessions(resolved.config, resolved.places)
     return running.calibrate(
         resolved, _store(resolved), sessions, open_rig, screen, guide=guide, views=views, fresh=fresh, yes=yes
     )
@@ -88,10 +90,12 @@ def check(screen: Screen, resolved: Resolved, guide: _Guide = False, yes: option
     """
     from functools import partial
 
-    from adaptsim_cli.bench import calibration_in_use as wiring
+    from adaptsim_cli.bench import calibration_in_use
     from adaptsim_cli.bench.calibration import running
 
-    open_rig = partial(wiring.open_calibration_rig, screen=None if resolved.config.unattended(yes) else screen)
+    open_rig = partial(
+        calibration_in_use.open_calibration_rig, screen=None if resolved.config.unattended(yes) else screen
+    )
     return running.check(resolved, _store(resolved), open_rig, screen, guide=guide, yes=yes)
 
 
@@ -202,9 +206,9 @@ def overlay(
 
 
 def _store(resolved: Resolved) -> CalibrationStore:
-    from adaptsim_cli.bench import calibration_in_use as wiring
+    from adaptsim_cli.bench import calibration_in_use
 
-    return wiring.calibrations(resolved.config, resolved.places)
+    return calibration_in_use.calibrations(resolved.config, resolved.places)
 
 
 def _views() -> Any:

@@ -27,10 +27,10 @@ def list_checkpoints() -> Reply:
 
     Example: adaptsim checkpoints list
     """
+    from adaptsim_cli.bench import checkpoints
     from adaptsim_cli.screen import views
-    from adaptsim_cli.session import checkpoint as wiring
 
-    rows = wiring.list_checkpoints()
+    rows = checkpoints.list_checkpoints()
     body = [(c["task"], c["name"], c["created"], c["folder"]) for c in rows]
     table = views.rows(("task", "name", "created", "folder"), body)
     verified = ("adaptsim checkpoints verify FOLDER", "are the figures on its card still right?")

@@ -79,7 +79,7 @@ def _is_argument(parameter: inspect.Parameter) -> bool:
 def _resolved(flags: dict[str, Any]) -> Resolved:
     """The settings, with the flags that were given; a switch that is off was not."""
     from adaptsim_cli import config
-    from adaptsim_cli.session import checkpoint as settings
+    from adaptsim_cli.commands import settings
 
     on = {name: value for name, value in flags.items() if value is not False}
     return settings.load(on) if "world" in flags else config.load(on)

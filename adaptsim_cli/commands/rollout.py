@@ -53,16 +53,18 @@ def rollout(
 
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
+    from functools import partial
+
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.session import rollouts
+    from adaptsim_cli.show import page
+    from adaptsim_cli.show.live import live_view
 
     if best != (session is not None):
         raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
-    live_page = view or view_port is not None
-    request = rollouts.RolloutRequest(
-        context or (), action or (), param or (), session, trials, out, yes, live_page, view_port
-    )
-    return rollouts.run(resolved, request, screen)
+    open_view = partial(live_view, port=view_port) if view or view_port is not None else None
+    request = rollouts.RolloutRequest(context or (), action or (), param or (), session, trials, out, yes)
+    return rollouts.run(resolved, request, screen, page.write, open_view)
 
 
 @command("task", hw=_RigFile)

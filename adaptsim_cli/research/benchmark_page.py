@@ -49,7 +49,7 @@ def render(comparison: Comparison) -> str:
     """The page as HTML."""
     from jinja2 import Environment, StrictUndefined
 
-    folder, shared = resources.files("adaptsim_cli.research"), resources.files("adaptsim_cli.show")
+    folder, shared = resources.files("adaptsim_cli.research"), resources.files("adaptsim_cli.screen")
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     template = environment.from_string((folder / "benchmark.html.j2").read_text(encoding="utf-8"))
     return template.render(

@@ -4,14 +4,15 @@ trials that replace a lab or the posterior of another session.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from adaptsim_cli import config
-from adaptsim_cli.config import Config, Resolved
+from adaptsim_cli.bench.checkpoints import SOLVERS, own_checkpoints, task_of
+from adaptsim_cli.config import Config
 from adaptsim_cli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -20,121 +21,6 @@ if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.rollouts.recorded import RecordedTrials
     from sim.solvers.solver import Expectations, Policies
-    from sim.tasks.task import Task
-
-SOLVERS = ("emulator", "naf")
-
-_WORLD = "world "
-"""First word of the origin of a task that the world decides."""
-
-
-def load(flags: Mapping[str, Any]) -> Resolved:
-    """Load the settings; the world decides the task if its name comes from closer to the command line.
-
-    Raises UsageError, also if several tasks have a world of that name and the settings name none of these tasks,
-    UnknownName or WorldError for a world that no task has.
-    """
-    resolved = config.load(flags)
-    settings, sources = resolved.config, resolved.sources
-    if not settings.is_simulated or _rank(resolved, sources["world"]) <= _rank(resolved, sources["task"]):
-        return resolved
-    from sim.lab.world import load_world, tasks_of_world
-    from sim.tasks import get_task
-
-    tasks = tasks_of_world(settings.world)
-    if not tasks:
-        load_world(settings.world, get_task(settings.task))
-    if len(tasks) != 1:
-        if settings.task in tasks:
-            return resolved
-        raise UsageError(f"--world {settings.world}: there is one for {' and one for '.join(tasks)}; add --task")
-    chosen = settings.model_copy(update={"task": tasks[0]})
-    return replace(resolved, config=chosen, sources={**sources, "task": _WORLD + settings.world})
-
-
-def named_by_flags(resolved: Resolved) -> frozenset[str]:
-    """The settings that flags name, with the task that their world decides."""
-    decided = resolved.sources["task"].startswith(_WORLD)
-    return resolved.flags | {"task"} if decided else resolved.flags
-
-
-def _rank(resolved: Resolved, source: str) -> int:
-    """How close to the command line a setting comes from."""
-    files = ("default", str(resolved.places.user_file), str(resolved.places.project_file))
-    if source in files:
-        return files.index(source)
-    return len(files) + (source == config.FLAG)
-
-
-def task_of(settings: Config) -> Task:
-    """The task of the settings, with the ranges of an own object. Raises UnknownName, ObjectError."""
-    from sim.tasks import get_task
-    from sim.tasks.own_object import load_object, with_ranges
-
-    task = get_task(settings.task)
-    return with_ranges(task, load_object(Path(settings.object))) if settings.object else task
-
-
-def checkpoint_of(settings: Config) -> Checkpoint:
-    """The checkpoint that the settings name; else the newest one for the ranges of an own object; else the shipped one.
-
-    Nothing of other ranges serves an own object. Raises UnknownName, ObjectError, CheckpointError.
-    """
-    from sim.adaptation.checkpoint import load_checkpoint
-    from sim.errors import CheckpointError
-
-    task = task_of(settings)
-    if not settings.object or settings.checkpoint:
-        return load_checkpoint(task, settings.checkpoint or "default")
-    if not (fitting := _pretrained(task)):
-        raise CheckpointError(
-            f"nothing is pretrained for the ranges of {settings.object} yet: adaptsim pretrain --task {task.name} "
-            f"--object {settings.object}"
-        )
-    return load_checkpoint(task, str(fitting[-1]))
-
-
-def own_checkpoints() -> list[Path]:
-    """Folders of the checkpoints that `adaptsim pretrain` made in its default place, newest last."""
-    from sim.adaptation.checkpoint import CARD
-
-    cards = config.places().pretraining.glob(f"*/checkpoint/{CARD}")
-    return [card.parent for card in sorted(cards, key=lambda card: card.stat().st_mtime_ns)]
-
-
-def _pretrained(task: Task) -> list[Path]:
-    """The checkpoints for exactly these ranges, the newest own one last."""
-    from sim.adaptation.checkpoint import read_card
-    from sim.errors import CheckpointError
-    from sim.tasks import files_of
-    from sim.tasks.fingerprint import fingerprint
-
-    def fits(folder: Path) -> bool:
-        try:
-            return read_card(folder, task.name).fingerprint == fingerprint(task)
-        except CheckpointError:
-            return False
-
-    shipped = sorted(files_of(task.name, "checkpoints").glob("*"))
-    return [folder for folder in (*shipped, *own_checkpoints()) if fits(folder)]
-
-
-def list_checkpoints() -> list[dict[str, str]]:
-    """Shipped checkpoints and the user's own ones; an unreadable card is noted under `created`."""
-    from sim.adaptation.checkpoint import list_checkpoints, read_card
-    from sim.errors import CheckpointError
-
-    def row(name: str, folder: Path) -> dict[str, str]:
-        try:
-            card = read_card(folder, "any task")
-            task, created = card.task, str(card.created or "")
-        except CheckpointError as error:
-            task, created = "?", f"cannot be read: {error}"
-        return {"task": task, "name": name, "created": created, "folder": str(folder)}
-
-    named = [(name, folder) for _, name, folder in list_checkpoints()]
-    named += [(folder.parent.name, folder) for folder in own_checkpoints()]
-    return [row(name, folder) for name, folder in named]
 
 
 def checkpoint_of_session(store: SessionStore) -> Checkpoint:

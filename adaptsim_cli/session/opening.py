@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,13 +31,9 @@ from adaptsim_cli.session.own.target import OwnTarget
 from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.rig_sessions import own_ground
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.simulated_target import RecordedTarget, SimulatedTarget
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts, Provenance, Target
-from adaptsim_cli.session.watching import Watcher
-from adaptsim_cli.show.live import live_view
-from adaptsim_cli.show.server import require_free
 from adaptsim_cli.storage.durable import versions
 from hw.braking import FULL
 from hw.errors import MotionRefused
@@ -286,19 +282,6 @@ def executable_on(hardware: Hardware, planner: Planner) -> Executable:
         return True
 
     return executable
-
-
-def beside(port: int | None) -> OpenView:
-    """A page at `port`, or at any free port. Raises UsageError, before anything begins, if the port is in use."""
-    if port is not None:
-        require_free(port)
-
-    def open_view(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
-        name, facts = store.facts.name, store.facts
-        what = f"session {name}, method {facts.method}"
-        return live_view(screen, parts, name, what, facts.hw, port, facts.particles)
-
-    return open_view
 
 
 def seen_by_camera(config: Config, facts: Facts) -> tuple[Task, tuple[Outcome, ...]]:

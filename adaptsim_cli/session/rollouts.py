@@ -1,9 +1,9 @@
-"""A rollout from its settings to its page: which policy acts where, the parts, the trials, the printed result."""
+"""A rollout from its settings to its reply: which policy acts where, the parts, the trials, the printed result."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,15 +14,20 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.reply import Reply
-from adaptsim_cli.session import opening as wiring
-from adaptsim_cli.session import single
+from adaptsim_cli.session import opening, single
 from adaptsim_cli.session.best import best_of
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.single import Chosen
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.show.live import live_view
-from adaptsim_cli.show.page import write
+from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.watching import Watcher
 from sim.tasks import get_task
+
+DrawPage = Callable[[SessionStore], Path]
+"""session -> the file of its page, drawn."""
+
+OpenRolloutView = Callable[[Screen, Parts, str, str, str], AbstractContextManager[Watcher]]
+"""(screen, parts, name of the session, what it is, hardware) -> a watcher besides the terminal."""
 
 
 @dataclass(frozen=True)
@@ -36,15 +41,15 @@ class RolloutRequest:
     trials: int = 1  # more than one: at drawn contexts, by the best policy of a session
     out: Path | None = None  # a new folder
     yes: bool = False
-    live_page: bool = False
-    port: int | None = None  # of the live page
 
     def __post_init__(self) -> None:
         if self.trials > 1 and (self.best_of is None or self.context or self.out):
             raise UsageError("--trials draws the contexts itself: adaptsim rollout --session NAME --best --trials 5")
 
 
-def run(resolved: Resolved, request: RolloutRequest, screen: Screen) -> Reply:
+def run(
+    resolved: Resolved, request: RolloutRequest, screen: Screen, draw: DrawPage, open_view: OpenRolloutView | None
+) -> Reply:
     """Run the trials and print them; the reply names the page. Raises the errors of trials."""
     settings, chosen = _policy(resolved, request)
     single.typed(get_task(settings.task), chosen)  # raises before anything is loaded or connected
@@ -54,19 +59,19 @@ def run(resolved: Resolved, request: RolloutRequest, screen: Screen) -> Reply:
         place = folder / "naf" if settings.is_own else Path(learnt)  # questions to an own robot lie beside the session
         asking = None if settings.unattended(request.yes) else screen
         with screen.busy("Loading the task, the policies and the devices", "loading"):
-            parts = stack.enter_context(wiring.open_parts(settings, place, screen=asking))
+            parts = stack.enter_context(opening.open_parts(settings, place, screen=asking))
         screen.show(views.badge(settings.hw, parts.target.title))
         watcher = None
-        if request.live_page:
+        if open_view is not None:
             about = f"rollout {folder.name}"
-            watcher = stack.enter_context(live_view(screen, parts, folder.name, about, settings.hw, request.port))
+            watcher = stack.enter_context(open_view(screen, parts, folder.name, about, settings.hw))
         store = single.rollout(settings, parts, chosen, screen, folder, yes=request.yes, watcher=watcher)
     records = trials_of(store)
     for record in records:
         screen.data("rollout", single.shown(store, record, chosen))
     screen.plain(f"Stored: {store.folder}")
     with screen.busy("Drawing its page", "reporting"):
-        page = write(store)
+        page = draw(store)
     text = [f"Report: {page}"]
     if request.best_of is None:
         lab = same_lab(settings.task, settings.hw, settings.world)

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from adaptsim_cli.screen.views import signed
-from adaptsim_cli.session.judgement import Prediction
+from adaptsim_cli.session.judgement import Z95, Prediction, end_error
 from adaptsim_cli.session.records import TrialRecord
-from hw.types import Array
 from sim.adaptation.predictions import LEAST, PredictionQuality, prediction_quality
-from sim.tasks import TASKS, get_task
-
-Z95 = 1.96
-"""Half width of the central 95 % of a normal distribution, in standard deviations."""
 
 BELIEVED = 0.05
 """A bias of the predicted reward below this is not worth mentioning."""
@@ -100,13 +94,6 @@ def agreement(
     return Agreement(rows, bias, bias - half, bias + half, unit, prediction_quality(predicted, observed))
 
 
-def end_error(observed: Array, expected: Array, unit: str) -> float:
-    """Mean distance of expected ends (N, k) from the observed one (k,): in mm of x and y, or in another unit of all."""
-    columns = slice(0, 2) if unit == "mm" else slice(None)
-    away = np.linalg.norm(expected[:, columns] - observed[columns], axis=1)
-    return float(away.mean()) * (1e3 if unit == "mm" else 1.0)
-
-
 def _row(trial: TrialRecord, prediction: Prediction | None, unit: str) -> AgreementRow:
     before = after = None
     if prediction is not None:
@@ -116,31 +103,3 @@ def _row(trial: TrialRecord, prediction: Prediction | None, unit: str) -> Agreem
     return AgreementRow(
         trial.trial, trial.predicted_reward, trial.predicted_low, trial.predicted_high, trial.reward, before, after
     )
-
-
-@dataclass(frozen=True)
-class MeanReward:
-    """The mean reward of trials with its 95 % interval, clipped to the possible rewards."""
-
-    mean: float
-    low: float
-    high: float
-    trials: int
-
-
-UNKNOWN_STD = 0.4
-"""Standard deviation of single rewards for a task that this version does not know: almost that of a coin."""
-
-
-def trial_std(task: str) -> float:
-    """Standard deviation of the rewards of single trials of a task."""
-    return get_task(task).adaptation.trial_std if task in TASKS else UNKNOWN_STD
-
-
-def mean_of(rewards: Sequence[float], std: float) -> MeanReward:
-    """The mean of single trials with standard deviation `std`. Raises ValueError without a trial."""
-    if not rewards:
-        raise ValueError("no trial, so no mean")
-    mean = float(np.mean(rewards))
-    half = Z95 * max(std, float(np.std(rewards, ddof=1)) if len(rewards) > 1 else 0.0) / math.sqrt(len(rewards))
-    return MeanReward(mean, max(0.0, mean - half), min(1.0, mean + half), len(rewards))

@@ -240,7 +240,7 @@ def render(sessions: Sequence[ComparedSession], beliefs: Sequence[ParameterBelie
     ]
     title = sessions[0].facts.title
     return fill(
-        "comparison.html.j2",
+        "show/comparison.html.j2",
         sessions=sessions,
         title=title[:1].upper() + title[1:],
         methods=methods,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,56 +10,12 @@ import numpy as np
 from adaptsim_cli.screen.outputs.learning import RevealedParameter
 from adaptsim_cli.screen.svg import Canvas, Scale, plain
 from adaptsim_cli.screen.views import between
+from adaptsim_cli.session.judgement import Prediction
 from adaptsim_cli.session.records import DimensionRecord, TrialRecord
 from adaptsim_cli.show.truth_view import positions
 from hw.types import Array
 from sim.adaptation.posterior import COLLAPSED, Posterior
 from sim.adaptation.stages import Layout, Role
-from sim.types import Estimate
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """The simulator's prediction of one executed trial: states (k columns) at the times of an observation."""
-
-    t_s: Array  # (M,)
-    columns: tuple[int, ...]  # of the track
-    guess: Array  # (M, k) for the parameters of the trial's policy
-    likely: Array  # (N, M, k) for parameters drawn from the posterior after all trials
-
-
-@dataclass(frozen=True)
-class HeldOutScore:
-    """The final policy judged by recorded trials that the session never saw."""
-
-    trials: int  # held out
-    contexts: int  # in which each policy chose among them
-    final: tuple[float, float, float]  # mean reward with its 95 % interval
-    udr: tuple[float, float, float]
-    best: float  # of the best recorded action in hindsight: no policy can earn more
-    before: float  # median error of the predicted ends, for parameters drawn from the prior
-    after: float  # the same for the posterior
-
-    @property
-    def in_words(self) -> str:
-        """Whether to believe the posterior, in one sentence."""
-        if self.after < self.before:
-            return "Believe the posterior rather than the prior: it predicts trials that it never saw better."
-        return "Do not believe the posterior: it predicts trials that it never saw no better than the prior."
-
-
-@dataclass(frozen=True, eq=False)
-class Judgement:
-    """The simulator's judgement of a session, from all of its trials."""
-
-    posteriors: tuple[Posterior, ...]  # before the first iteration, and after each
-    predictions: Mapping[int, Prediction]  # by number of the trial
-    first: Estimate  # of the first policies, under the last posterior
-    adapted: Estimate | None  # of the policy at the best parameters; None without a result
-    udr: Estimate  # of policies for all of Omega
-    unit: str  # of the errors of predicted ends: "mm" on the table, else that of the observed quantities
-    held_out: HeldOutScore | None = None  # None: no trial was held out
-
 
 WIDE, NARROW = 760.0, 400.0
 """Widths of figures, in their own pixels; a page shows the one that fits."""

@@ -108,7 +108,7 @@ class FirstLook:
         """The page, in the session's folder. Raises SessionError."""
         path = folder / PAGE
         html = fill(
-            "first_look.html.j2",
+            "show/first_look.html.j2",
             look=self,
             picture=figures.prediction(self.trial, self.expected, self.curves),
             quantity=quantity,

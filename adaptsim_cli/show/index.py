@@ -73,7 +73,7 @@ def write(root: Path, out: Path | None = None) -> tuple[Path, int]:
 
 def render(rows: Sequence[IndexedSession], left_out: Sequence[str] = ()) -> str:
     """The page as HTML."""
-    return fill("index.html.j2", rows=rows, groups=grouped(rows), left_out=left_out)
+    return fill("show/index.html.j2", rows=rows, groups=grouped(rows), left_out=left_out)
 
 
 def grouped(rows: Sequence[IndexedSession]) -> tuple[IndexedGroup, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from importlib import resources
 from pathlib import Path
@@ -25,10 +25,11 @@ from adaptsim_cli.session.history import means_of, played_of, results_of
 from adaptsim_cli.session.live_trial import MotionPreview, Placement, TrackedTrial
 from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import MotionRecord, ResultRecord, TrialRecord
+from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
-from adaptsim_cli.session.watching import PosteriorSource
-from adaptsim_cli.show.server import Page
+from adaptsim_cli.session.watching import PosteriorSource, Watcher
+from adaptsim_cli.show.server import Page, require_free
 from sim.adaptation.posterior import Posterior
 from sim.adaptation.stages import Role
 from sim.tasks.task import Task
@@ -118,7 +119,7 @@ def live_view(
     `what` describes it in one line; `particles` of an iteration, 0: a single rollout. Raises UsageError if the wanted
     port is in use.
     """
-    html = (resources.files("adaptsim_cli.show") / "page.html").read_text(encoding="utf-8")
+    html = (resources.files("adaptsim_cli.show") / "live.html").read_text(encoding="utf-8")
     task = parts.task
     head = {
         "simulated": is_simulated(hw),
@@ -288,3 +289,16 @@ def _marginals(space: Space, posterior: Posterior) -> list[list[float]]:
 def _rounded(values: NDArray[Any], digits: int) -> list[Any]:
     rounded: list[Any] = np.round(np.nan_to_num(np.asarray(values, dtype=float)), digits).tolist()
     return rounded
+
+
+def beside(port: int | None) -> OpenView:
+    """A page at `port`, or at any free port. Raises UsageError, before anything begins, if the port is in use."""
+    if port is not None:
+        require_free(port)
+
+    def open_view(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
+        name, facts = store.facts.name, store.facts
+        what = f"session {name}, method {facts.method}"
+        return live_view(screen, parts, name, what, facts.hw, port, facts.particles)
+
+    return open_view

@@ -5,17 +5,15 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adaptsim_cli.screen.html import fill
 from adaptsim_cli.screen.outputs.learning import Revealed
 from adaptsim_cli.screen.outputs.trials import OutlookRecord
-from adaptsim_cli.screen.svg import plain
-from adaptsim_cli.screen.views import between, predicted_between, quantity, signed
+from adaptsim_cli.screen.views import predicted_between, quantity
 from adaptsim_cli.session.advice import compared_in_words, control_name, in_words, tried_in
 from adaptsim_cli.session.control import compared, is_hidden, pairs_of
 from adaptsim_cli.session.film import FILM
@@ -39,7 +37,7 @@ from sim.tasks import TASKS, get_task
 from sim.types import Dimension
 
 if TYPE_CHECKING:
-    from jinja2 import Template
+    pass
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 _FIRST, _ADAPTED, _UDR = "c3", "c2", "c4"  # colours that no figure of two particles uses
@@ -119,7 +117,7 @@ def render(
     curves = facts.curves.items() if trials else ()
     rows = levels(facts, trials, results, assessment, reference, confirmed)
     return fill(
-        "page.html.j2",
+        "show/page.html.j2",
         facts=facts,
         title=facts.title[:1].upper() + facts.title[1:],
         iterations=views,
@@ -175,24 +173,6 @@ def render(
         figure_curves=[(label, both(_curve(trials, label, column, newest))) for label, column in curves],
         kinds=_kinds(results),
     )
-
-
-def fill(template: str, **values: object) -> str:
-    """Fill a template of this package, with the page's style and script."""
-    folder = resources.files("adaptsim_cli.show")
-    style, script = ((folder / name).read_text(encoding="utf-8") for name in ("style.css", "enlarge.js"))
-    return _compiled(template).render(style=style, script=script, between=between, **values)
-
-
-@cache
-def _compiled(template: str) -> Template:
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["plain"] = plain
-    environment.filters["signed"] = signed
-    environment.filters["rounded"] = lambda value: plain(float(f"{value:.2g}"))
-    return environment.from_string((resources.files("adaptsim_cli.show") / template).read_text(encoding="utf-8"))
 
 
 def both(draw: Callable[[float], str]) -> str:

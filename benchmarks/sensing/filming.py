@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from adaptsim_cli.bench.rig import Detection
 
 from adaptsim_cli.bench.devices.trackers import BOTTLE_AREA
+from adaptsim_cli.bench.rig import Detection
 from adaptsim_cli.research.lab_place import rig_in_lab
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.live_trial import Placement

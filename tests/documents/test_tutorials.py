@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import pytest
 import serial_lines
-from adaptsim_cli.bench.facts import RigFacts
 from documents import ROOT, cells_of, install, module, require_kept, run_cell
 from pydantic import ValidationError
 from real_lab import quiet, said
@@ -24,6 +23,7 @@ from adaptsim_cli import api
 from adaptsim_cli.bench.devices.attended import Instruments
 from adaptsim_cli.bench.doctor import checks
 from adaptsim_cli.bench.doctor.table import Examined
+from adaptsim_cli.bench.facts import RigFacts
 from adaptsim_cli.bench.rig_file import devices
 from adaptsim_cli.bench.rig_file.description import CameraPart, RigDescription
 from adaptsim_cli.bench.rig_file.devices import BalancePart

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from adaptsim_cli.bench import calibration_in_use as wiring_calibration
+from adaptsim_cli.bench import calibration_in_use
 from adaptsim_cli.bench.devices.lab import Drivers
 from adaptsim_cli.bench.rig_file.waivers import Waivable, WaiverPart
 from adaptsim_cli.config import Resolved
@@ -95,7 +95,7 @@ def calibration(created: str = "2026-01-01T00:00:00+00:00") -> SavedCalibration:
 
 
 def calibrated(resolved: Resolved) -> None:
-    wiring_calibration.calibrations(resolved.config, resolved.places).save(calibration(), b"")
+    calibration_in_use.calibrations(resolved.config, resolved.places).save(calibration(), b"")
 
 
 def typing(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:

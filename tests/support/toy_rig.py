@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from adaptsim_cli.bench.rig import Paths, Planner, Rig, Tracker, TrackRequest
 
+from adaptsim_cli.bench.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.control import ControlPolicies
 from adaptsim_cli.session.rig_target import RigTarget

@@ -20,8 +20,7 @@ from adaptsim_cli import config
 from adaptsim_cli.commands import app
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.session import opening as wiring
-from adaptsim_cli.session import running
+from adaptsim_cli.session import opening, running
 from adaptsim_cli.session.flow import RunningSession
 from adaptsim_cli.session.live_trial import Placement
 from adaptsim_cli.session.operator import Choices, Operator, Review, Unattended
@@ -130,7 +129,7 @@ def call(
             patch.delenv(name)
         patch.setenv("ADAPTSIM_HOME", str(home))
         patch.chdir(home.parent)
-        patch.setattr(wiring, "open_parts", opener(lab or ToyLab(7), **kinds))
+        patch.setattr(opening, "open_parts", opener(lab or ToyLab(7), **kinds))
         with redirect_stdout(out or io.StringIO()), redirect_stderr(said):
             code = app.run(command)
     return code, " ".join(said.getvalue().split())

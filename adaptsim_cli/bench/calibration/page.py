@@ -25,7 +25,7 @@ def render(solved: SolvedFolder) -> str:
     record = solved.record
     used = frozenset(view.name for view in record.views if view.used)
     template_file = resources.files("adaptsim_cli.bench.calibration") / "page.html.j2"
-    style_file = resources.files("adaptsim_cli.show") / "style.css"
+    style_file = resources.files("adaptsim_cli.screen") / "style.css"
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters |= {"signed": views.signed, "with_signs": views.with_signs}
     template = environment.from_string(template_file.read_text(encoding="utf-8"))

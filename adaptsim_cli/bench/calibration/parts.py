@@ -1,4 +1,4 @@
-"""The parts of a calibration; `wiring` provides them, tests bring their own."""
+"""The parts of a calibration; `bench.calibration_in_use` provides them, tests bring their own."""
 
 from __future__ import annotations
 

@@ -24,8 +24,8 @@ from adaptsim_cli.bench.rig_file.reading import BOARD, gaps, in_words
 from adaptsim_cli.config import Config, places
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.log import CommandLog
 from adaptsim_cli.screen.release import Each
-from adaptsim_cli.session.watching import SessionLog
 from adaptsim_cli.storage import durable
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool, camera_box
@@ -53,7 +53,7 @@ class RealLab:
         self._pace, self._operator = config.pace, config.operator
         self._folder = folder_of(places(), rig)
         durable.make_folder(self._folder)
-        screen.tell(SessionLog(self._folder, screen))
+        screen.tell(CommandLog(self._folder, screen))
         for waiver in rig.in_force():
             screen.note(f"Waived: {waiver.sentence}")
         for waiver in rig.lapsed():

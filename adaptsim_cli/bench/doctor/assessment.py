@@ -98,7 +98,7 @@ def page(
     if rig.person is not None and moves.nearest_m is not None:
         side = SideDistance(rig.person.from_m, moves.nearest_m, apart_m)
     return fill(
-        "assessment.html.j2",
+        "bench/doctor/assessment.html.j2",
         rig=rig,
         task=mounted_task.task,
         moves=moves,

@@ -1,4 +1,4 @@
-"""The parts of a touch-off; `wiring` provides them, tests bring their own."""
+"""The parts of a touch-off; `bench.touch_off_in_use` provides them, tests bring their own."""
 
 from __future__ import annotations
 

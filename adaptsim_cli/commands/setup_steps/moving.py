@@ -10,7 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from adaptsim_cli.bench import calibration_in_use as calibration
-from adaptsim_cli.bench import rig_frames
 from adaptsim_cli.bench import touch_off_in_use as touch_off
 from adaptsim_cli.bench.calibration import printing
 from adaptsim_cli.bench.calibration import running as calibrating
@@ -23,7 +22,7 @@ from adaptsim_cli.commands.setup_steps.answers import Answers
 from adaptsim_cli.commands.setup_steps.describing import board_payload
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.screen.keys import Key, enter
-from adaptsim_cli.session import single
+from adaptsim_cli.session import rig_sessions, single
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.opening import open_parts
 from hw.errors import Rehearsed
@@ -56,7 +55,7 @@ def calibrate(answers: Answers) -> None:
     calibrating.calibrate(
         _slowly(answers, practice=False),
         calibration.calibrations(config, answers.places),
-        rig_frames.open_sessions(config, answers.places),
+        rig_sessions.open_sessions(config, answers.places),
         partial(calibration.open_calibration_rig, screen=answers.prompt_screen),
         screen,
         guide=record is None and not config.is_simulated,
@@ -69,7 +68,7 @@ def touch(answers: Answers) -> None:
     config, screen = answers.config, answers.screen
     store, sessions = (
         touch_off.touch_offs(config, answers.places),
-        rig_frames.open_sessions(config, answers.places),
+        rig_sessions.open_sessions(config, answers.places),
     )
     if not config.is_simulated:
         open_guided = partial(touch_off.open_guided_rig, screen=screen)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from adaptsim_cli.session.rig_sessions import own_ground
 from real_lab import ToyDevices, calibrated, calibration, waivers, write_rig
 
 from adaptsim_cli import config
@@ -22,6 +21,7 @@ from adaptsim_cli.commands.app import run
 from adaptsim_cli.config import Places, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.rig_sessions import own_ground
 from calib.saved import SavedCalibration
 from hw.types import Array
 from sim.tasks import get_task

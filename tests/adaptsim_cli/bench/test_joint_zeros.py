@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from adaptsim_cli.bench.rig import Paths
 
 from adaptsim_cli.bench.devices.mounted import MountedTask, mounted
+from adaptsim_cli.bench.rig import Paths
 from adaptsim_cli.bench.rig_file.description import as_shipped
 from hw.errors import MotionRefused
 from hw.fake import FakeArm, FakeClock

@@ -16,7 +16,7 @@ from toy_session import NAME, run
 
 from adaptsim_cli.commands import app
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session import opening as wiring
+from adaptsim_cli.session import opening
 from adaptsim_cli.storage.durable import seal_toml
 from perception.errors import TrackingFailed
 from sim.errors import NotExecutable
@@ -36,7 +36,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def lab(monkeypatch: pytest.MonkeyPatch) -> ToyLab:
     """The toy rig in place of the real parts."""
     lab = ToyLab(0)
-    monkeypatch.setattr(wiring, "open_parts", opener(lab))
+    monkeypatch.setattr(opening, "open_parts", opener(lab))
     return lab
 
 

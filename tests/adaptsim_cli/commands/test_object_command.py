@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from adaptsim_cli.bench.checkpoints import checkpoint_of
 
 from adaptsim_cli import config
+from adaptsim_cli.bench.checkpoints import checkpoint_of
 from adaptsim_cli.screen import console
 
 VALUES = ["--task", "pendulum", "--range", "m1=1.5:2.0"]

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from adaptsim_cli.show.reports import Reports, measured_udr
 
 from adaptsim_cli import config
 from adaptsim_cli.commands import app
@@ -18,6 +17,7 @@ from adaptsim_cli.session.checkpoint import checkpoint_of_session
 from adaptsim_cli.session.hindsight import Hindsight, believed
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.show import comparison, page
+from adaptsim_cli.show.reports import Reports, measured_udr
 from sim.adaptation import posterior as posteriors
 from sim.errors import CheckpointError, CollapsedPosterior
 

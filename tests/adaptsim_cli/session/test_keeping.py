@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from adaptsim_cli.bench.facts import RigFacts, WaiverRecord
 from toy_rig import OUTCOMES, TASK
 from toy_session import NAME, ScriptedOperator, attended, run
 
+from adaptsim_cli.bench.facts import RigFacts, WaiverRecord
 from adaptsim_cli.bench.rig_file.waivers import WaiverPart
 from adaptsim_cli.commands import app
 from adaptsim_cli.errors import SessionError, UsageError

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from adaptsim_cli.bench.rig import Tracker, TrackRequest
 from toy_rig import OUTCOMES, ToyLab, rig_target
 from toy_session import NAME, ScriptedOperator, attended, run, silent, summary
 
+from adaptsim_cli.bench.rig import Tracker, TrackRequest
 from adaptsim_cli.errors import Interrupted, SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.correcting import redo

@@ -10,12 +10,12 @@ from typing import NoReturn
 import numpy as np
 import pytest
 import toy_rig
-from adaptsim_cli.bench.rig import Tracker, TrackRequest
 from scipy.spatial.transform import Rotation
 from toy_rig import TASK, ToyLab
 
 import sim.tasks
 from adaptsim_cli.bench.devices import trackers
+from adaptsim_cli.bench.rig import Tracker, TrackRequest
 from adaptsim_cli.commands import app
 from adaptsim_cli.session import recording, retracking
 from adaptsim_cli.session.correcting import amend

@@ -12,12 +12,12 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
-from adaptsim_cli.bench.facts import RigFacts
 from mcap.reader import make_reader
 from real_lab import calibration, quiet, said
 from toy_rig import ToyLab, rig_target, toy_parts
 from toy_session import RUN, ScriptedOperator, attended, call, resolved, silent, unattended
 
+from adaptsim_cli.bench.facts import RigFacts
 from adaptsim_cli.commands import app
 from adaptsim_cli.session import recording, running
 from adaptsim_cli.session.flow import RunningSession, run_iteration

@@ -11,6 +11,7 @@ from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.screen.svg import Scale, plain
 from adaptsim_cli.session.flow import run_iteration
+from adaptsim_cli.session.judgement import HeldOutScore
 from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.records import DimensionRecord
 from adaptsim_cli.session.store import SessionStore
@@ -125,7 +126,7 @@ def test_the_times_of_an_iteration_add_up(store):
 
 
 def test_trials_held_out_say_whether_to_believe_the_posterior():
-    held = figures.HeldOutScore(16, 64, (0.9, 0.8, 1.0), (0.5, 0.4, 0.6), 0.97, before=0.25, after=0.006)
+    held = HeldOutScore(16, 64, (0.9, 0.8, 1.0), (0.5, 0.4, 0.6), 0.97, before=0.25, after=0.006)
     assert held.in_words.startswith("Believe the posterior")
     assert replace(held, after=0.25).in_words.startswith("Do not believe the posterior")
 

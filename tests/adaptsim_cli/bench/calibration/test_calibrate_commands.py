@@ -19,7 +19,7 @@ from board_rig import COUNT, X_BC, ToyBench, places, rig, run
 from real_lab import calibration, quiet, said
 
 from adaptsim_cli import config
-from adaptsim_cli.bench import calibration_in_use as wiring_calibration
+from adaptsim_cli.bench import calibration_in_use
 from adaptsim_cli.bench.calibration import flow, printing, running, touching
 from adaptsim_cli.bench.calibration.parts import CalibrationRig
 from adaptsim_cli.bench.calibration.visits import Automatic, HandGuided
@@ -61,7 +61,7 @@ def bench(monkeypatch) -> ToyBench:
         arm = ReleasedArm[Arm](cast(Arm, bench), release)
         yield replace(rig(bench, board=board), arm=arm, release=release)
 
-    monkeypatch.setattr(wiring_calibration, "open_calibration_rig", opened)
+    monkeypatch.setattr(calibration_in_use, "open_calibration_rig", opened)
     monkeypatch.setattr(running, "plan", lambda _, count: places(COUNT)[:count])
     return bench
 
@@ -80,11 +80,11 @@ def test_a_calibration_from_the_command_line_and_what_follows(bench, capfd, prin
     assert "12 of 12" in err
 
     resolved = config.load({"world": "wd", "seed": 0}, {"ADAPTSIM_HOME": os.environ["ADAPTSIM_HOME"]})
-    eye, zeros = wiring_calibration.calibration_of(resolved.config, resolved.places, None)
+    eye, zeros = calibration_in_use.calibration_of(resolved.config, resolved.places, None)
     assert np.array_equal(eye.X_BC, np.array(found["X_BC"]))
     assert zeros.shape == (7,)
     other = resolved.config.model_copy(update={"seed": 1})
-    assert wiring_calibration.current_calibration(other, resolved.places) is None, "another lab has another camera"
+    assert calibration_in_use.current_calibration(other, resolved.places) is None, "another lab has another camera"
 
     assert printed("calibrate", "check", "--world", "wd", "--seed", "0", "--yes", "--json")["moved"] is False
     bench.X_BC = X_BC.copy()
@@ -118,7 +118,7 @@ def test_two_calibrations_of_one_rig_never_run_at_once(bench, refused):
     assert app.run(RUN) == 0
     resolved = config.load({"world": "wd", "seed": 0}, {"ADAPTSIM_HOME": os.environ["ADAPTSIM_HOME"]})
     moved = bench.motions
-    with wiring_calibration.calibrations(resolved.config, resolved.places).locked():
+    with calibration_in_use.calibrations(resolved.config, resolved.places).locked():
         for command in (RUN, ["calibrate", "check", *RUN[1:]]):
             assert "another calibration of this rig (lab-scooping-wd-seed0) is running" in refused(2, *command)
         assert app.run([*RUN[:-2], "1", "--yes"]) == 0, "another rig is free"

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from adaptsim_cli.screen.log import read as read_log
 from cells import cell, stick
 from real_lab import READY_RAD, RIG, WAIVED, ToyDevices, calibrated, quiet, said, typing, waiver, waivers, write_rig
 from toy_rig import ToyLab, rig_target, toy_parts
@@ -29,6 +28,7 @@ from adaptsim_cli.bench.rig_file.description import as_shipped
 from adaptsim_cli.bench.rig_file.reading import gaps, read
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.log import read as read_log
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.opening import open_trials
 from adaptsim_cli.session.watching import SessionLog

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from adaptsim_cli.bench.facts import RigFacts
 from real_lab import (
     HANDLE_M,
     READY_RAD,
@@ -31,14 +30,14 @@ from toy_rig import ToyLab, rig_target, toy_parts
 from toy_session import unattended
 
 from adaptsim_cli import config
-from adaptsim_cli.bench import calibration_in_use as wiring_calibration
+from adaptsim_cli.bench import calibration_in_use
 from adaptsim_cli.bench.devices.attended import AT_HOME_RAD, PersonBeside, Scales
 from adaptsim_cli.bench.devices.mounted import mounted
+from adaptsim_cli.bench.facts import RigFacts
 from adaptsim_cli.bench.rig_file.reading import read
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import StoppedByOperator, UsageError
-from adaptsim_cli.session import opening as wiring
-from adaptsim_cli.session import recording
+from adaptsim_cli.session import opening, recording
 from adaptsim_cli.session.opening import open_trials
 from adaptsim_cli.session.operator import Attended
 from adaptsim_cli.session.rig_target import RigMotion, RigTarget
@@ -134,7 +133,7 @@ def test_the_devices_are_given_what_the_rig_file_says(place):
 def test_a_session_gets_the_task_as_it_is_mounted(place):
     there = resolved(place)
     calibrated(there)
-    with wiring.open_parts(there.config, place, ToyDevices().drivers()) as parts:
+    with opening.open_parts(there.config, place, ToyDevices().drivers()) as parts:
         assert isinstance(parts.target, RigTarget)
         np.testing.assert_array_equal(parts.task.require_hardware().X_FT, beside(parts.target).mounted.hardware.X_FT)
         assert parts.provenance.world_sha256 == ""
@@ -237,7 +236,7 @@ def test_a_tool_that_leaves_the_work_area_is_not_planned(place):
 
 def test_a_calibration_opens_the_same_lab_with_the_board(place, monkeypatch):
     there, devices = resolved(place), ToyDevices()
-    open_rig = wiring_calibration.open_calibration_rig
+    open_rig = calibration_in_use.open_calibration_rig
     with open_rig(there.config, Board(), None, devices.drivers()) as rig:
         assert rig.is_real
         assert rig.key == "panda-lab-1"
@@ -249,7 +248,7 @@ def test_a_calibration_opens_the_same_lab_with_the_board(place, monkeypatch):
         with pytest.raises(StoppedByOperator):
             rig.arm.execute(STILL)
     calibrated(there)
-    known = wiring_calibration.current_calibration(there.config, there.places)
+    known = calibration_in_use.current_calibration(there.config, there.places)
     with open_rig(there.config, Board(), known, devices.drivers()) as rig:
         assert rig.rough_X_BC is not None
         assert devices.opened["arm"]["cell"].keep_out[0].name == "the camera"
@@ -260,16 +259,16 @@ def test_a_fault_is_cleared_on_a_word_before_a_calibration(place, monkeypatch):
     faulty = devices.drivers_of_a_stopped_arm()
     for answer, fault in (("", "cartesian_reflex"), ("recover", None)):
         typing(monkeypatch, answer)
-        with wiring_calibration.open_calibration_rig(there.config, Board(), None, faulty) as rig:
+        with calibration_in_use.open_calibration_rig(there.config, Board(), None, faulty) as rig:
             assert rig.arm.state().fault == fault
 
 
 def test_a_calibration_is_planned_over_the_table_of_the_rig_file(place):
-    home_rad = np.array(wiring_calibration.BOARD_HOME_RAD)
+    home_rad = np.array(calibration_in_use.BOARD_HOME_RAD)
     low_rad = np.array([*home_rad[:1], -0.05, *home_rad[2:]])  # the board 47 mm over z = 0
     for text, free in (("", True), ("[table]\nheight_m = 0.05\n", False)):
         there, devices = resolved(place, RIG + text), ToyDevices()
-        with wiring_calibration.open_calibration_rig(there.config, Board(), None, devices.drivers()) as rig:
+        with calibration_in_use.open_calibration_rig(there.config, Board(), None, devices.drivers()) as rig:
             assert (devices.opened["arm"]["cell"].table.height_m == 0.0) == free
             (found,) = rig.ways.postures(forward(low_rad[None]))
             assert (found is not None) == free

@@ -25,7 +25,7 @@ from real_lab import (
 from touch_rig import few
 
 from adaptsim_cli import config
-from adaptsim_cli.bench import calibration_in_use as wiring_calibration
+from adaptsim_cli.bench import calibration_in_use
 from adaptsim_cli.bench.devices.attended import PersonBeside
 from adaptsim_cli.bench.devices.confirmed import ConfirmedArm
 from adaptsim_cli.bench.devices.consent import Consent
@@ -151,7 +151,7 @@ def test_the_joint_zeros_of_the_calibration_are_used(place):
         adopted=True, reason="", offsets_rad=zeros_rad, suspected_rad=zeros_rad, sigma_rad=(None,) * 7
     )
     known = calibration().model_copy(update={"joint_offsets": offsets})
-    wiring_calibration.calibrations(there.config, there.places).save(known, b"")
+    calibration_in_use.calibrations(there.config, there.places).save(known, b"")
     with open_touch_rig(there.config, there.places, grasp_of(there.config), devices.drivers()) as rig:
         for cell in (rig.empty.cell, rig.loaded.cell, devices.opened["arm"]["cell"]):
             assert tuple(cell.arm.zeros_rad) == zeros_rad

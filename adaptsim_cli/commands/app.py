@@ -186,7 +186,7 @@ def main() -> None:
 
 def foreign_packages() -> str:
     """A message if another project's package of the same name hides one of this program's; "" if not."""
-    own = Path(__file__).parents[1]
+    own = Path(__file__).parents[2]
     for name in ("sim", "perception", "hw", "calib"):
         spec = find_spec(name)
         origin = Path(spec.origin).parent if spec is not None and spec.origin else None

@@ -15,7 +15,7 @@ import typer
 if TYPE_CHECKING:
     from adaptsim_cli.session.store import SessionStore
 
-_WORLDS = Path(__file__).parents[1] / "sim/worlds"
+_WORLDS = Path(__file__).parents[2] / "sim/worlds"
 
 
 def session_names(incomplete: str) -> list[str]:

@@ -82,7 +82,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "| `stored` | a trial or a result was stored | `trials` and `iterations` so far |\n"
         "| `reported` | the report was drawn | |\n"
         "| `ended` | the command ends | `error`, where one ended it |",
-        (("", "adaptsim_cli.session.watching", "LogLine"),),
+        (("", "adaptsim_cli.screen.log", "LogLine"),),
     ),
     ("about.json", "Note and tags of a session.", (("", "adaptsim_cli.session.keeping", "About"),)),
     ("pruned.json", "Beside a trial whose recordings were removed.", (("", "adaptsim_cli.session.records", "Pruned"),)),
@@ -90,8 +90,8 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "rig.json",
         "Beside a trial on a real rig.",
         (
-            ("", "adaptsim_cli.session.records", "RigFacts"),
-            ("waivers", "adaptsim_cli.session.records", "WaiverRecord"),
+            ("", "adaptsim_cli.bench.facts", "RigFacts"),
+            ("waivers", "adaptsim_cli.bench.facts", "WaiverRecord"),
         ),
     ),
     (

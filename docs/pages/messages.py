@@ -41,6 +41,10 @@ DEVELOPERS = (
     "sim/solvers",
     "sim/storage",
     "sim/tasks",
+    "adaptsim_cli/commands/benchmark.py",
+    "adaptsim_cli/commands/checkpoints.py",
+    "adaptsim_cli/commands/own_object.py",
+    "adaptsim_cli/commands/pretrain.py",
     "adaptsim_cli/research",
 )
 """No session beside an arm shows a message of these folders."""

@@ -203,7 +203,7 @@ def test_another_package_of_the_same_name_is_named_at_the_start(tmp_path: Path) 
     for name in ("sim", "calib"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text("")
-    own = str(Path(app.__file__).parents[1])
+    own = str(Path(app.__file__).parents[2])
     program = (
         f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {own!r}]; from adaptsim_cli.commands.app import main; main()"
     )

@@ -13,9 +13,6 @@ if TYPE_CHECKING:
     from sim.tasks.task import Task
 
 
-SOLVERS = ("emulator", "naf")
-
-
 def task_of(settings: Config) -> Task:
     """The task of the settings, with the ranges of an own object. Raises UnknownName, ObjectError."""
     from sim.tasks import get_task

@@ -1,5 +1,5 @@
-"""The settings of a command and the parts that they name: task, checkpoint, solver, and for a session the recorded
-trials that replace a lab or the posterior of another session.
+"""The checkpoint as a session uses it: its own solver, the recorded trials that replace a lab, the posterior of another
+session to begin with.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from adaptsim_cli import config
-from adaptsim_cli.bench.checkpoints import SOLVERS, own_checkpoints, task_of
+from adaptsim_cli.bench.checkpoints import own_checkpoints, task_of
 from adaptsim_cli.config import Config
 from adaptsim_cli.errors import UsageError
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.rollouts.recorded import RecordedTrials
     from sim.solvers.solver import Expectations, Policies
+
+SOLVERS = ("emulator", "naf")
 
 
 def checkpoint_of_session(store: SessionStore) -> Checkpoint:

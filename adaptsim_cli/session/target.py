@@ -1,7 +1,8 @@
 """Where trials happen: the contract that a rig (`rig_target`) and a simulated target (`simulated_target`) fulfil.
 
 A trial is `place`, `plan`, `execute`, then `Motion.track`; each step returns the input of the next. The files of a
-motion are on the disk before it is tracked, so a trial interrupted there can continue. Below stand the parts of a rig.
+motion are on the disk before it is tracked, so a trial interrupted there can continue. The devices of a rig stand in
+`bench.rig`.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ from adaptsim_cli.show.live import LiveView, live_view
 from adaptsim_cli.show.server import Page
 from sim.adaptation.posterior import Posterior
 
-HTML = (resources.files("adaptsim_cli.show") / "page.html").read_text()
+HTML = (resources.files("adaptsim_cli.show") / "live.html").read_text()
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ from sim.tasks import get_task
 ARM = {"model": "fr3", "address": "172.16.0.2"}
 LEAST: dict[str, Any] = {"name": "lab", "arm": ARM}
 TASKS = ("scooping", "pushing")
-DOCS = Path(__file__).parents[3] / "docs" / "guide" / "rig.md"
+DOCS = Path(__file__).parents[4] / "docs" / "guide" / "rig.md"
 
 
 def test_two_keys_are_enough_and_the_rest_is_what_the_adapters_have():

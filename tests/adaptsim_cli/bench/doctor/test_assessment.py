@@ -23,7 +23,7 @@ from hw.stopping import WorstStop
 from sim.tasks import get_task
 
 USAGE = 2
-GUIDE = Path(__file__).parents[3] / "docs" / "guide" / "rig.md"
+GUIDE = Path(__file__).parents[4] / "docs" / "guide" / "rig.md"
 STOP = WorstStop(0.41, 0.21, 0.83, 0.29, "tip of spatula")
 MOVES = Motions(7, 0.8, STOP, 12.0, 0.2)
 BARE = RIG[: RIG.index("consent")] + RIG[RIG.index("[arm]") : RIG.index("[pedal]")] + waivers(*get_args(Waivable))

@@ -173,7 +173,7 @@ def test_each_check_over_its_readings(
 def test_the_camera_streams_or_its_driver_is_given_up(
     wrong: str, verdicts: tuple[Severity, ...], says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    root = Path(__file__).parents[3]
+    root = Path(__file__).parents[4]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(root / "tests" / "support"), str(root))))
     monkeypatch.setenv("ADAPTSIM_STAGED_KINECT", wrong)
     camera = CameraProcess(start=served("fake_k4a:live"), step_s=60.0)

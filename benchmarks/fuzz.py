@@ -45,16 +45,17 @@ import recordings
 import toy_session
 
 from adaptsim_cli import config
-from adaptsim_cli.calibration import checking, printing
-from adaptsim_cli.calibration.solving import solve_folder
-from adaptsim_cli.devices.known_arm import KnownArm
-from adaptsim_cli.devices.rig_file import reading
+from adaptsim_cli.bench.calibration import checking, printing
+from adaptsim_cli.bench.calibration.solving import solve_folder
+from adaptsim_cli.bench.devices.known_arm import KnownArm
+from adaptsim_cli.bench.rig_file import reading
+from adaptsim_cli.bench.touch_off import store as touch_offs
 from adaptsim_cli.errors import CliError
+from adaptsim_cli.screen import log
 from adaptsim_cli.session import recording, watching
+from adaptsim_cli.session.recorded.folder import read_recorded
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
-from adaptsim_cli.touch_off import store as touch_offs
-from adaptsim_cli.wiring.recorded.folder import read_recorded
 from calib import files
 from calib.errors import CalibrationError
 from calib.foreign.chains import any_arm
@@ -111,10 +112,10 @@ def readers(made: Path) -> list[Reader]:
     folder = real_views.corner_folder(made / "views")
     setup, view = (folder / files.SETUP).read_bytes(), (folder / "view-00.json").read_bytes()
     calibration = solve_folder(folder, created="2026-01-01").record.content()
-    log = watching.SessionLog(folder, toy_session.silent())
+    written = watching.SessionLog(folder, toy_session.silent())
     for number in range(3):
-        log.noted(f"line {number}")
-    lines = (folder / watching.FILE).read_bytes()
+        written.noted(f"line {number}")
+    lines = (folder / log.FILE).read_bytes()
     png = cv2.imencode(".png", np.arange(3072).astype(np.uint8).reshape(32, 32, 3))[1].tobytes()
     pictures = f'camera = "fixed"\n[board]\n{real_views.ARUCO}\n[colour]\nwidth = 32\nheight = 32\n{SMALL_K}\n'
     pose = json.dumps({"image": "one.png", **real_views.as_told(real_views.X_BF[0])}).encode()
@@ -150,7 +151,7 @@ def readers(made: Path) -> list[Reader]:
         Reader("object", b'task = "scooping"\nname = "own"\n[ranges]\nmu = [0.1, 0.4]\n', "object.toml", load_object),
         Reader("card", card, CARD, lambda p: read_card(p.parent, "scooping")),
         Reader("weights", pendulum.read_bytes(), "model.safetensors", load_tensors),
-        Reader("log", lines, watching.FILE, lambda p: watching.read(p.parent)),
+        Reader("log", lines, log.FILE, lambda p: log.read(p.parent)),
         *(_of_tables(tables, name) for name in ("recorded.toml", "trials.csv", "trajectories.csv")),
         *_of_others(made),
         *_of_session(made / "session"),

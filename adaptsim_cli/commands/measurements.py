@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from adaptsim_cli.command import command
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply, Step
 
 if TYPE_CHECKING:
@@ -50,9 +50,9 @@ def add_to(app: typer.Typer, kind: MeasurementKind) -> None:
     )
     @command(*RIG)
     def list_all(resolved: Resolved) -> Reply:
-        from adaptsim_cli.wiring import rig_frames
+        from adaptsim_cli.session import rig_sessions
 
-        return _listed(kind, kind.store(resolved), rig_frames.open_sessions(resolved.config, resolved.places))
+        return _listed(kind, kind.store(resolved), rig_sessions.open_sessions(resolved.config, resolved.places))
 
     @app.command(
         "show",
@@ -76,12 +76,12 @@ def add_to(app: typer.Typer, kind: MeasurementKind) -> None:
     def restore(screen: Screen, resolved: Resolved, name: Name) -> Reply:
         from datetime import UTC, datetime
 
+        from adaptsim_cli.session import rig_sessions
         from adaptsim_cli.storage.durable import locked
-        from adaptsim_cli.wiring import rig_frames
 
         store = kind.store(resolved)
         source = store.numbered.named(name)
-        screen.resting(f"the {noun} in use", rig_frames.open_sessions(resolved.config, resolved.places))
+        screen.resting(f"the {noun} in use", rig_sessions.open_sessions(resolved.config, resolved.places))
         with locked(store.folder, f"another command uses the {noun}s of this rig: wait until it has ended"):
             path = store.numbered.restore(name, datetime.now(UTC).isoformat(timespec="seconds"))
         data = {"in_use": path.name, "restored_from": source.name, "folder": str(path)}

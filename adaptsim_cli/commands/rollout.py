@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from adaptsim_cli import options
-from adaptsim_cli.command import command
+from adaptsim_cli.commands import options
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
@@ -53,16 +53,18 @@ def rollout(
 
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
+    from functools import partial
+
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.wiring import rollouts
+    from adaptsim_cli.session import rollouts
+    from adaptsim_cli.show import page
+    from adaptsim_cli.show.live import live_view
 
     if best != (session is not None):
         raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
-    live_page = view or view_port is not None
-    request = rollouts.RolloutRequest(
-        context or (), action or (), param or (), session, trials, out, yes, live_page, view_port
-    )
-    return rollouts.run(resolved, request, screen)
+    open_view = partial(live_view, port=view_port) if view or view_port is not None else None
+    request = rollouts.RolloutRequest(context or (), action or (), param or (), session, trials, out, yes)
+    return rollouts.run(resolved, request, screen, page.write, open_view)
 
 
 @command("task", hw=_RigFile)
@@ -83,9 +85,9 @@ def preview(
 
     Example: adaptsim preview --task scooping --action pitch_rate=0.1 --context y=0.02
     """
+    from adaptsim_cli.bench import motion
     from adaptsim_cli.config import SIMULATED
     from adaptsim_cli.screen import keys, views
-    from adaptsim_cli.wiring import motion
 
     with screen.busy("Planning the motion"):
         planned = motion.planned(motion.mounted_for(resolved, arm), context or [], action or [])

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from adaptsim_cli import options
-from adaptsim_cli.command import command
+from adaptsim_cli.commands import options
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
@@ -57,17 +57,18 @@ def run_iteration(
     """
     from functools import partial
 
+    from adaptsim_cli.commands import settings
     from adaptsim_cli.session import running
-    from adaptsim_cli.wiring import session as wiring
-    from adaptsim_cli.wiring import settings
-    from adaptsim_cli.wiring.first_look import with_first_look
-    from adaptsim_cli.wiring.hindsight import Reports
+    from adaptsim_cli.session.opening import open_parts
+    from adaptsim_cli.show.first_look import with_first_look
+    from adaptsim_cli.show.live import beside
+    from adaptsim_cli.show.reports import Reports
 
     most = iterations or (None if until_done else 1)
     request = running.SessionRequest(session, settings.named_by_flags(resolved), most, yes, until_done)
-    looking_on = wiring.beside(view_port) if view or view_port is not None else running.terminal_alone
+    looking_on = beside(view_port) if view or view_port is not None else running.terminal_alone
     begun = running.facts_of(resolved, request) if own_calibration else None
-    opener = partial(wiring.open_parts, own=begun, screen=None if resolved.config.unattended(yes) else screen)
+    opener = partial(open_parts, own=begun, screen=None if resolved.config.unattended(yes) else screen)
     reports = Reports()
     view_of_session = with_first_look(looking_on)
     return running.run_session(resolved, request, opener, reports.draw, screen, view_of_session, reports.ending)

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from adaptsim_cli import options
-from adaptsim_cli.command import command
+from adaptsim_cli.commands import options
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.commands.measurements import RIG, MeasurementKind, add_to
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
+    from adaptsim_cli.bench.touch_off.store import TouchOffStore
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
-    from adaptsim_cli.touch_off.store import TouchOffStore
 
 app = typer.Typer()
 
@@ -56,32 +56,32 @@ def touch_off(
     """
     from functools import partial
 
+    from adaptsim_cli.bench import touch_off_in_use
+    from adaptsim_cli.bench.touch_off import flow, guiding
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.touch_off import flow, guiding
-    from adaptsim_cli.wiring import rig_frames
-    from adaptsim_cli.wiring import touch_off as wiring
+    from adaptsim_cli.session import rig_sessions
 
-    store, sessions = _store(resolved), rig_frames.open_sessions(resolved.config, resolved.places)
+    store, sessions = _store(resolved), rig_sessions.open_sessions(resolved.config, resolved.places)
     if guide:
         if automatic:
             raise UsageError("--guide and --automatic exclude each other: leave one out")
-        open_guided = partial(wiring.open_guided_rig, screen=screen)
+        open_guided = partial(touch_off_in_use.open_guided_rig, screen=screen)
         return guiding.run(resolved, store, sessions, open_guided, screen, yes=yes)
     if not (automatic or resolved.config.is_simulated or yes):
         raise UsageError(flow.UNSEEN)
-    grasp = wiring.grasp_of(resolved.config, handle_mm, grasp_force_N)
-    open_rig = partial(wiring.open_touch_rig, screen=None if resolved.config.unattended(yes) else screen)
+    grasp = touch_off_in_use.grasp_of(resolved.config, handle_mm, grasp_force_N)
+    open_rig = partial(touch_off_in_use.open_touch_rig, screen=None if resolved.config.unattended(yes) else screen)
     return flow.run(resolved, grasp, store, sessions, open_rig, screen, yes=yes)
 
 
 def _store(resolved: Resolved) -> TouchOffStore:
-    from adaptsim_cli.wiring import touch_off as wiring
+    from adaptsim_cli.bench import touch_off_in_use
 
-    return wiring.touch_offs(resolved.config, resolved.places)
+    return touch_off_in_use.touch_offs(resolved.config, resolved.places)
 
 
 def _views() -> Any:
-    from adaptsim_cli.touch_off import terminal_views
+    from adaptsim_cli.bench.touch_off import terminal_views
 
     return terminal_views
 

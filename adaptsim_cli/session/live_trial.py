@@ -8,28 +8,15 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from adaptsim_cli.bench.rig import Detection, Paths
 from adaptsim_cli.session.records import Film, KeyMoment
 from hw.errors import HardwareError
-from hw.types import Array, Frame, JointPath
+from hw.types import Array, Frame
 from perception.errors import TrackingFailed
 from perception.types import ObjectTrack
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import TrialKey
-
-Image = NDArray[np.uint8]
-
-Paths = tuple[JointPath, JointPath, JointPath]
-"""Approach from the home position, the motion itself, the way back."""
-
-
-class Detection(Protocol):
-    """The object, found before the motion."""
-
-    @property
-    def xy_m(self) -> Array:
-        """(2,) the object's place on the table, in the base frame."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -188,7 +188,7 @@ def choose_amendment(
 class Unattended:
     """`--yes`: nobody answers.
 
-    It never confirms the motion of a real arm, because `wiring` uses `Attended` for real arms.
+    It never confirms the motion of a real arm, because `opening` uses `Attended` for real arms.
     """
 
     screen: Screen

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from adaptsim_cli.bench.facts import RigFacts
 from adaptsim_cli.session import records
 from adaptsim_cli.session.folders import FACTS, entries, existing_folder, folder_of
 from adaptsim_cli.session.records import (
@@ -181,12 +182,12 @@ class SessionStore:
         path = folder / PRUNED
         return records.read(Pruned, path).files if path.exists() else {}
 
-    def rigs(self) -> Iterator[records.RigFacts]:
+    def rigs(self) -> Iterator[RigFacts]:
         """The facts of the rig beside each motion, in order. Raises SessionError if one is corrupt."""
         for _, folder in self._iterations():
             for entry in entries(folder):
                 if (entry / records.RIG).is_file():
-                    yield records.read(records.RigFacts, entry / records.RIG)
+                    yield records.read(RigFacts, entry / records.RIG)
 
     def trials(self, iteration: int) -> tuple[TrialRecord, ...]:
         """The completed trials of an iteration that count, in order; without control trials, which teach nothing."""

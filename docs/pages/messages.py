@@ -8,7 +8,7 @@ import inspect
 import re
 from collections.abc import Iterator
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
 from pages import PACKAGES, ROOT
 
 Entry = tuple[str, str]
@@ -41,6 +41,10 @@ DEVELOPERS = (
     "sim/solvers",
     "sim/storage",
     "sim/tasks",
+    "adaptsim_cli/commands/benchmark.py",
+    "adaptsim_cli/commands/checkpoints.py",
+    "adaptsim_cli/commands/own_object.py",
+    "adaptsim_cli/commands/pretrain.py",
     "adaptsim_cli/research",
 )
 """No session beside an arm shows a message of these folders."""

@@ -10,8 +10,8 @@ import pytest
 import typer
 from toy_rig import ToyLab, opener
 
-from adaptsim_cli import app
-from adaptsim_cli.wiring import session as wiring
+from adaptsim_cli.commands import app
+from adaptsim_cli.session import opening
 from perception.errors import TrackingFailed
 
 
@@ -75,6 +75,6 @@ def test_a_session_that_ends_in_an_error_without_a_trial_does_too(
         raise TrackingFailed("the camera saw nothing")
 
     lab = ToyLab(0, hooks={"snapshot": refuse})
-    monkeypatch.setattr(wiring, "open_parts", opener(lab))
+    monkeypatch.setattr(opening, "open_parts", opener(lab))
     assert app.run(["run-iteration", "--task", "toy", "--yes"]) == 6
     assert "Error: the camera saw nothing" in " ".join(capfd.readouterr().err.split())

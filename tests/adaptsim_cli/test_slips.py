@@ -17,9 +17,9 @@ import pytest
 from lab_session import ADAPTSIM, environment
 from toy_rig import ToyLab, opener
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
 from adaptsim_cli.screen import console
-from adaptsim_cli.wiring import session as wiring
+from adaptsim_cli.session import opening
 
 CTRL_C = "^C"
 GO_ON = ("run-iteration", "--session", "study")
@@ -118,7 +118,7 @@ def before(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     home = tmp_path_factory.mktemp("slips") / "home"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ADAPTSIM_HOME", str(home))
-        patch.setattr(wiring, "open_parts", opener(ToyLab(0)))
+        patch.setattr(opening, "open_parts", opener(ToyLab(0)))
         assert app.run([*BEGIN, "--session", "study"]) == 0
     yield home
 
@@ -146,7 +146,7 @@ def test_a_slip_costs_nothing(
     for name, value in {"ADAPTSIM_HOME": str(home), **slip.env}.items():
         monkeypatch.setenv(name, value)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(wiring, "open_parts", opener(lab))
+    monkeypatch.setattr(opening, "open_parts", opener(lab))
     monkeypatch.setattr("sys.stdin", Keyboard(slip.typed))
     if slip.code in (7, 130):
         monkeypatch.setattr(console, "require_terminal", lambda *_: None)

@@ -16,12 +16,13 @@ import numpy as np
 import pytest
 from lab_session import ADAPTSIM, environment
 
-from adaptsim_cli import app
+from adaptsim_cli.bench.devices.trackers import tracker_of
+from adaptsim_cli.bench.rig import Planner, Rig
+from adaptsim_cli.commands import app
 from adaptsim_cli.config import Config
-from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.session import opening
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Parts, Planner, Provenance, Rig
-from adaptsim_cli.wiring import session as wiring
+from adaptsim_cli.session.target import Parts, Provenance
 from calib.types import HandEye
 from hw.collision import KeepOut
 from hw.fake import FakeArm, FakeClock
@@ -95,7 +96,7 @@ class BottleBench:
 
     @contextmanager
     def open_parts(self, config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
-        """In the place of `wiring.open_parts`."""
+        """In the place of `opening.open_parts`."""
         eye = HandEye(default_X_BC(), 1.0, 0.1, "known", "2026-01-01T00:00:00+00:00")
         with self.arm as arm, _Camera(self) as camera:
             rig = Rig("fake", "bench in memory", arm, camera, self.bench, eye, 10**6)
@@ -224,7 +225,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def use(monkeypatch: pytest.MonkeyPatch) -> Callable[[BottleBench], BottleBench]:
     def use(bench: BottleBench) -> BottleBench:
-        monkeypatch.setattr(wiring, "open_parts", bench.open_parts)
+        monkeypatch.setattr(opening, "open_parts", bench.open_parts)
         return bench
 
     return use

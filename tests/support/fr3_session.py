@@ -29,7 +29,7 @@ from real_lab import HANDLE_M, calibration, waivers
 from serial_lines import Box, Line
 
 from adaptsim_cli import config
-from adaptsim_cli.wiring import calibration as wiring_calibration
+from adaptsim_cli.bench import calibration_in_use
 from hw.types import Array
 from sim.panda.planning import home
 from sim.panda.tool import cell_as_shipped
@@ -143,7 +143,7 @@ class Drill:
         rows = [list(row) for row in found.X_AC]
         rows[0][3] += off_m
         moved = found.model_copy(update={"X_AC": tuple(map(tuple, rows))})
-        wiring_calibration.calibrations(there.config, there.places).save(moved, b"")
+        calibration_in_use.calibrations(there.config, there.places).save(moved, b"")
 
     def switch_on(self) -> None:
         """The arm at home, where trials begin."""

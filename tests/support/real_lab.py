@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from adaptsim_cli.bench import calibration_in_use
+from adaptsim_cli.bench.devices.lab import Drivers
+from adaptsim_cli.bench.rig_file.waivers import Waivable, WaiverPart
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.devices.lab import Drivers
-from adaptsim_cli.devices.rig_file.waivers import Waivable, WaiverPart
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.wiring import calibration as wiring_calibration
 from calib.saved import SavedCalibration, UncertaintyRecord
 from calib.target_records import BoardRecord
 from hw.collision import Table
@@ -95,7 +95,7 @@ def calibration(created: str = "2026-01-01T00:00:00+00:00") -> SavedCalibration:
 
 
 def calibrated(resolved: Resolved) -> None:
-    wiring_calibration.calibrations(resolved.config, resolved.places).save(calibration(), b"")
+    calibration_in_use.calibrations(resolved.config, resolved.places).save(calibration(), b"")
 
 
 def typing(monkeypatch: pytest.MonkeyPatch, *answers: str) -> None:

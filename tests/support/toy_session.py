@@ -16,17 +16,17 @@ import pytest
 from rich.console import Console
 from toy_rig import ToyLab, opener, toy_parts
 
-from adaptsim_cli import app, config
-from adaptsim_cli.report import page
+from adaptsim_cli import config
+from adaptsim_cli.commands import app
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.session import running
+from adaptsim_cli.session import opening, running
 from adaptsim_cli.session.flow import RunningSession
 from adaptsim_cli.session.live_trial import Placement
 from adaptsim_cli.session.operator import Choices, Operator, Review, Unattended
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.wiring import session as wiring
+from adaptsim_cli.show import page
 from sim.adaptation.stages import RunTrial
 
 NAME = "toy-wd"
@@ -129,7 +129,7 @@ def call(
             patch.delenv(name)
         patch.setenv("ADAPTSIM_HOME", str(home))
         patch.chdir(home.parent)
-        patch.setattr(wiring, "open_parts", opener(lab or ToyLab(7), **kinds))
+        patch.setattr(opening, "open_parts", opener(lab or ToyLab(7), **kinds))
         with redirect_stdout(out or io.StringIO()), redirect_stderr(said):
             code = app.run(command)
     return code, " ".join(said.getvalue().split())

@@ -12,6 +12,7 @@ import pytest
 from toy_rig import OUTCOMES, ToyLab, rig_target
 from toy_session import NAME, ScriptedOperator, attended, run, silent, summary
 
+from adaptsim_cli.bench.rig import Tracker, TrackRequest
 from adaptsim_cli.errors import Interrupted, SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.correcting import redo
@@ -20,7 +21,6 @@ from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.operator import Attended, Choices, Review, Unattended
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.errors import ArmFault, CameraError
 from hw.types import Execution, JointPath
 from perception.errors import TrackingFailed

@@ -9,11 +9,11 @@ import pytest
 import toy_rig
 from toy_rig import TASK, ToyLab, opener
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
+from adaptsim_cli.session import opening
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.records import ROLLOUT
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.wiring import session as wiring
 from hw.errors import MotionRefused
 from perception.errors import TrackingFailed
 from sim.errors import NotExecutable
@@ -30,7 +30,7 @@ def registered(monkeypatch) -> None:
 @pytest.fixture
 def lab(monkeypatch) -> ToyLab:
     lab = ToyLab(0)
-    monkeypatch.setattr(wiring, "open_parts", opener(lab))
+    monkeypatch.setattr(opening, "open_parts", opener(lab))
     return lab
 
 
@@ -74,7 +74,7 @@ def test_a_wrong_value_moves_nothing(lab, tmp_path, monkeypatch, option, refused
     def opened(*_: object, **__: object) -> None:
         raise AssertionError("what was typed is checked before anything is loaded or connected")
 
-    monkeypatch.setattr(wiring, "open_parts", opened)
+    monkeypatch.setattr(opening, "open_parts", opened)
     assert "write name=value" in refused(2, *RUN, option, "nonsense=1")
     assert not (tmp_path / "home" / "data" / "sessions").exists()
 
@@ -99,7 +99,7 @@ def test_what_cannot_be_stored_or_confirmed_is_noticed_before_anything_moves(
 
 def test_an_object_that_is_not_found_is_asked_for_again_before_anything_moves(tmp_path, capfd, monkeypatch):
     lab = ToyLab(0, misplaced=frozenset({(1, 0), (1, 1)}))
-    monkeypatch.setattr(wiring, "open_parts", opener(lab))
+    monkeypatch.setattr(opening, "open_parts", opener(lab))
     assert app.run([*RUN, "--out", str(tmp_path / "one")]) == 0
     assert capfd.readouterr().out.count("toy piece lies outside") == 2
     assert lab.executions == [(1, 2)]
@@ -120,7 +120,7 @@ def test_a_motion_that_cannot_be_made_says_how_to_find_one_that_can(error, lab, 
     def check(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr(wiring, "open_parts", opener(lab, check=check))
+    monkeypatch.setattr(opening, "open_parts", opener(lab, check=check))
     assert app.run([*RUN, "--out", str(tmp_path / "one")]) == 4
     said = capfd.readouterr().err
     assert str(error) in said

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from toy_session import summary
 
-from adaptsim_cli import app, config
-from adaptsim_cli.report import page
+from adaptsim_cli import config
+from adaptsim_cli.commands import app
+from adaptsim_cli.session import opening
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.wiring import session as wiring
+from adaptsim_cli.show import page
 from sim.tasks.pendulum.solver import rewards
 
 NAME = "pendulum-ood-1"
@@ -95,7 +96,7 @@ def test_hardware_is_refused_with_what_to_do(capfd: pytest.CaptureFixture[str]) 
 
 
 def test_only_its_own_parts_are_opened(tmp_path: Path) -> None:
-    with wiring.open_parts(config.load({"task": "pendulum", "world": "wd"}).config, tmp_path) as parts:
+    with opening.open_parts(config.load({"task": "pendulum", "world": "wd"}).config, tmp_path) as parts:
         assert [check.name for check in parts.target.checks()] == ["devices"]
         assert parts.provenance.calibration == ""
         assert not (parts.target.moves or parts.target.needs_consent or parts.target.owns_devices)

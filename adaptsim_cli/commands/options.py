@@ -1,0 +1,218 @@
+"""The options that several commands take, each declared once, and the names that a shell completes for them.
+
+Light, because every press of Tab starts the program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from adaptsim_cli.session.store import SessionStore
+
+_WORLDS = Path(__file__).parents[2] / "sim/worlds"
+
+
+def session_names(incomplete: str) -> list[str]:
+    """Sessions of this machine that begin like this."""
+    return _folders("sessions", incomplete)
+
+
+def task_names(incomplete: str) -> list[str]:
+    """Tasks that begin like this, those of installed packages too."""
+    ours = {file.parent.name for file in _WORLDS.glob("*/*.toml")}
+    return _like(incomplete, ours | {entry.name for entry in entry_points(group="adaptsim.tasks")})
+
+
+def world_names(incomplete: str) -> list[str]:
+    """Shipped worlds of all our tasks that begin like this; the shell completes files itself."""
+    return _like(incomplete, {file.stem for file in _WORLDS.glob("*/*.toml")})
+
+
+def export_formats(incomplete: str) -> list[str]:
+    """Formats of `sessions export` that begin like this."""
+    from adaptsim_cli.session.formats import FORMATS
+
+    return _like(incomplete, set(FORMATS))
+
+
+def _folders(kind: str, incomplete: str) -> list[str]:
+    from adaptsim_cli import config
+
+    folder = config.places().data / kind
+    return _like(incomplete, {entry.name for entry in folder.iterdir()} if folder.is_dir() else set())
+
+
+def _like(incomplete: str, names: set[str]) -> list[str]:
+    return sorted(name for name in names if name.startswith(incomplete) and not name.startswith("."))
+
+
+ROBOT, ADVANCED = "Robot", "Advanced"
+"""Panels of the help, below the usual options."""
+
+Task = Annotated[
+    str | None,
+    typer.Option("--task", autocompletion=task_names, show_default="scooping", help="Which task, e.g. scooping."),
+]
+World = Annotated[
+    str | None,
+    typer.Option(
+        "--world", autocompletion=world_names, show_default="wd", help="World of the simulated lab: name or TOML file."
+    ),
+]
+Seed = Annotated[int | None, typer.Option("--seed", show_default="0", help="Seed of all random numbers.")]
+Hw = Annotated[
+    str | None,
+    typer.Option("--hw", show_default="fake", rich_help_panel=ROBOT, help="Which hardware: fake, panda, fr3 or own."),
+]
+AnswerWith = Annotated[
+    str | None,
+    typer.Option(
+        "--answer-with",
+        metavar="COMMAND",
+        rich_help_panel=ROBOT,
+        help="With --hw own: the program that answers, or person.",
+    ),
+]
+AnswerMoves = Annotated[
+    str | None,
+    typer.Option(
+        "--answer-moves",
+        show_default="robot",
+        rich_help_panel=ROBOT,
+        help="What that program moves: robot (each trial confirmed) or nothing.",
+    ),
+]
+Object = Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of your own object.")]
+Solver = Annotated[
+    str | None, typer.Option("--solver", rich_help_panel=ADVANCED, help="How task policies are found: emulator or naf.")
+]
+Recorded = Annotated[
+    str | None,
+    typer.Option("--recorded", rich_help_panel=ADVANCED, help="Folder of recorded trials that replace the lab."),
+]
+HeldOut = Annotated[
+    float | None,
+    typer.Option(
+        "--held-out",
+        show_default="0.5",
+        rich_help_panel=ADVANCED,
+        help="Fraction of the recorded trials held out for scoring, 0 to 0.9.",
+    ),
+]
+Context = Annotated[
+    list[str] | None, typer.Option("--context", help="Context as name=value, repeatable; names: adaptsim lab list.")
+]
+Action = Annotated[
+    list[str] | None,
+    typer.Option("--action", help="Action as name=value, repeatable; names: adaptsim lab list."),
+]
+
+Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; refused for a real arm.")]
+Sure = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")]
+Realtime = Annotated[
+    bool, typer.Option("--realtime", rich_help_panel=ROBOT, help="Simulated lab: at the arm's own pace, to watch.")
+]
+Pace = Annotated[
+    float | None,
+    typer.Option(
+        "--pace",
+        show_default="1",
+        rich_help_panel=ROBOT,
+        help="Speed of every motion, 0.1 to 1; below 1 nothing counts.",
+    ),
+]
+Operator = Annotated[
+    str | None, typer.Option("--operator", rich_help_panel=ROBOT, help="Your name, for the record of a real arm.")
+]
+View = Annotated[bool, typer.Option("--view", help="Show camera, motion and track on a page of 127.0.0.1.")]
+ViewPort = Annotated[
+    int | None,
+    typer.Option(
+        "--view-port", min=1024, max=65535, rich_help_panel=ADVANCED, help="Port of that page; implies --view."
+    ),
+]
+
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        "--workers", show_default="0", rich_help_panel=ADVANCED, help="Number of processes; 0: one per usable core."
+    ),
+]
+Scheduler = Annotated[
+    str,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        rich_help_panel=ADVANCED,
+        help="Simulate on the workers of this Dask scheduler, not on this computer.",
+    ),
+]
+ShareOfWork = Annotated[
+    str,
+    typer.Option(
+        "--share",
+        metavar="K/N",
+        rich_help_panel=ADVANCED,
+        help="Compute the K-th of N shares; the command without it joins them.",
+    ),
+]
+WorkingFolder = Annotated[Path | None, typer.Option("--out", help="Working folder; an unfinished run there continues.")]
+
+StartFrom = Annotated[
+    str | None,
+    typer.Option("--start-from", autocompletion=session_names, help="Begin with the posterior of this session."),
+]
+Method = Annotated[
+    str | None,
+    typer.Option("--method", show_default="adaptsim", help="How to adapt, e.g. adaptsim, udr or random."),
+]
+Control = Annotated[
+    str | None,
+    typer.Option("--control", help="Add blind control trials by a method's first policies, or a session's best."),
+]
+
+SETTINGS: Mapping[str, Any] = {
+    "task": Task,
+    "world": World,
+    "seed": Seed,
+    "hw": Hw,
+    "method": Method,
+    "control": Control,
+    "solver": Solver,
+    "object": Object,
+    "recorded": Recorded,
+    "held_out": HeldOut,
+    "start_from": StartFrom,
+    "answer_with": AnswerWith,
+    "answer_moves": AnswerMoves,
+    "realtime": Realtime,
+    "pace": Pace,
+    "operator": Operator,
+    "workers": Workers,
+}
+"""The option of each setting that a flag may set (`config.Config`)."""
+
+Out = Annotated[Path | None, typer.Option("--out", help="Where to write it.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace a file named by --out.")]
+Json = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+
+Session = Annotated[str, typer.Argument(help="Name of the session.", autocompletion=session_names)]
+NewestSession = Annotated[
+    str | None, typer.Argument(help="Name of the session; default: the newest.", autocompletion=session_names)
+]
+Trial = Annotated[int, typer.Argument(min=1, help="Number of the trial, as `sessions show` lists it.")]
+
+
+def stored(name: str | None) -> SessionStore:
+    """The session with this name, or the newest. Raises SessionError, UsageError."""
+    from adaptsim_cli import config
+    from adaptsim_cli.session import folders, store
+
+    root = config.load().places.sessions
+    return store.SessionStore.open(root, name or folders.newest(root))

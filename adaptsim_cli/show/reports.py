@@ -1,0 +1,121 @@
+"""Writes the pages of sessions, each with the judgement of the checkpoint that it was begun with."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.screen.outputs.learning import Revealed
+from adaptsim_cli.session.folders import names
+from adaptsim_cli.session.hindsight import Hindsight
+from adaptsim_cli.session.history import trials_of
+from adaptsim_cli.session.judgement import Judgement
+from adaptsim_cli.session.records import ROLLOUT, read_object
+from adaptsim_cli.session.store import RESULT, TRIAL, SessionStore
+from adaptsim_cli.show import page, truth_view
+from adaptsim_cli.show.truth import revealed
+from sim.errors import RecordingsRefused, SimError
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+
+@dataclass
+class Reports:
+    """Writes the pages of sessions; the checkpoint of each is loaded once."""
+
+    _known: dict[str, Hindsight] = field(default_factory=dict)
+
+    def draw(self, store: SessionStore, out: Path | None = None) -> Path:
+        """Write the page of a session and return its path. Raises SessionError.
+
+        If its checkpoint is gone or has no parts for inference, the page says so.
+        """
+        judgement = self.judgement(store)
+        return page.write(store, out, judgement, measured_udr(store), confirmed(store), self.truth(store))
+
+    def ending(self, store: SessionStore) -> RenderableType | None:
+        """The last words of a session: truth, range and belief in a simulated world; None beside a real arm."""
+        shown = self.truth(store)
+        return None if shown is None else truth_view.table(shown)
+
+    def truth(self, store: SessionStore) -> Revealed | None:
+        """Truth, range and belief of a simulated session; None if there is none. Raises SessionError on damage."""
+        key = _key(store)
+        try:
+            if key not in self._known:
+                self._known[key] = Hindsight.of(store)
+        except SimError:
+            return None
+        hindsight = self._known[key]
+        return revealed(store, hindsight.checkpoint, lambda: hindsight.posterior(store))
+
+    def judgement(self, store: SessionStore) -> Judgement | str:
+        """The judgement of a session, or the reason why there is none. Raises SessionError on damage."""
+        sha256 = _key(store)
+        try:
+            if sha256 not in self._known:
+                self._known[sha256] = Hindsight.of(store)
+        except SimError as error:
+            return str(error)
+        try:
+            return self._known[sha256].judge(store) if store.existing().completed else "No trial is complete yet."
+        except RecordingsRefused as error:
+            return str(error)
+
+
+def _key(store: SessionStore) -> str:
+    """The same for sessions with the same checkpoint, prior and recordings."""
+    facts = store.facts
+    return facts.checkpoint_sha256 + facts.start_from_sha256 + (facts.name if facts.recorded else "")
+
+
+def confirmed(store: SessionStore) -> tuple[float, ...]:
+    """Rewards of the rollouts of the session's present best policy: those since its newest result.
+
+    Older ones do not count; unreadable ones are skipped.
+    """
+    results = [file.stat().st_mtime_ns for file in store.folder.glob(f"iteration-*/result-*/{RESULT}")]
+    if not results:
+        return ()
+    values, root = _stored_alone(store, max(results)), store.folder.parent
+    for name in names(root):
+        with suppress(SessionError):
+            other = SessionStore.open(root, name)
+            if (other.facts.method, other.facts.policy_of) == (ROLLOUT, store.facts.name):
+                files = ((other.trial_folder(*trial.place) / TRIAL, trial.reward) for trial in trials_of(other))
+                values += [reward for file, reward in files if file.stat().st_mtime_ns >= max(results)]
+    return tuple(values)
+
+
+def _stored_alone(store: SessionStore, since_ns: int) -> list[float]:
+    """Rewards of the rollouts that earlier versions stored in folders of their own."""
+    rewards = list[float]()
+    for trial in sorted((store.folder.parents[1] / "rollouts").glob(f"*/{TRIAL}")):
+        if trial.stat().st_mtime_ns < since_ns:
+            continue
+        with suppress(SessionError, KeyError, TypeError, ValueError):
+            record = read_object(trial)
+            if record["session"] == store.facts.name:
+                rewards.append(float(record["reward"]))
+    return rewards
+
+
+def measured_udr(store: SessionStore) -> page.Reference | None:
+    """The UDR session with the most trials, of the same task in the same world or with the same real arm; None: none.
+
+    Unreadable sessions are skipped.
+    """
+    facts, references = store.facts, list[page.Reference]()
+    for name in names(store.folder.parent):
+        with suppress(SessionError):
+            other = SessionStore.open(store.folder.parent, name)
+            o = other.facts
+            same = (o.task, o.hw, o.world_sha256, o.object) == (facts.task, facts.hw, facts.world_sha256, facts.object)
+            if o.method == "udr" and same and name != facts.name:
+                rewards = tuple(trial.reward for trial in trials_of(other))
+                references += [page.Reference(name, rewards)] if rewards else []
+    return max(references, key=lambda reference: len(reference.rewards), default=None)

@@ -12,7 +12,7 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 RUNS   := $(VENV)/.runs
 # With its CUDA libraries where there is no CPU build; the locks hold everything else, so nothing is resolved again.
-TORCH  := $(shell grep '^torch==' requirements-run.lock)
+TORCH  := $(shell grep '^torch==' requirements.lock)
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 

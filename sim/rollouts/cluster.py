@@ -12,6 +12,7 @@ from platform import python_version_tuple
 from threading import Lock
 from typing import Any
 
+from hw.extras import missing
 from sim.errors import ClusterUnavailable, ExtraMissing
 
 CONNECT_S = 15.0
@@ -38,9 +39,7 @@ def dask_cluster(scheduler: str, warn: Warn = lambda sentence: None) -> Iterator
     try:
         from distributed import Client  # noqa: PLC0415 - an extra
     except ImportError as error:
-        raise ExtraMissing(
-            "--scheduler needs the package distributed, which is not installed: pip install 'adaptsim[cluster]'"
-        ) from error
+        raise ExtraMissing(missing("--scheduler", "distributed", "cluster")) from error
     try:
         client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:

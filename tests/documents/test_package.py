@@ -100,6 +100,23 @@ for name in sys.argv[1:]:
 """
 
 
+@pytest.mark.parametrize(
+    ("described", "version"),
+    [
+        ("v0.2.0", "0.2.0"),
+        ("0.2.0.dev0", "0.2.0.dev0"),
+        ("v0.2.0-5-gc4d264db", "0.2.0.post5+gc4d264db"),
+        ("c4d264db", "0.0.0+gc4d264db"),
+        ("1234567", "0.0.0+g1234567"),
+        ("main-dirty", "0.0.0+gmain.dirty"),
+        ("", "0.0.0"),
+    ],
+)
+def test_the_version_of_a_build_without_git_always_parses(setup, described, version):
+    assert setup.version_of(described) == version
+    assert str(Version(version)) == version
+
+
 @pytest.mark.long
 def test_every_package_that_the_program_runs_with_imports_plainly():
     """Open3D's module, for example, needs plotly and dash as soon as a user imports it."""

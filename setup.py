@@ -27,7 +27,7 @@ def version_of(description: str) -> str:
 
     `v0.2.0` -> 0.2.0, `v0.2.0-5-gc4d264d` -> 0.2.0.post5+gc4d264d, `c4d264d` -> 0.0.0+gc4d264d, nothing -> 0.0.0.
     """
-    described = re.fullmatch(r"v?(\d+(?:\.\d+)*(?:\.?(?:dev|rc|post)\d+)?)(?:-(\d+)-g([0-9a-f]+))?", description)
+    described = re.fullmatch(r"v?(\d+(?:\.\d+)+(?:\.?(?:dev|rc|post)\d+)?)(?:-(\d+)-g([0-9a-f]+))?", description)
     if described is None:
         words = re.sub(r"[^A-Za-z0-9]+", ".", description).strip(".")
         return f"0.0.0+g{words}" if words else "0.0.0"

@@ -11,9 +11,7 @@ RUN apt-get update \
 
 WORKDIR /adaptsim
 COPY requirements-run.lock ./
-ARG TORCH_INDEX=https://download.pytorch.org/whl/cpu
-RUN pip install --no-cache-dir --index-url "$TORCH_INDEX" "$(grep '^torch==' requirements-run.lock)" \
-    && pip install --no-cache-dir --no-deps --requirement requirements-run.lock
+RUN pip install --no-cache-dir --no-deps --requirement requirements-run.lock
 COPY pyproject.toml setup.py README.md LICENSE NOTICE ./
 COPY adaptsim_cli adaptsim_cli
 COPY calib calib
@@ -21,7 +19,7 @@ COPY hw hw
 COPY perception perception
 COPY sim sim
 ARG VERSION=
-RUN SETUPTOOLS_SCM_PRETEND_VERSION="$VERSION" pip install --no-cache-dir --no-deps .
+RUN ADAPTSIM_VERSION="$VERSION" pip install --no-cache-dir --no-deps .
 
 USER adaptsim
 ENV ADAPTSIM_HOME=/data MPLCONFIGDIR=/tmp

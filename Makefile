@@ -2,7 +2,7 @@
 #
 #   make demo    UDR scoops a slice of cucumber, adaptsim adapts to it in two iterations, and both are compared
 #   make test    the default tests (make test-long: those that take seconds each; make test-slow: an hour of them;
-#                make test-lowest: with the oldest packages allowed)
+#                make test-lowest: with the oldest packages allowed; make test-newest: with the newest)
 #
 # Variables: PYTHON (3.11, 3.12 or 3.13), TORCH_INDEX (address of PyTorch's CPU wheel index, where pip finds no CPU wheel itself)
 
@@ -11,29 +11,30 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 RUNS   := $(VENV)/.runs
-# With its CUDA libraries where there is no CPU build; the locks hold everything else, so nothing is resolved again.
-TORCH  := $(shell grep '^torch==' requirements-run.lock)
+# For training only. With its CUDA libraries where there is no CPU build; the locks hold everything else, so nothing is
+# resolved again.
+TORCH  := $(shell grep '^torch==' requirements.lock)
 # Open3D loads the first three, Drake the fourth.
 DEBIAN := libegl1 libgl1 libusb-1.0-0 libglib2.0-0
 
-.PHONY: tosses results results-short setup demo test test-long test-slow test-extra test-lowest check format lock clean system docs site check-site check-live package
+.PHONY: tosses results results-short setup demo test test-long test-slow test-extra test-lowest check format lock clean system docs site check-site check-live package test-newest
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
 
-# What the program runs with: enough for make demo, and a quarter smaller.
+# What the program runs with: enough for make demo, and less than half as large.
 $(RUNS): pyproject.toml requirements-run.lock
 	@$(MAKE) --no-print-directory system
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"adaptsim needs Python 3.11, 3.12 or 3.13, and $(PYTHON) is {v[0]}.{v[1]}: make PYTHON=python3.11")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) $(TORCH)
 	$(BIN)/python -m pip install --quiet --no-deps --requirement requirements-run.lock
 	$(BIN)/python -m pip install --quiet --no-deps --editable .
-	@$(BIN)/python -c 'from perception.raycasting import load_open3d; load_open3d(); import pydrake, torch' || { echo "The packages are installed but do not import: see above. System libraries needed: $(DEBIAN)"; exit 1; }
+	@$(BIN)/python -c 'from perception.raycasting import load_open3d; load_open3d(); import pydrake' || { echo "The packages are installed but do not import: see above. System libraries needed: $(DEBIAN)"; exit 1; }
 	@touch $@
 
 # And the extras and tools of development.
 $(STAMP): $(RUNS) requirements.lock
+	$(BIN)/python -m pip install --quiet $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) $(TORCH)
 	$(BIN)/python -m pip install --quiet --no-deps --requirement requirements.lock
 	@touch $@
 
@@ -69,13 +70,10 @@ test-slow: $(STAMP)
 test-extra:
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 12) else "LeRobot needs Python 3.12 or newer: make test-extra PYTHON=python3.12")'
 	rm -rf .venv-extra && $(PYTHON) -m venv .venv-extra
-	.venv-extra/bin/python -m pip install --quiet $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) $(TORCH)
-	.venv-extra/bin/python -m pip install --quiet --no-deps --requirement requirements-run.lock
-	.venv-extra/bin/python -m pip install --quiet --no-deps --editable .
-	.venv-extra/bin/python -m pip install --quiet --constraint requirements.lock av jsonschema 'pyarrow>=20' pyrealsense2 'rerun-sdk>=0.41' pytest pytest-timeout uv
-	printf '%s\ntorchvision==0.28.0\n' '$(TORCH)' > .venv-extra/overrides.txt  # LeRobot asks for torch below 2.12
-	.venv-extra/bin/uv pip install --quiet --python .venv-extra --target .venv-extra/lerobot --overrides .venv-extra/overrides.txt 'lerobot[dataset]>=0.6,<0.7'
-	LEROBOT=$(CURDIR)/.venv-extra/lerobot .venv-extra/bin/python -m pytest -m extra tests/extras tests/hw/test_camera_realsense.py tests/contracts/test_camera_contract.py
+	.venv-extra/bin/python -m pip install --quiet uv
+	$(if $(TORCH_INDEX),.venv-extra/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) 'torch<2.12' 'torchvision<0.27')
+	.venv-extra/bin/uv pip install --quiet --python .venv-extra --editable '.[export,realsense,rerun]' 'lerobot[dataset]>=0.6,<0.7' jsonschema pytest pytest-timeout
+	.venv-extra/bin/python -m pytest -m extra tests/extras tests/hw/test_camera_realsense.py tests/contracts/test_camera_contract.py
 
 # Every package that pyproject.toml names, at the lowest version that it allows; the two tests left out are about the locked ones.
 test-lowest:
@@ -85,6 +83,15 @@ test-lowest:
 	.venv-lowest/bin/uv pip install --quiet --python .venv-lowest --resolution lowest-direct --editable '.[dev]'
 	.venv-lowest/bin/python -m pytest -n 2 -m 'not slow and not hardware and not extra' \
 	  --ignore tests/documents/test_generated_pages.py --deselect tests/documents/test_package.py::test_it_holds_all_that_the_program_needs
+
+# Every package at its newest version, so that a limit on a version is needed only where a test fails without it.
+test-newest:
+	rm -rf .venv-newest && $(PYTHON) -m venv .venv-newest
+	.venv-newest/bin/python -m pip install --quiet uv
+	$(if $(TORCH_INDEX),.venv-newest/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) torch)
+	.venv-newest/bin/uv pip install --quiet --python .venv-newest --resolution highest --editable '.[dev]'
+	.venv-newest/bin/python -m pytest -n 2 -m 'not long and not slow and not hardware and not extra' \
+	  --ignore tests/documents/test_generated_pages.py --ignore tests/documents/test_package.py
 
 check: $(STAMP)
 	$(BIN)/ruff check .
@@ -129,7 +136,6 @@ package:
 	rm -rf .venv-package build/package && mkdir -p build/package
 	$(PYTHON) -m venv .venv-package
 	$(PYTHON) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir build/package .
-	.venv-package/bin/python -m pip install --quiet $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX)) $(TORCH)
 	.venv-package/bin/python -m pip install --quiet --disable-pip-version-check --constraint requirements.lock build/package/*.whl
 	cd build/package && export ADAPTSIM_HOME=$$PWD/home PATH=$(CURDIR)/.venv-package/bin:$$PATH && \
 	  adaptsim --version && python -m adaptsim_cli --help >/dev/null && adaptsim lab list && adaptsim doctor && \
@@ -159,4 +165,4 @@ lock:
 	rm -rf .venv-lock
 
 clean:
-	rm -rf $(VENV) .venv-lock .venv-lowest .venv-site .venv-package .venv-sbom .venv-extra build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) .venv-lock .venv-lowest .venv-newest .venv-site .venv-package .venv-sbom .venv-extra build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

@@ -1,8 +1,11 @@
 """Rollouts by a pool of processes and by Dask workers of this computer: time at 1 and 2 workers, and equal numbers.
 
     python benchmarks/scaling.py [--task scooping] [--rollouts 48]
+    python benchmarks/scaling.py --slope 1000 10000 100000 1000000
 
 At the end one of two Dask workers is killed half-way. Every line says whether its rollouts equal the first one's.
+With --slope the simulator costs nothing, so that only the handing out of work is timed. The time of each rollout must
+not grow with their number.
 """
 
 from __future__ import annotations
@@ -12,8 +15,8 @@ import os
 import signal
 import time
 from collections.abc import Callable
-from concurrent.futures import Executor
-from dataclasses import fields
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import fields, replace
 
 import numpy as np
 from distributed import LocalCluster
@@ -29,7 +32,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--task", default="scooping")
     parser.add_argument("--rollouts", type=int, default=48)
+    parser.add_argument("--slope", type=int, nargs="*", default=[], help="numbers of rollouts that cost nothing")
     asked = parser.parse_args()
+    if asked.slope:
+        slope(sorted(asked.slope))
+        return
     task = get_task(asked.task)
     requests = dataset_requests(task, 0, asked.rollouts)
     expected: Rollouts | None = None
@@ -55,6 +62,17 @@ def main() -> None:
                 os.kill(killed[0], signal.SIGKILL)
 
         show("2 Dask workers, one killed half-way", dask, kill)
+
+
+def slope(numbers: list[int]) -> None:
+    """Print the time of each rollout for several numbers of rollouts, one after another on one thread."""
+    real = get_task("pendulum")
+    track = real.simulate(*(space.middle for space in (real.parameters, real.context, real.action, real.nuisance)))
+    task = replace(real, simulate=lambda *_: track, simulate_many=None)
+    for number in numbers:
+        with ThreadPoolExecutor(1) as executor:
+            _, seconds = timed(task, dataset_requests(task, 0, number), executor, lambda done, total: None)
+        print(f"{number} rollouts: {1e6 * seconds / number:.0f} µs each, {seconds:.1f} s", flush=True)
 
 
 def timed(

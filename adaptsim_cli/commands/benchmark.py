@@ -63,7 +63,7 @@ def benchmark(
     for name, why in request.left_out:
         screen.note(f"{name} is left out: {why}")
     part = share_of(share, screen)
-    with screen.progress() as progress, simulations(resolved, scheduler) as crew:
+    with screen.progress() as progress, simulations(resolved, scheduler, screen) as crew:
         result = benchmarking.benchmark(request, crew, progress, part)
     if part is not None:
         return complete(part, f"{len(result.rows)} sessions", request.folder)
@@ -96,7 +96,7 @@ def world_tables(
     from adaptsim_cli.research.world_tables import make_tables, make_tables_share, tables_folder
 
     part, task = share_of(share, screen), resolved.config.task
-    with screen.progress() as progress, simulations(resolved, scheduler) as crew:
+    with screen.progress() as progress, simulations(resolved, scheduler, screen) as crew:
         if part is not None:
             files = make_tables_share(resolved, targets, rollouts, part, crew, progress)
             return complete(part, f"{files} files of tables", tables_folder(resolved))

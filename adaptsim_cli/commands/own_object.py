@@ -91,7 +91,7 @@ def own_object(
             f"Another scene than in training ({', '.join(_beyond(own, get_task(own.task)))}): {count:,} rollouts are "
             "simulated, then learnt. The time left is shown after the first ones. Ctrl-C: the same command goes on."
         )
-    with screen.progress() as progress, simulations(resolved, scheduler) as crew:
+    with screen.progress() as progress, simulations(resolved, scheduler, screen) as crew:
         ready = object_ready(resolved, chosen, rollouts, crew, progress)
     data = {"object": name, "file": str(file), "picture": str(picture) if drawn else None, **ready}
     body = [(p["title"], views.number(p["left"]), p["words"]) for p in ready["parameters"]]

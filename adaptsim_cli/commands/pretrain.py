@@ -88,7 +88,7 @@ def pretrain(
     part = share_of(share, screen)
     sizes = pretraining.RequestedSizes(rollouts, denser, episodes, judged)
     request = pretraining.checked(resolved, out, budget, targets, sizes)
-    with screen.progress() as progress, simulations(resolved, scheduler) as crew:
+    with screen.progress() as progress, simulations(resolved, scheduler, screen) as crew:
         if part is not None:
             if pretraining.pretrain_share(request, part, crew, progress):
                 return complete(part, "its part of the dataset", request.folder)

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from sim.rollouts.shares import Share
 
 
-def simulations(resolved: Resolved, scheduler: str) -> AbstractContextManager[Executor]:
-    """The executor of simulations: the workers of the Dask `scheduler`, or processes of this computer.
+def simulations(resolved: Resolved, scheduler: str, screen: Screen) -> AbstractContextManager[Executor]:
+    """The executor of simulations: the workers of the Dask `scheduler`, or processes of this computer. The screen
+    names workers that are left out.
 
     Raises UsageError if both --workers and a scheduler were given, ClusterUnavailable, ExtraMissing.
     """
@@ -29,7 +30,7 @@ def simulations(resolved: Resolved, scheduler: str) -> AbstractContextManager[Ex
 
     if scheduler and "workers" in resolved.flags:
         raise UsageError("--workers counts processes of this computer, --scheduler uses others: leave one of them out")
-    return simulating_executor(resolved.config.workers, scheduler)
+    return simulating_executor(resolved.config.workers, scheduler, screen.note)
 
 
 def share_of(text: str, screen: Screen) -> Share | None:

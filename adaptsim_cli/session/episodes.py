@@ -19,6 +19,7 @@ from adaptsim_cli.session import replaying
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
+from hw.extras import missing
 
 VERSION = "v3.0"
 CAMERA_FPS, SIMULATED_FPS = 30, 50
@@ -86,7 +87,7 @@ def _arrow() -> tuple[Any, Any]:
         import pyarrow as pa
         import pyarrow.parquet as pq
     except ImportError as error:
-        raise ExtraMissing("Parquet needs pyarrow: pip install 'adaptsim[export]'") from error
+        raise ExtraMissing(missing("Parquet", "pyarrow", "export")) from error
     return pa, pq
 
 

@@ -25,6 +25,7 @@ from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, TrialRecord
 from adaptsim_cli.session.retracking import tool_poses
 from adaptsim_cli.session.store import SessionStore
+from hw.extras import missing
 from hw.types import Array
 from sim.errors import ExtraMissing
 from sim.panda.shapes import PRIMITIVES, mesh
@@ -167,7 +168,7 @@ def _rerun() -> Any:
     try:
         import rerun
     except ImportError as error:
-        raise ExtraMissing("this needs Rerun: pip install 'adaptsim[rerun]'") from error
+        raise ExtraMissing(missing("this", "rerun-sdk", "rerun")) from error
     return rerun
 
 

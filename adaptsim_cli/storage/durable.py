@@ -10,7 +10,6 @@ from __future__ import annotations
 import errno
 import fcntl
 import hashlib
-import importlib.metadata
 import os
 import platform
 import shutil
@@ -21,6 +20,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from adaptsim_cli.errors import DiskFull, SessionError, UsageError
+from hw.extras import installed
 from sim.storage.files import TEMPORARY, flush_file, flush_folder, permitted, publish_new, whole_file
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -221,10 +221,9 @@ def _sealed(body: bytes, frame: tuple[bytes, bytes]) -> bytes:
     return body + before + hashlib.sha256(body).hexdigest().encode() + after
 
 
-_VERSIONED = ("adaptsim", "drake", "numpy", "opencv-python-headless", "torch")
+_VERSIONED = ("adaptsim", "drake", "numpy", "opencv-python-headless")
 
 
 def versions() -> dict[str, str]:
     """The versions of Python and of the packages that results depend on."""
-    packages = {name: importlib.metadata.version(name) for name in _VERSIONED}
-    return {"python": platform.python_version(), **packages}
+    return {"python": platform.python_version(), **installed(*_VERSIONED)}

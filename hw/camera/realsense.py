@@ -17,10 +17,11 @@ import numpy as np
 from hw.camera.grabber import Capture
 from hw.camera.k4a_device import RATE_HZ, ColourSettings
 from hw.errors import CameraError, DeviceUnavailable
+from hw.extras import install_line
 from hw.types import Array, CameraModel, Intrinsics
 
 COLOUR_PX, DEPTH_PX = (1280, 720), (848, 480)
-INSTALL = "pip install 'adaptsim[realsense]'"
+INSTALL = install_line("realsense")
 MOST_OFF_PX = 0.05
 """The largest error of the lens in `hw.types.Intrinsics` against the maker's own lens model."""
 _WAIT_MS = 500

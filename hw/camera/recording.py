@@ -18,6 +18,7 @@ import numpy as np
 
 from hw.bounded import IMAGE_PIXELS, VIDEO_BYTES, Unreadable, parse_table, require_file
 from hw.errors import CameraError, DeviceUnavailable
+from hw.extras import install_line
 from hw.types import Array, CameraModel, Frame, Intrinsics
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ class KinectRecording:
         try:
             import av  # noqa: PLC0415 an optional extra
         except ImportError as error:
-            raise DeviceUnavailable("recordings need PyAV: install it with pip install 'adaptsim[kinect]'") from error
+            raise DeviceUnavailable(f"recordings need PyAV: {install_line('kinect')}") from error
         try:
             require_file(self._path, VIDEO_BYTES)
             # Matroska only: a playlist under this name could make FFmpeg open other files.

@@ -7,7 +7,6 @@ ones are in `sim/checkpoints`.
 
 from __future__ import annotations
 
-import importlib.metadata
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hw.bounded import Unreadable
+from hw.extras import installed
 from sim.adaptation.reward_table import RewardTable, restore_prospects
 from sim.errors import CheckpointError
 from sim.solvers.emulator.network import SELF_TEST, Emulator, EmulatorReport, predictions, require_same
@@ -191,7 +191,7 @@ def save_checkpoint(
         "fingerprint": fingerprint(task),
         "created": datetime.now(UTC).replace(microsecond=0),
         "sha256": sha256(folder / MODEL),
-        "versions": {name: importlib.metadata.version(name) for name in ("adaptsim", "drake", "numpy", "torch")},
+        "versions": installed("adaptsim", "drake", "numpy", "torch"),
         **facts,
         "interface": interface(task),
         **({SELF_TEST: predictions(emulator)} if emulator else {}),

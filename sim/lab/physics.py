@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 from importlib import import_module
 from typing import Any, Literal
 
+from hw.extras import missing
 from hw.types import Array
 from sim.errors import ExtraMissing, OutOfRange
 from sim.tasks import get_task
@@ -70,4 +71,4 @@ def _module(task_name: str, what: str) -> Any:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.split(".")[0] != "mujoco":
             raise
-        raise ExtraMissing(f'{what} needs the package mujoco: pip install "adaptsim[mujoco]"') from error
+        raise ExtraMissing(missing(what, "mujoco", "mujoco")) from error

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 from platform import python_version_tuple
+from threading import Lock
 from typing import Any
 
+from hw.extras import missing
 from sim.errors import ClusterUnavailable, ExtraMissing
 
 CONNECT_S = 15.0
@@ -18,30 +21,31 @@ CONNECT_S = 15.0
 RETRIES = 3
 """How often a call is repeated elsewhere after its worker died or the call failed."""
 
-PACKAGES = ("adaptsim", "distributed", "drake", "mujoco", "numpy", "scipy", "torch")
+PACKAGES = ("adaptsim", "distributed", "drake", "mujoco", "numpy", "scipy")
 """The numbers of a rollout depend on these; a cluster has the versions of the program that asks it."""
+
+Warn = Callable[[str], None]
+"""Gets a sentence about a worker that is left out."""
 
 
 @contextmanager
-def dask_cluster(scheduler: str) -> Iterator[Executor]:
+def dask_cluster(scheduler: str, warn: Warn = lambda sentence: None) -> Iterator[Executor]:
     """The workers of a running Dask cluster, `scheduler` being its address, e.g. tcp://127.0.0.1:8786.
 
-    If a worker is lost, the scheduler repeats its calls elsewhere, and each result is taken once. Raises ExtraMissing,
-    and ClusterUnavailable if nobody answers there, no worker is up, or a worker would compute other numbers.
+    If a worker is lost, the scheduler repeats its calls elsewhere, and each result is taken once. A worker that would
+    compute other numbers is left out, whenever it comes, and `warn` hears of it. Raises ExtraMissing, and
+    ClusterUnavailable if nobody answers there, no worker is up, or every worker would compute other numbers.
     """
     try:
         from distributed import Client  # noqa: PLC0415 - an extra
     except ImportError as error:
-        raise ExtraMissing(
-            "--scheduler needs the package distributed, which is not installed: pip install 'adaptsim[cluster]'"
-        ) from error
+        raise ExtraMissing(missing("--scheduler", "distributed", "cluster")) from error
     try:
         client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:
         raise ClusterUnavailable(f"no Dask scheduler answers at {scheduler}: {_brief(error)}") from error
     try:
-        _require_alike_workers(client, scheduler)
-        yield _DaskExecutor(client, scheduler)
+        yield _DaskExecutor(client, scheduler, _unlike_workers(client, scheduler), warn)
     finally:
         with suppress(TimeoutError):  # results are there by now, and a busy or lost cluster may not say good-bye
             client.close(timeout=5)
@@ -51,7 +55,10 @@ def _brief(error: Exception) -> str:
     return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
 
 
-def _require_alike_workers(client: Any, scheduler: str) -> None:
+def _unlike_workers(client: Any, scheduler: str) -> dict[str, str]:
+    """The workers that would compute other numbers, each with its difference. Raises ClusterUnavailable if no worker
+    is up, one has several threads, or none is left.
+    """
     try:
         client.wait_for_workers(1, timeout=CONNECT_S)
     except TimeoutError as error:
@@ -64,10 +71,16 @@ def _require_alike_workers(client: Any, scheduler: str) -> None:
                 f"the worker {worker} has {facts['nthreads']} threads, and a rollout needs a process of its own: start "
                 "it with --nthreads 1, and --nworkers for the number of processes"
             )
-    for worker, facts in client.get_versions(packages=PACKAGES)["workers"].items():
+    unlike, workers = {}, client.get_versions(packages=PACKAGES)["workers"]
+    for worker, facts in workers.items():
         installed = facts["packages"]
         python = ".".join(str(installed["python"]).split(".")[:2])
-        _require_versions(worker, {"python": python, **{name: installed.get(name) for name in PACKAGES}}, versions())
+        remote = {"python": python, **{name: installed.get(name) for name in PACKAGES}}
+        if difference := _difference(remote, versions()):
+            unlike[worker] = difference
+    if unlike and len(unlike) == len(workers):
+        raise ClusterUnavailable(_sentence(*next(iter(unlike.items()))))
+    return unlike
 
 
 @cache
@@ -82,25 +95,36 @@ def versions() -> Mapping[str, str | None]:
     return here
 
 
-def _require_versions(worker: str, remote: Mapping[str, str | None], here: Mapping[str, str | None]) -> None:
-    different = [
+def _difference(remote: Mapping[str, str | None], here: Mapping[str, str | None]) -> str:
+    """The packages of a worker that have other versions; empty if there are none."""
+    return ", ".join(
         f"{name} {remote[name] or 'missing'} (here {here[name] or 'missing'})"
         for name in here
         if remote[name] != here[name]
-    ]
-    if different:
-        raise ClusterUnavailable(
-            f"the worker {worker} has other versions, so its numbers may differ: {', '.join(different)}. Install the "
-            "same ones on every worker, then start it again"
-        )
+    )
+
+
+def _sentence(worker: str, difference: str) -> str:
+    return (
+        f"the worker {worker} has other versions, so its numbers may differ: {difference}. Install the same ones on "
+        "every worker, then start it again"
+    )
+
+
+@dataclass(frozen=True)
+class _Unlike:
+    """The answer of a worker that would compute other numbers, in place of its result."""
+
+    worker: str
+    difference: str
 
 
 def _on_worker(here: Mapping[str, str | None], call: Callable[..., Any], *arguments: Any) -> Any:
-    """On a worker, which may have come after the others: call once its versions are those of the program."""
+    """On a worker, which may have come after the others: call if its versions are those of the program."""
     from distributed import get_worker  # noqa: PLC0415 - an extra
 
-    _require_versions(get_worker().address, versions(), here)
-    return call(*arguments)
+    difference = _difference(versions(), here)
+    return _Unlike(get_worker().address, difference) if difference else call(*arguments)
 
 
 class _DaskExecutor(Executor):
@@ -110,18 +134,35 @@ class _DaskExecutor(Executor):
     the executor of `distributed` does not.
     """
 
-    def __init__(self, client: Any, scheduler: str) -> None:
-        self._client, self._scheduler = client, scheduler
+    def __init__(self, client: Any, scheduler: str, unlike: Mapping[str, str], warn: Warn) -> None:
+        self._client, self._scheduler, self._warn = client, scheduler, warn
+        self._unlike: dict[str, str] = {}
+        self._guard = Lock()
+        for worker, difference in unlike.items():
+            self._leave_out(_Unlike(worker, difference))
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Run `fn` on a worker. The future fails with ClusterUnavailable if the scheduler is lost."""
+        """Run `fn` on a worker. The future fails with ClusterUnavailable if the scheduler is lost, or if every worker
+        that is left would compute other numbers.
+        """
         if kwargs:
             raise TypeError("a call on a cluster takes positional arguments alone")
         local: Future[Any] = Future()
+        self._send(local, fn, args)
+        return local
+
+    def _send(self, local: Future[Any], fn: Callable[..., Any], args: tuple[Any, ...]) -> None:
         if self._client.status != "running":
             local.set_exception(self._lost())
-            return local
-        remote = self._client.submit(_on_worker, versions(), fn, *args, pure=False, retries=RETRIES)
+            return
+        try:
+            workers = self._alike()
+        except ClusterUnavailable as error:
+            local.set_exception(error)
+            return
+        remote = self._client.submit(
+            _on_worker, versions(), fn, *args, pure=False, retries=RETRIES, workers=workers, allow_other_workers=False
+        )
 
         def hand_on(_: object) -> None:
             try:
@@ -131,7 +172,11 @@ class _DaskExecutor(Executor):
                 if local.set_running_or_notify_cancel():
                     local.set_exception(self._lost() if lost else error)
             else:
-                if local.set_running_or_notify_cancel():
+                if isinstance(result, _Unlike):
+                    self._leave_out(result)
+                    if not local.cancelled():
+                        self._send(local, fn, args)
+                elif local.set_running_or_notify_cancel():
                     local.set_result(result)
 
         def cancel(_: object) -> None:
@@ -140,7 +185,23 @@ class _DaskExecutor(Executor):
 
         local.add_done_callback(cancel)
         remote.add_done_callback(hand_on)
-        return local
+
+    def _leave_out(self, unlike: _Unlike) -> None:
+        with self._guard:
+            is_new = unlike.worker not in self._unlike
+            self._unlike[unlike.worker] = unlike.difference
+        if is_new:
+            self._warn(f"{_sentence(unlike.worker, unlike.difference)}. It is left out")
+
+    def _alike(self) -> list[str] | None:
+        """The workers that compute the same numbers; None while all do. Raises ClusterUnavailable if none is left."""
+        if not self._unlike:
+            return None
+        workers = self._client.scheduler_info(n_workers=-1)["workers"]
+        alike = [worker for worker in workers if worker not in self._unlike]
+        if not alike:
+            raise ClusterUnavailable(_sentence(*next(iter(self._unlike.items()))))
+        return alike
 
     def _lost(self) -> ClusterUnavailable:
         return ClusterUnavailable(f"the Dask scheduler at {self._scheduler} was lost: start it again")

@@ -10,16 +10,18 @@ from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import AbstractContextManager
 
 from hw.cores import usable_cores
-from sim.rollouts.cluster import dask_cluster
+from sim.rollouts.cluster import Warn, dask_cluster
 
 _PR_SET_PDEATHSIG = 1
 
 
-def simulating_executor(workers: int = 0, scheduler: str = "") -> AbstractContextManager[Executor]:
+def simulating_executor(
+    workers: int = 0, scheduler: str = "", warn: Warn = lambda sentence: None
+) -> AbstractContextManager[Executor]:
     """Where a command simulates: on the workers of the Dask `scheduler`, if it names one; else on `workers` processes
-    of this computer (0: one per usable core). The numbers are the same. Raises as `dask_cluster`.
+    of this computer (0: one per usable core). The numbers are the same. `warn` and errors: see `dask_cluster`.
     """
-    return dask_cluster(scheduler) if scheduler else process_pool(workers or None)
+    return dask_cluster(scheduler, warn) if scheduler else process_pool(workers or None)
 
 
 def serial_executor() -> ThreadPoolExecutor:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import gc
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import dataclass, fields
+from queue import SimpleQueue
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,26 +168,32 @@ def _spread(
     source: str | Task, parts: Sequence[Requests], total: int, executor: Executor, progress: Progress
 ) -> Iterator[Rollouts]:
     waiting, running, done = _chunks(parts), dict[Future[Rollouts], _Chunk](), 0
+    arrivals, arrived = SimpleQueue[Future[Rollouts]](), list[Future[Rollouts]]()
     finished: list[dict[int, Rollouts]] = [{} for _ in parts]
+    missing = [len(part) for part in parts]
     try:
-        for number, part in enumerate(parts):
-            chunks = finished[number]
-            while sum(map(len, chunks.values())) < len(part):
+        for number in range(len(parts)):
+            while missing[number]:
                 for chunk in itertools.islice(waiting, IN_FLIGHT - len(running)):
                     try:
-                        requests = parts[chunk.part][chunk.start : chunk.end]
-                        running[executor.submit(_run_chunk, source, requests)] = chunk
+                        future = executor.submit(_run_chunk, source, parts[chunk.part][chunk.start : chunk.end])
                     except BrokenExecutor as broken:
                         raise _failure(parts, [chunk], broken) from broken
-                ready, _ = wait(running, return_when=FIRST_COMPLETED)
-                for future in sorted(ready, key=lambda f: (running[f].part, running[f].start)):
+                    running[future] = chunk
+                    future.add_done_callback(arrivals.put)
+                if not arrived:
+                    arrived.append(arrivals.get())
+                arrived.extend(arrivals.get_nowait() for _ in range(arrivals.qsize()))
+                arrived.sort(key=lambda f: (running[f].part, running[f].start), reverse=True)
+                while arrived and missing[number]:  # a finished part is handed on before anything that fails later
+                    future = arrived.pop()
                     rollouts = _result(parts, running, future)
                     chunk = running.pop(future)
                     finished[chunk.part][chunk.start] = rollouts
+                    missing[chunk.part] -= len(rollouts)
                     done += len(rollouts)
-                    if sum(map(len, chunks.values())) == len(part):
-                        break  # handed on before anything that fails later
                 progress(done, total)
+            chunks = finished[number]
             yield concatenate(chunks[start] for start in sorted(chunks))
             chunks.clear()
     finally:

@@ -83,6 +83,25 @@ def test_the_jobs_of_an_array_are_joined_to_the_same_rows(shell, alone):
     assert rows(ran(f"{join} --json", shell)) == alone
 
 
+def test_submitit_starts_the_shares_and_the_last_line_joins_them(shell, alone, tmp_path):
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    launcher = tmp_path / "launch.py"
+    launcher.write_text(code.replace("SHARES = 4", "SHARES = 2"), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(launcher)],
+        env={**shell, "ADAPTSIM_WORKERS": "1"},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    logs = "".join(path.read_text() for path in (tmp_path / "adaptsim-jobs").rglob("*.out"))
+    assert {"1/2", "2/2"} == set(re.findall(r"Share (\S+) is complete", " ".join(logs.split())))
+    join = re.sub(r" --share .*", "", block("SLURM_ARRAY_TASK_ID").splitlines()[-1])
+    assert rows(ran(f"{join} --json", shell)) == alone
+
+
 def test_two_dask_workers_give_the_same_rows_and_one_may_die(shell, alone):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import subprocess
+import sys
 import tomllib
 from importlib import metadata
 from types import ModuleType
@@ -89,7 +90,46 @@ def needed(wanted: list[str]) -> set[str]:
 def test_what_the_program_runs_with_is_a_part_of_everything():
     run, everything = locked("requirements-run.lock"), locked("requirements.lock")
     assert run.items() <= everything.items()
-    assert not run.keys() & {"mujoco", "pin", "sbi", "botorch", "pytest", "mypy", "ruff", "distributed", "dash"}
+    assert not run.keys() & {"mujoco", "pin", "sbi", "botorch", "pytest", "mypy", "ruff", "distributed", "torch"}
+
+
+LOCKED_IMPORTS = """
+import importlib, sys
+for name in sys.argv[1:]:
+    importlib.import_module(name)
+"""
+
+
+@pytest.mark.parametrize(
+    ("described", "version"),
+    [
+        ("v0.2.0", "0.2.0"),
+        ("0.2.0.dev0", "0.2.0.dev0"),
+        ("v0.2.0-5-gc4d264db", "0.2.0.post5+gc4d264db"),
+        ("c4d264db", "0.0.0+gc4d264db"),
+        ("1234567", "0.0.0+g1234567"),
+        ("main-dirty", "0.0.0+gmain.dirty"),
+        ("", "0.0.0"),
+    ],
+)
+def test_the_version_of_a_build_without_git_always_parses(setup, described, version):
+    assert setup.version_of(described) == version
+    assert str(Version(version)) == version
+
+
+@pytest.mark.long
+def test_every_package_that_the_program_runs_with_imports_plainly():
+    """Open3D's module, for example, needs plotly and dash as soon as a user imports it."""
+    run = locked("requirements-run.lock").keys()
+    modules = {
+        module
+        for module, owners in metadata.packages_distributions().items()
+        if module.isidentifier() and not module.startswith("_") and {*map(canonicalize_name, owners)} <= run
+    }
+    assert {"open3d", "pydrake", "cv2", "plotly", "dash"} <= modules
+    line = [sys.executable, "-c", LOCKED_IMPORTS, *sorted(modules)]
+    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
 
 
 @pytest.mark.parametrize("name", ["requirements.lock", "requirements-run.lock"])

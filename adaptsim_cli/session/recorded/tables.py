@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from hw.bounded import Unreadable, read_bytes
+from hw.extras import missing
 from hw.types import Array
 from sim.errors import ExtraMissing, RecordingsRefused
 
@@ -91,7 +92,7 @@ def _parquet(path: Path, content: bytes, required_names: Sequence[str] | None) -
         import pyarrow
         from pyarrow import parquet
     except ImportError as error:
-        raise ExtraMissing(f"{path} needs the package pyarrow: pip install 'adaptsim[export]'") from error
+        raise ExtraMissing(missing(str(path), "pyarrow", "export")) from error
     try:
         file = parquet.ParquetFile(io.BytesIO(content))
         names = list(file.schema_arrow.names)

@@ -15,6 +15,7 @@ from io import StringIO
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.extras import missing
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, prospects_of
 from sim.adaptation.method import Iteration, Particle
@@ -188,10 +189,7 @@ def _condition(
 def require(method: str, package: str, extra: str) -> None:
     """Raises ExtraMissing, with the line that installs it, unless `package` is installed. Imports nothing."""
     if find_spec(package) is None:
-        raise ExtraMissing(
-            f"{method} needs the package {package}, which is not installed: install the extra with "
-            f"pip install 'adaptsim[{extra}]'"
-        )
+        raise ExtraMissing(missing(method, package, extra))
 
 
 @contextmanager

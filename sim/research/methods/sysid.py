@@ -17,17 +17,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import torch
 
+from hw.extras import missing
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle, Trial, require_whole
-from sim.errors import CheckpointError
+from sim.errors import CheckpointError, ExtraMissing
 from sim.research.methods.search import calculating, require
 from sim.rollouts.draws import sobol
 from sim.solvers.misfit import LEAST_STD
 from sim.solvers.solver import Solver
 from sim.tasks.task import Task
+
+try:
+    import torch
+except ImportError as error:
+    raise ExtraMissing(missing("sysid", "torch", "sbi")) from error
 
 SIMULATED = 1024
 """Draws of parameters per iteration, each with a simulation of every trial."""

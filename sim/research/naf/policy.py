@@ -12,12 +12,11 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
-from torch.nn.functional import huber_loss, softplus
 
+from hw.extras import missing
 from hw.types import Array, frozen_array
+from sim.errors import ExtraMissing
 from sim.rollouts.draws import Disturbances, cover
 from sim.rollouts.run import Requests, Roll, Rollouts
 from sim.solvers.candidates import first_executable
@@ -25,6 +24,13 @@ from sim.solvers.solver import Executable
 from sim.solvers.threads import one_thread
 from sim.storage.files import Tensors
 from sim.tasks.task import Task
+
+try:
+    import torch
+    from torch import Tensor, nn
+    from torch.nn.functional import huber_loss, softplus
+except ImportError as error:
+    raise ExtraMissing(missing("NAF", "torch", "learn")) from error
 
 CANDIDATES = 256
 """Number of actions to search for an executable one, if the best one is not."""

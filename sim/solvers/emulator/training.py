@@ -8,14 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor, relu_
-from torch.nn.functional import binary_cross_entropy_with_logits
 
+from hw.extras import missing
 from hw.types import Array
 from perception.types import Outcome
-from sim.errors import DatasetError
+from sim.errors import DatasetError, ExtraMissing
 from sim.rollouts.dataset import Dataset
 from sim.rollouts.run import OUTCOMES, Requests, Rollouts, concatenate
 from sim.solvers.emulator.network import PRIOR_SCALE, Emulator, EmulatorReport, encode
@@ -23,6 +21,13 @@ from sim.solvers.misfit import misfit
 from sim.solvers.threads import one_thread
 from sim.storage.files import Tensors
 from sim.tasks.task import Task
+
+try:
+    import torch
+    from torch import Tensor, relu_
+    from torch.nn.functional import binary_cross_entropy_with_logits
+except ImportError as error:
+    raise ExtraMissing(missing("pretraining", "torch", "learn")) from error
 
 
 def with_mirror_images(task: Task, dataset: Dataset) -> Dataset:

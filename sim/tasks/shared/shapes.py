@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hw.extras import install_line
 from hw.poses import translation
 from hw.types import Array
 from sim.errors import ExtraMissing
@@ -72,7 +73,7 @@ def library() -> Any:
         import manifold3d  # noqa: F401, PLC0415 - an extra; trimesh joins and cuts with it
         import trimesh  # noqa: PLC0415
     except ImportError as error:
-        raise ExtraMissing("parts need trimesh and manifold3d: pip install 'adaptsim[parts]'") from error
+        raise ExtraMissing(f"parts need trimesh and manifold3d: {install_line('parts')}") from error
     return trimesh
 
 

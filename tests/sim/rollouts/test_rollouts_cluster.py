@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
@@ -81,6 +83,35 @@ def test_a_worker_that_comes_later_with_other_versions_is_refused_too(two_worker
         monkeypatch.setattr(cluster, "versions", lambda: here)
         with pytest.raises(ClusterUnavailable, match=r"other versions.*: drake [\d.]+ \(here 1\.0\.0\)"):
             run_many(TOY, dataset_requests(TOY, 3, 8), dask)
+
+
+ANOTHER_VERSION = """
+from sim.rollouts import cluster
+here = cluster.versions()
+cluster.versions = lambda: {**here, "drake": "1.0.0"}
+"""
+
+
+def test_a_late_worker_with_other_versions_is_left_out_and_the_others_finish(two_workers, tmp_path):
+    preload = tmp_path / "another_version.py"
+    preload.write_text(ANOTHER_VERSION, encoding="utf-8")
+    address, sentences = two_workers.scheduler_address, []
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny"]
+    requests = dataset_requests(TOY, 3, 800)
+    with serial_executor() as executor:
+        expected = run_many(TOY, requests, executor)
+    with dask_cluster(address, sentences.append) as dask:
+        command += ["--no-dashboard", "--preload", str(preload)]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}  # the toy task lies beside the tests
+        late = subprocess.Popen(command, stderr=subprocess.DEVNULL, env=environment)
+        try:
+            with Client(address, set_as_default=False) as client:
+                client.wait_for_workers(3, timeout=60)
+            assert equal_rollouts(run_many(TOY, requests, dask), expected)
+        finally:
+            late.terminate()
+            late.wait(timeout=30)
+    assert len(sentences) == 1 and "drake 1.0.0 (here" in sentences[0] and "left out" in sentences[0]
 
 
 def test_a_cluster_that_is_slow_to_say_good_bye_spoils_no_result(two_workers, monkeypatch):

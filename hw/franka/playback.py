@@ -318,6 +318,7 @@ class Rhythm:
     interface: (
         int | None
     )  # version of the arm's server; None: the SDK does not report it, and has refused any but its own
+    priority: int  # real-time priority of the process that took them; 0: none
 
 
 @dataclass(frozen=True, eq=False)

@@ -251,7 +251,9 @@ class FrankaArm:
             raise
         played = outcome.played
         t_start_s = float(played.clock_s[0]) if len(played.t_s) else time.monotonic()
-        execution = Execution(t_start_s, played.t_s, played.q_commanded_rad, played.q_measured_rad, played.success_rate)
+        measured = {name: log for name, log in played.measured.items() if np.isfinite(log).all()}
+        joints = played.q_commanded_rad, played.q_measured_rad
+        execution = Execution(t_start_s, played.t_s, *joints, played.success_rate, measured)
         self.last_execution, self.last_stop = execution, stop_report(played)
         if outcome.failure is not None:
             self.last_stop = arm_stop(played, outcome.rest) or self.last_stop

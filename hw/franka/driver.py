@@ -44,7 +44,8 @@ class Reading:
 
 SdkState = Any
 """Either SDK's RobotState. A cycle reads: q and q_d (held by the controller) in rad, dq in rad/s, tau_ext_hat_filtered
-in Nm, (7,) each, and control_command_success_rate, the share of the last 100 commands that arrived in time. At rest
+in Nm, (7,) each, and control_command_success_rate, the share of the last 100 commands that arrived in time; also those
+of `hw.quantities.QUANTITIES` that it has. At rest
 also time, robot_mode, errors, and mass (m_), centre of mass (F_x_C) and inertia (I_) of load and end effector (ee).
 """
 

@@ -6,7 +6,7 @@ import time
 from typing import Any, Self
 
 from hw.child import Call, Child, ChildGone
-from hw.errors import DeviceUnavailable, FingersMoved, HandError
+from hw.errors import DeviceUnavailable, HandError
 from hw.franka.hand import OPEN, STATE
 from hw.franka.hand_keeper import OPEN_S, READ_S, SECOND_S, STOP_S, WORKER_S
 from hw.franka.hand_stop import STILL_S, WATCH_S, Stopped
@@ -113,8 +113,10 @@ class HandProcess:
             answer = None
         finally:
             self.__exit__()
-        if isinstance(answer, HandState | Stopped | HandError):
-            return "the hand had ended its command" if isinstance(answer, HandState) else str(answer)
+        if isinstance(answer, HandState):
+            return "the hand had ended its command"
+        if isinstance(answer, Stopped | HandError):
+            return str(answer.error() if isinstance(answer, Stopped) else answer)
         return f"nobody knows whether the fingers of the hand stand ({answer or 'no answer'}): look at it"
 
     def _told(self, answer: Any) -> HandState:
@@ -123,7 +125,7 @@ class HandProcess:
         if isinstance(answer, Stopped):
             self.stopped_after_s = answer.after_s
             self.__exit__()
-            raise (HandError if answer.is_certain else FingersMoved)(str(answer))
+            raise answer.error()
         if isinstance(answer, HandError):
             raise answer
         raise self._lost(str(answer))

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from hw.errors import FingersMoved, HandError
 from hw.watchdog import IN_WORDS
 
 STILL_S = 0.3
@@ -24,7 +25,7 @@ WATCH_S = 3.0
 Widths = Sequence[tuple[float, float]]
 """Rows of a time (s) and the fingers' width (m) then."""
 
-_THEN = "look at it, then run the command again: it homes the hand again"
+_AGAIN = "run the command again: it homes the hand again"
 _CARE = (
     "Keep clear of the fingers, and switch the arm off at its control box if they hold what they must not. No motion "
     "follows without a recovery: once the fingers stand, look at the hand and run the command again. It names this "
@@ -52,20 +53,23 @@ class Stopped:
     def _moved_m(self) -> float:
         return 0.0 if self.from_m is None or self.to_m is None else abs(self.to_m - self.from_m)
 
-    def __str__(self) -> str:
+    def error(self) -> HandError:
+        """The error to raise, in words for a person; FingersMoved unless the fingers surely stand."""
         why = IN_WORDS[self.why]
         if self.is_certain:
-            return f"the hand was stopped: {why}; {_THEN}"
+            return HandError(f"the hand was stopped: {why}; look at it, then {_AGAIN}")
         if self.from_m is None or self.to_m is None:
-            return (
+            return FingersMoved(
                 f"the hand accepted a stop ({why}), but its width could not be read, so nobody knows whether the "
                 f"fingers stand. {_CARE}"
             )
         stop = "the stop was" if self.stops == 1 else f"{self.stops} stops were"
         widths = f"{1e3 * self.from_m:.1f} mm, then {1e3 * self.to_m:.1f} mm"
         if self.stands:
-            return f"{stop} accepted but the fingers still moved: {widths}, where they stand now ({why}). {_CARE}"
-        return f"{stop} accepted but the fingers still move: {widths} ({why}). {_CARE}"
+            return FingersMoved(
+                f"{stop} accepted but the fingers still moved: {widths}, where they stand now ({why}). {_CARE}"
+            )
+        return FingersMoved(f"{stop} accepted but the fingers still move: {widths} ({why}). {_CARE}")
 
 
 class Reader(Protocol):

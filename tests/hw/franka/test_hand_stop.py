@@ -55,7 +55,7 @@ def test_fingers_that_stand_where_the_stop_found_them_were_stopped() -> None:
     assert (outcome.stops, hand.stops) == (1, 1)
     assert outcome.from_m == pytest.approx(0.045)
     assert outcome.to_m == hand.width_m
-    assert str(outcome).startswith("the hand was stopped: the enabling pedal was released; look at it")
+    assert str(outcome.error()).startswith("the hand was stopped: the enabling pedal was released; look at it")
 
 
 def test_fingers_that_obey_the_second_stop_are_told_with_both_widths() -> None:
@@ -64,11 +64,11 @@ def test_fingers_that_obey_the_second_stop_are_told_with_both_widths() -> None:
     assert not outcome.is_certain
     assert outcome.stands
     assert hand.stops == 2
-    assert "the hand was stopped" not in str(outcome)
+    assert "the hand was stopped" not in str(outcome.error())
     assert f"2 stops were accepted but the fingers still moved: 45.0 mm, then {1e3 * hand.width_m:.1f} mm" in str(
-        outcome
+        outcome.error()
     )
-    assert "where they stand now" in str(outcome)
+    assert "where they stand now" in str(outcome.error())
 
 
 def test_fingers_that_obey_no_stop_are_watched_until_they_arrive() -> None:
@@ -76,10 +76,10 @@ def test_fingers_that_obey_no_stop_are_watched_until_they_arrive() -> None:
     outcome = hand.stopped()
     assert hand.stops > 3
     assert outcome.to_m == hand.width_m == 0.0
-    assert str(outcome).startswith(
+    assert str(outcome.error()).startswith(
         f"{hand.stops} stops were accepted but the fingers still moved: 45.0 mm, then 0.0 mm"
     )
-    assert "No motion follows without a recovery" in str(outcome)
+    assert "No motion follows without a recovery" in str(outcome.error())
 
 
 def test_fingers_that_never_arrive_are_not_said_to_stand() -> None:
@@ -87,8 +87,8 @@ def test_fingers_that_never_arrive_are_not_said_to_stand() -> None:
     outcome = hand.stopped()
     assert hand.now_s < 0.5 + 2.0 * WATCH_S
     assert not outcome.stands
-    assert "the fingers still move:" in str(outcome)
-    assert "stand now" not in str(outcome)
+    assert "the fingers still move:" in str(outcome.error())
+    assert "stand now" not in str(outcome.error())
 
 
 def test_a_stop_that_is_answered_once_the_fingers_have_arrived_is_no_stop() -> None:
@@ -96,12 +96,12 @@ def test_a_stop_that_is_answered_once_the_fingers_have_arrived_is_no_stop() -> N
     outcome = hand.stopped()
     assert outcome.stands
     assert not outcome.is_certain
-    assert "but the fingers still moved: 15.0 mm, then 0.0 mm, where they stand now" in str(outcome)
+    assert "but the fingers still moved: 15.0 mm, then 0.0 mm, where they stand now" in str(outcome.error())
 
 
 def test_a_width_that_cannot_be_read_leaves_the_stop_unknown() -> None:
     hand = Hand(silent=True)
-    assert "nobody knows whether the fingers stand" in str(hand.stopped())
+    assert "nobody knows whether the fingers stand" in str(hand.stopped().error())
     assert not stopped("pedal", hand.stop, None, lambda: hand.now_s, lambda: None).is_certain
 
 

@@ -89,7 +89,6 @@ def stopped(
     began_s = clock()
     stop()
     after_s, stops, widths = clock() - began_s, 1, list[tuple[float, float]]()
-    wait()
     while reader is not None and (more := reader.read(STILL_S)):
         widths += more
         if _stands(widths) or clock() - began_s > WATCH_S:
@@ -99,6 +98,7 @@ def stopped(
         except Exception:  # noqa: BLE001 each SDK has its own errors; the first stop was accepted
             continue
         stops += 1
+    wait()
     if not widths:
         return Stopped(why, after_s)
     before = [width_m for t_s, width_m in widths if t_s <= began_s]

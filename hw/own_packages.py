@@ -14,7 +14,7 @@ NAMES = ("hw", "perception", "calib", "sim")
 
 
 def import_own() -> None:
-    """Import the packages, so that their modules are found inside of them. Raises ImportError if a name is taken."""
+    """Import the packages, so that their modules are found inside of them. Raises ImportError if a name is other."""
     for name in NAMES:
         if name in sys.modules:
             _require_own(name, sys.modules[name])
@@ -31,10 +31,10 @@ def _require_own(name: str, module: ModuleType) -> None:
     if Path(places[0] if places else "").resolve().is_relative_to(ROOT / name):
         return
     place = Path(places[0]) if places else Path(name)
-    taken = place.parent if place.name == "__init__.py" else place
+    other = place.parent if place.name == "__init__.py" else place
     raise ImportError(
-        f"adaptsim cannot import its own package {name!r}, because {taken} was imported under that name before: rename "
-        f"{taken.name}, or import adaptsim_cli before it (then `import {name}` gives adaptsim's package everywhere)"
+        f"adaptsim cannot import its own package {name!r}, because {other} was imported under that name before: rename "
+        f"{other.name}, or import adaptsim_cli before it (then `import {name}` gives adaptsim's package everywhere)"
     )
 
 

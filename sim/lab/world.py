@@ -69,8 +69,6 @@ class Mount:
     table_rise_mrad: tuple[_Tilt, _Tilt] = (0.0, 0.0)  # along X and along Y
     tool_height_mm: Annotated[float, Field(ge=-30, le=30)] = 0.0  # of the tool along its own Z
     tool_roll_mrad: Annotated[float, Field(ge=-100, le=100)] = 0.0  # of the tool about its own X
-    grip_Nm_per_N: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Torque limit of the grip across the fingers, per newton of grasp force; 1: no limit."""
 
     @property
     def true(self) -> ToolCorrection:

@@ -1,6 +1,6 @@
 """Files that a person may have written or received, read within bounds: no file can hang a command or fill the memory.
 
-Reads TOML, JSON, PNG and JPEG, and checks safetensors and Matroska before their libraries open them. Every defect of a
+Reads TOML, JSON, PNG and JPEG, and checks safetensors before its library opens them. Every defect of a
 file raises `Unreadable`; its message continues a sentence that begins with the file's name.
 """
 
@@ -24,7 +24,6 @@ IMAGE_BYTES = 64 * 2**20
 IMAGE_PIXELS = 2**26
 TENSOR_BYTES = 4 * 2**30
 TENSOR_HEADER_BYTES = 2**20
-VIDEO_BYTES = 64 * 2**30
 DEEPEST = 32
 """Most levels of nested tables and arrays, and most parts of a key."""
 

@@ -89,7 +89,6 @@ class Played:
     stop_wanted: str = ""  # why it braked; empty: it did not
     wanted_at: int = -1  # row at which the stop was requested
     braked_at: int = -1  # row of the first slowed sample
-    braked_from: int = -1  # sample of the path where braking began; -1: played to its end
 
     @property
     def success_rate(self) -> float:
@@ -179,7 +178,7 @@ class Playback:
         real = ((measured >= self._low) & (measured <= self._high)).all(axis=1, keepdims=True)
         measured = np.where(real, measured, commanded)  # it braked where the arm reported nonsense
         logs = (self._t[:n], self._clock_s[:n], commanded, measured, speeds)
-        stop = (self._reason, self._wanted_at, self._braked_at, self._stop_tick)
+        stop = (self._reason, self._wanted_at, self._braked_at)
         return Played(*logs, n / elapsed, reported, *stop)
 
     def _stale(self, state: SdkState) -> str:

@@ -222,14 +222,9 @@ def _no_devices(file: _File, source: str) -> None:
         )
 
 
-_EARLIER_NAMES = {"table_tilt_mrad": "table_rise_mrad"}
-"""Keys of world files before version 0.2; a file that has both names of one key is refused."""
-
-
 def _check(model: type[_Model], raw: Mapping[str, Any], source: str, table: str) -> _Model:
-    renamed = {old: new for old, new in _EARLIER_NAMES.items() if new not in raw}
     try:
-        return model.model_validate({renamed.get(key, key): _tuples(value) for key, value in raw.items()})
+        return model.model_validate({key: _tuples(value) for key, value in raw.items()})
     except ValidationError as error:
         raise WorldError(f"{source}: {_message(error, table, tuple(model.model_fields))}") from error
 

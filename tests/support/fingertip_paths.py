@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from hw.collision import fingertips
+from hw.collision import COARSE_HAND, FINGERS, HAND, HAND_MASS, Tool
 from hw.kinematics import forward
 from hw.types import Array, ContactWindow, JointPath, frozen_array
 from hw.wrist import FINGERTIP_M
 
 TIP = frozen_array([0.0, 0.0, FINGERTIP_M])
-TOOL = fingertips(TIP)
+TOOL = Tool("fingertips", HAND_MASS, HAND, np.array([TIP]), FINGERS, COARSE_HAND)
+"""The empty hand whose fingers may touch the table."""
 FORCE_N = 20.0
 XY_M, TOP_M = (0.5, 0.0), 0.02
 _NEAR = np.array([0.0, 0.25, 0.0, -2.3, 0.0, 2.55, np.pi / 4])

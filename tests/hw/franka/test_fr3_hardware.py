@@ -15,8 +15,8 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 from cells import cell
+from fingertip_paths import TOOL
 
-from hw.collision import fingertips
 from hw.franka.arm import FrankaArm, open_franka
 from hw.franka.settings import FrankaSettings
 from hw.kinematics import forward
@@ -27,7 +27,7 @@ from sim.panda.moves import move_path
 pytestmark = pytest.mark.hardware
 TURN_RAD = 0.05
 ROOM_M = 0.06
-CELL = cell("fr3", fingertips(np.array([0.0, 0.0, FINGERTIP_M])))
+CELL = cell("fr3", TOOL)
 
 
 @pytest.fixture

@@ -44,6 +44,11 @@ class SideDistance:
         """Whether a person at the edge of the side is nearer to the arm than the separation distance."""
         return self.nearest_m < self.separation_m
 
+    @property
+    def line_m(self) -> float:
+        """Where a person must stay, from the base's axis: the separation distance behind the side's edge."""
+        return self.from_m + self.separation_m
+
 
 def nearest_m(box: KeepOut, cell: Workcell, paths: Sequence[JointPath]) -> float:
     """The least distance (m) of arm and tool from `box` in any path (reported joints)."""

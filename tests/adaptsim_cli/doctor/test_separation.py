@@ -24,6 +24,7 @@ def test_a_person_walks_while_the_arm_stops():
     assert separation_m(0.5) == pytest.approx(1.6 * 0.5 + 0.85)
     assert SideDistance(0.6, 0.3, 1.6).is_near
     assert not SideDistance(0.6, 1.7, 1.6).is_near
+    assert SideDistance(0.6, 0.3, 1.6).line_m == pytest.approx(2.2)
 
 
 def test_the_nearest_moment_of_a_motion_counts():

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from hw.collision import COARSE_HAND, FINGERS, HAND, HAND_MASS, Tool
+from hw.collision import HAND_MASS, Tool
 from hw.kinematics import forward
+from hw.outline import COARSE_HAND, FINGERS, HAND
 from hw.types import Array, ContactWindow, JointPath, frozen_array
 from hw.wrist import FINGERTIP_M
 

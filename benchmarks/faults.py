@@ -5,7 +5,7 @@
 Every kind is drawn until it changed the course `--each` times; a fault that changed nothing does not count (a wrong
 stamp of an image counts if the image is in the film). Then two faults at once are drawn, `--pairs` times.
 
-A motion is one of a real lab's arm: a trial, a touch, or a way of the calibration with the board. Consent, pedal
+A motion is one of a real lab's arm: a trial, or a way of the calibration with the board. Consent, pedal
 protocol, checks, player and the pipe between them are the program's own, in simulated time; only the SDK is a stand-in
 (`tests/support/living_sdk.py`), whose arm lags, coasts and has noise. Boxes stand as near to the motion as the program
 accepts. The fingers have the program's keeper and pedal. A recording is one of the camera's driver over a stand-in of
@@ -18,7 +18,7 @@ After each fault:
 
 * no command was beyond a limit, by code that shares nothing with the program: published limits, inertias and meshes
   (`tests/support/own_judge.py`, `mesh_judge.py`); the true surface stayed 10 mm from the box, 2 mm above the table, and
-  off itself; a touch went at most 4 mm into what it touched;
+  off itself;
 * the last command that differs came within what the documents promise (docs/results/motion.md);
 * nothing was commanded without the typed model, and after a gap of more than 20 ms nothing more;
 * a motion that did not end is remembered, and nothing moves before a recovery;
@@ -51,7 +51,7 @@ from camera_stage import DELAY_S, Shown
 from fake_k4a import PERIOD_S, FakeK4a, running
 from fault_hand import HAND_FAULTS, one_hand
 from fault_lab import DISKS, HANDS, TYPED, Outcome, one_motion
-from fault_world import AT_A_CONTACT, BEFORE, IN_MOTION, Fault, release
+from fault_world import BEFORE, ESTIMATES, IN_MOTION, Fault, release
 from kept import Kept
 from toy_rig import ToyLab
 
@@ -205,7 +205,7 @@ def completed(home: Path) -> dict[str, bytes]:
     return {str(p.relative_to(root)): p.read_bytes() for record in records for p in sorted(record.parent.iterdir())}
 
 
-MOTIONS = ("trial", "touch", "calibration")
+MOTIONS = ("trial", "calibration")
 SESSIONS = (*SESSION_ERRORS, "session: killed")
 ARM_KINDS = tuple(dict.fromkeys((*IN_MOTION, *BEFORE, *TYPED, *HANDS, *DISKS)))
 PAIR = "two at once"
@@ -216,13 +216,13 @@ KINDS = (*ARM_KINDS, *HAND_FAULTS, *CAMERAS, *SESSIONS)
 def one_arm(kind: str, number: int, rng: np.random.Generator, folder: Path) -> Outcome:
     """The motion of that number with a fault of that kind: motions and moments in turn."""
     model = ("panda", "fr3")[int(rng.integers(2))]
-    motion = "trial" if kind in HANDS else "touch" if kind in AT_A_CONTACT else MOTIONS[number % len(MOTIONS)]
+    motion = "trial" if kind in HANDS else MOTIONS[number % len(MOTIONS)]
     whens = [when for when in (1, 1, -1, 0) if kind in (IN_MOTION if when > 0 else BEFORE)]
-    if kind in ("arm: heavier", "arm: guided", *AT_A_CONTACT):
+    if kind in ("arm: heavier", "arm: guided", *ESTIMATES):
         whens = [-1]  # nobody checks load and estimate again after the check, and a guided arm plays nothing
 
     def faults(length: int) -> tuple[tuple[int, Fault], ...]:
-        at = int(rng.integers(1, int(length * (0.4 if motion == "touch" else 0.9))))
+        at = int(rng.integers(1, int(0.9 * length)))
         if kind == DISKS[1]:
             return ((at, release),)  # the reason of the stop cannot be written
         if not whens:
@@ -300,7 +300,7 @@ def main() -> int:
 
 def table(found: list[Outcome]) -> int:
     """Print a row per kind, what broke a promise, and the sum."""
-    print("| kind | effective of drawn | trial, touch, calibration | at rest within | broke a promise |")
+    print("| kind | effective of drawn | trial, calibration | at rest within | broke a promise |")
     print("|---|---|---|---|---|")
     by_kind: dict[str, list[Outcome]] = {}
     for outcome in found:

@@ -6,20 +6,19 @@ motion ends without another command.
 
 A stop slows the path's time as `hw.braking` does. It begins at the next moment for which a stop within the limits was
 computed beforehand, and each cycle computes one sample of it. At the end the last sample is held until the arm stands
-still. A guarded motion stops itself in the same way, in the cycle in which its detector feels a touch.
+still.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite
 
 import numpy as np
 
 from hw.braking import check_braking, joint_spline
-from hw.contact import Detector
 from hw.errors import MotionRefused
 from hw.franka.driver import FAULT, Failure, Reading, SdkState
 from hw.franka.states import UNWATCHED_S
@@ -47,9 +46,6 @@ HOLD_S = 0.5
 
 NONSENSE = "nonsense"
 """The reason of a stop because the arm reported NaN, or joints that it cannot have."""
-
-TOUCH = "touch"
-"""The reason of a guarded motion that stopped at a touch."""
 
 RATE_WINDOW = 100
 """Cycles over which the arm computes its success rate, which is meaningless before (libfranka, `RobotState`)."""
@@ -94,8 +90,6 @@ class Played:
     stop_wanted: str = ""  # why it braked; empty: it did not
     wanted_at: int = -1  # row at which the stop was requested
     braked_at: int = -1  # row of the first slowed sample
-    braked_from: int = -1  # sample of the path where braking began; -1: played to its end
-    largest_N: float = 0.0  # the largest force felt by the detector of a guarded motion
     measured: dict[str, Array] = field(default_factory=dict)
     """(M, K) by the names of `hw.quantities.QUANTITIES`: what the arm reported. NaN where it reported nonsense."""
 
@@ -106,7 +100,7 @@ class Played:
 
 
 class Playback:
-    """`step` is the arm's cycle. `stop_reason` returns the reason to stop now, or ""; `detector` detects a touch.
+    """`step` is the arm's cycle. `stop_reason` returns the reason to stop now, or "".
 
     `interrupted` returns, for the state of the first cycle, why the motion may no longer begin, or "". `sent_s` is when
     the program sent the motion, on the clock `awake`; None: now.
@@ -117,13 +111,12 @@ class Playback:
         motion: PlayableMotion,
         stop_reason: Callable[[], str],
         clock: Callable[[], float],
-        detector: Detector | None = None,
         start_s: float = START_S,
         awake: Callable[[], float] = since_boot_s,
         interrupted: Callable[[SdkState], str] = lambda state: "",
         sent_s: float | None = None,
     ) -> None:
-        self._motion, self._wanted, self._clock, self._detector = motion, stop_reason, clock, detector
+        self._motion, self._wanted, self._clock = motion, stop_reason, clock
         self._start_s, self._awake, self._sent_s = start_s, awake, awake() if sent_s is None else sent_s
         self._interrupted = interrupted
         self.refused = ""  # why not even the first sample was commanded
@@ -157,9 +150,9 @@ class Playback:
         if row:
             self._tick += _elapsed(dt_s)
         tick = self._tick
-        felt = self._felt(tick, state)
+        nonsense = _nonsense(state, self._low, self._high)
         if not self._reason:
-            self._reason = (self._wanted() if tick < self._last else "") or felt
+            self._reason = (self._wanted() if tick < self._last else "") or nonsense
             if self._reason:
                 self._wanted_at = row
                 self._brake(tick)
@@ -195,10 +188,9 @@ class Playback:
         real = ((measured >= self._low) & (measured <= self._high)).all(axis=1, keepdims=True)
         measured = np.where(real, measured, commanded)  # it braked where the arm reported nonsense
         logs = (self._t[:n], self._clock_s[:n], commanded, measured, speeds)
-        stop = (self._reason, self._wanted_at, self._braked_at, self._stop_tick)
-        largest_N = 0.0 if self._detector is None else self._detector.largest_N
+        stop = (self._reason, self._wanted_at, self._braked_at)
         values = {quantity.name: log[:n] for quantity, log in self._measured.items()} if n else {}
-        return Played(*logs, n / elapsed, reported, *stop, largest_N, values)
+        return Played(*logs, n / elapsed, reported, *stop, values)
 
     def _stale(self, state: SdkState) -> str:
         """Why the motion may not begin in this first cycle, or ""."""
@@ -219,20 +211,6 @@ class Playback:
                     f"{off_rad[joint]:.3g} rad from the beginning (at most {most_rad:g} rad)"
                 )
         return ""
-
-    def _felt(self, tick: int, state: SdkState) -> str:
-        """Why to stop by the arm's own readings, or ""."""
-        if not isfinite(sum(state.dq)):
-            return NONSENSE
-        for q, low, high in zip(state.q, self._low, self._high, strict=True):
-            if not low <= q <= high:
-                return NONSENSE
-        if self._detector is None:
-            return ""
-        torque_Nm = state.tau_ext_hat_filtered
-        if not isfinite(sum(torque_Nm)):
-            return NONSENSE
-        return TOUCH if self._detector.feel(tick / PATH_RATE_HZ, state.q, torque_Nm) else ""
 
     def _refuse_jump(self, q_rad: list[float], dt_s: float) -> None:
         """Raises Failure if a joint would be faster from the last command to this one than it may ever be."""
@@ -261,6 +239,12 @@ class Playback:
 
 
 _REPORT = "Keep the session's record and report this"
+
+
+def _nonsense(state: SdkState, low_rad: Sequence[float], high_rad: Sequence[float]) -> str:
+    """`NONSENSE` if the arm reports NaN, or joints that it cannot have; else ""."""
+    plausible = all(low <= q <= high for q, low, high in zip(state.q, low_rad, high_rad, strict=True))
+    return "" if plausible and isfinite(sum(state.dq)) else NONSENSE
 
 
 def _elapsed(dt_s: float) -> int:

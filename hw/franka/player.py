@@ -20,14 +20,12 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from hw.child import Call
-from hw.contact import Detector
 from hw.errors import DeviceUnavailable
 from hw.franka import connection, realtime, versions
 from hw.franka.connection import DRIVES
 from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Failure, Reading
 from hw.franka.playback import START_S, STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback, PlayOutcome, Timing
 from hw.franka.settings import FrankaSettings
-from hw.types import Guard
 from hw.watchdog import Watchdog
 
 CONNECT, PLAY = "connect", "play"
@@ -42,21 +40,17 @@ def play(
     driver: connection.Connection,
     motion: PlayableMotion,
     listener: Watchdog,
-    guard: Guard | None = None,
     start_s: float = START_S,
     sent_s: float | None = None,
 ) -> PlayOutcome:
-    """Play `motion`; with a guard, until it touches. A failure during the motion is part of the outcome.
+    """Play `motion`. A failure during the motion is part of the outcome.
 
     `sent_s` is when the program sent it (`since_boot_s`), None: now; it begins at most `start_s` later or not at all.
 
     Raises Failure if the arm rejects its settings, or is no longer where the motion begins: nothing has moved.
     """
-    detector = None if guard is None else Detector(guard)
     interrupted = partial(driver.interruption, motion.checked_s)
-    playback = Playback(
-        motion, listener.stop_reason, time.monotonic, detector, start_s, interrupted=interrupted, sent_s=sent_s
-    )
+    playback = Playback(motion, listener.stop_reason, time.monotonic, start_s, interrupted=interrupted, sent_s=sent_s)
     driver.watch()  # both take a tenth of a second for a long motion
     gc.collect()
     gc.disable()  # no pause of several milliseconds while the arm waits, or while nobody reads its states
@@ -111,8 +105,8 @@ def serve(program: Connection, listener: Watchdog, connect: Callable[..., connec
             elif driver is None:
                 answer = Failure(UNAVAILABLE, "the arm is not connected")
             elif call.method == PLAY:
-                motion, guard, sent_s = call.arguments
-                answer = play(driver, motion, listener, guard, timing.start_s, sent_s)
+                motion, sent_s = call.arguments
+                answer = play(driver, motion, listener, timing.start_s, sent_s)
             else:
                 answer = getattr(driver, call.method)(*call.arguments) or driver.reading()
         except Failure as failure:

@@ -12,7 +12,6 @@ from hw.franka.driver import LOST, Failure, Reading
 from hw.franka.playback import HOLD_S, PlayableMotion, PlayOutcome, Rhythm, Timing
 from hw.franka.player import CONNECT, PLAY
 from hw.franka.settings import FrankaSettings, Payload
-from hw.types import Guard
 from hw.watchdog import WORD_EVERY_S, since_boot_s
 
 ANSWER_S = 60.0
@@ -39,8 +38,8 @@ class Player(Protocol):
     def carry(self, payload: Payload) -> Reading:
         """Set the load of the hand, and return the arm's report after that."""
 
-    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
-        """Play `motion`; `word` is asked every few milliseconds whether it may go on, `guard` ends it at a contact."""
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes]) -> PlayOutcome:
+        """Play `motion`; `word` is asked every few milliseconds whether it may go on."""
 
     def close(self) -> None:
         """End the process; the arm stops if it moves."""
@@ -99,14 +98,14 @@ class PlayerProcess:
         reading: Reading = self._ask(Call("carry", (payload,)))
         return reading
 
-    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
-        """Play `motion`; with a guard, until it touches.
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes]) -> PlayOutcome:
+        """Play `motion`.
 
         `word` is called every 5 ms and returns the word for the player: ALIVE, PEDAL or REQUESTED.
         """
         longest_s = motion.path.duration_s + float(motion.stop_s.max()) + HOLD_S + self._timing.overrun_s
         with self._asking:
-            self._send(Call(PLAY, (motion, guard, since_boot_s())))
+            self._send(Call(PLAY, (motion, since_boot_s())))
             for _ in range(round(longest_s / WORD_EVERY_S)):
                 if self._child.answers(WORD_EVERY_S):
                     outcome: PlayOutcome = self._receive()

@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 from franka_modes import FLAGS, NOT_FINITE, PANDA_FLAGS, REFLEX, STOP_PRESSED, ArmModes, Limiter, Monitor, Refusal
-
-from hw.contact import estimate_errors_Nm
+from torque_errors import estimate_errors_Nm
 
 KEPT_STATES = 64
 """How many states a socket keeps that nobody reads; libfranka's was seen to keep 48 to 92."""

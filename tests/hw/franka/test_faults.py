@@ -55,7 +55,7 @@ def test_a_player_that_brakes_too_late_or_too_hard_is_found(monkeypatch: pytest.
         assert any("acceleration" in note or "velocity" in note for note in stopped("at once"))
 
 
-@pytest.mark.parametrize("motion", ["trial", "touch", "calibration"])
+@pytest.mark.parametrize("motion", ["trial", "calibration"])
 def test_a_motion_is_long_enough_for_a_fault(motion: str) -> None:
     course = drawn(motion, "panda", np.random.default_rng(SEED))
     assert len(course.path.t_s) > 500

@@ -19,7 +19,7 @@ from adaptsim_cli.storage.validation import place, plain, unknown
 from hw.bounded import Unreadable, read_table
 from hw.records import Record
 
-Hardware = Literal["fake", "panda", "fr3", "own"]
+Hardware = Literal["fake", "panda", "fr3", "fr3v2", "own"]
 SIMULATED: Hardware = "fake"
 OWN: Hardware = "own"
 """A robot of one's own, which answers questions (docs/guide/own-robot.md)."""
@@ -64,7 +64,7 @@ _OF_TESTS = _PREFIX + "TEST_"
 class Config(Record):
     """All settings, checked; the description of a key is its help, with its unit."""
 
-    hw: Annotated[Hardware, Field(description="hardware: fake, panda, fr3, or own: a robot that answers questions")] = (
+    hw: Annotated[Hardware, Field(description="hardware: fake, panda, fr3, fr3v2, or own: a robot that answers questions")] = (
         "fake"
     )
     rig: Annotated[str, Field(description="rig file of a real lab; empty: rig.toml beside the settings")] = ""

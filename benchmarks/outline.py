@@ -1,14 +1,15 @@
-"""Judge the outline of arm and hand (`hw.outline`), capsules that contain the maker's meshes of both arms; or fit it.
+"""Judge the outline of arm and hand (`hw.outline`), capsules that contain the maker's meshes of the three arms; or fit it.
 
     PYTHONPATH=tests/support python benchmarks/outline.py
     PYTHONPATH=tests/support python benchmarks/outline.py --fit --starts 256 --steps 1200    # on a GPU: two minutes
+    PYTHONPATH=tests/support python benchmarks/outline.py --fit --starts 0 --steps 0    # only widens it where needed
 
 Judged is how far the farthest point of the meshes lies outside of the outline (never above 0), and the excess: how far
 the outline's own surface lies outside of the meshes, at the worst point and in the mean. What lies inside of a
-neighbouring link at every angle of the joint between them is no excess. A link's meshes are those of both arms; the
+neighbouring link at every angle of the joint between them is no excess. A link's meshes are those of all arms; the
 outline holds them solid, not only their surface.
 
-The fit starts at random segments and moves ends and radii down the gradient of excess plus uncovered depth (Adam, all
+The fit starts at the present outline and at random segments, and moves ends and radii down the gradient of excess plus uncovered depth (Adam, all
 starts at once). Then it widens the capsules until nothing is uncovered, and by `MARGIN_M`. The signed distances lie on
 a grid: distances to points of the surface, signs by winding numbers (Van Oosterom and Strackee, IEEE Transactions on
 Biomedical Engineering, 1983).
@@ -97,10 +98,10 @@ def _winding(at_m: Tensor, triangles_m: Tensor) -> Tensor:
 
 
 def solids() -> dict[str, Solid]:
-    """Every link, hand and fingers, the meshes of both arms together; inside of a neighbour counts as inside."""
-    both = [bodies(model) for model in MODELS]
-    alone = {f"link {i}": solid(f"link {i}", [meshes[i] for meshes in both]) for i in range(8)}
-    alone["hand"] = solid("hand", [both[0][8]])
+    """Every link, hand and fingers, the meshes of all arms together; inside of a neighbour counts as inside."""
+    arms = [bodies(model) for model in MODELS]
+    alone = {f"link {i}": solid(f"link {i}", [meshes[i] for meshes in arms]) for i in range(8)}
+    alone["hand"] = solid("hand", [arms[0][8]])
     alone["fingers"] = solid("fingers", [body for opening_m in OPENINGS_M for body in bodies("fr3", opening_m)[9:]])
     return {name: replace(body, signed_m=_with_neighbours(name, alone)) for name, body in alone.items()}
 
@@ -163,11 +164,13 @@ def excess(rows: Tensor, body: Solid, points: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def fit(body: Solid, capsules: int, starts: int, steps: int, seed: int) -> Array:
-    """(K, 7) the best of so many random starts."""
+    """(K, 7) the best of the present outline, if it has so many capsules, and of so many random starts."""
     rng = np.random.default_rng(seed)
     must = body.points_m[torch.as_tensor(rng.choice(len(body.points_m), 2500), device=DEVICE)]
     few = shell(SHELL)
-    drawn = np.stack([_drawn(must.cpu().numpy(), capsules, rng) for _ in range(starts)])
+    drawn = [_drawn(must.cpu().numpy(), capsules, rng) for _ in range(starts)]
+    present = committed(body.name)
+    drawn = np.stack([*([present] if len(present) == capsules else []), *drawn])
     rows = tensor(drawn).requires_grad_()
     adam = torch.optim.Adam([rows], lr=2e-3)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, steps, 2e-5)

@@ -47,7 +47,7 @@ class PersonAtTool(Protocol):
 class GuidedTouchRig:
     """The connected arm of one bench, the tool in its hand or screwed to its flange. Nothing moves by itself."""
 
-    name: str  # "fake", "panda" or "fr3"
+    name: str  # "fake", "panda", "fr3" or "fr3v2"
     title: str  # its name for an operator
     key: str  # the folder name of its touch-offs
     tool_name: str
@@ -73,7 +73,7 @@ class Grasp:
 class TouchRig:
     """The connected devices of one bench."""
 
-    name: str  # "fake", "panda" or "fr3"
+    name: str  # "fake", "panda", "fr3" or "fr3v2"
     title: str  # its name for an operator
     key: str  # the folder name of its touch-offs
     tool_name: str

@@ -1,4 +1,4 @@
-"""A connected arm of either model: the maker's `pylibfranka` drives the FR3, `panda_py` (libfranka 0.9.2) the Panda.
+"""A connected arm: the maker's `pylibfranka` drives the FR3 and the FR3 v2, `panda_py` (libfranka 0.9.2) the Panda.
 
 The SDKs differ only in how they drive a motion (`DRIVES`).
 
@@ -63,7 +63,7 @@ def drive_panda(sdk: Any, robot: Any, step: Step) -> None:
     )
 
 
-DRIVES: dict[str, Drive] = {"fr3": drive_fr3, "panda": drive_panda}
+DRIVES: dict[str, Drive] = {"fr3": drive_fr3, "fr3v2": drive_fr3, "panda": drive_panda}
 
 
 RECOVERY_READINGS = 1000

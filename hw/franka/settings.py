@@ -17,7 +17,7 @@ from hw.types import Array, frozen_array, number
 from hw.workcell import STOPS_AT_N, STOPS_AT_NM
 
 HIGHEST_PAYLOAD_KG = 3.0
-"""The largest load of both arms, hand included (the maker's data sheets)."""
+"""The largest load of all three arms, hand included (the maker's data sheets)."""
 
 FARTHEST_M = 1.0
 """No payload has its centre of mass farther from the flange."""

@@ -28,7 +28,7 @@ Four = tuple[float, float, float, float]
 Six = tuple[float, float, float, float, float, float]
 Seven = tuple[float, float, float, float, float, float, float]
 Range = tuple[float, float]
-Model = Literal["panda", "fr3"]
+Model = Literal["panda", "fr3", "fr3v2"]
 
 _IMPEDANCE: Seven = tuple(FrankaSettings("arm").joint_impedance_Nm_rad.tolist())
 _COLLISION = CollisionThresholds()
@@ -63,7 +63,7 @@ class Collision:
 class ArmPart:
     """The arm. Its hand is set up on the arm's web page (Desk)."""
 
-    model: Annotated[Model, key("panda (Franka Emika Robot) or fr3 (Franka Research 3)")]
+    model: Annotated[Model, key("panda (Franka Emika Robot), fr3 (Franka Research 3) or fr3v2 (its second version)")]
     address: Annotated[str, key("network address of the arm's control box, without https://")]
     joint_impedance_Nm_rad: Annotated[Seven, key("how stiff the joints are held", "Nm/rad")] = _IMPEDANCE
     collision: Annotated[Collision, key("thresholds at which the arm stops by itself")] = Field(

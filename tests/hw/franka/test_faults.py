@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from fault_hand import HAND_FAULTS, Fingers, one_hand
 from fault_lab import drawn, one_motion
+from fault_stop import one_stop
 from fault_world import IN_MOTION, World, release
 from kept import Kept
 
+from adaptsim_cli.devices import stop_check
 from hw.franka import playback
 from hw.watchdog import Watchdog
 
@@ -78,3 +80,16 @@ def test_the_campaign_goes_on_and_counts_every_kind(tmp_path: Path) -> None:
     again = [list(faults.campaign(2, 2, SEED, kept, (i, 2))) for i, kept in enumerate(rows, start=1)]
     effective = [one.kind for part in again for one in part if one.effective]
     assert all(effective.count(kind) >= 2 for kind in faults.KINDS)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", range(2))
+def test_a_stop_that_coasts_is_beyond_the_worst_case_on_either_joint(
+    number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outcome = one_stop(number, np.random.default_rng([SEED, number]))
+    assert outcome.effective
+    assert outcome.wrong == []
+    if number == 1:  # the flange stays where joint 7 turns it
+        monkeypatch.setattr(stop_check, "travel_m", lambda q_rad, cell: 0.0)
+        assert any("0 mm measured" in note for note in one_stop(number, np.random.default_rng(SEED)).wrong)

@@ -12,13 +12,18 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from hw.franka import reflexes
 from hw.franka.driver import LOST, UNMOVED, Failure, Reading, SdkState, Step, error_names, failure, mode_name
+from hw.franka.identity import ArmReport
 from hw.franka.playback import Rhythm
 from hw.franka.readback import hand_mismatch, load_mismatch
 from hw.franka.settings import FrankaSettings, Payload
 from hw.franka.states import UNWATCHED_S, States
+from hw.franka.versions import PACKAGES
 from hw.joint_limits import LIMITS
+from hw.mass import Mass
 
 NO_FILTER_HZ = 1000.0
 """libfranka's `kMaxCutoffFrequency`: the path is played as it was checked.
@@ -142,6 +147,21 @@ class Connection:
         except self._errors as error:
             raise self._failure(error) from error
         return Rhythm(states, max(round(1e3 * (last_s - first_s)) - (states - 1), 0), gap_s, version)
+
+    def report(self) -> ArmReport:
+        """What the arm says of itself, as far as its SDK hands it out. Nothing moves, and no setting changes."""
+        robot, one_of = self._robot, sum(one == PACKAGES[self._model] for one in PACKAGES.values())
+        try:
+            urdf = str(robot.get_robot_model()) if hasattr(robot, "get_robot_model") else ""
+            if one_of == 1 or not hasattr(robot, "load_model"):
+                return ArmReport(urdf=urdf)  # a Panda would send a library of its own, to be run here
+            state = self._states.present()
+            matrix = np.array(robot.load_model().mass(state), dtype=np.float64).reshape(7, 7)
+        except self._errors as error:
+            raise self._failure(error) from error
+        inertia = np.array(state.I_total, dtype=np.float64).reshape(3, 3)
+        load = Mass(float(state.m_total), np.array(state.F_x_Ctotal), (inertia + inertia.T) / 2.0)
+        return ArmReport(np.array(state.q), matrix, load, urdf)
 
     def prepare(self, checked_s: float) -> None:
         """Give the arm its settings, before every motion, and see that it took them; nothing has moved.

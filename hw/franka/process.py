@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from hw.child import Call, Child, ChildGone
 from hw.errors import DeviceUnavailable
 from hw.franka.driver import LOST, Failure, Reading
+from hw.franka.identity import ArmReport
 from hw.franka.playback import HOLD_S, PlayableMotion, PlayOutcome, Rhythm, Timing
 from hw.franka.player import CONNECT, PLAY
 from hw.franka.settings import FrankaSettings, Payload
@@ -32,6 +33,9 @@ class Player(Protocol):
 
     def reading(self) -> Reading:
         """The arm's present report."""
+
+    def report(self) -> ArmReport:
+        """What the arm says of itself: its masses, its description."""
 
     def recover(self) -> Reading:
         """Clear a fault, and return the arm's report after that."""
@@ -88,6 +92,11 @@ class PlayerProcess:
         """See `Player`."""
         reading: Reading = self._ask(Call("reading"))
         return reading
+
+    def report(self) -> ArmReport:
+        """See `Player`."""
+        report: ArmReport = self._ask(Call("report"))
+        return report
 
     def recover(self) -> Reading:
         """See `Player`."""

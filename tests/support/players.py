@@ -15,6 +15,7 @@ from hw.contact import estimate_errors_Nm
 from hw.franka import connection, player
 from hw.franka.arm import FrankaArm
 from hw.franka.driver import Reading
+from hw.franka.identity import ArmReport
 from hw.franka.playback import PlayableMotion, Played, PlayOutcome
 from hw.franka.settings import FrankaSettings, Payload
 from hw.ports import Pedal
@@ -41,6 +42,9 @@ class Sink:
         return Reading(
             tuple(self.q_rad), tuple(self.q_rad + self.held_off_rad), (0.0,) * 7, self.mode, external_Nm=estimate_Nm
         )
+
+    def report(self) -> ArmReport:
+        return ArmReport()
 
     def recover(self) -> Reading:
         return self.reading()
@@ -93,6 +97,9 @@ class InProcess:
 
     def reading(self) -> Reading:
         return self.driver.reading()
+
+    def report(self) -> ArmReport:
+        return self.driver.report()
 
     def recover(self) -> Reading:
         self.driver.recover()

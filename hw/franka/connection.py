@@ -20,7 +20,8 @@ from hw.franka.identity import ArmReport
 from hw.franka.playback import Rhythm
 from hw.franka.readback import hand_mismatch, load_mismatch
 from hw.franka.settings import FrankaSettings, Payload
-from hw.franka.states import UNWATCHED_S, States
+from hw.franka.starting import START_S, Rehearsal
+from hw.franka.states import States
 from hw.franka.versions import PACKAGES
 from hw.joint_limits import LIMITS
 from hw.mass import Mass
@@ -95,7 +96,7 @@ class Connection:
         settings: FrankaSettings,
         *,
         realtime: bool,
-        unwatched_s: float = UNWATCHED_S,
+        unwatched_s: float | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Raises Failure."""
@@ -110,6 +111,7 @@ class Connection:
             self._robot = sdk.Robot(settings.host, config)
         except self._errors as error:
             raise self._failure(error) from error
+        unwatched_s = settings.starting.unwatched_s if unwatched_s is None else unwatched_s
         self._clock, self._states = clock, States(self._robot, clock, unwatched_s)
 
     def reading(self) -> Reading:
@@ -171,12 +173,32 @@ class Connection:
         """
         self._require_idle(checked_s)
         try:
-            _configure(self._robot, self._settings, self._payload)
+            self._configure()
             self._require_taken()
         except self._errors as error:
             outcome = self._failure(error)
             raise outcome if outcome.kind == LOST else Failure(UNMOVED, f"{outcome.text}; nothing has moved") from error
         self._require_idle(checked_s)
+
+    def rehearse(self, starts: int, readings: int) -> Rehearsal:
+        """Do everything that comes before a motion, `starts` times, then take `readings` states at rest. Nothing moves.
+
+        Raises `Failure`, also where the arm's mode is another than Idle.
+        """
+        pauses_s, took_s = [], []
+        for _ in range(starts):
+            checked_s, began_s = self.reading().at_s, self._clock()
+            self._states.longest_s = 0.0
+            self.prepare(checked_s)
+            pauses_s.append(self._states.longest_s)
+            took_s.append(self._clock() - began_s)
+        try:
+            held_rad = np.array([self._states.next().q_d for _ in range(readings)])
+        except self._errors as error:
+            raise self._failure(error) from error
+        window = max(round(1e3 * START_S), 1)
+        wander_rad = max(float(np.ptp(held_rad[i : i + window], axis=0).max()) for i in range(0, readings, window))
+        return Rehearsal(starts, max(pauses_s), max(took_s), 1e-3 * readings, wander_rad)
 
     def drive(self, step: Step) -> None:
         """Call `step` every millisecond until it says that its joints are the last. A Failure of it ends the motion."""
@@ -208,6 +230,23 @@ class Connection:
             self._require_taken()
         except self._errors as error:
             raise self._failure(error) from error
+
+    def _configure(self) -> None:
+        """Set collision thresholds, joint impedance and payload; all other settings stay as in Desk.
+
+        After each command the states are read that came meanwhile, so that each answer is a pause of its own.
+        """
+        robot, collision = self._robot, self._settings.collision
+        robot.set_collision_behavior(
+            collision.torque_contact_Nm.tolist(),
+            collision.torque_collision_Nm.tolist(),
+            collision.force_contact_N.tolist(),
+            collision.force_collision_N.tolist(),
+        )
+        self._states.next()
+        robot.set_joint_impedance(self._settings.joint_impedance_Nm_rad.tolist())
+        self._states.next()
+        _load(robot, self._payload)
 
     def _require_idle(self, checked_s: float) -> None:
         reading = self._settled()
@@ -266,19 +305,6 @@ class Connection:
 
     def _failure(self, error: Exception, reasons: tuple[str, ...] = ()) -> Failure:
         return failure(error, self._model, self._host, reasons)
-
-
-def _configure(robot: Any, settings: FrankaSettings, payload: Payload) -> None:
-    """Set collision thresholds, joint impedance and payload; all other settings stay as in Desk."""
-    collision = settings.collision
-    robot.set_collision_behavior(
-        collision.torque_contact_Nm.tolist(),
-        collision.torque_collision_Nm.tolist(),
-        collision.force_contact_N.tolist(),
-        collision.force_collision_N.tolist(),
-    )
-    robot.set_joint_impedance(settings.joint_impedance_Nm_rad.tolist())
-    _load(robot, payload)
 
 
 def _load(robot: Any, payload: Payload) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hw.collision import HAND_MASS
+from hw.franka.starting import Starting
 from hw.mass import Mass, inertia
 from hw.motion_limits import RATED_NM, TORQUE_SHARE
 from hw.types import Array, frozen_array, number
@@ -98,6 +99,7 @@ class FrankaSettings:
     """(7,) the arm's own default."""
     end_effector: Mass = HAND_MASS
     """The end effector that Desk has to hold: everything on the flange but the payload."""
+    starting: Starting = field(default_factory=Starting)
 
     def __post_init__(self) -> None:
         """Raises ValueError naming the setting."""

@@ -64,9 +64,9 @@ _OF_TESTS = _PREFIX + "TEST_"
 class Config(Record):
     """All settings, checked; the description of a key is its help, with its unit."""
 
-    hw: Annotated[Hardware, Field(description="hardware: fake, panda, fr3, fr3v2, or own: a robot that answers questions")] = (
-        "fake"
-    )
+    hw: Annotated[
+        Hardware, Field(description="hardware: fake, panda, fr3, fr3v2, or own: a robot that answers questions")
+    ] = "fake"
     rig: Annotated[str, Field(description="rig file of a real lab; empty: rig.toml beside the settings")] = ""
     task: Annotated[str, Field(description="task of a command without --task")] = "scooping"
     world: Annotated[str, Field(description="world of the simulated lab: a name or a TOML file")] = "wd"

@@ -51,8 +51,8 @@ import toy_session
 from camera_stage import DELAY_S, Shown
 from fake_k4a import PERIOD_S, FakeK4a, running
 from fault_hand import HAND_FAULTS, one_hand
-from fault_stop import COASTING, one_stop
 from fault_lab import DISKS, HANDS, TYPED, Outcome, one_motion
+from fault_stop import COASTING, one_stop
 from fault_world import AT_A_CONTACT, BEFORE, IN_MOTION, Fault, release
 from kept import Kept
 from toy_rig import ToyLab

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from adaptsim_cli.screen.console import Screen
     from sim.types import Part
 
-_ArmOrPractice = Annotated[str | None, typer.Option("--hw", help="Which hardware: fr3, fr3v2, panda, or fake to practise.")]
+_ArmOrPractice = Annotated[
+    str | None, typer.Option("--hw", help="Which hardware: fr3, fr3v2, panda, or fake to practise.")
+]
 
 
 @command("task", "world", "seed", "operator", hw=_ArmOrPractice, with_json=False)

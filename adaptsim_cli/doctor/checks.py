@@ -169,7 +169,9 @@ def _arm_model(lab: Examined) -> Finding:
     identity = identify(arm_part.model, report)
     if identity.model not in (None, arm_part.model):
         fix = f'write model = "{identity.model}" under [arm] of the rig file, and say --hw {identity.model}'
-        return missing(f"the rig file says {arm_part.model}, and it is {TITLES[str(identity.model)]}: {identity.why}", fix)
+        return missing(
+            f"the rig file says {arm_part.model}, and it is {TITLES[str(identity.model)]}: {identity.why}", fix
+        )
     try:
         _, differences = narrowed(LIMITS[arm_part.model], report.urdf)
     except ValueError as error:

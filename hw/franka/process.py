@@ -137,9 +137,7 @@ class PlayerProcess:
         """End the process by closing its pipes."""
         self._child.close()
 
-    def _ask(
-        self, request: Call, silent: str = "the arm's player does not answer", within_s: float = ANSWER_S
-    ) -> Any:
+    def _ask(self, request: Call, silent: str = "the arm's player does not answer", within_s: float = ANSWER_S) -> Any:
         with self._asking:
             self._send(request)
             if not self._child.answers(within_s):

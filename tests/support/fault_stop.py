@@ -34,7 +34,9 @@ class PressedAt:
             user_stop(self)  # type: ignore[arg-type]
 
 
-def stopped_swing(model: str, joint: int, coast_ms: float, share: float, rng: np.random.Generator) -> tuple[StopMeasurement, float]:
+def stopped_swing(
+    model: str, joint: int, coast_ms: float, share: float, rng: np.random.Generator
+) -> tuple[StopMeasurement, float]:
     """Swing one joint (from 0), press the button at `share` of the motion -> what is kept, and the way in m of the
     point of the true surface that went farthest, hand without tool."""
     within = cell(model, LOADED)

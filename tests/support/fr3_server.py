@@ -49,6 +49,7 @@ from typing import Any
 
 import franky_sim.franka_server as base
 import numpy as np
+from arm_urdf import described
 from franka_modes import FLAGS, LOST_IN_A_ROW, MODES, STOP_PRESSED, ArmModes, Monitor
 from franky_sim.franka_robot_protocol import (
     COMMAND_PORT,
@@ -68,7 +69,6 @@ from franky_sim.franka_robot_protocol import (
 from franky_sim.franka_robot_server import FrankaRobotServer
 from franky_sim.mujoco_simulator import MujocoSimulator
 
-from arm_urdf import described
 from hw.contact import estimate_errors_Nm
 from hw.kinematics import forward, jacobian
 

@@ -45,7 +45,9 @@ def test_each_bound_has_a_safe_range_in_rig_file_and_settings(name: str, safe: t
     assert low < getattr(Starting(), name) < high
 
 
-def played(off_rad: float, held_rad: float = HELD_RAD, stop_at: int = -1, model: str = "panda") -> tuple[Playback, Played]:
+def played(
+    off_rad: float, held_rad: float = HELD_RAD, stop_at: int = -1, model: str = "panda"
+) -> tuple[Playback, Played]:
     """A motion whose arm holds joint 3 so far from the first sample."""
     held = READY + off_rad * np.eye(7)[2]
     cycle = 0

@@ -1,4 +1,4 @@
-"""Judge the outline of arm and hand (`hw.outline`), capsules that contain the maker's meshes of the three arms; or fit it.
+"""Judge the outline of arm and hand (`hw.outline`), capsules that hold the maker's meshes of all arms; or fit it.
 
     PYTHONPATH=tests/support python benchmarks/outline.py
     PYTHONPATH=tests/support python benchmarks/outline.py --fit --starts 256 --steps 1200    # on a GPU: two minutes

@@ -200,7 +200,7 @@ def joints(arm: str, played: Execution) -> Iterator[Message]:
     """Measured and commanded joints, each with velocity and the torque of the motion.
 
     Velocities are derivatives of the positions. Torques are those of the rigid-body model of `arm` with its
-    hand ("panda", "fr3" or "fr3v2"), for the measured motion in the air; the tool's weight and its contacts are not included.
+    hand ("panda", "fr3" or "fr3v2"), for the measured motion in the air; tool and contacts are not included.
     """
     if not len(played.t_s):
         return

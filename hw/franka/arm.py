@@ -92,8 +92,11 @@ class FrankaArm:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences for the operator, empty before entering: how the arm differs from the model of the rig file, and the
-        real-time properties that the computer denies the player's process."""
+        """Sentences for the operator, empty before entering.
+
+        They say how the arm differs from the model of the rig file, and which real-time properties the computer denies
+        the player's process.
+        """
         return () if self._player is None else (*self._told, *self._player.notes)
 
     def __enter__(self) -> Self:
@@ -329,7 +332,8 @@ class FrankaArm:
         if identity.model not in (None, self._model):
             self._drop_player()
             raise DeviceUnavailable(
-                f"the rig file says {self._model}, and the connected arm is {TITLES[str(identity.model)]}: {identity.why}. "
+                f"the rig file says {self._model}, and the connected arm is {TITLES[str(identity.model)]}: "
+                f"{identity.why}. "
                 f'Nothing has moved. Write model = "{identity.model}" under [arm] of the rig file, and say '
                 f"--hw {identity.model}"
             )

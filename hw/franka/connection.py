@@ -152,17 +152,21 @@ class Connection:
 
     def report(self) -> ArmReport:
         """What the arm says of itself, as far as its SDK hands it out. Nothing moves, and no setting changes."""
-        robot, one_of = self._robot, sum(one == PACKAGES[self._model] for one in PACKAGES.values())
+        robot, alone = self._robot, [*PACKAGES.values()].count(PACKAGES[self._model]) == 1
+        urdf = ""
         try:
-            urdf = str(robot.get_robot_model()) if hasattr(robot, "get_robot_model") else ""
-            if one_of == 1 or not hasattr(robot, "load_model"):
+            if hasattr(robot, "get_robot_model"):
+                urdf = str(robot.get_robot_model())
+            if alone or not hasattr(robot, "load_model"):
                 return ArmReport(urdf=urdf)  # a Panda would send a library of its own, to be run here
             state = self._states.present()
             matrix = np.array(robot.load_model().mass(state), dtype=np.float64).reshape(7, 7)
-        except self._errors as error:
-            raise self._failure(error) from error
-        inertia = np.array(state.I_total, dtype=np.float64).reshape(3, 3)
-        load = Mass(float(state.m_total), np.array(state.F_x_Ctotal), (inertia + inertia.T) / 2.0)
+            inertia = np.array(state.I_total, dtype=np.float64).reshape(3, 3)
+            load = Mass(float(state.m_total), np.array(state.F_x_Ctotal), (inertia + inertia.T) / 2.0)
+        except (*self._errors, ValueError) as error:
+            if (outcome := self._failure(error)).kind == LOST:
+                raise outcome from error
+            return ArmReport(urdf=urdf)  # an arm that does not say what it is may still be read and recovered
         return ArmReport(np.array(state.q), matrix, load, urdf)
 
     def prepare(self, checked_s: float) -> None:

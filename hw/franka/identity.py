@@ -57,26 +57,31 @@ def identify(configured: str, report: ArmReport) -> Identity:
     models = [name for name, package in PACKAGES.items() if package.interface == interface]
     if len(models) == 1:
         return Identity(models[0], f"it speaks interface version {interface}")
-    name = _name(report.urdf)
-    by_mass = _by_mass(models, report)
-    if name and name not in models:
-        return Identity(None, f"its own description calls it {name!r}, which this program does not know")
-    if by_mass is None and report.mass_kg_m2 is not None:
-        return Identity(None, f"its mass matrix is that of none of {', '.join(models)}")
-    if name and by_mass and name != by_mass:
-        return Identity(None, f"its own description calls it {name!r} and has the masses of {by_mass}")
-    if by_mass:
-        return Identity(by_mass, f"its mass matrix is that of {by_mass}")
-    if name:
+    name, by_mass = _name(report.urdf), _by_mass(models, report)
+    reasons = (
+        (name and name not in models, f"its own description calls it {name!r}, which this program does not know"),
+        (
+            by_mass is None and report.mass_kg_m2 is not None,
+            f"its mass matrix is that of none of {', '.join(models)}",
+        ),
+        (
+            name and by_mass not in (None, name),
+            f"its own description calls it {name!r} and has the masses of {by_mass}",
+        ),
+        (not name and by_mass is None, "it reports neither masses nor a description"),
+    )
+    if why := next((why for holds, why in reasons if holds), ""):
+        return Identity(None, why)
+    if by_mass is None:
         return Identity(name, f"its own description calls it {name!r}")
-    return Identity(None, "it reports neither masses nor a description")
+    return Identity(by_mass, f"its mass matrix is that of {by_mass}")
 
 
 def unsure(configured: str, identity: Identity) -> str:
     """The sentence for an operator where the arm does not tell its model."""
     return (
-        f"the arm does not tell which model it is ({identity.why}): compare its type plate with the rig file. The limits, "
-        f"masses and shape of {TITLES[configured]} apply ({configured}); another model may need other torques"
+        f"the arm does not tell which model it is ({identity.why}): compare its type plate with the rig file. The "
+        f"limits, masses and shape of {TITLES[configured]} apply ({configured}); another model may need other torques"
     )
 
 

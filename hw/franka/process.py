@@ -209,6 +209,9 @@ STARTS, REST_READINGS = 10, 60_000
 def rehearse(
     model: str, settings: FrankaSettings, *, realtime: bool, starts: int = STARTS, readings: int = REST_READINGS
 ) -> Rehearsal:
-    """What the arm needs before a motion. The settings of a motion are sent; nothing moves. Raises DeviceUnavailable."""
+    """What the arm needs before a motion. The settings of a motion are sent, and nothing moves.
+
+    Raises DeviceUnavailable.
+    """
     with _at_rest(model, settings, realtime) as player:
         return player.rehearse(starts, readings)

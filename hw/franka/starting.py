@@ -22,8 +22,8 @@ START_RANGE_S = (0.5, 2.0)
 (1 s) late. After 2 s a person may have changed the lab."""
 HELD_RANGE_RAD = (3e-6, 1e-4)
 """States are in single precision, which is exact to 2e-7 rad: 3e-6 rad is what one step may command (3 rad/s² and
-3000 rad/s³). 1e-4 rad are 0.1 mm at 1 m, a twentieth of the smallest clearance (2 mm over the table); faded over 0.5 s they add at most
-0.003 rad/s² and 0.05 rad/s³ to the motion."""
+3000 rad/s³). 1e-4 rad are 0.1 mm at 1 m, a twentieth of the smallest clearance (2 mm over the table); faded over 0.5 s
+they add at most 0.003 rad/s² and 0.05 rad/s³ to the motion."""
 
 SPARE = 1.5
 """A bound should be so many times what was measured."""

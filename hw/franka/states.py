@@ -87,7 +87,7 @@ class States:
         if self._resumed_s > checked_s:
             return (
                 f"since the motion was checked nobody read the arm's state for {self._unwatched:.2g} s (at most "
-                f"{self._unwatched_s:g} s), so a pressed stop button may have been missed; if this comes at every motion, "
-                "adaptsim doctor --measure proposes another unwatched_s"
+                f"{self._unwatched_s:g} s), so a pressed stop button may have been missed; if this comes at every "
+                "motion, adaptsim doctor --measure proposes another unwatched_s"
             )
         return ""

@@ -30,7 +30,8 @@ def described(urdf: str, model: str) -> str:
 def limited(model: str, limits: list[tuple[float, float, float]]) -> str:
     """A description of joints alone: lower and upper limit in rad, velocity in rad/s, of each."""
     joints = "".join(
-        f'<joint name="{model}_joint{i}" type="revolute"><limit lower="{low}" upper="{high}" velocity="{speed}"/></joint>'
+        f'<joint name="{model}_joint{i}" type="revolute">'
+        f'<limit lower="{low}" upper="{high}" velocity="{speed}"/></joint>'
         for i, (low, high, speed) in enumerate(limits, start=1)
     )
     return f'<?xml version="1.0"?><robot name="{model}">{joints}</robot>'

@@ -61,7 +61,7 @@ def surface_way_m(model: str, q_rad: Array) -> float:
 
 
 def one_stop(number: int, rng: np.random.Generator) -> Outcome:
-    """Each joint of the swing in turn, pressed where it is fast; effective if the surface went beyond the worst case."""
+    """Each joint of the swing in turn, pressed where it is fast; effective if the surface went too far."""
     model = tuple(LIMITS)[number // len(JOINTS) % len(LIMITS)]
     joint, share = JOINTS[number % len(JOINTS)], float(rng.uniform(0.45, 0.55))
     stop, true_m = stopped_swing(model, joint, float(rng.uniform(250.0, 400.0)), share, rng)

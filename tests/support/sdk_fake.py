@@ -145,10 +145,14 @@ class FakeRobot:
     def __getattr__(self, name: str) -> Any:
         """The calls that not every SDK has."""
         if name == "load_model" and self.sdk.of:
-            return lambda: SimpleNamespace(mass=self._mass)
+            return self._load_model
         if name == "get_robot_model" and self.sdk.urdf:
             return lambda: self.sdk.urdf
         raise AttributeError(name)
+
+    def _load_model(self) -> Any:
+        self.did("load_model")
+        return SimpleNamespace(mass=self._mass)
 
     def _mass(self, state: Any) -> list[float]:
         load = Mass(float(state.m_total), np.array(state.F_x_Ctotal), np.array(state.I_total).reshape(3, 3))

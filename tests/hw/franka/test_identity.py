@@ -12,7 +12,7 @@ from cells import READY, cell, move
 from fr3_process import RELAXED, arm_at, fr3
 from own_judge import MAKERS, SLOWER
 from players import arm_of, driver_of
-from sdk_fake import FakeSdk
+from sdk_fake import CommandException, FakeSdk
 
 from adaptsim_cli.config import Hardware
 from adaptsim_cli.devices.rig_file.description import Model
@@ -169,3 +169,11 @@ def test_the_limits_of_a_narrowed_arm_keep_its_zeros() -> None:
     limits, _ = narrowed(replace(LIMITS["fr3"]), limited("fr3", [(low, high, 1.0) for low, high, _ in ROWS]))
     assert (limits.dq_max_rad_s == 1.0).all()
     assert limits.braking_rad_s2 is LIMITS["fr3"].braking_rad_s2
+
+
+@pytest.mark.parametrize("error", [CommandException("libfranka: Get Robot Model command rejected"), ValueError("URDF")])
+def test_an_arm_whose_description_fails_is_read_all_the_same(error: Exception) -> None:
+    sdk = FakeSdk(k=False, of="fr3", fails={"load_model": error})
+    with arm_of(sdk, "fr3") as arm:
+        assert "does not tell which model it is" in arm.notes[0]
+        assert arm.state().fault is None

@@ -1,4 +1,4 @@
-"""The bounds before a motion: settings with a safe range, measured on the arm; a small change of the held joints fades."""
+"""The bounds before a motion have safe ranges and are measured on the arm; a small change of held joints fades."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ class FrankaArm:
         self._stops = self._answered = 0  # calls of `stop`, and those that a recovery has answered
         self._payload, self._weighed = settings.payload, False  # whether the arm was found to feel just that
         self._sense = ForceSense(self._model)
-        self._told: tuple[str, ...] = ()
+        self._identity_notes: tuple[str, ...] = ()
         self._carries = False  # the payload was set since the player got its settings
         self.last_execution: Execution | None = None
         self.last_stop: StopReport | None = None
@@ -97,7 +97,7 @@ class FrankaArm:
         They say how the arm differs from the model of the rig file, and which real-time properties the computer denies
         the player's process.
         """
-        return () if self._player is None else (*self._told, *self._player.notes)
+        return () if self._player is None else (*self._identity_notes, *self._player.notes)
 
     def __enter__(self) -> Self:
         """Start the player and connect. Raises DeviceUnavailable."""
@@ -337,13 +337,13 @@ class FrankaArm:
                 f'Nothing has moved. Write model = "{identity.model}" under [arm] of the rig file, and say '
                 f"--hw {identity.model}"
             )
-        told = () if identity.model else (unsure(self._model, identity),)
+        unsure_of = () if identity.model else (unsure(self._model, identity),)
         try:
             limits, differences = narrowed(self._cell.arm.limits, report.urdf)
         except ValueError as error:
             limits, differences = self._cell.arm.limits, (f"the arm's own description cannot be read: {error}",)
         self._cell = replace(self._cell, arm=replace(self._cell.arm, limits=limits))
-        self._told = (*told, *differences)
+        self._identity_notes = (*unsure_of, *differences)
 
     def _error(self, failure: Failure, *, moving: bool = False, after_s: float | None = None) -> Exception:
         """The error to raise for a failure; during a motion it is a fault that lasts until `recover`."""

@@ -153,7 +153,7 @@ class Connection:
     def report(self) -> ArmReport:
         """What the arm says of itself, as far as its SDK hands it out. Nothing moves, and no setting changes."""
         robot, alone = self._robot, [*PACKAGES.values()].count(PACKAGES[self._model]) == 1
-        urdf = ""
+        urdf, unreadable = "", (*self._errors, ValueError)
         try:
             if hasattr(robot, "get_robot_model"):
                 urdf = str(robot.get_robot_model())
@@ -163,7 +163,7 @@ class Connection:
             matrix = np.array(robot.load_model().mass(state), dtype=np.float64).reshape(7, 7)
             inertia = np.array(state.I_total, dtype=np.float64).reshape(3, 3)
             load = Mass(float(state.m_total), np.array(state.F_x_Ctotal), (inertia + inertia.T) / 2.0)
-        except (*self._errors, ValueError) as error:
+        except unreadable as error:
             if (outcome := self._failure(error)).kind == LOST:
                 raise outcome from error
             return ArmReport(urdf=urdf)  # an arm that does not say what it is may still be read and recovered

@@ -153,7 +153,8 @@ class Connection:
     def report(self) -> ArmReport:
         """What the arm says of itself, as far as its SDK hands it out. Nothing moves, and no setting changes."""
         robot, alone = self._robot, [*PACKAGES.values()].count(PACKAGES[self._model]) == 1
-        urdf, unreadable = "", (*self._errors, ValueError)
+        urdf = ""
+        unreadable: tuple[type[Exception], ...] = (*self._errors, ValueError)
         try:
             if hasattr(robot, "get_robot_model"):
                 urdf = str(robot.get_robot_model())

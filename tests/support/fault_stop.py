@@ -13,8 +13,8 @@ from mesh_judge import surfaces
 from own_judge import Array, poses
 from players import arm_of
 
-from adaptsim_cli.devices.known_arm import StopMeasurement
-from adaptsim_cli.devices.stop_check import JOINTS, measurement, swing
+from adaptsim_cli.bench.devices.known_arm import StopMeasurement
+from adaptsim_cli.bench.devices.stop_check import JOINTS, measurement, swing
 from hw.errors import ArmFault
 from hw.joint_limits import LIMITS
 

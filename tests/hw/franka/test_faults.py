@@ -13,7 +13,7 @@ from fault_stop import one_stop
 from fault_world import IN_MOTION, World, release
 from kept import Kept
 
-from adaptsim_cli.devices import stop_check
+from adaptsim_cli.bench.devices import stop_check
 from hw.franka import playback
 from hw.watchdog import Watchdog
 

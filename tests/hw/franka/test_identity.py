@@ -14,8 +14,8 @@ from own_judge import MAKERS, SLOWER
 from players import arm_of, driver_of
 from sdk_fake import CommandException, FakeSdk
 
+from adaptsim_cli.bench.rig_file.description import Model
 from adaptsim_cli.config import Hardware
-from adaptsim_cli.devices.rig_file.description import Model
 from calib.records import SetupRecord
 from hw.dynamics import LINKS
 from hw.errors import DeviceUnavailable, MotionRefused

@@ -9,7 +9,7 @@ from fr3_process import fr3
 from players import SETTINGS, ReportedState, driver_of
 from sdk_fake import FakeSdk
 
-from adaptsim_cli.devices.rig_file.description import ArmPart, StartingPart
+from adaptsim_cli.bench.rig_file.description import ArmPart, StartingPart
 from hw.franka.driver import UNMOVED, Failure
 from hw.franka.playback import FADE_TICKS, STEP_RAD, Playback, Played, motion_of
 from hw.franka.process import rehearse

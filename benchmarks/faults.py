@@ -21,6 +21,7 @@ After each fault:
   off itself;
 * the last command that differs came within what the documents promise (docs/results/motion.md);
 * nothing was commanded without the typed model, and after a gap of more than 20 ms nothing more;
+* the measured stop of an arm that coasts beyond the worst case reads BEYOND, whichever joint swings;
 * a motion that did not end is remembered, and nothing moves before a recovery;
 * a recording is an error, or each of its frames has its true time and at most a quarter of them is missing;
 * of a session no completed trial changed, none is missing and none counted twice.
@@ -51,6 +52,7 @@ from camera_stage import DELAY_S, Shown
 from fake_k4a import PERIOD_S, FakeK4a, running
 from fault_hand import HAND_FAULTS, one_hand
 from fault_lab import DISKS, HANDS, TYPED, Outcome, one_motion
+from fault_stop import COASTING, one_stop
 from fault_world import BEFORE, ESTIMATES, IN_MOTION, Fault, release
 from kept import Kept
 from toy_rig import ToyLab
@@ -209,13 +211,13 @@ MOTIONS = ("trial", "calibration")
 SESSIONS = (*SESSION_ERRORS, "session: killed")
 ARM_KINDS = tuple(dict.fromkeys((*IN_MOTION, *BEFORE, *TYPED, *HANDS, *DISKS)))
 PAIR = "two at once"
-KINDS = (*ARM_KINDS, *HAND_FAULTS, *CAMERAS, *SESSIONS)
+KINDS = (*ARM_KINDS, COASTING, *HAND_FAULTS, *CAMERAS, *SESSIONS)
 """Every kind of fault, in the order of the table."""
 
 
 def one_arm(kind: str, number: int, rng: np.random.Generator, folder: Path) -> Outcome:
     """The motion of that number with a fault of that kind: motions and moments in turn."""
-    model = ("panda", "fr3")[int(rng.integers(2))]
+    model = ("panda", "fr3", "fr3v2")[int(rng.integers(3))]
     motion = "trial" if kind in HANDS else MOTIONS[number % len(MOTIONS)]
     whens = [when for when in (1, 1, -1, 0) if kind in (IN_MOTION if when > 0 else BEFORE)]
     if kind in ("arm: heavier", "arm: guided", *ESTIMATES):
@@ -241,7 +243,7 @@ def one_pair(number: int, rng: np.random.Generator, folder: Path) -> Outcome:
         at = int(rng.integers(1, length // 2))
         return (at, IN_MOTION[names[0]]), (at + int(rng.integers(0, 300)), IN_MOTION[names[1]])
 
-    made = one_motion(names, faults, MOTIONS[number % len(MOTIONS)], ("panda", "fr3")[number % 2], rng, folder)
+    made = one_motion(names, faults, MOTIONS[number % len(MOTIONS)], ("panda", "fr3", "fr3v2")[number % 3], rng, folder)
     made.kind = f"{PAIR}: {made.kind}"
     return made
 
@@ -256,6 +258,8 @@ def one(kind: str, number: int, seed: int) -> dict[str, Any]:
             return asdict(one_session(kind, rng, Path(folder)))
         if kind in HAND_FAULTS:
             return asdict(one_hand(kind, rng))
+        if kind == COASTING:
+            return asdict(one_stop(number, rng))
         if kind == PAIR:
             return asdict(one_pair(number, rng, Path(folder)))
         return asdict(one_arm(kind, number, rng, Path(folder)))

@@ -20,7 +20,7 @@ class Arm(Protocol):
 
     @property
     def model(self) -> str:
-        """The row of `hw.joint_limits.LIMITS` that applies: "panda" or "fr3"."""
+        """The row of `hw.joint_limits.LIMITS` that applies: "panda", "fr3" or "fr3v2"."""
 
     def __enter__(self) -> Self: ...
     def __exit__(self, *exc: object) -> None: ...

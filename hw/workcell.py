@@ -54,7 +54,7 @@ class ArmModel:
 
     @property
     def name(self) -> str:
-        """ "panda" or "fr3"."""
+        """A key of `hw.joint_limits.LIMITS`: "panda", "fr3" or "fr3v2"."""
         return self.limits.model
 
     def true_rad(self, q_rad: ArrayLike) -> Array:
@@ -80,7 +80,7 @@ class ArmModel:
 
 
 def arm_model(name: str, zeros_rad: ArrayLike) -> ArmModel:
-    """The arm "panda" or "fr3" with its joint zeros (7,). Raises ValueError for another name."""
+    """The arm `name`, a key of `LIMITS`, with its joint zeros (7,). Raises ValueError for another name."""
     if name not in LIMITS:
         raise ValueError(f"arm {name!r} is not known: it must be one of {', '.join(LIMITS)}")
     return ArmModel(LIMITS[name], np.asarray(zeros_rad))

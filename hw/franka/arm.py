@@ -17,6 +17,7 @@ import numpy as np
 from hw.collision import Tool
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, StoppedByPedal
 from hw.franka.driver import LOST, UNAVAILABLE, UNMOVED, Failure, Reading
+from hw.franka.identity import TITLES, identify, narrowed, unsure
 from hw.franka.motions import (
     READINGS,
     WHY,
@@ -76,6 +77,7 @@ class FrankaArm:
         self._stops = self._answered = 0  # calls of `stop`, and those that a recovery has answered
         self._payload, self._weighed = settings.payload, False  # whether the arm was found to feel just that
         self._sense = ForceSense(self._model)
+        self._identity_notes: tuple[str, ...] = ()
         self._carries = False  # the payload was set since the player got its settings
         self.last_execution: Execution | None = None
         self.last_stop: StopReport | None = None
@@ -87,8 +89,12 @@ class FrankaArm:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Real-time properties that the computer denies the player's process; empty before entering."""
-        return () if self._player is None else self._player.notes
+        """Sentences for the operator, empty before entering.
+
+        They say how the arm differs from the model of the rig file, and which real-time properties the computer denies
+        the player's process.
+        """
+        return () if self._player is None else (*self._identity_notes, *self._player.notes)
 
     def __enter__(self) -> Self:
         """Start the player and connect. Raises DeviceUnavailable."""
@@ -267,12 +273,36 @@ class FrankaArm:
         if self._player is None:
             try:
                 self._player = self._start()
+                self._recognise(self._player)
                 if self._carries:
                     self._player.carry(self._payload)
             except Failure as failure:
                 self._drop_player()
                 raise DeviceUnavailable(failure.text) from failure
         return self._player
+
+    def _recognise(self, player: Player) -> None:
+        """See that the arm is of the model that every check counts on; of its joint limits the narrower count.
+
+        Raises DeviceUnavailable for another model, and Failure.
+        """
+        report = player.report()
+        identity = identify(self._model, report)
+        if identity.model not in (None, self._model):
+            self._drop_player()
+            raise DeviceUnavailable(
+                f"the rig file says {self._model}, and the connected arm is {TITLES[str(identity.model)]}: "
+                f"{identity.why}. "
+                f'Nothing has moved. Write model = "{identity.model}" under [arm] of the rig file, and say '
+                f"--hw {identity.model}"
+            )
+        unsure_of = () if identity.model else (unsure(self._model, identity),)
+        try:
+            limits, differences = narrowed(self._cell.arm.limits, report.urdf)
+        except ValueError as error:
+            limits, differences = self._cell.arm.limits, (f"the arm's own description cannot be read: {error}",)
+        self._cell = replace(self._cell, arm=replace(self._cell.arm, limits=limits))
+        self._identity_notes = (*unsure_of, *differences)
 
     def _error(
         self, failure: Failure, *, moving: bool = False, after_s: float | None = None, latched: bool = False

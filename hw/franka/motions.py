@@ -6,7 +6,7 @@ After it, from its log: its stop.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -90,6 +90,7 @@ class StopReport:
     still_after_s: float  # until every joint stays slower than `STILL_RAD_S`
     way_m: float  # travel of the flange until then
     braked_clock_s: float  # time.monotonic() of the first slowed command
+    q_rad: Array | None = field(default=None, compare=False, repr=False)  # (K, 7) measured, one a millisecond, to rest
 
     def __str__(self) -> str:
         return (
@@ -105,7 +106,8 @@ def stop_report(played: Played) -> StopReport | None:
     first = played.wanted_at
     moving = np.flatnonzero(np.abs(played.dq_measured_rad_s[first:]).max(axis=1) >= STILL_RAD_S)
     still = min(first + (int(moving[-1]) + 1 if len(moving) else 0), len(played.t_s) - 1)
-    flange_m = forward(played.q_measured_rad[first : still + 1])[:, :3, 3]
+    q_rad = played.q_measured_rad[first : still + 1]
+    flange_m = forward(q_rad)[:, :3, 3]
     return StopReport(
         played.stop_wanted,
         float(played.t_s[first]),
@@ -113,6 +115,7 @@ def stop_report(played: Played) -> StopReport | None:
         float(played.t_s[still] - played.t_s[first]),
         float(np.linalg.norm(np.diff(flange_m, axis=0), axis=1).sum()),
         float(played.clock_s[played.braked_at]),
+        q_rad,
     )
 
 
@@ -125,8 +128,8 @@ def arm_stop(played: Played, rest: Sequence[Reading]) -> StopReport | None:
     if not len(played.t_s) or not moving or moving[-1]:
         return None
     still = len(moving) - moving[::-1].index(True) if any(moving) else 0
-    ways = [played.q_measured_rad[-1], *(reading.q_rad for reading in rest[: still + 1])]
-    flange_m = forward(np.array(ways))[:, :3, 3]
+    q_rad = np.array([played.q_measured_rad[-1], *(reading.q_rad for reading in rest[: still + 1])])
+    flange_m = forward(q_rad)[:, :3, 3]
     return StopReport(
         BUTTON if any(reading.by_hand for reading in rest) else BY_ITSELF,
         float(played.t_s[-1]),
@@ -134,4 +137,5 @@ def arm_stop(played: Played, rest: Sequence[Reading]) -> StopReport | None:
         (still + 1) / PATH_RATE_HZ,
         float(np.linalg.norm(np.diff(flange_m, axis=0), axis=1).sum()),
         float(played.clock_s[-1]),
+        q_rad,
     )

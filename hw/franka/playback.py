@@ -21,7 +21,7 @@ import numpy as np
 from hw.braking import check_braking, joint_spline
 from hw.errors import MotionRefused
 from hw.franka.driver import FAULT, Failure, Reading, SdkState
-from hw.franka.states import UNWATCHED_S
+from hw.franka.starting import HELD_RAD, START_S
 from hw.joint_limits import JointLimits
 from hw.limits import START_TOLERANCE_RAD
 from hw.motion_limits import MotionLimits
@@ -30,11 +30,12 @@ from hw.types import PATH_RATE_HZ, Array, JointPath
 from hw.watchdog import SILENCE_S, since_boot_s
 
 STOPS_EVERY_S = 0.01
-STALE_RAD = 3e-6
-"""How far the first sample may be from the joints that the arm's controller holds: in one millisecond this is 3 rad/s²
-and 3000 rad/s³, which every joint of both arms may do. States in single precision differ by less."""
-START_S = 1.0
-"""The longest time from the check of a motion to its first cycle. Later, the lab may have changed."""
+STEP_RAD = 3e-6
+"""How far the first command may be from the joints that the arm's controller holds: in one millisecond this is 3 rad/s²
+and 3000 rad/s³, which every joint of all arms may do. States in single precision differ by less."""
+FADE_TICKS = 500
+"""Over so many milliseconds a larger difference fades: a trajectory has to begin at the arm's most recent `q_d`
+(control_parameters.rst of the maker's FCI documentation)."""
 GAP_S = 0.02
 """The longest time between two cycles, on the arm's clock: the arm stops by itself after 20 lost commands in a row."""
 STILL_RAD_S = 0.01
@@ -103,7 +104,8 @@ class Playback:
     """`step` is the arm's cycle. `stop_reason` returns the reason to stop now, or "".
 
     `interrupted` returns, for the state of the first cycle, why the motion may no longer begin, or "". `sent_s` is when
-    the program sent the motion, on the clock `awake`; None: now.
+    the program sent the motion, on the clock `awake`; None: now. `held_rad` is how far the held joints may be from the
+    first sample; the difference fades.
     """
 
     def __init__(
@@ -115,10 +117,12 @@ class Playback:
         awake: Callable[[], float] = since_boot_s,
         interrupted: Callable[[SdkState], str] = lambda state: "",
         sent_s: float | None = None,
+        held_rad: float = HELD_RAD,
     ) -> None:
         self._motion, self._wanted, self._clock = motion, stop_reason, clock
         self._start_s, self._awake, self._sent_s = start_s, awake, awake() if sent_s is None else sent_s
         self._interrupted = interrupted
+        self._held_rad, self._off_rad = held_rad, list[float]()  # fading: what the first sample was away
         self.refused = ""  # why not even the first sample was commanded
         self._fastest = motion.joints.dq_max_rad_s.tolist()
         low_rad, high_rad = motion.joints.plausible_rad
@@ -149,6 +153,9 @@ class Playback:
         row = self._rows
         if row:
             self._tick += _elapsed(dt_s)
+        else:
+            off_rad = [held - q for held, q in zip(state.q_d, self._samples[0], strict=True)]
+            self._off_rad = off_rad if max(map(abs, off_rad)) > STEP_RAD else []
         tick = self._tick
         nonsense = _nonsense(state, self._low, self._high)
         if not self._reason:
@@ -163,6 +170,10 @@ class Playback:
                 self._braked_at = row
         else:
             q = self._samples[min(tick, last)]
+        fading = bool(self._off_rad) and tick < FADE_TICKS
+        if fading:
+            left = _left(tick / FADE_TICKS)
+            q = [at + left * off for at, off in zip(q, self._off_rad, strict=True)]
         if row:
             self._refuse_jump(q, dt_s)
         self._commanded = q
@@ -177,7 +188,7 @@ class Playback:
         if row >= RATE_WINDOW:
             self._rate_sum += state.control_command_success_rate
             self._rate_count += 1
-        return q, tick >= last and self._stands(row, tick - last)
+        return q, tick >= last and not fading and self._stands(row, tick - last)
 
     def played(self) -> Played:
         """The log so far."""
@@ -200,7 +211,7 @@ class Playback:
         if late_s > self._start_s:
             return f"the arm took {late_s:.1f} s to begin the motion (at most {self._start_s:g} s)"
         for joints, most_rad, what in (
-            (state.q_d, STALE_RAD, "holds"),
+            (state.q_d, self._held_rad, "holds"),
             (state.q, START_TOLERANCE_RAD, "reports"),
         ):
             off_rad = [abs(now - q) for now, q in zip(joints, first, strict=True)]
@@ -265,6 +276,11 @@ def _elapsed(dt_s: float) -> int:
     )
 
 
+def _left(u: float) -> float:
+    """The share that is left of a fading difference; at rest at both ends, without acceleration or jerk."""
+    return 1.0 - u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
+
+
 def _ticks(duration_s: Array) -> list[int]:
     return [round(one * PATH_RATE_HZ) for one in duration_s.tolist()]
 
@@ -295,8 +311,8 @@ class Timing:
 
     realtime: bool = True  # demand a real-time kernel and priority
     silence_s: float = SILENCE_S  # longest silence of the program during a motion, as of the pedal
-    start_s: float = START_S  # longest time from the check of a motion to its first cycle
-    unwatched_s: float = UNWATCHED_S  # longest pause in it without a state of the arm (arm's clock)
+    start_s: float | None = None  # None: as the settings of the arm say, like the next
+    unwatched_s: float | None = None
     overrun_s: float = 5.0  # how long after its end a motion may go unanswered
 
 

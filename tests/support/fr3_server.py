@@ -15,6 +15,7 @@ then obeys lines on stdin, each answered by "done":
     guide, let-go            the buttons at the hand
     lock, unlock             the joints, in Desk
     hand MASS                the end effector that is set in Desk weighs so many kg
+    model NAME               the arm describes itself as that model, with its masses
     deaf, all-ears           a load is accepted and not taken; it is taken again
     fci off, fci on          nobody answers any more; somebody does
     mark SECONDS AFTER       write a line to stderr so long into the next motion but AFTER
@@ -45,11 +46,14 @@ from typing import Any
 
 import franky_sim.franka_server as base
 import numpy as np
+from arm_urdf import described
 from franka_modes import FLAGS, LOST_IN_A_ROW, MODES, STOP_PRESSED, ArmModes, Monitor
 from franky_sim.franka_robot_protocol import (
     COMMAND_PORT,
+    FR3_URDF,
     AutomaticErrorRecoveryCommand,
     AutomaticErrorRecoveryStatus,
+    GetRobotModelCommand,
     MoveCommand,
     MoveStatus,
     RobotCommand,
@@ -85,6 +89,11 @@ class Recovery(AutomaticErrorRecoveryCommand):
             self.reply(AutomaticErrorRecoveryStatus.kSuccess)
 
 
+class Describing(GetRobotModelCommand):
+    def handle(self, server: Any) -> None:
+        self.reply(0, payload=server.urdf.encode("ascii"))
+
+
 class Moving(MoveCommand):
     def handle(self, server: Any) -> None:
         refusal = server.modes.refusal("move")
@@ -118,11 +127,13 @@ class Fr3Server(FrankaRobotServer):
         self._FrankaServer__command_class_map |= {
             RobotCommand.kAutomaticErrorRecovery: Recovery,
             RobotCommand.kMove: Moving,
+            RobotCommand.kGetRobotModel: Describing,
             RobotCommand.kSetLoad: setter("set_load", SetLoadCommand),
             RobotCommand.kSetJointImpedance: setter("set_joint_impedance", SetJointImpedanceCommand),
             RobotCommand.kSetCollisionBehavior: setter("set_collision_behavior", SetCollisionBehaviorCommand),
         }
         self.modes, self.monitor = ArmModes(), Monitor("fr3")
+        self.urdf: str = FR3_URDF
         self.shown_flags: tuple[int, ...] = ()
         self.configured: list[str] = []  # since the last motion began, and before it
         self.recovers: Recovery | None = None
@@ -341,6 +352,7 @@ def order_of(server: Fr3Server, word: str, rest: list[str]) -> Callable[[], None
         "reflex": lambda: keep("planned", (float(rest[0]), tuple(rest[1:]))),
         "flags": lambda: keep("shown_flags", tuple(map(int, rest))),
         "hand": lambda: keep("hand_kg", float(rest[0])),
+        "model": lambda: keep("urdf", described(FR3_URDF, rest[0])),
         "deaf": lambda: keep("deaf", True),
         "all-ears": lambda: keep("deaf", False),
         "lose": lambda: keep("losing", (float(rest[0]), int(rest[1]))),

@@ -19,6 +19,7 @@ from hw.collision import BARE_HAND, Tool
 from hw.franka import connection, player
 from hw.franka.arm import FrankaArm
 from hw.franka.driver import FAULT, Failure, Reading
+from hw.franka.identity import ArmReport
 from hw.franka.playback import PlayableMotion, Played, PlayOutcome
 from hw.franka.settings import FrankaSettings, Payload
 from hw.ports import Pedal
@@ -54,6 +55,9 @@ class InstantPlayer:
         return Reading(
             tuple(self.q_rad), tuple(self.q_rad + self.held_off_rad), (0.0,) * 7, self.mode, external_Nm=estimate_Nm
         )
+
+    def report(self) -> ArmReport:
+        return ArmReport()
 
     def recover(self) -> Reading:
         return self.reading()
@@ -145,6 +149,9 @@ class InProcess:
 
     def reading(self) -> Reading:
         return self.driver.reading()
+
+    def report(self) -> ArmReport:
+        return self.driver.report()
 
     def recover(self) -> Reading:
         self.driver.recover()

@@ -116,9 +116,9 @@ class WorldLab:
         release.one(swinging(path), "The arm swings until a stand-in presses the stop button.")
         played = ReleasedArm[Arm](lab.arm, release).execute(brake(path, press_s, mounted_task.cell.motion))
         after = played.t_s >= press_s
-        flange_m = forward(mounted_task.cell.arm.true_rad(played.q_measured_rad[after]))[:, :3, 3]
-        way_m = float(np.linalg.norm(np.diff(flange_m, axis=0), axis=1).sum())
-        stopped = StopReport(BUTTON, press_s, 0.0, float(played.t_s[-1]) - press_s, way_m, 0.0)
+        q_rad = played.q_measured_rad[after]
+        way_m = float(np.linalg.norm(np.diff(forward(q_rad)[:, :3, 3], axis=0), axis=1).sum())
+        stopped = StopReport(BUTTON, press_s, 0.0, float(played.t_s[-1]) - press_s, way_m, 0.0, q_rad)
         stop = measurement(stopped, path, mounted_task.cell, "a stand-in")
         KnownArm(folder_of(places(), self.rig)).stop_measured(stop)
         return stop

@@ -50,7 +50,7 @@ class HoldingHand:
 class GuidedTouchRig:
     """The connected arm of one bench, which a person guides; it never moves by itself. The hand closes on the tool."""
 
-    name: str  # "fake", "panda" or "fr3"
+    name: str  # "fake", "panda", "fr3" or "fr3v2"
     title: str  # its name for an operator
     key: str  # the folder name of its touch-offs
     tool_name: str

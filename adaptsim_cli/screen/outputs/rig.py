@@ -215,7 +215,7 @@ class Doctor(Output):
     """The checklist."""
 
     ready: bool = described("whether an iteration can run")
-    hw: str = described("hardware that was checked: fake, panda or fr3")
+    hw: str = described("hardware that was checked: fake, panda, fr3 or fr3v2")
     task: str = described("which task")
     checks: list[CheckOutput] = described("one each")
 

@@ -17,6 +17,7 @@ from adaptsim_cli.devices.mounted import MountedTask
 from adaptsim_cli.devices.pacing import PacedArm
 from adaptsim_cli.devices.recovery import offer_recovery
 from adaptsim_cli.devices.released import ReleasedHand
+from adaptsim_cli.devices.rig_file.claims import in_one_sentence
 from adaptsim_cli.devices.rig_file.description import RigDescription
 from adaptsim_cli.devices.rig_file.devices import OFFERED_INSTRUMENTS
 from adaptsim_cli.devices.rig_file.reading import BOARD, gaps, in_words
@@ -51,7 +52,7 @@ class RealLab:
         self.rig, self.title = rig, f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}"
         self._task, self._drivers, self._stack, self._screen = task, drivers, stack, screen
         self._pace, self._operator = config.pace, config.operator
-        self._folder = folder_of(places(), rig)
+        self._folder, self._rig_file = folder_of(places(), rig), in_one_sentence(config, rig)
         durable.make_folder(self._folder)
         screen.tell(SessionLog(self._folder, screen))
         for waiver in rig.in_force():
@@ -168,6 +169,7 @@ class RealLab:
             each,
             known_arm,
             setup,
+            self._rig_file,
         )
         return ConfirmedArm(bare, consent, pedal, before=before)
 

@@ -109,6 +109,7 @@ class Program:
                     pass_fds=(lock,),
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
+                    env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},  # a new file there would end its trust
                 )
             )
         finally:

@@ -283,8 +283,8 @@ def load(
     own_rigs = {str(where.user_file.with_name(RIG_FILE))} if where.home_is_own else set[str]()
     if values["rig"] and sources["rig"] not in where.foreign_settings:
         own_rigs.add(values["rig"])
-    if not values["rig"]:
-        values["rig"] = next((str(file) for file in where.rig_files if file.is_file()), "")
+    if not values["rig"] and (file := next((file for file in where.rig_files if file.is_file()), None)):
+        values["rig"], sources["rig"] = str(file), f"found in {file.parent}"
     config = Config(**values)
     config._own_rigs = frozenset(own_rigs)
     return Resolved(config, sources, where)

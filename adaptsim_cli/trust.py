@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import stat
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -147,7 +146,7 @@ def contents(root: Path) -> dict[str, str]:
         path = left.pop()
         try:
             if path.is_symlink():
-                digests[f"{path} ->"] = os.readlink(path)
+                digests[f"{path} ->"] = str(path.readlink())
             status = path.stat()
             if stat.S_ISDIR(status.st_mode):
                 if (key := (status.st_dev, status.st_ino)) not in folders:

@@ -73,8 +73,13 @@ def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | 
     claims = rig_claims(config, where)
     rig = rig_of(config, tasks_with_tools())
     if open_gaps := gaps(rig, task.name):
-        raise UsageError(f"{config.rig}: nothing has moved, because {in_words(open_gaps)}")
-    console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
-    asking = screen or Screen(as_json=True)
-    require(claims, Trust(where.trust_file), asking, asks=True, command=f"adaptsim config trust --hw {config.hw}")
+        foreign = "" if config.rig_is_own else ". It belongs to the current folder, so its waivers do not count"
+        raise UsageError(f"{config.rig}: nothing has moved, because {in_words(open_gaps)}{foreign}")
+    asking, trust = screen or Screen(as_json=True), Trust(where.trust_file)
+    try:
+        console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
+    except UsageError:
+        require(claims, trust, asking, asks=False, command=f"adaptsim config trust --hw {config.hw}")
+        raise
+    require(claims, trust, asking, asks=True, command=f"adaptsim config trust --hw {config.hw}")
     return RealLab(task, rig, drivers or makers_drivers(), stack, asking, config)

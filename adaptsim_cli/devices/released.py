@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from adaptsim_cli.screen.release import Release
+from adaptsim_cli.screen.release import Release, digest_of, grasping
 from hw.ports import Arm, ArmWrapper, GuardedArm, Hand
 from hw.types import Contact, Execution, Guard, HandState, JointPath
 
@@ -31,7 +31,7 @@ class ReleasedArm(ArmWrapper[Inner]):
         return self._arm.execute_until_contact(path, guard)
 
     def _begin(self, path: JointPath) -> None:
-        self._release.motion(duration_s=path.duration_s)
+        self._release.take(path.digest, duration_s=path.duration_s)
         self._release.begun()
 
 
@@ -55,20 +55,20 @@ class ReleasedHand:
 
     def home(self) -> None:
         """See `hw.ports.Hand`."""
-        self._begin("homes its hand: the fingers open and close")
+        self._begin(digest_of("home"), "homes its hand: the fingers open and close")
         self._hand.home()
 
     def move(self, width_m: float) -> None:
         """See `hw.ports.Hand`."""
-        self._begin(f"moves its fingers to {1e3 * width_m:.0f} mm")
+        self._begin(digest_of("move", width_m), f"moves its fingers to {1e3 * width_m:.0f} mm")
         self._hand.move(width_m)
 
     def grasp(self, width_m: float, force_N: float) -> None:
         """See `hw.ports.Hand`."""
-        self._begin(f"closes its hand with {force_N:.0f} N")
+        self._begin(grasping(width_m, force_N), f"closes its hand with {force_N:.0f} N")
         self._hand.grasp(width_m, force_N)
 
-    def _begin(self, what: str) -> None:
-        self._release.motion(what)
+    def _begin(self, digest: str, what: str) -> None:
+        self._release.take(digest, what)
         self._enabled("hand")
         self._release.begun()

@@ -163,8 +163,8 @@ def begun(resolved: Resolved, screen: Screen, *, yes: bool) -> Answers:
     else:
         if config.rig and not config.rig_is_own:
             raise UsageError(
-                f"{config.rig} belongs to the current folder, and a setup writes your own rig file, {user}. Run it from "
-                f"another folder. To take this file over, read it first: cp {config.rig} {user}"
+                f"{config.rig} belongs to the current folder, and a setup writes your own rig file, {user}. Run it "
+                f"from another folder. To take this file over, read it first: cp {config.rig} {user}"
             )
         file = Path(config.rig) if config.rig else user
         arm = ArmPart(cast(Model, config.hw), ADDRESS)

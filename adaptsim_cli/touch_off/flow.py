@@ -15,6 +15,7 @@ from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
+from adaptsim_cli.screen.release import grasping
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.storage.durable import versions
 from adaptsim_cli.touch_off import terminal_views
@@ -122,18 +123,16 @@ def touch_off(rig: TouchRig, screen: Screen, *, unattended: bool, created: str) 
     rig.tool_there(False)
     rig.hand.home()
     rig.hand.move(0.0)
-    rig.release.begin_run(_FIRST, "touches the table with its closed fingers at all places, slowly, and comes back")
-    fingers = _touch_all(rig, rig.empty, rig.plan.table, rig.empty.cell.table, screen)
-    table, _, _ = table_of(fingers)
-    _go(rig, rig.home_rad, rig.empty)
-    rig.release.end_run()
+    with rig.release.run(_FIRST, "touches the table with its closed fingers at all places, slowly, and comes back"):
+        fingers = _touch_all(rig, rig.empty, rig.plan.table, rig.empty.cell.table, screen)
+        table, _, _ = table_of(fingers)
+        _go(rig, rig.home_rad, rig.empty)
     take_tool(rig)
     all_places = f"touches the table with the {rig.tool_name} at all places, slowly, and comes back"
-    rig.release.begin_run(_FIRST, all_places)
-    tool = _touch_all(rig, rig.loaded, rig.plan.tool, table, screen)
-    slip_m = _slip_m(rig, table, tool, screen)
-    _go(rig, rig.home_rad, rig.loaded)
-    rig.release.end_run()
+    with rig.release.run(_FIRST, all_places):
+        tool = _touch_all(rig, rig.loaded, rig.plan.tool, table, screen)
+        slip_m = _slip_m(rig, table, tool, screen)
+        _go(rig, rig.home_rad, rig.loaded)
     rig.release.completed()
     work_m = np.asarray(np.mean([probe.xy_m for probe in rig.plan.tool], axis=0))
     result, problems = solve(fingers, tool, rig.loaded.X_FT, work_m)
@@ -259,6 +258,7 @@ def take_tool(rig: TouchRig) -> None:
     rig.release.one(
         f"Hold the {rig.tool_name} between the fingers, as its drawing shows. Keep your own fingers clear: "
         f"the hand closes with {rig.grasp.force_N:g} N.",
+        grasping(rig.grasp.width_m, rig.grasp.force_N),
         f"The hand closes on the {rig.tool_name}.",
         "nothing was stored",
     )

@@ -21,9 +21,9 @@ def rig_claims(config: Config, where: Places) -> tuple[Claim, ...]:
     pedal = "no pedal" if rig.pedal is None else f"a pedal at {rig.pedal.port}"
     waivers = ", ".join(waiver.safeguard for waiver in rig.waivers) or "none"
     meaning = (
-        f"It describes the {rig.arm.model} at {rig.arm.address}: {boxes_in_words(rig)}; {pedal}; one answer releases one "
-        f"{rig.consent or 'motion'}. Its waivers ({waivers}) do not count, and the arm's memory and calibrations of "
-        "your own rig file are not used."
+        f"It describes the {rig.arm.model} at {rig.arm.address}: {boxes_in_words(rig)}; {pedal}; one answer releases "
+        f"one {rig.consent or 'motion'}. Its waivers ({waivers}) do not count, and the arm's memory and the "
+        "calibrations of your own rig file are not used."
     )
     return (*settings, Claim(RIG, claim.place, claim.content, meaning))
 

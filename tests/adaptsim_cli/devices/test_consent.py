@@ -66,7 +66,7 @@ def test_every_question_answer_and_rate_is_in_the_log_with_the_operators_name(tm
 
 def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(tmp_path, monkeypatch, place, kim):
     devices, screen = ToyDevices(), quiet()
-    write_rig(place)
+    write_rig(place.parent / "home")
     there = config.load({"hw": "panda", "task": "scooping"})
     calibrated(there)
     session = tmp_path / "session"
@@ -80,7 +80,7 @@ def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(tmp_
     assert [(one.safeguard, one.by) for one in facts.waivers] == [(name, "Kim") for name in WAIVED]
     assert all(one.reason == "a lab of the tests" and one.on < one.until for one in facts.waivers)
     assert facts.consent is not None
-    for folder in (session, folder_of(there.places, read(place / "rig.toml"))):
+    for folder in (session, folder_of(there.places, read(place.parent / "home" / "rig.toml"))):
         said_there = [line.data.get("answer") for line in read_log(folder) if line.event == "answered"]
         assert said_there == ["panda"], folder
 
@@ -91,7 +91,7 @@ def test_each_motion_is_agreed_to_if_the_rig_asks_for_it(monkeypatch):
     typing(monkeypatch, "panda", "", "y", "", "y", "", "q")
     with arm:
         arm.execute(STILL)
-        arm.await_enabled("makes its motion", 1.0)  # asked before the camera records
+        arm.await_enabled("makes its motion", STILL)  # asked before the camera records
         arm.execute(STILL)
         with pytest.raises(StoppedByOperator):
             arm.execute(STILL)
@@ -100,7 +100,7 @@ def test_each_motion_is_agreed_to_if_the_rig_asks_for_it(monkeypatch):
 
 
 def slowly(place: Path, text: str, **settings: object) -> tuple[config.Resolved, ToyDevices]:
-    write_rig(place, text)
+    write_rig(place.parent / "home", text)
     there = config.load({"hw": "panda", "task": "scooping", **settings})
     calibrated(there)
     return there, ToyDevices()
@@ -214,7 +214,7 @@ def test_a_damaged_memory_asks_everything_again(tmp_path):
 NEW = SetUp("scooping", "tool", "calibration", "rig")
 
 
-@pytest.mark.parametrize(("answer", "moves"), [("kim", True), ("", False), ("q", False)])
+@pytest.mark.parametrize(("answer", "moves"), [("full", True), ("kim", False), ("", False), ("q", False)])
 def test_a_new_set_up_moves_slowly_first_or_by_name(answer, moves, tmp_path, monkeypatch):
     known, screen = KnownArm(tmp_path), quiet()
 
@@ -267,7 +267,7 @@ def test_a_set_up_is_task_rig_file_tool_and_calibration():
 
 def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(place, kim):
     bare = 'name = "lab-1"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n'
-    rig = read(write_rig(place, bare))
+    rig = read(write_rig(place.parent / "home", bare))
     assert [gap.what for gap in gaps(rig, "scooping")] == ["pedal", "person", "payload", "keep_out"]
     there = config.load({"hw": "panda", "task": "scooping"})
     calibrated(there)
@@ -281,7 +281,7 @@ def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(place, kim
     found = CHECKS["safeguards"](lab)
     assert found.verdict is Severity.MISSING
     assert not re.search("waive", f"{refused.value} {found.detail} {found.fix}"), "no message prints a waiver to paste"
-    write_rig(place, bare + waivers("pedal", "person", "payload", "keep_out"))
+    write_rig(place.parent / "home", bare + waivers("pedal", "person", "payload", "keep_out"))
     lab = Examined(there, {"rig file": ok("")})
     found = CHECKS["safeguards"](lab)
     assert found.verdict is Severity.ADVICE
@@ -292,7 +292,7 @@ def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(place, kim
 def test_a_waiver_counts_for_thirty_days_and_then_not(age_days, counts, place, kim):
     on = (datetime.now(UTC) - timedelta(days=age_days)).date().isoformat()
     bare = 'name = "lab-1"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n'
-    rig = read(write_rig(place, bare + waivers("pedal", "person", "payload", "keep_out", "hand", on=on)))
+    rig = read(write_rig(place.parent / "home", bare + waivers("pedal", "person", "payload", "keep_out", "hand", on=on)))
     assert rig.without_hand == counts
     missing = gaps(rig, "scooping")
     assert [gap.what for gap in missing] == ([] if counts else ["pedal", "person", "payload", "keep_out", "hand"])
@@ -300,19 +300,19 @@ def test_a_waiver_counts_for_thirty_days_and_then_not(age_days, counts, place, k
 
 
 def test_a_waiver_of_an_older_version_is_named_with_the_way_to_renew_it(place, kim, refused):
-    write_rig(place, 'waived = ["pedal"]\n' + RIG)
+    write_rig(place.parent / "home", 'waived = ["pedal"]\n' + RIG)
     answer = refused(2, "doctor", "--hw", "panda", "--assessment", "sheet.html")
     assert "waived is a list of an older version" in answer and "adaptsim setup --waive NAME" in answer
 
 
 def test_every_command_says_and_logs_what_is_waived_and_what_is_not_any_more(place, kim):
     old = (datetime.now(UTC) - timedelta(days=40)).date().isoformat()
-    write_rig(place, RIG.replace(waivers("stop_button"), waivers("stop_button", on=old)))
+    write_rig(place.parent / "home", RIG.replace(waivers("stop_button"), waivers("stop_button", on=old)))
     there = config.load({"hw": "panda", "task": "scooping"})
     calibrated(there)
     screen = quiet()
     with open_trials(there.config, there.places, get_task("scooping"), ToyDevices().drivers(), screen=screen):
         pass
-    lines = [line.text for line in read_log(folder_of(there.places, read(place / "rig.toml"))) if line.event == "noted"]
+    lines = [line.text for line in read_log(folder_of(there.places, read(place.parent / "home" / "rig.toml"))) if line.event == "noted"]
     assert any("Waived: keep_out is waived until" in line and "a lab of the tests (Kim" in line for line in lines)
     assert any(line.startswith("Not waived any more: stop_button, since") for line in lines)

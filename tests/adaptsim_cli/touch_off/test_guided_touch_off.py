@@ -159,7 +159,7 @@ SCREWED = RIG + waivers("hand")
 
 
 def resolved(place: Path, text: str) -> Resolved:
-    write_rig(place, text)
+    write_rig(place.parent / "home", text)
     return config.load({"hw": "panda", "task": "scooping"})
 
 

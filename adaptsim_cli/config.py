@@ -122,7 +122,7 @@ class Config(Record):
     calibration_days: Annotated[
         int, Field(ge=1, description="age at which the program warns about a calibration, days")
     ] = 30
-    _own_rigs: frozenset[str] = PrivateAttr(default=frozenset())
+    _own_rigs: frozenset[str] = PrivateAttr(default=frozenset())  # paths of rig files, by `load`
 
     @property
     def rig_is_own(self) -> bool:

@@ -54,7 +54,7 @@ class Claim:
     def of_files(cls, kind: str, files: Sequence[Path], meaning: str) -> Claim:
         """That of single files, the first of which names it. Raises UsageError for one that cannot be read."""
         try:
-            content = dict(item for file in files for item in contents(file.absolute()).items())
+            content = contents(*(file.absolute() for file in files))
         except NotCovered as error:
             raise UsageError(f"the {kind} {files[0]}: {error}") from error
         return cls(kind, files[0].absolute(), content, meaning)
@@ -135,13 +135,13 @@ def settings_claims(where: Places) -> tuple[Claim, ...]:
     return tuple(claims)
 
 
-def contents(root: Path) -> dict[str, str]:
-    """Absolute path -> SHA-256 of every file at `root` or below it; links are followed, and bound themselves.
+def contents(*roots: Path) -> dict[str, str]:
+    """Absolute path -> SHA-256 of every file at the `roots` or below them; links are followed, and bound themselves.
 
-    Raises NotCovered beyond `MOST_FILES` and `MOST_BYTES`, and where something cannot be read.
+    Raises NotCovered beyond `MOST_FILES` and `MOST_BYTES` in all, and where something cannot be read.
     """
     digests: dict[str, str] = {}
-    folders, left, size = set[tuple[int, int]](), [root], 0
+    folders, left, size = set[tuple[int, int]](), [*roots], 0
     while left:
         path = left.pop()
         try:
@@ -164,7 +164,8 @@ def contents(root: Path) -> dict[str, str]:
         except OSError as error:
             raise NotCovered(f"{path} cannot be read: {error.strerror}") from error
         if len(digests) > MOST_FILES or len(left) > MOST_FILES or size > MOST_BYTES:
-            raise NotCovered(f"{root} holds more than {MOST_FILES} files or {MOST_BYTES // 2**20} MB")
+            named = ", ".join(map(str, roots))
+            raise NotCovered(f"{named} holds more than {MOST_FILES} files or {MOST_BYTES // 2**20} MB")
     return digests
 
 

@@ -62,6 +62,7 @@ def trust(screen: Screen, resolved: Resolved) -> Reply:
     """Confirm the files of the current folder that decide what moves, what is confirmed, or what runs.
 
     Asks about each one that is not confirmed yet, or has changed since. Nothing runs or moves.
+
     Example: adaptsim config trust --hw fr3
     """
     from adaptsim_cli import trust as trusting

@@ -105,4 +105,6 @@ def test_schema_lists_the_commands_and_names_those_that_are_alike(capfd, refused
 
 def test_a_key_that_no_model_describes_never_leaves_the_program():
     with pytest.raises(ValidationError):
-        Screen(as_json=True).data("config path", {"data": "a", "user_file": "b", "project_file": "c", "trust_file": "d", "more": 1})
+        Screen(as_json=True).data(
+            "config path", {"data": "a", "user_file": "b", "project_file": "c", "trust_file": "d", "more": 1}
+        )

@@ -115,7 +115,7 @@ def run(line: str, place: Path) -> str:
         words.append("--yes")  # there is nobody to ask
     if "html" in has and "--html" not in words:
         words += ["--html", "page.html"]  # instead of a server
-    lab = environment(place.parent / "home", ADAPTSIM_WORLD="ood-1", COLUMNS="100")
+    lab = environment(place / "home", ADAPTSIM_WORLD="ood-1", COLUMNS="100")
     done = subprocess.run(
         [*ADAPTSIM, *words[1:]], env=lab, cwd=place, stdin=subprocess.DEVNULL, capture_output=True, text=True,
         check=False,

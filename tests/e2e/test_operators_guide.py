@@ -86,7 +86,7 @@ def pattern(line: str) -> re.Pattern[str]:
 
 
 def run(command: str, place: Path) -> subprocess.CompletedProcess[str]:
-    home = environment(place.parent / "home", COLUMNS="100", NO_COLOR="1")
+    home = environment(place / "home", COLUMNS="100", NO_COLOR="1")
     program, *arguments = shlex.split(command, comments=True)
     assert program == "adaptsim"
     line = [*ADAPTSIM, *arguments]
@@ -119,7 +119,7 @@ def test_every_command_of_the_guide_works_and_prints_what_it_shows(place):
     assert done > 10
     assert (place / "preview.html").stat().st_size > 100_000
     assert (place / "board.pdf").read_bytes().startswith(b"%PDF")
-    assert sorted((place.parent / "home/data/sessions").glob("*/report.html"))
+    assert sorted((place / "home/data/sessions").glob("*/report.html"))
 
 
 def hidden(world: str) -> dict[str, object]:

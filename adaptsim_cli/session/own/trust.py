@@ -15,8 +15,6 @@ from adaptsim_cli.config import FLAG, PERSON, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.trust import (
-    MOST_BYTES,
-    MOST_FILES,
     PROGRAM,
     UNREAD,
     Claim,
@@ -37,11 +35,11 @@ def require_trusted(resolved: Resolved, screen: Screen, *, yes: bool) -> None:
 
 
 def own_claims(resolved: Resolved) -> tuple[Claim, ...]:
-    """What the current folder decides about a robot of one's own."""
+    """What the current folder decides about a robot of one's own: nothing, if a person answers or types the program."""
     command, folder = resolved.config.answer_with, resolved.places.project_file.parent.resolve()
     source = resolved.sources.get("answer_with")
     if command in ("", PERSON) or source == FLAG:
-        return settings_claims(resolved.places)
+        return ()
     if source in resolved.places.foreign_settings:
         return (_claim(resolved, folder, list(_elsewhere(command, folder))),)
     settings = settings_claims(resolved.places)
@@ -57,20 +55,16 @@ def _claim(resolved: Resolved, folder: Path, elsewhere: list[Path]) -> Claim:
     for claim in settings_claims(resolved.places):
         bound |= claim.content
     try:
-        for root in (folder, *elsewhere):
-            bound |= contents(root)
-            if len(bound) > MOST_FILES:
-                raise NotCovered(f"its paths hold more than {MOST_FILES} files or {MOST_BYTES // 2**20} MB")
+        files = contents(folder, *elsewhere)
     except NotCovered as error:
         meaning += (
             f" Only the command itself is confirmed, for this folder: {error}, so a later change of its files is NOT "
             "noticed."
         )
-        bound = {key: value for key, value in bound.items() if not key.startswith("/")}
-        bound |= {key: value for claim in settings_claims(resolved.places) for key, value in claim.content.items()}
     else:
+        bound |= files
         where = ", ".join(map(str, ("this folder", *elsewhere)))
-        meaning += f" Bound to {len(bound)} entries of {where} ({UNREAD} aside): a change of any of them asks again."
+        meaning += f" Bound to {len(files)} files of {where} ({UNREAD} aside): a change of any of them asks again."
     return Claim(PROGRAM, folder, bound, meaning)
 
 

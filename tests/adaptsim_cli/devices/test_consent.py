@@ -292,7 +292,9 @@ def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(place, kim
 def test_a_waiver_counts_for_thirty_days_and_then_not(age_days, counts, place, kim):
     on = (datetime.now(UTC) - timedelta(days=age_days)).date().isoformat()
     bare = 'name = "lab-1"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n'
-    rig = read(write_rig(place.parent / "home", bare + waivers("pedal", "person", "payload", "keep_out", "hand", on=on)))
+    rig = read(
+        write_rig(place.parent / "home", bare + waivers("pedal", "person", "payload", "keep_out", "hand", on=on))
+    )
     assert rig.without_hand == counts
     missing = gaps(rig, "scooping")
     assert [gap.what for gap in missing] == ([] if counts else ["pedal", "person", "payload", "keep_out", "hand"])
@@ -313,6 +315,10 @@ def test_every_command_says_and_logs_what_is_waived_and_what_is_not_any_more(pla
     screen = quiet()
     with open_trials(there.config, there.places, get_task("scooping"), ToyDevices().drivers(), screen=screen):
         pass
-    lines = [line.text for line in read_log(folder_of(there.places, read(place.parent / "home" / "rig.toml"))) if line.event == "noted"]
+    lines = [
+        line.text
+        for line in read_log(folder_of(there.places, read(place.parent / "home" / "rig.toml")))
+        if line.event == "noted"
+    ]
     assert any("Waived: keep_out is waived until" in line and "a lab of the tests (Kim" in line for line in lines)
     assert any(line.startswith("Not waived any more: stop_button, since") for line in lines)

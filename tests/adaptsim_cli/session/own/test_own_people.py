@@ -99,16 +99,16 @@ def test_a_program_of_the_current_folder_runs_only_once_it_is_trusted(place, mon
     (place / "adaptsim.toml").write_text('hw = "own"\nanswer_with = "python robot.py"\nanswer_moves = "nothing"\n')
     settings = config.load()
     screen, _ = screen_of("\nq\n", monkeypatch)
-    with pytest.raises(UsageError, match="starts no program unasked"):
+    with pytest.raises(UsageError, match="counts only once a person has confirmed it"):
         require_trusted(settings, screen, yes=True)
-    with pytest.raises(StoppedByOperator, match="the program has not run"):
+    with pytest.raises(StoppedByOperator, match="nothing has run or moved"):
         require_trusted(settings, screen, yes=False)
     screen, shown = screen_of("y\n", monkeypatch)
     require_trusted(settings, screen, yes=False)
     assert "names the program `python robot.py`" in shown.getvalue()
     require_trusted(settings, screen, yes=True)
     (place / "robot.py").write_text("print('another one')")
-    with pytest.raises(UsageError, match="starts no program unasked"):
+    with pytest.raises(UsageError, match="counts only once a person has confirmed it"):
         require_trusted(settings, screen, yes=True)
     require_trusted(config.load({"answer_with": "python robot.py", "answer_moves": "nothing"}), screen, yes=True)
 

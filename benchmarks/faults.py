@@ -1,4 +1,4 @@
-"""A campaign of faults over arm, pedal, hand, fingers, disk, process, clock, terminal, camera and session, seeded.
+"""A campaign of faults over arm, pedal, hand, fingers, disk, process, clock, terminal, camera, session, folder, seeded.
 
     PYTHONPATH=tests/support python benchmarks/faults.py --each 20 --pairs 40 --out faults.jsonl
 
@@ -9,7 +9,8 @@ A motion is one of a real lab's arm: a trial, a touch, or a way of the calibrati
 protocol, checks, player and the pipe between them are the program's own, in simulated time; only the SDK is a stand-in
 (`tests/support/living_sdk.py`), whose arm lags, coasts and has noise. Boxes stand as near to the motion as the program
 accepts. The fingers have the program's keeper and pedal. A recording is one of the camera's driver over a stand-in of
-libk4a. A session is a whole toy session that a fault stops at a random moment and that the same command continues.
+libk4a. A session is a whole toy session that a fault stops at a random moment and that the same command continues. A
+folder is somebody else's, whose rig file has the name of the lab and random gaps and waivers (`fault_folder.py`).
 
 `--out` keeps a line for each fault; the same command goes on after the last. `--share 1/3` makes only every third fault
 of each kind, so that several processes share the work: name one `--out` each, and `--table` all of them.
@@ -23,6 +24,8 @@ After each fault:
 * nothing was commanded without the typed model, and after a gap of more than 20 ms nothing more;
 * a motion that did not end is remembered, and nothing moves before a recovery;
 * a recording is an error, or each of its frames has its true time and at most a quarter of them is missing;
+* in somebody else's folder no device is opened before a person confirms its files, their waivers never count, and
+  another content or place asks again;
 * of a session no completed trial changed, none is missing and none counted twice.
 """
 
@@ -49,6 +52,7 @@ import toy_rig
 import toy_session
 from camera_stage import DELAY_S, Shown
 from fake_k4a import PERIOD_S, FakeK4a, running
+from fault_folder import FOLDERS, one_folder
 from fault_hand import HAND_FAULTS, one_hand
 from fault_lab import DISKS, HANDS, TYPED, Outcome, one_motion
 from fault_world import AT_A_CONTACT, BEFORE, IN_MOTION, Fault, release
@@ -209,7 +213,7 @@ MOTIONS = ("trial", "touch", "calibration")
 SESSIONS = (*SESSION_ERRORS, "session: killed")
 ARM_KINDS = tuple(dict.fromkeys((*IN_MOTION, *BEFORE, *TYPED, *HANDS, *DISKS)))
 PAIR = "two at once"
-KINDS = (*ARM_KINDS, *HAND_FAULTS, *CAMERAS, *SESSIONS)
+KINDS = (*ARM_KINDS, *HAND_FAULTS, *CAMERAS, *SESSIONS, *FOLDERS)
 """Every kind of fault, in the order of the table."""
 
 
@@ -256,6 +260,8 @@ def one(kind: str, number: int, seed: int) -> dict[str, Any]:
             return asdict(one_session(kind, rng, Path(folder)))
         if kind in HAND_FAULTS:
             return asdict(one_hand(kind, rng))
+        if kind in FOLDERS:
+            return asdict(one_folder(kind, rng, Path(folder)))
         if kind == PAIR:
             return asdict(one_pair(number, rng, Path(folder)))
         return asdict(one_arm(kind, number, rng, Path(folder)))

@@ -23,10 +23,13 @@ from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.devices.known_arm import KnownArm
 from adaptsim_cli.devices.recovery import offer_recovery
+from adaptsim_cli.devices.released import ReleasedArm, ReleasedHand
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
-from hw.errors import ArmFault, MotionRefused
+from adaptsim_cli.screen.release import Release, grasping
+from hw.errors import ArmFault, HandError, MotionRefused
 from hw.fake import FakeArm, FakeClock
+from hw.grasping import FakeHand
 from hw.types import Execution, JointPath
 
 STILL = JointPath(np.linspace(0.0, 0.01, 11), np.tile(READY_RAD, (11, 1)))
@@ -187,3 +190,85 @@ def test_a_refused_motion_is_no_stop(tmp_path, monkeypatch):
 def test_a_damaged_note_of_the_last_motion_counts_as_a_stop(tmp_path):
     (tmp_path / "last-motion.json").write_text("{")
     assert KnownArm(tmp_path).unended() is not None
+
+
+LONGER = JointPath(np.linspace(0.0, 0.02, 21), np.tile(READY_RAD, (21, 1)))
+WRONG: dict[str, Exception] = {
+    "the hand lost its tool": HandError("the tool is lost"),
+    "the arm refused": MotionRefused("beyond a limit"),
+    "the operator stopped": StoppedByOperator("stopped by the operator"),
+    "a defect": ZeroDivisionError(),
+}
+
+
+@pytest.mark.parametrize("again", [STILL, LONGER], ids=["the same motion", "another motion"])
+@pytest.mark.parametrize("why", ["the pedal was not held", "the camera did not start", *WRONG])
+def test_a_release_never_outlives_the_motion_that_it_was_given_to(why, again, monkeypatch):
+    bare, screen, now = FakeArm(READY_RAD, FakeClock(), cell()), quiet(), [0.0]
+    pedal = ToyPedal([why != "the pedal was not held"])
+    wrong = [WRONG[why]] if why in WRONG else []
+
+    def before() -> None:
+        if wrong:
+            raise wrong.pop()
+
+    def pause(s: float) -> None:
+        now[0] += s
+
+    typing(monkeypatch, "panda", "y")
+    consent = Consent(screen, "panda", operator="Kim", each="motion")
+    with pedal, ConfirmedArm(bare, consent, pedal, before=before, now_s=lambda: now[0], pause=pause) as arm:
+        if why == "the camera did not start":
+            arm.await_enabled("makes its motion", STILL)
+            if again is STILL:
+                arm.release.withdraw()  # as `RigTarget.execute` does however it ends
+        else:
+            with pytest.raises(Exception, match=r"pedal was not held|tool is lost|beyond|stopped|^$"):
+                arm.execute(STILL)
+        pedal.held = [True]
+        asked = said(screen).count("Type y to start")
+        typing(monkeypatch, "", "q")
+        with pytest.raises(StoppedByOperator):
+            arm.execute(again)
+        assert said(screen).count("Type y to start") == asked + 2
+        typing(monkeypatch, "y")
+        arm.execute(again)
+    assert len(bare.executed) == 1
+
+
+def test_only_the_released_path_begins_without_another_question(monkeypatch):
+    bare, screen = FakeArm(READY_RAD, FakeClock(), cell()), quiet()
+    typing(monkeypatch, "panda", "y", "y", "y")
+    with ConfirmedArm(bare, Consent(screen, "panda", operator="Kim", each="motion"), None) as arm:
+        arm.await_enabled("makes its motion", LONGER)
+        arm.execute(LONGER)
+        arm.await_enabled("makes its motion", LONGER)
+        arm.execute(STILL)
+        typing(monkeypatch)
+        with pytest.raises(StoppedByOperator):
+            arm.execute(LONGER)
+    assert len(bare.executed) == 2
+    assert STILL.digest != LONGER.digest == JointPath(LONGER.t_s, LONGER.q_rad.copy()).digest
+
+
+def test_a_release_of_the_hand_or_of_a_series_ends_with_it(monkeypatch):
+    screen, hand = quiet(), FakeHand(0.02)
+    release = Release(screen, "panda", True)
+    fingers = ReleasedHand(hand, release)
+    typing(monkeypatch, "y")
+    with fingers:
+        release.one("Close?", grasping(0.01, 30.0))
+        for other in (lambda: fingers.grasp(0.01, 60.0), fingers.home, lambda: fingers.move(0.01)):
+            with pytest.raises(StoppedByOperator):
+                other()
+        with pytest.raises(StoppedByOperator):
+            fingers.grasp(0.01, 30.0)
+    assert hand.commands == []
+    arm = ReleasedArm(FakeArm(READY_RAD, FakeClock(), cell()), release)
+    typing(monkeypatch, "y", "panda")
+    with arm, pytest.raises(ZeroDivisionError), release.run("goes there", "goes everywhere"):
+        for _ in range(3):
+            arm.execute(STILL)
+        raise ZeroDivisionError
+    with arm, pytest.raises(StoppedByOperator):
+        arm.execute(STILL)

@@ -21,6 +21,7 @@ from adaptsim_cli import config
 from adaptsim_cli.devices.confirmed import ConfirmedArm
 from adaptsim_cli.devices.consent import Consent
 from adaptsim_cli.devices.known_arm import KnownArm, SetUp, folder_of, setup_of
+from adaptsim_cli.devices.released import ReleasedArm
 from adaptsim_cli.devices.rig_file.description import as_shipped
 from adaptsim_cli.devices.rig_file.reading import gaps, read
 from adaptsim_cli.doctor import checks
@@ -32,6 +33,7 @@ from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.watching import SessionLog
 from adaptsim_cli.session.watching import read as read_log
 from adaptsim_cli.wiring.session import open_trials
+from hw.errors import CameraError
 from hw.fake import FakeArm, FakeClock
 from hw.ports import Arm, ArmWrapper
 from hw.types import ArmState, Execution, JointPath
@@ -147,6 +149,35 @@ def test_the_tasks_own_motion_makes_its_set_up_known_and_the_way_there_does_not(
     assert completed == [2], "once, after the second of three motions"
 
 
+def test_a_trial_that_ends_before_its_motion_began_leaves_nothing_released(monkeypatch):
+    target, screen = rig_target(toy_parts(ToyLab(0))), quiet()
+    bench, release = target.rig.camera, Release(screen, "panda", True)
+
+    class Dead:
+        """The bench's camera, which does not start."""
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(bench, name)
+
+        def start_recording(self) -> None:
+            raise CameraError("no frame within 1 s")
+
+    arm = ReleasedArm[Arm](target.rig.arm, release)
+    camera: Any = Dead()
+    rig = replace(target.rig, arm=arm, camera=camera, release=release, await_enabled=release.path)
+    target = replace(target, rig=rig)
+    planned = target.plan(target.place(np.array([0.68, 0.0]), TrialKey(1, 0), unattended()), np.array([0.5]))
+    typing(monkeypatch, "y", "y")
+    release.announced("The arm comes. ", planned.digest, "It moves.", "all is stored")
+    with pytest.raises(CameraError):
+        target.execute(planned)
+    assert said(screen).count("Type y to start") == 2, "the way there was announced, the motion asked for"
+    typing(monkeypatch)
+    assert planned.paths is not None
+    with pytest.raises(StoppedByOperator):
+        arm.execute(planned.paths[1])
+
+
 @dataclass
 class Buttoned:
     """An arm whose stop button follows a list, one state a look."""
@@ -247,6 +278,27 @@ def test_a_new_set_up_moves_slowly_first_or_by_name(answer, moves, tmp_path, mon
     other = quiet()
     assert not moved(asked(1.0, other, replace(NEW, kind="pushing")), "", own=True)
     assert "With this rig file, tool and calibration pushing has not moved" in said(other)
+
+
+@pytest.mark.parametrize("name", ["Q", "q", "Enter", "?", "full", "y"])
+def test_a_name_that_is_a_key_of_a_question_is_harmless(name, tmp_path, monkeypatch):
+    for typed, agrees in (("q", False), (name, name == "full"), ("", False)):
+        screen = quiet()
+        typing(monkeypatch, typed, "panda")
+        known, waived = KnownArm(tmp_path), (waiver("stop_button"),)
+        consent = Consent(screen, "panda", operator=name, known_arm=known, setup=NEW, waivers=waived)
+        with suppress(StoppedByOperator):
+            consent.once(arm_with(consent)[0])
+        assert (consent.given_at is not None) == agrees
+        assert "Full speed nevertheless? Type full to move at full speed on your own account" in said(screen)
+
+
+def test_the_name_is_asked_for_until_one_is_typed_and_the_question_says_so(monkeypatch):
+    screen = quiet()
+    typing(monkeypatch, "", "Kim", "panda")
+    consent = Consent(screen, "panda")
+    consent.once(arm_with(consent)[0])
+    assert consent.operator == "Kim" and "Enter alone names nobody. Type a name or initials" in said(screen)
 
 
 def test_a_set_up_is_task_rig_file_tool_and_calibration():

@@ -72,11 +72,11 @@ def test_without_a_terminal_and_without_yes_nothing_begins(
         assert app.run(["run-iteration", "--task", "toy"]) == 2
         assert "add --yes" in told(capfd)
         assert app.run(["run-iteration", "--task", "toy", "--hw", "panda", "--yes"]) == 2
-    assert not (place.parent / "home").exists()
+    assert not (place / "home").exists()
 
 
 def test_only_a_named_task_begins_a_session(lab: ToyLab, place: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    sessions = place.parent / "home" / "data" / "sessions"
+    sessions = place / "home" / "data" / "sessions"
     for arguments in ([], ["--session", "nosuch"], ["--world", "wd"], ["--seed", "4"], ["--method", "udr"]):
         assert app.run(["run-iteration", "--yes", *arguments]) == 2
         assert "--task" in told(capfd)
@@ -129,7 +129,7 @@ def test_what_goes_wrong_in_a_trial_has_its_code_and_says_how_to_continue(
     assert f"adaptsim run-iteration --session {NAME}" in message
     lab.hooks.clear()
     assert app.run(["run-iteration", "--session", NAME, "--yes"]) == 0
-    assert (place.parent / "home/data/sessions" / NAME / "iteration-01" / "result-1").is_dir()
+    assert (place / "home/data/sessions" / NAME / "iteration-01" / "result-1").is_dir()
 
 
 @pytest.fixture

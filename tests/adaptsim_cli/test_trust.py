@@ -305,11 +305,16 @@ def test_links_and_paths_elsewhere_are_bound_too(place, monkeypatch):
     Path("lib").symlink_to(far / "lib")
     Path("loop").symlink_to(place)
     named(f"python3 link.py --with={far / 'b.py'}")
+
+    def retarget() -> None:
+        Path("link.py").unlink()
+        Path("link.py").symlink_to(far / "b.py")
+
     changes: tuple[Callable[[], object], ...] = (
         lambda: (far / "a.py").write_text("changed"),
         lambda: (far / "b.py").write_text("changed"),
         lambda: (far / "lib" / "new.py").write_text("new"),
-        lambda: (Path("link.py").unlink(), Path("link.py").symlink_to(far / "b.py")),
+        retarget,
         (far / "b.py").unlink,
     )
     for change in changes:

@@ -19,13 +19,14 @@ import pytest
 from own_robot import ROBOT, program, run
 from real_lab import RIG, ToyDevices, Untouched, calibrated, quiet, said, typing, waivers
 
-from adaptsim_cli import app, config, trust
+from adaptsim_cli import config, trust
+from adaptsim_cli.bench.devices.known_arm import folder_of
+from adaptsim_cli.bench.devices.mounted import mounted_as_shipped
+from adaptsim_cli.bench.devices.opening import open_lab
+from adaptsim_cli.bench.rig_file.claims import rig_claims
+from adaptsim_cli.bench.rig_file.reading import gaps, in_words, rig_of
+from adaptsim_cli.commands import app
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.devices.known_arm import folder_of
-from adaptsim_cli.devices.mounted import mounted_as_shipped
-from adaptsim_cli.devices.opening import open_lab
-from adaptsim_cli.devices.rig_file.claims import rig_claims
-from adaptsim_cli.devices.rig_file.reading import gaps, in_words, rig_of
 from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen

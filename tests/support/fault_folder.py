@@ -20,15 +20,15 @@ from real_lab import READY_RAD, ToyDevices, calibrated, waivers
 from rich.console import Console
 
 from adaptsim_cli import config
-from adaptsim_cli.devices.known_arm import KnownArm, folder_of
-from adaptsim_cli.devices.rig_file.claims import rig_claims
-from adaptsim_cli.devices.rig_file.reading import read
-from adaptsim_cli.devices.rig_file.waivers import Waivable
+from adaptsim_cli.bench.devices.known_arm import KnownArm, folder_of
+from adaptsim_cli.bench.rig_file.claims import rig_claims
+from adaptsim_cli.bench.rig_file.reading import read
+from adaptsim_cli.bench.rig_file.waivers import Waivable
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.session.opening import open_trials
 from adaptsim_cli.trust import Trust
-from adaptsim_cli.wiring.session import open_trials
 from hw.errors import HardwareError
 from hw.types import JointPath
 from sim.tasks import get_task

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import platformdirs
-from pydantic import Field, ValidationError
+from pydantic import Field, PrivateAttr, ValidationError
 
 from adaptsim_cli.errors import UsageError, place, plain, unknown
 from hw.bounded import Unreadable, read_table
@@ -43,6 +43,7 @@ def same_lab(task: str, hw: str, world: str, seed: int | None = None) -> str:
 
 PROJECT_FILE = "adaptsim.toml"
 RIG_FILE, PRACTICE_FILE = "rig.toml", "practice.toml"
+TRUST_FILE = "trusted.json"
 _PREFIX = "ADAPTSIM_"
 FLAG = "flag"
 """The origin of a setting from the command line."""
@@ -78,7 +79,10 @@ class Config(Record):
     ] = ""
     answer_moves: Annotated[
         Literal["robot", "nothing"],
-        Field(description="what that program moves: robot, then every trial is confirmed; or nothing"),
+        Field(
+            description="what that program moves: robot, then every trial is confirmed; or nothing, which counts as a "
+            "flag, or beside the answer_with that it belongs to"
+        ),
     ] = "robot"
     answer_limit_s: Annotated[
         float,
@@ -117,6 +121,16 @@ class Config(Record):
     calibration_days: Annotated[
         int, Field(ge=1, description="age at which the program warns about a calibration, days")
     ] = 30
+    _own_rigs: frozenset[str] = PrivateAttr(default=frozenset())  # paths of rig files, by `load`
+
+    @property
+    def rig_is_own(self) -> bool:
+        """Whether the rig file is the user's own: beside the user's settings, or named by those or the environment.
+
+        Any other rig file belongs to the current folder: `adaptsim_cli.trust` asks about it, and its waivers never
+        count. Settings that `load` did not make own no rig file.
+        """
+        return self.rig in self._own_rigs
 
     @property
     def is_simulated(self) -> bool:
@@ -155,11 +169,23 @@ class Places:
     data: Path
     user_file: Path
     project_file: Path
+    trust_file: Path  # the confirmations of `adaptsim_cli.trust`, never inside the current folder
+
+    @property
+    def home_is_own(self) -> bool:
+        """Whether the user's settings are the user's own: ADAPTSIM_HOME inside the current folder may have come with
+        it."""
+        return self.trust_file.parent == self.user_file.parent
 
     @property
     def rig_files(self) -> tuple[Path, Path]:
         """Default places of a rig file, the project's first."""
         return self.project_file.with_name(RIG_FILE), self.user_file.with_name(RIG_FILE)
+
+    @property
+    def foreign_settings(self) -> tuple[str, ...]:
+        """The settings files that may have come with the current folder, whether they exist or not."""
+        return (str(self.project_file), *(() if self.home_is_own else (str(self.user_file),)))
 
     @property
     def sessions(self) -> Path:
@@ -208,15 +234,21 @@ def places(env: Mapping[str, str] | None = None, project: Path | None = None) ->
     """
     env = os.environ if env is None else env
     project = Path.cwd() if project is None else project
+    config = Path(platformdirs.user_config_dir("adaptsim", appauthor=False))
     if home := env.get("ADAPTSIM_HOME"):
         root = Path(home).expanduser().absolute()
         ancestor = next(folder for folder in (root, *root.parents) if folder.exists())
         if not ancestor.is_dir():
             raise UsageError(f"ADAPTSIM_HOME = {home}: {ancestor} is not a folder; name one of yours, or unset it")
-        return Places(root / "data", root / "config.toml", project / PROJECT_FILE)
+        trust_file = (config if _is_inside(root, project) else root) / TRUST_FILE
+        return Places(root / "data", root / "config.toml", project / PROJECT_FILE, trust_file)
     data = Path(platformdirs.user_data_dir("adaptsim", appauthor=False))
-    config = Path(platformdirs.user_config_dir("adaptsim", appauthor=False))
-    return Places(data, config / "config.toml", project / PROJECT_FILE)
+    return Places(data, config / "config.toml", project / PROJECT_FILE, config / TRUST_FILE)
+
+
+def _is_inside(folder: Path, project: Path) -> bool:
+    """Whether `folder` is `project` or lies below it, by its name or where its links lead."""
+    return folder.is_relative_to(project.absolute()) or folder.resolve().is_relative_to(project.resolve())
 
 
 def load(
@@ -241,11 +273,20 @@ def load(
         for key in ("checkpoint", "object", "recorded", "world"):
             if checked.get(key, "").startswith("~"):
                 checked[key] = str(Path(checked[key]).expanduser())
+        if "answer_with" in checked:  # a program moves a robot, unless the place that names it says otherwise
+            values["answer_moves"], sources["answer_moves"] = "robot", "default"
+        elif source != FLAG:
+            checked.pop("answer_moves", None)
         values |= checked
         sources |= {key: f"{_PREFIX}{key.upper()}" if source == "environment" else source for key in checked}
-    if not values["rig"]:
-        values["rig"] = next((str(file) for file in where.rig_files if file.is_file()), "")
-    return Resolved(Config(**values), sources, where)
+    own_rigs = {str(where.user_file.with_name(RIG_FILE))} if where.home_is_own else set[str]()
+    if values["rig"] and sources["rig"] not in where.foreign_settings:
+        own_rigs.add(values["rig"])
+    if not values["rig"] and (file := next((file for file in where.rig_files if file.is_file()), None)):
+        values["rig"], sources["rig"] = str(file), f"found in {file.parent}"
+    config = Config(**values)
+    config._own_rigs = frozenset(own_rigs)
+    return Resolved(config, sources, where)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A campaign of faults over arm, pedal, hand, fingers, disk, process, clock, terminal, camera and session, seeded.
+"""A campaign of faults over arm, pedal, hand, fingers, disk, process, clock, terminal, camera, session, folder, seeded.
 
     PYTHONPATH=tests/support python benchmarks/faults.py --each 20 --pairs 40 --out faults.jsonl
 
@@ -9,7 +9,8 @@ A motion is one of a real lab's arm: a trial, or a way of the calibration with t
 protocol, checks, player and the pipe between them are the program's own, in simulated time; only the SDK is a stand-in
 (`tests/support/living_sdk.py`), whose arm lags, coasts and has noise. Boxes stand as near to the motion as the program
 accepts. The fingers have the program's keeper and pedal. A recording is one of the camera's driver over a stand-in of
-libk4a. A session is a whole toy session that a fault stops at a random moment and that the same command continues.
+libk4a. A session is a whole toy session that a fault stops at a random moment and that the same command continues. A
+folder is somebody else's, whose rig file has the name of the lab and random gaps and waivers (`fault_folder.py`).
 
 `--out` keeps a line for each fault; the same command goes on after the last. `--share 1/3` makes only every third fault
 of each kind, so that several processes share the work: name one `--out` each, and `--table` all of them.
@@ -24,6 +25,8 @@ After each fault:
 * the measured stop of an arm that coasts beyond the worst case reads BEYOND, whichever joint swings;
 * a motion that did not end is remembered, and nothing moves before a recovery;
 * a recording is an error, or each of its frames has its true time and at most a quarter of them is missing;
+* in somebody else's folder no device is opened before a person confirms its files, their waivers never count, and
+  another content or place asks again;
 * of a session no completed trial changed, none is missing and none counted twice.
 """
 
@@ -36,7 +39,7 @@ import os
 import signal
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import asdict
 from functools import partial
@@ -50,6 +53,7 @@ import toy_rig
 import toy_session
 from camera_stage import DELAY_S, Shown
 from fake_k4a import PERIOD_S, FakeK4a, running
+from fault_folder import FOLDERS, one_folder
 from fault_hand import HAND_FAULTS, one_hand
 from fault_lab import DISKS, HANDS, TYPED, Outcome, one_motion
 from fault_stop import COASTING, one_stop
@@ -211,7 +215,7 @@ MOTIONS = ("trial", "calibration")
 SESSIONS = (*SESSION_ERRORS, "session: killed")
 ARM_KINDS = tuple(dict.fromkeys((*IN_MOTION, *BEFORE, *TYPED, *HANDS, *DISKS)))
 PAIR = "two at once"
-KINDS = (*ARM_KINDS, COASTING, *HAND_FAULTS, *CAMERAS, *SESSIONS)
+KINDS = (*ARM_KINDS, COASTING, *HAND_FAULTS, *CAMERAS, *SESSIONS, *FOLDERS)
 """Every kind of fault, in the order of the table."""
 
 
@@ -251,18 +255,18 @@ def one_pair(number: int, rng: np.random.Generator, folder: Path) -> Outcome:
 def one(kind: str, number: int, seed: int) -> dict[str, Any]:
     """The fault of that kind and number, with a seed of its own."""
     rng = np.random.default_rng([seed, crc32(kind.encode()), number])
-    with tempfile.TemporaryDirectory() as folder:
-        if kind in CAMERAS:
-            return asdict(one_camera(kind, rng))
-        if kind in SESSIONS:
-            return asdict(one_session(kind, rng, Path(folder)))
-        if kind in HAND_FAULTS:
-            return asdict(one_hand(kind, rng))
-        if kind == COASTING:
-            return asdict(one_stop(number, rng))
-        if kind == PAIR:
-            return asdict(one_pair(number, rng, Path(folder)))
-        return asdict(one_arm(kind, number, rng, Path(folder)))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        parts: list[tuple[Collection[str], Callable[[], Outcome]]] = [
+            (CAMERAS, lambda: one_camera(kind, rng)),
+            (SESSIONS, lambda: one_session(kind, rng, folder)),
+            (HAND_FAULTS, lambda: one_hand(kind, rng)),
+            ({COASTING}, lambda: one_stop(number, rng)),
+            (FOLDERS, lambda: one_folder(kind, rng, folder)),
+            ({PAIR}, lambda: one_pair(number, rng, folder)),
+            (ARM_KINDS, lambda: one_arm(kind, number, rng, folder)),
+        ]
+        return asdict(next(play for kinds, play in parts if kind in kinds)())
 
 
 def campaign(each: int, pairs: int, seed: int, kept: Kept, share: tuple[int, int] = (1, 1)) -> Iterator[Outcome]:

@@ -7,9 +7,11 @@ frame B in frame A; `p_AB_m` is a position in metres.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from numbers import Real
 
 import numpy as np
@@ -140,6 +142,14 @@ class JointPath:
     def duration_s(self) -> float:
         """Seconds from the first sample to the last."""
         return float(self.t_s[-1])
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of all that an arm plays of it: times, joints and contact."""
+        content = hashlib.sha256(repr(self.contact).encode())
+        for values in (self.t_s, self.q_rad):
+            content.update(np.ascontiguousarray(values).tobytes())
+        return content.hexdigest()
 
 
 @dataclass(frozen=True, eq=False)

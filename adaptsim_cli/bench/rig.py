@@ -117,9 +117,9 @@ class Rig:
     attendant: Attendant | None = None  # None: nobody is needed
     wait: Callable[[float], None] = lambda _: None
     """(duration in s) -> None: wait. A simulated motion returns with the object at rest, so the lab does not wait."""
-    await_enabled: Callable[[str, float], None] = lambda what, duration_s: None
-    """Waits until the operator lets the next motion begin, which does `what` for `duration_s`, so that no recording
-    runs meanwhile. Raises StoppedByOperator, MotionRefused."""
+    await_enabled: Callable[[str, JointPath], None] = lambda what, path: None
+    """Waits until the operator lets a motion begin, which does `what` along the path as it is played, so that no
+    recording runs meanwhile. Raises StoppedByOperator, MotionRefused."""
     more_checks: tuple[Callable[[], Readiness], ...] = ()
     """Further checks before a session."""
     pace: float = 1.0  # of every motion; below 1 a trial is a rehearsal, which counts for nothing

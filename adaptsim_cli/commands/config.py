@@ -56,6 +56,30 @@ def path(resolved: Resolved) -> Reply:
     return Reply(where, lines, [("adaptsim config show", "all settings, and where each comes from")])
 
 
+@app.command()
+@command("hw", with_json=False)
+def trust(screen: Screen, resolved: Resolved) -> Reply:
+    """Confirm the files of the current folder that decide what moves, what is confirmed, or what runs.
+
+    Asks about each one that is not confirmed yet, or has changed since. Nothing runs or moves.
+
+    Example: adaptsim config trust --hw fr3
+    """
+    from adaptsim_cli import trust as trusting
+    from adaptsim_cli.bench.rig_file.claims import rig_claims
+    from adaptsim_cli.screen import console
+    from adaptsim_cli.session.own.trust import own_claims
+
+    config, where = resolved.config, resolved.places
+    if config.is_simulated:
+        return Reply(text=["In the simulated lab nothing of the current folder has to be confirmed."])
+    claims = own_claims(resolved) if config.is_own else rig_claims(config, where)
+    console.require_terminal("a person confirms these files at a terminal: run it there")
+    trusting.require(claims, trusting.Trust(where.trust_file), screen, asks=True, command="adaptsim config trust")
+    lines = [f"Confirmed: the {claim.kind} {claim.place}" for claim in claims]
+    return Reply(text=lines or ["Nothing of the current folder has to be confirmed."])
+
+
 @command()
 def schema(
     command: Annotated[

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 ANSWERING = "answering"
 """The stage of the time spent waiting for answers."""
+NAME = "Type a name or initials, as they shall stand in every record, then Enter; q ends the command."
 END = "(end of input)"
 """The answer that listeners get at the end of input."""
 
@@ -176,6 +177,14 @@ class Screen:
         while (answer := self.ask_text(question)) == HELP:
             self.show(views.indent(Text(explain)))
         return None if answer in ("q", "Q") else answer
+
+    def name(self, question: str, assurance: str) -> str:
+        """Ask for the name of a person until one is typed. Raises StoppedByOperator with `assurance` at q."""
+        while (answer := self.words(f"{question} Your name goes into the record:", NAME)) == "":
+            self.note(f"  Enter alone names nobody. {NAME}")
+        if answer is None:
+            raise StoppedByOperator(assurance)
+        return answer
 
     def length(self, question: str, otherwise: float) -> float:
         """Ask until the answer is a positive number; Enter gives `otherwise`. Raises StoppedByOperator at q."""

@@ -1,19 +1,24 @@
 """The questions that let an arm or a hand move: `y` for one motion, the arm's model, typed, for several.
 
-Enter lets nothing move. A foot at the pedal cannot answer: it only enables what a hand has released.
+Enter lets nothing move. A foot at the pedal cannot answer: it only enables what a hand has released. A `y` belongs to
+one motion by its digest, and is used up when that motion is tried; no other motion can begin by it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from math import inf
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, stop
 from adaptsim_cli.screen.views import clear_to_move
+
+if TYPE_CHECKING:
+    from hw.types import JointPath
 
 Each = Literal["motion", "command"]
 """The motions that one answer releases: one motion, or all motions that a question announces."""
@@ -25,6 +30,16 @@ def require_word(screen: Screen, question: str, word: Key, assurance: str = NOTH
     """Ask until `word` is typed; Enter does nothing. Raises StoppedByOperator at q."""
     if screen.choose(question, word, stop(f"The command ends; {assurance}.")) == "q":
         raise StoppedByOperator(f"stopped by the operator; {assurance}")
+
+
+def digest_of(*what: str | float) -> str:
+    """The digest of a motion that has no path: of the fingers, or of a robot of one's own."""
+    return hashlib.sha256(repr(what).encode()).hexdigest()
+
+
+def grasping(width_m: float, force_N: float) -> str:
+    """The digest of a grasp, for the question that comes before it."""
+    return digest_of("grasp", width_m, force_N)
 
 
 def before_first(robot: str, table: str, pedal: bool) -> str:
@@ -42,7 +57,8 @@ def before_first(robot: str, table: str, pedal: bool) -> str:
 class Release:
     """Which motions of one arm and its hand may begin, during one command. Every question may raise StoppedByOperator.
 
-    `motion` is asked before each of them, by the arm itself: what no question has released is asked for there.
+    Arm and hand call `take` before each of their motions, with its digest: what no question has released is asked for
+    there.
     """
 
     screen: Screen | None = None  # None: nobody is asked, in the simulated lab only
@@ -52,8 +68,9 @@ class Release:
     first: Callable[[], None] = lambda: None  # what is asked once, before anything else
     completed: Callable[[], None] = lambda: None
     """Call it when the task's own motion, or a whole series, came to its end: the way there or home does not count."""
-    _left: float = field(default=0, init=False)  # motions that may begin without another question
+    _released: str = field(default="", init=False)  # digest of the one motion that a `y` lets begin; "": none
     _run: tuple[str, str] | None = field(default=None, init=False)
+    _run_released: bool = field(default=False, init=False)  # the arm's model was typed for the rest of the run
     _watched: bool = field(default=False, init=False)  # a motion of the run was watched
     _started: bool = field(default=False, init=False)
 
@@ -68,51 +85,73 @@ class Release:
             self.first()
             self._started = True
 
-    def one(self, question: str, then: str = ONE, assurance: str = NOTHING_MOVED) -> None:
-        """Ask for `y`; the next motion may begin."""
+    def one(self, question: str, digest: str, then: str = ONE, assurance: str = NOTHING_MOVED) -> None:
+        """Ask for `y`; the motion of this digest, and no other, may begin."""
+        self.withdraw()
         if self.screen is not None:
             self.start()
             require_word(self.screen, question, Key("y", "to start", then), assurance)
-            self._left = 1
+            self._released = digest
 
     def sequence(self, question: str, then: str, assurance: str = NOTHING_MOVED) -> None:
         """Ask for the arm's model; motions may begin until the announced run is over."""
+        self.withdraw()
         if self.screen is not None:
             self.start()
             require_word(self.screen, question, Key(self.model, "to let it move", then), assurance)
-            self._left = inf if self._run else 0
+            self._run_released = self._run is not None
 
-    def announced(self, question: str, then: str, assurance: str) -> None:
+    def announced(self, question: str, digest: str, then: str, assurance: str) -> None:
         """A question about a trial: it releases the first motion, or where the rig file says so all of them."""
         if self.each == "motion" or not self.model:
-            self.one(question, then, assurance)
+            self.one(question, digest, then, assurance)
         else:
             self.sequence(question, then, assurance)
 
-    def motion(self, what: str = "makes its next motion", duration_s: float | None = None) -> None:
-        """Returns once the next motion, which does `what`, may begin."""
-        if self.screen is None or self._left:
+    def motion(self, digest: str, what: str = "makes its next motion", duration_s: float | None = None) -> None:
+        """Returns once the motion of this digest, which does `what`, may begin."""
+        if self.screen is None or self._run_released or (digest and digest == self._released):
             return
         if self._run is not None and (self._watched or self.each == "command"):
             what = self._run[1]
             then = f"It {what}. Ctrl-C stops it along its path; Enter lets nothing move."
             self.sequence(clear_to_move(self.real, what) + ".", then, "everything completed is stored")
         elif self._run is not None:
-            self.one(clear_to_move(self.real, self._run[0], duration_s) + ".")
+            self.one(clear_to_move(self.real, self._run[0], duration_s) + ".", digest)
         elif self.each == "motion":
-            self.one(clear_to_move(self.real, what, duration_s) + ".", assurance="this motion has not begun")
+            self.one(clear_to_move(self.real, what, duration_s) + ".", digest, assurance="this motion has not begun")
         else:
             self.start()
 
+    def path(self, what: str, path: JointPath) -> None:
+        """Returns once the arm may play `path`, which does `what`."""
+        self.motion(path.digest, what, path.duration_s)
+
+    def take(self, digest: str, what: str = "makes its next motion", duration_s: float | None = None) -> None:
+        """Returns once this motion may be tried. Whatever becomes of it, another one needs an answer of its own."""
+        try:
+            self.motion(digest, what, duration_s)
+        finally:
+            self.withdraw()
+
+    def withdraw(self) -> None:
+        """No motion is released by a `y` any more."""
+        self._released = ""
+
     def begun(self) -> None:
-        """The released motion begins."""
-        self._left = max(0, self._left - 1)
+        """The motion that was taken begins: of a run, its first one is watched from now on."""
         self._watched = self._run is not None
 
-    def begin_run(self, first: str, rest: str) -> None:
-        """A series begins: its first motion, which does `first`, is released alone and watched; then the `rest`."""
-        self._run, self._watched, self._left = (first, rest), False, 0
+    @contextmanager
+    def run(self, first: str, rest: str) -> Iterator[None]:
+        """Around a series: its first motion, which does `first`, is released alone and watched; then the `rest`.
 
-    def end_run(self) -> None:
-        """The series is over."""
-        self._run, self._left = None, 0
+        However the series ends, nothing stays released.
+        """
+        self.withdraw()
+        self._run, self._watched, self._run_released = (first, rest), False, False
+        try:
+            yield
+        finally:
+            self.withdraw()
+            self._run, self._run_released = None, False

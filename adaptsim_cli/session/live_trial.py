@@ -57,6 +57,7 @@ class Placement:
     key: TrialKey | None = None  # of the trial, for a target that asks for it by its number
     preview: MotionPreview | None = None  # None without a camera
     paths: Paths | None = None  # None without an arm
+    digest: str = ""  # of the first motion, as it is played: the operator's answer releases it and no other
     overlay_file: Path | None = None  # `overlay`, as the operator may open it
 
 

@@ -101,7 +101,7 @@ class Attended:
         if planned.overlay_file is not None:
             self.screen.plain(f"  Detection: {planned.overlay_file}")
         asking = release if release.screen else Release(self.screen)
-        asking.announced(f"{planned.announcement}.", planned.then, "everything completed is stored")
+        asking.announced(f"{planned.announcement}.", planned.digest, planned.then, "everything completed is stored")
 
     def rejected_already(self) -> str:
         """See `Operator`; r and Enter, typed while the arm went back."""

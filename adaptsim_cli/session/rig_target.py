@@ -165,22 +165,29 @@ class RigTarget:
             announcement=clear_to_move(self.moves, what, asked_s, speed_m_s),
             preview=self._preview(placed, paths),
             paths=paths,
+            digest=played[0].digest,
         )
 
     def execute(self, planned: Placement, progress: Progress = silently) -> RigMotion:
         """Approach, record the motion, go back.
 
-        If the arm stops or loses its tool, the recording until then is kept.
+        If the arm stops or loses its tool, the recording until then is kept. However it ends, no motion stays released.
         """
+        try:
+            return self._executed(planned, progress)
+        finally:
+            self.release.withdraw()
+
+    def _executed(self, planned: Placement, progress: Progress) -> RigMotion:
         assert planned.paths is not None and planned.frame is not None
         approach, motion, back = planned.paths
         arm, camera, after = self.rig.arm, self.rig.camera, None
-        there_s, motion_s, back_s = (self.planner.at_speed(path, self.rig.pace).duration_s for path in planned.paths)
+        slow_approach, slow_motion, slow_back = (self.planner.at_speed(path, self.rig.pace) for path in planned.paths)
         stopped: HardwareError | None
-        self.rig.await_enabled(f"comes to the {self.task.object_name}", there_s)
+        self.rig.await_enabled(f"comes to the {self.task.object_name}", slow_approach)
         with progress(f"The robot comes to the {self.task.object_name}", "moving"), _interruptible("on the way there"):
             arm.execute(approach)
-        self.rig.await_enabled("makes its motion", motion_s)
+        self.rig.await_enabled("makes its motion", slow_motion)
         with progress("The robot makes its motion and the camera records", "moving"):
             played, frames, stopped = self._film(motion)
         if stopped is None:
@@ -189,7 +196,7 @@ class RigTarget:
         del frames  # each is freed once it is compressed
         if stopped is None:
             try:
-                self.rig.await_enabled("goes back", back_s)
+                self.rig.await_enabled("goes back", slow_back)
                 with progress("The robot goes back", "moving"), _interruptible("on the way back"):
                     arm.execute(back)
                 if self.hardware.carries:

@@ -85,7 +85,8 @@ class Lab:
         self._again, self._out, self._log = again, out, out / "transcript.txt"
         self._processes: list[subprocess.Popen[str]] = []
         kept = {name: value for name, value in os.environ.items() if not name.startswith("ADAPTSIM_")}
-        self._environment = {**kept, "ADAPTSIM_HOME": str(out / "home"), "TERM": "dumb", "COLUMNS": "400"}
+        own = {"ADAPTSIM_HOME": str(out / "home"), "ADAPTSIM_RIG": str(out / "rig.toml")}
+        self._environment = {**kept, **own, "TERM": "dumb", "COLUMNS": "400"}
         self._found = out / "found.json"
         self._board = out / "board.png"
 

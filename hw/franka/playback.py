@@ -179,16 +179,20 @@ class Playback:
         self._commanded = q
         self._t[row], self._clock_s[row], self._q_c[row] = tick / PATH_RATE_HZ, self._clock(), q
         self._q[row], self._dq[row] = state.q, state.dq
-        if self._reported is None:
-            self._measured = {one: log for one, log in self._measured.items() if hasattr(state, one.state)}
-            self._reported = [(one.state, log) for one, log in self._measured.items()]
-        for name, log in self._reported:
-            log[row] = getattr(state, name)
+        self._measure(row, state)
         self._rows = row + 1
         if row >= RATE_WINDOW:
             self._rate_sum += state.control_command_success_rate
             self._rate_count += 1
         return q, tick >= last and not fading and self._stands(row, tick - last)
+
+    def _measure(self, row: int, state: SdkState) -> None:
+        """Log every quantity that the arm reports."""
+        if self._reported is None:
+            self._measured = {one: log for one, log in self._measured.items() if hasattr(state, one.state)}
+            self._reported = [(one.state, log) for one, log in self._measured.items()]
+        for name, log in self._reported:
+            log[row] = getattr(state, name)
 
     def played(self) -> Played:
         """The log so far."""

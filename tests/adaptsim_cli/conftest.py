@@ -17,11 +17,13 @@ from adaptsim_cli.session.store import SessionStore
 
 @pytest.fixture(autouse=True)
 def place(tmp_path, monkeypatch) -> Path:
-    """The folder that a test works in; its home is `home` below it."""
+    """The folder that a test works in; its home is `home` beside it, because a home inside of it is not the user's."""
+    here = tmp_path / "here"
+    here.mkdir()
     monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path / "home"))
     monkeypatch.setenv("COLUMNS", "120")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    monkeypatch.chdir(here)
+    return here
 
 
 @pytest.fixture(autouse=True)
@@ -54,8 +56,8 @@ def undisturbed(tmp_path_factory) -> SessionStore:
 @pytest.fixture
 def store(undisturbed: SessionStore, place) -> SessionStore:
     """A copy of it in the test's home, to go on with or to spoil."""
-    shutil.copytree(undisturbed.folder.parents[1], place / "home/data")
-    return SessionStore.open(place / "home/data/sessions", NAME)
+    shutil.copytree(undisturbed.folder.parents[1], place.parent / "home/data")
+    return SessionStore.open(place.parent / "home/data/sessions", NAME)
 
 
 @pytest.fixture

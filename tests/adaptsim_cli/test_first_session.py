@@ -70,10 +70,10 @@ def still(devices: ToyDevices) -> bool:
 
 @pytest.mark.parametrize("button", [False, True])
 def test_a_setup_with_only_enter_waives_nothing_and_moves_nothing(button, place, kim, terminal, devices):
-    file = place / "rig.toml"
+    file = place.parent / "home" / "rig.toml"
     settings = config.load({"hw": "panda"})
     if button:  # somebody has pressed the stop button, so the walk goes on to the pedal
-        write_rig(place, 'name = "lab"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n')
+        write_rig(place.parent / "home", 'name = "lab"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n')
         KnownArm(folder_of(settings.places, read(file))).stop_button_checked("Kim")
     assert app.run(["setup", "--hw", "panda"]) == 7
     assert terminal.asked > ENTERS
@@ -84,9 +84,9 @@ def test_a_setup_with_only_enter_waives_nothing_and_moves_nothing(button, place,
 
 @pytest.mark.parametrize("step", ["table and boxes", "tool"])
 def test_no_step_of_a_setup_waives_anything(step, place, kim, terminal, devices):
-    write_rig(place, NEW.replace(BOX, ""))
+    write_rig(place.parent / "home", NEW.replace(BOX, ""))
     assert app.run(["setup", "--hw", "panda", "--from", step]) == 7
-    assert read(place / "rig.toml").waivers == () and still(devices)
+    assert read(place.parent / "home" / "rig.toml").waivers == () and still(devices)
 
 
 @pytest.mark.long
@@ -102,7 +102,7 @@ def test_no_step_of_a_setup_waives_anything(step, place, kim, terminal, devices)
 )
 @pytest.mark.parametrize("text", [NEW, NEW + waivers("stop_button", "slow_start")])
 def test_no_command_moves_anything_with_only_enter(command, text, place, kim, terminal, devices):
-    file = write_rig(place, text)
+    file = write_rig(place.parent / "home", text)
     calibrated(config.load({"hw": "panda"}))
     assert app.run(["calibrate", "board", "--out", "board.pdf"]) == 0
     before = file.read_text()

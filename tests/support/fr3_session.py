@@ -135,10 +135,15 @@ class Drill:
         assert self.server is not None
         return self.server
 
+    @property
+    def settings(self) -> dict[str, str]:
+        """The lab's own settings: a file of the current folder would be asked about."""
+        return {"ADAPTSIM_RIG": str(self.world.with_name("rig.toml")), "ADAPTSIM_PARTICLES": "1"}
+
     def calibrate(self, off_m: float = 0.0) -> None:
         """A new calibration is the rig's, its camera so far from where the lab has it."""
         asked = {"hw": "fr3", "task": "scooping"}
-        there = config.load(asked, {"ADAPTSIM_HOME": str(self.home)}, self.world.parent)
+        there = config.load(asked, {"ADAPTSIM_HOME": str(self.home), **self.settings}, self.world.parent)
         found = calibration()
         rows = [list(row) for row in found.X_AC]
         rows[0][3] += off_m
@@ -196,7 +201,7 @@ class Command:
             stdin=ours,
             stdout=subprocess.PIPE,
             stderr=ours,
-            env=environment(drill.home, **wide),
+            env=environment(drill.home, **drill.settings, **wide),
             cwd=drill.world.parent,
             pass_fds=[theirs.fileno()],
             start_new_session=True,
@@ -283,7 +288,6 @@ def drilling(folder: Path, world: str = WORLD) -> Iterator[Drill]:
     pedal.start()
     drill = Drill(folder / "home", folder / "world.toml", own_host(), pedal, _home_rad())
     drill.world.write_text(world)
-    (folder / "adaptsim.toml").write_text("particles = 1\n")
     (folder / "rig.toml").write_text(RIG.format(host=drill.host, port=pedal.port))
     drill.calibrate()
     drill.switch_on()

@@ -74,6 +74,7 @@ DARK = Frame(0.0, np.zeros((48, 64, 3), np.uint8), np.full((48, 64), 900, np.uin
 
 def write_rig(folder: Path, text: str = RIG) -> Path:
     path = folder / "rig.toml"
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     return path
 

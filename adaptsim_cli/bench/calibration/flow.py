@@ -98,21 +98,21 @@ def check(rig: CalibrationRig, calibration: SavedCalibration, visits: Visits, sc
     camera = rig.camera.model().colour
     setup = files.as_setup(files.setup_record(rig.camera.model(), rig.board, rig.arm.model))
     views: list[View] = []
-    visits.begin()
-    for number in visits.numbers(frozenset()):
-        if visits.go(number, None) is not Arrival.THERE:
-            continue
-        try:
-            shot = look(rig)
-            corners = detect(shot.frame.colour, rig.board, camera)
-        except (ViewRefused, BoardNotFound, WrongBoard, BoardMirrored) as error:
-            screen.note(f"  place {number + 1} left out: {error}")
-            continue
-        views.append(View(f"{number + 1:03d}", corners, q_rad=shot.q_rad))
-        screen.show(f"  {len(views)} of {MIN_VIEWS}  {len(corners)} of {rig.board.corners} corners")
-        if len(views) == MIN_VIEWS:
-            break
-    visits.end(lambda: None)
+    with visits.series():
+        for number in visits.numbers(frozenset()):
+            if visits.go(number, None) is not Arrival.THERE:
+                continue
+            try:
+                shot = look(rig)
+                corners = detect(shot.frame.colour, rig.board, camera)
+            except (ViewRefused, BoardNotFound, WrongBoard, BoardMirrored) as error:
+                screen.note(f"  place {number + 1} left out: {error}")
+                continue
+            views.append(View(f"{number + 1:03d}", corners, q_rad=shot.q_rad))
+            screen.show(f"  {len(views)} of {MIN_VIEWS}  {len(corners)} of {rig.board.corners} corners")
+            if len(views) == MIN_VIEWS:
+                break
+        visits.end(lambda: None)
     joint_rad = float("nan") if calibration.joint_rad is None else calibration.joint_rad
     was = Unknowns(np.array(calibration.X_AC)[None], np.array(calibration.X_HM), calibration.offsets_rad())
     return drift(views, setup, forward, was, joint_rad)
@@ -156,17 +156,17 @@ def visit_all(rig: CalibrationRig, series: Series, visits: Visits, screen: Scree
     """Visit all places without a view. Raises the error that stops it; every view taken is stored."""
     done_numbers = {int(name) - 1 for name in sights.names}
     left = visits.numbers(done_numbers)
-    if left or not series.has_motion:
-        visits.begin()
-    if not left and not series.has_motion:
-        visits.go(max(done_numbers), None)  # a place with the board in view, for the missing film of the swing
-    for number in left:
-        arrival = visits.go(number, sights.coverage(rig))
-        if arrival is Arrival.ENOUGH:
-            break
-        if arrival is Arrival.THERE:
-            sights = _view(rig, series, screen, sights, number, len(done_numbers) + len(left))
-    if left or not series.has_motion:
+    if not left and series.has_motion:
+        return sights
+    with visits.series():
+        if not left:
+            visits.go(max(done_numbers), None)  # a place with the board in view, for the missing film of the swing
+        for number in left:
+            arrival = visits.go(number, sights.coverage(rig))
+            if arrival is Arrival.ENOUGH:
+                break
+            if arrival is Arrival.THERE:
+                sights = _view(rig, series, screen, sights, number, len(done_numbers) + len(left))
         visits.end(lambda: record_motion(rig, series, screen))
     return sights
 

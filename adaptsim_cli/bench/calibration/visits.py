@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
@@ -39,8 +40,8 @@ class Visits(Protocol):
     def numbers(self, done: Set[int]) -> Sequence[int]:
         """The places to visit, in order; `done` are those with a view."""
 
-    def begin(self) -> None:
-        """Say what the series does, before its first motion. Raises UsageError."""
+    def series(self) -> AbstractContextManager[None]:
+        """Say what the series does, before its first motion; around all of it. Raises UsageError."""
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
         """Bring the board to place `number` (from 0). Raises ArmFault, MotionRefused, StoppedByOperator."""
@@ -63,7 +64,7 @@ class Automatic:
         """The planned postures that have no view yet."""
         return [number for number in range(len(self.q_rad)) if number not in done]
 
-    def begin(self) -> None:
+    def series(self) -> AbstractContextManager[None]:
         """Announce the motions: the first one is watched, then one answer releases the others. Raises UsageError."""
         if self.unattended and self.rig.is_real:
             raise UsageError(
@@ -72,7 +73,7 @@ class Automatic:
         if not self.unattended:
             self.screen.show("Is the board firm in the gripper? Watch the first motion; the others are like it.")
         others = f"brings the board to the other places, {len(self.q_rad)} in all, and back, without asking again"
-        self.rig.release.begin_run("brings the board to its first place, slowly", others)
+        return self.rig.release.run("brings the board to its first place, slowly", others)
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
         """Move to one posture, or skip it if no way leads there. Raises MotionRefused, HardwareError."""
@@ -91,7 +92,6 @@ class Automatic:
             self.rig.arm.execute(self.rig.ways.way(self.rig.arm.state().q_rad, self.home_rad))
         except NotExecutable as error:
             self.screen.note(f"  the arm stays where it is: {error}")
-        self.rig.release.end_run()
         self.rig.release.completed()
 
 
@@ -106,12 +106,13 @@ class HandGuided:
         first = max(done, default=-1) + 1
         return range(first, first + GUIDED)
 
-    def begin(self) -> None:
+    def series(self) -> AbstractContextManager[None]:
         """Tell the person how to guide the arm."""
         self.screen.show(
             "Guide the arm by hand: hold the board where the hint says, let go, and press Enter. "
             "Tilt it by 20 to 40° to all sides, near and far, in all parts of the image."
         )
+        return nullcontext()
 
     def go(self, number: int, have: Coverage | None) -> Arrival:
         """Wait until the person has placed the board, or has enough views. Raises StoppedByOperator."""

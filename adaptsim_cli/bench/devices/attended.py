@@ -158,7 +158,7 @@ class PersonBeside:
         lab.cell.require(path)
         path = at_speed(path, self.arm.consent.pace, lab.cell)
         question = clear_to_move(True, "goes home", path.duration_s) + "."
-        self.arm.release.one(question, "The arm goes home, slowly. Release the pedal to brake.")
+        self.arm.release.one(question, path.digest, "The arm goes home, slowly. Release the pedal to brake.")
         self.arm.execute(path)
 
 

@@ -80,13 +80,13 @@ class ConfirmedArm(ArmWrapper[RealArm]):
         """Ask everything that is asked once before the first motion of a command. Raises StoppedByOperator."""
         self.consent.once(self._arm)
 
-    def await_enabled(self, what: str, duration_s: float) -> None:
-        """Wait until the next motion, which does `what`, is released, and for the pedal.
+    def await_enabled(self, what: str, path: JointPath) -> None:
+        """Wait until `path`, which does `what`, is released, and for the pedal.
 
         Raises StoppedByOperator, MotionRefused.
         """
         self.confirm()
-        self.release.motion(what, duration_s)
+        self.release.path(what, path)
         self.await_pedal()
 
     def await_pedal(self, what: str = "arm") -> None:
@@ -137,7 +137,7 @@ class ConfirmedArm(ArmWrapper[RealArm]):
         """Around one motion: consent, pedal, a note on the disk until it has come to its end."""
         refuse_while_stopped(self._hand_fault)
         self.confirm()
-        self.release.motion(duration_s=path.duration_s)
+        self.release.take(path.digest, duration_s=path.duration_s)
         self.await_pedal()
         self._before()
         self.release.begun()

@@ -19,6 +19,8 @@ from hw.ports import Arm
 
 SLOW_PACE = 0.3
 """The first motion with a new rig file, tool or calibration is at most this fast."""
+FULL_SPEED = "full"
+"""The word for a first motion at full speed. No key of a question depends on a name."""
 NOBODY = "stopped by the operator; nothing has moved"
 _WAY_OUT = "The command ends; nothing has moved."
 
@@ -37,6 +39,7 @@ class Consent:
     each: Each = "command"
     known_arm: KnownArm | None = None  # None: an arm that nothing is remembered of
     setup: SetUp = field(default_factory=SetUp)  # `known_arm.setup_of`
+    rig_file: str = ""  # a sentence: the file, its boxes and its waivers
     given_at: str | None = field(default=None, init=False)  # ISO 8601: when the arm's model was typed
     _slow_ended: bool = field(default=False, init=False)
 
@@ -52,6 +55,8 @@ class Consent:
         if self.pace < 1.0:
             self.screen.note(f"Every motion is played at pace {self.pace:g}; nothing is learnt from these trials")
         self.screen.note(before_first(f"THE REAL ROBOT, {self.where},", self.table, self.pedal))
+        if self.rig_file:
+            self.screen.note(self.rig_file)
         agreed = Key(arm.model, "to confirm", "The arm may move; the program still asks before it does.")
         require_word(self.screen, "Have you checked all of this?", agreed)
         self.given_at = datetime.now(UTC).isoformat(timespec="seconds")
@@ -66,11 +71,7 @@ class Consent:
         return any(waiver.safeguard == what for waiver in self.waivers)
 
     def _name(self) -> None:
-        while not self.operator:
-            answer = self.screen.words("Who operates the arm? Your name goes into the record:")
-            if answer is None:
-                raise StoppedByOperator(NOBODY)
-            self.operator = answer
+        self.operator = self.operator or self.screen.name("Who operates the arm?", NOBODY)
         self.screen.tell_listeners(f"operator: {self.operator}")
 
     def stop_button(self, arm: Arm) -> None:
@@ -103,7 +104,7 @@ class Consent:
         self.screen.note("  The stop button stops this arm.")
 
     def _slow_start(self) -> None:
-        """A set-up that has never moved this arm begins slowly, or a person takes it on by name."""
+        """A set-up that has never moved this arm begins slowly, or a person takes it on, who has a name."""
         if self.known_arm is None or self._waives("slow_start") or self.pace <= SLOW_PACE:
             return
         facts = self.known_arm.read()
@@ -113,8 +114,8 @@ class Consent:
             f"{facts.new_in(self.setup)} not moved the arm yet, so its own first motion should be slow: end this "
             f"command and add --pace {SLOW_PACE:g}."
         )
-        name = self.operator.lower()
-        full = Key(name, "to move at full speed on your own account", "Your name is stored with this decision.")
+        full = Key(FULL_SPEED, "to move at full speed on your own account", "Your name is stored with this decision.")
         leave = enter("to end the command", _WAY_OUT)
-        if self.screen.choose("Full speed nevertheless?", full, leave, stop(_WAY_OUT)) != name:
+        if self.screen.choose("Full speed nevertheless?", full, leave, stop(_WAY_OUT)) != FULL_SPEED:
             raise StoppedByOperator(f"{NOBODY}. Run it slowly first: add --pace {SLOW_PACE:g}")
+        self.screen.tell_listeners(f"full speed with a set-up that never moved slowly, on account of {self.operator}")

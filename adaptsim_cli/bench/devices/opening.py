@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 
 from adaptsim_cli.bench.devices.lab import Drivers, Lab
 from adaptsim_cli.bench.rig_file.description import RigDescription
-from adaptsim_cli.config import Config
+from adaptsim_cli.config import Config, places
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
@@ -65,10 +65,21 @@ def _real(config: Config, task: Task, drivers: Drivers | None, screen: Screen | 
         )
     from adaptsim_cli.bench.devices.lab import makers_drivers
     from adaptsim_cli.bench.devices.real import RealLab
+    from adaptsim_cli.bench.rig_file.claims import rig_claims
     from adaptsim_cli.bench.rig_file.reading import gaps, in_words, rig_of, tasks_with_tools
+    from adaptsim_cli.trust import Trust, require
 
+    where = places()
+    claims = rig_claims(config, where)
     rig = rig_of(config, tasks_with_tools())
     if open_gaps := gaps(rig, task.name):
-        raise UsageError(f"{config.rig}: nothing has moved, because {in_words(open_gaps)}")
-    console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
-    return RealLab(task, rig, drivers or makers_drivers(), stack, screen or Screen(as_json=True), config)
+        foreign = "" if config.rig_is_own else ". It belongs to the current folder, so its waivers do not count"
+        raise UsageError(f"{config.rig}: nothing has moved, because {in_words(open_gaps)}{foreign}")
+    asking, trust = screen or Screen(as_json=True), Trust(where.trust_file)
+    try:
+        console.require_terminal("a real arm moves only when a person at a terminal confirms it; --yes does not")
+    except UsageError:
+        require(claims, trust, asking, asks=False, command=f"adaptsim config trust --hw {config.hw}")
+        raise
+    require(claims, trust, asking, asks=True, command=f"adaptsim config trust --hw {config.hw}")
+    return RealLab(task, rig, drivers or makers_drivers(), stack, asking, config)

@@ -18,6 +18,7 @@ from adaptsim_cli.bench.devices.recovery import offer_recovery
 from adaptsim_cli.bench.devices.released import ReleasedHand
 from adaptsim_cli.bench.devices.stop_check import StopCheck
 from adaptsim_cli.bench.rig import Rig
+from adaptsim_cli.bench.rig_file.claims import in_one_sentence
 from adaptsim_cli.bench.rig_file.description import RigDescription
 from adaptsim_cli.bench.rig_file.devices import OFFERED_INSTRUMENTS
 from adaptsim_cli.bench.rig_file.reading import BOARD, gaps, in_words
@@ -50,7 +51,7 @@ class RealLab:
         self.rig, self.title = rig, f"lab {rig.name}, {rig.arm.model} at {rig.arm.address}"
         self._task, self._drivers, self._stack, self._screen = task, drivers, stack, screen
         self._pace, self._operator = config.pace, config.operator
-        self._folder = folder_of(places(), rig)
+        self._folder, self._rig_file = folder_of(places(), rig), in_one_sentence(config, rig)
         durable.make_folder(self._folder)
         screen.tell(CommandLog(self._folder, screen))
         for waiver in rig.in_force():
@@ -154,6 +155,7 @@ class RealLab:
             each,
             known_arm,
             setup,
+            self._rig_file,
         )
         return ConfirmedArm(bare, consent, pedal, before=before)
 

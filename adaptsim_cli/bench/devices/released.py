@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TypeVar
 
-from adaptsim_cli.screen.release import Release
+from adaptsim_cli.screen.release import Release, digest_of, grasping
 from hw.ports import Arm, ArmWrapper, Hand
 from hw.types import Execution, HandState, JointPath
 
@@ -26,7 +26,7 @@ class ReleasedArm(ArmWrapper[Inner]):
         return self._arm.execute(path)
 
     def _begin(self, path: JointPath) -> None:
-        self._release.motion(duration_s=path.duration_s)
+        self._release.take(path.digest, duration_s=path.duration_s)
         self._release.begun()
 
 
@@ -59,22 +59,22 @@ class ReleasedHand:
 
     def home(self) -> None:
         """See `hw.ports.Hand`."""
-        with self._begun("homes its hand: the fingers open and close"):
+        with self._begun(digest_of("home"), "homes its hand: the fingers open and close"):
             self._hand.home()
 
     def move(self, width_m: float) -> None:
         """See `hw.ports.Hand`."""
-        with self._begun(f"moves its fingers to {1e3 * width_m:.0f} mm"):
+        with self._begun(digest_of("move", width_m), f"moves its fingers to {1e3 * width_m:.0f} mm"):
             self._hand.move(width_m)
 
     def grasp(self, width_m: float, force_N: float) -> None:
         """See `hw.ports.Hand`."""
-        with self._begun(f"closes its hand with {force_N:.0f} N"):
+        with self._begun(grasping(width_m, force_N), f"closes its hand with {force_N:.0f} N"):
             self._hand.grasp(width_m, force_N)
 
     @contextmanager
-    def _begun(self, what: str) -> Iterator[None]:
-        self._release.motion(what)
+    def _begun(self, digest: str, what: str) -> Iterator[None]:
+        self._release.take(digest, what)
         self._enabled("hand")
         self._release.begun()
         with self._moving():

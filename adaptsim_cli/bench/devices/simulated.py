@@ -81,7 +81,7 @@ class WorldLab:
         arm = PacedArm[Arm](ReleasedArm[Arm](lab.arm, release), mounted_task.cell, self._pace, realtime=self._realtime)
         return Rig(
             SIMULATED, self.title, arm, lab.camera, lab.bench, hand_eye, days,
-            await_enabled=release.motion, pace=self._pace, release=release,
+            await_enabled=release.path, pace=self._pace, release=release,
         )  # fmt: skip
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
@@ -113,8 +113,9 @@ class WorldLab:
         release = self._release("nothing on the table")
         path = swing(lab.arm.state().q_rad, mounted_task.cell)
         press_s = float(np.random.default_rng(self._seed).uniform(0.2, 0.8)) * path.duration_s
-        release.one(swinging(path), "The arm swings until a stand-in presses the stop button.")
-        played = ReleasedArm[Arm](lab.arm, release).execute(brake(path, press_s, mounted_task.cell.motion))
+        braked = brake(path, press_s, mounted_task.cell.motion)
+        release.one(swinging(path), braked.digest, "The arm swings until a stand-in presses the stop button.")
+        played = ReleasedArm[Arm](lab.arm, release).execute(braked)
         after = played.t_s >= press_s
         q_rad = played.q_measured_rad[after]
         way_m = float(np.linalg.norm(np.diff(forward(q_rad)[:, :3, 3], axis=0), axis=1).sum())

@@ -118,7 +118,8 @@ class StopCheck:
         """
         while True:
             path = swing(self.arm.state().q_rad, self.cell)
-            self.release.one(swinging(path), "The arm swings until you press the stop button. Enter lets nothing move.")
+            then = "The arm swings until you press the stop button. Enter lets nothing move."
+            self.release.one(swinging(path), path.digest, then)
             if (stopped := self._swung(path)) is not None:
                 break
             self.screen.note("  The arm came to the end of its swing: the stop button was not pressed.")

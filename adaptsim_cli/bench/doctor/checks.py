@@ -57,7 +57,13 @@ check = partial(add_check, CHECKS)
 
 @check(DEVICES, "rig file", "adaptsim setup --hw {hw}, or correct the file", real)
 def _rig_file(lab: Examined) -> Finding:
-    return ok(f"{lab.config.rig}: {lab.rig.name}, {lab.rig.arm.model} at {lab.rig.arm.address}")
+    detail = f"{lab.config.rig}: {lab.rig.name}, {lab.rig.arm.model} at {lab.rig.arm.address}"
+    if lab.config.rig_is_own:
+        return ok(detail)
+    return advice(
+        f"{detail}. It belongs to the current folder: a person confirms it, and its waivers do not count",
+        f"adaptsim config trust --hw {lab.config.hw}, or use your own rig file (docs/guide/current-folder.md)",
+    )
 
 
 @check(DEVICES, "safeguards", when=described)

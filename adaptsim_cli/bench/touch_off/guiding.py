@@ -21,6 +21,7 @@ from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.guided import GuidedArm, NotAtRest, at_rest
 from adaptsim_cli.screen.keys import Key, enter, stop
+from adaptsim_cli.screen.release import grasping
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.storage.durable import versions
 from hw.errors import DeviceUnavailable, HandError
@@ -132,6 +133,7 @@ def take_tool(rig: GuidedTouchRig, holding: HoldingHand, screen: Screen, *, unat
         holding.release.one(
             f"Hold the {rig.tool_name} between the fingers, as its drawing shows. Keep your own fingers clear: the "
             f"hand closes with {grasp.force_N:g} N.",
+            grasping(grasp.width_m, grasp.force_N),
             f"The hand closes on the {rig.tool_name}.",
             "nothing was stored",
         )

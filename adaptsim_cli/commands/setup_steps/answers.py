@@ -156,22 +156,24 @@ def begun(resolved: Resolved, screen: Screen, *, yes: bool) -> Answers:
     if not yes:
         console.require_terminal("there is no terminal to ask at: run in a terminal; in the simulated lab add --yes")
     project, user = places.rig_files
-    here = project if places.project_file.is_file() else user
     if config.is_simulated:
+        here = project if places.project_file.is_file() else user
         file, new = here.with_name(PRACTICE_FILE), as_shipped("panda")
         rig = _continued(file, screen) if file.is_file() else RigDescription("practice", new.arm)
     else:
-        file = Path(config.rig) if config.rig else here
+        if config.rig and not config.rig_is_own:
+            raise UsageError(
+                f"{config.rig} belongs to the current folder, and a setup writes your own rig file, {user}. Run it "
+                f"from another folder. To take this file over, read it first: cp {config.rig} {user}"
+            )
+        file = Path(config.rig) if config.rig else user
         arm = ArmPart(cast(Model, config.hw), ADDRESS)
         rig = _continued(file, screen) if file.is_file() else RigDescription("lab", arm)
         if rig.arm.model != config.hw:
             raise UsageError(f"{file} is the rig file of a {rig.arm.model}: say --hw {rig.arm.model}, or move it away")
     operator = config.operator
-    while not (operator or config.is_simulated):
-        answer = screen.words("Who sets it up? Your name goes into the record:")
-        if answer is None:
-            raise StoppedByOperator("stopped by the operator; nothing has been written")
-        operator = answer
+    if not (operator or config.is_simulated):
+        operator = screen.name("Who sets it up?", "stopped by the operator; nothing has been written")
     config = config.model_copy(update={"rig": str(file), "operator": operator})
     return Answers(config, places, file, rig, screen, yes)
 

@@ -240,6 +240,7 @@ class PlacesOutput(Output):
     data: str = described("folder of all data")
     user_file: str = described("settings of the user")
     project_file: str = described("settings of this folder")
+    trust_file: str = described("files of current folders that a person has confirmed")
 
 
 class PartFile(Output):

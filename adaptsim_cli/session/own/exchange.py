@@ -14,7 +14,7 @@ from typing import Protocol
 
 from adaptsim_cli.errors import AnswerRefused
 from adaptsim_cli.screen.outputs.exchange import Answer, Question
-from adaptsim_cli.screen.release import Release
+from adaptsim_cli.screen.release import Release, digest_of
 from adaptsim_cli.session.own.reading import MOST_BYTES, read_answer
 from adaptsim_cli.storage import durable
 from hw.bounded import Unreadable, read_bytes
@@ -35,6 +35,11 @@ class Exchange:
     def of(cls, questions: Path, key: TrialKey, ask: str) -> Exchange:
         """That of an attempt, below the session's folder of questions."""
         return cls(questions / f"trial-{key.number:03d}-attempt-{key.attempt + 1}", ask)
+
+    @property
+    def digest(self) -> str:
+        """The motion that its question asks for, in the words of `screen.release`."""
+        return digest_of(str(self.folder), self.ask)
 
     @property
     def question_file(self) -> Path:

@@ -71,8 +71,8 @@ class Program:
         if run is None or not (run.is_running or run.has_answered):
             if run is not None:
                 self._note(f"Trial {question.trial} is asked again: its program ended without an answer.")
-            self.release.motion(f"makes trial {question.trial}. {YOURS}" if self.moves else "answers")
-            self.release.begun()
+            what = f"makes trial {question.trial}. {YOURS}" if self.moves else "answers"
+            self.release.take(exchange.digest, what)
             run = self._start(exchange)
         elif run.is_running:
             self._note(f"The program of trial {question.trial} is still running; its answer is waited for.")
@@ -109,6 +109,7 @@ class Program:
                     pass_fds=(lock,),
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
+                    env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},  # a new file there would end its trust
                 )
             )
         finally:

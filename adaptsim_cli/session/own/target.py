@@ -117,7 +117,12 @@ class OwnTarget:
         """See `Target`: whether the action can be done, the robot's own code knows."""
         who = self.answerer
         return replace(
-            placed, action=action, summary="Your robot makes this trial", announcement=who.announcement, then=who.then
+            placed,
+            action=action,
+            summary="Your robot makes this trial",
+            announcement=who.announcement,
+            then=who.then,
+            digest="" if placed.key is None else self._exchange(placed.key, "trial").digest,
         )
 
     def execute(self, planned: Placement, progress: Progress = silently) -> KnownMotion:

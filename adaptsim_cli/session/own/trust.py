@@ -1,68 +1,102 @@
-"""A program that a file of the current folder names runs only after the user has confirmed it once.
+"""The program that answers for a robot: whether the current folder decides what runs, so that a person confirms it.
 
-Such a file may come with somebody else's repository. The confirmation is bound to the command and to the content of
-every file that it names.
+A command that a settings file of the current folder names is bound to the folder, to every file in it and to every path
+elsewhere that the command names. A command of the user's own settings is bound to the folder whose files it names.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
+import re
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 
-from adaptsim_cli.config import Resolved
-from adaptsim_cli.errors import StoppedByOperator, UsageError
+from adaptsim_cli.config import FLAG, PERSON, Resolved
+from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.keys import Key, stop
-from adaptsim_cli.storage import durable
-from hw.bounded import read_bytes
+from adaptsim_cli.trust import (
+    PROGRAM,
+    UNREAD,
+    Claim,
+    NotCovered,
+    Trust,
+    contents,
+    require,
+    settings_claims,
+)
 
-_MOST_BYTES = 64 * 2**20
+_BETWEEN = re.compile(r"[\s=:;,'\"|&<>(){}]+")
 
 
 def require_trusted(resolved: Resolved, screen: Screen, *, yes: bool) -> None:
-    """Raises UsageError or StoppedByOperator for a program of the project's file that nobody has confirmed."""
-    project = str(resolved.places.project_file)
-    keys = [key for key in ("answer_with", "answer_moves") if resolved.sources.get(key) == project]
-    command = resolved.config.answer_with
-    if not keys or command in ("", "person"):
-        return
-    digest, file = _digest(command, resolved.config.answer_moves), resolved.places.user_file.with_name("trusted.json")
-    trusted = _trusted(file)
-    if digest in trusted:
-        return
-    what = f"{project} names the program `{command}`, which moves {resolved.config.answer_moves}"
-    if yes:
-        raise UsageError(
-            f"{what}. A file of the current folder starts no program unasked: confirm it once without --yes, or name "
-            f"it yourself with --answer-with, or in {resolved.places.user_file}"
+    """Raises UsageError or StoppedByOperator for a program or settings that nobody has confirmed in this folder."""
+    claims, trust = own_claims(resolved), Trust(resolved.places.trust_file)
+    require(claims, trust, screen, asks=not yes, command="adaptsim config trust --hw own")
+
+
+def own_claims(resolved: Resolved) -> tuple[Claim, ...]:
+    """What the current folder decides about a robot of one's own: nothing, if a person answers or types the program."""
+    command, folder = resolved.config.answer_with, resolved.places.project_file.parent.resolve()
+    source = resolved.sources.get("answer_with")
+    if command in ("", PERSON) or source == FLAG:
+        return ()
+    if source in resolved.places.foreign_settings:
+        return (_claim(resolved, folder, list(_elsewhere(command, folder))),)
+    settings = settings_claims(resolved.places)
+    return (*settings, _claim(resolved, folder, [])) if _names_file_of(command, folder) else settings
+
+
+def _claim(resolved: Resolved, folder: Path, elsewhere: list[Path]) -> Claim:
+    """The command with its folder, its settings, and paths `elsewhere`."""
+    command, moves = resolved.config.answer_with, resolved.config.answer_moves
+    by = resolved.sources["answer_with"]
+    meaning = f"{by} names the program `{command}`, which moves {moves}. It runs in {folder}."
+    bound = {"command": command, "moves": moves}
+    for claim in settings_claims(resolved.places):
+        bound |= claim.content
+    try:
+        files = contents(folder, *elsewhere)
+    except NotCovered as error:
+        meaning += (
+            f" Only the command itself is confirmed, for this folder: {error}, so a later change of its files is NOT "
+            "noticed."
         )
-    key = Key("y", "to trust it", "It may run from now on, until the command or a file that it names changes.")
-    leave = stop("The command ends; the program has not run.")
-    if screen.choose(f"{what}. It is not from your own settings. Do you trust it?", key, leave) == "q":
-        raise StoppedByOperator("stopped by the operator; the program has not run")
-    durable.make_folder(file.parent)
-    durable.replace_file(file, (json.dumps(sorted({*trusted, digest}), indent=1) + "\n").encode())
+    else:
+        bound |= files
+        where = ", ".join(map(str, ("this folder", *elsewhere)))
+        meaning += f" Bound to {len(files)} files of {where} ({UNREAD} aside): a change of any of them asks again."
+    return Claim(PROGRAM, folder, bound, meaning)
 
 
-def _digest(command: str, moves: str) -> str:
-    """SHA-256 of the command and of the files that it names."""
-    total = hashlib.sha256(json.dumps([command, moves]).encode())
+def _words(command: str) -> Iterator[str]:
+    """The words of a command, and the parts of each: `--cfg=a.yaml` names a.yaml, `sh -c './r.sh go'` names ./r.sh."""
     try:
         words = shlex.split(command)
     except ValueError as error:
         raise UsageError(f"answer_with = {command!r}: {error}") from error
     for word in words:
-        path = Path(word).expanduser()
-        if path.is_file():
-            total.update(hashlib.sha256(read_bytes(path, _MOST_BYTES)).digest())
-    return total.hexdigest()
+        yield from dict.fromkeys((word, *filter(None, _BETWEEN.split(word))))
 
 
-def _trusted(file: Path) -> set[str]:
+def _elsewhere(command: str, folder: Path) -> Iterator[Path]:
+    """The existing paths outside of the folder that the command names."""
+    for word in dict.fromkeys(_words(command)):
+        path = folder / Path(word).expanduser()
+        if _exists(path) and not path.resolve().is_relative_to(folder):
+            yield path.absolute()
+
+
+def _names_file_of(command: str, folder: Path) -> bool:
+    """Whether the command names a file or module of the folder by a relative path."""
+    for word in _words(command):
+        module = word.replace(".", "/")
+        if any(_exists(folder / name) for name in (word, module, f"{module}.py") if not Path(name).is_absolute()):
+            return True
+    return False
+
+
+def _exists(path: Path) -> bool:
     try:
-        digests = json.loads(read_bytes(file, _MOST_BYTES))
-    except (FileNotFoundError, ValueError):
-        return set()
-    return {str(one) for one in digests} if isinstance(digests, list) else set()
+        return path.exists()
+    except (OSError, ValueError):  # a word that is too long for a name, or holds a zero byte
+        return False

@@ -16,7 +16,7 @@ PENDULUM = ["benchmark", "--task", "pendulum", "--targets", "wd,ood-1", "--budge
 @pytest.fixture(autouse=True)
 def home(place, monkeypatch):
     monkeypatch.setenv("ADAPTSIM_WORKERS", "1")
-    return place / "home"
+    return place.parent / "home"
 
 
 def said(capsys):

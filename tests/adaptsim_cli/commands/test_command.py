@@ -32,7 +32,7 @@ def path(screen: Screen, resolved: Resolved, name: Annotated[str, typer.Argument
     settings = resolved.config
     line = f"{name} {settings.task} {settings.world} {settings.seed} {settings.realtime}"
     failure = SessionError("it is damaged") if fail else None
-    data = {"data": line, "user_file": "", "project_file": ",".join(sorted(resolved.flags))}
+    data = {"data": line, "user_file": "", "project_file": ",".join(sorted(resolved.flags)), "trust_file": ""}
     return Reply(data, [line], [("adaptsim sessions list", "why")], failure)
 
 

@@ -18,8 +18,8 @@ PROGRAM = "import sys; sys.argv = ['adaptsim']; from adaptsim_cli.commands.app i
 @pytest.fixture
 def home(place) -> Path:
     for name in ("sessions/scoop-1", "sessions/push-1", "sessions/.hidden", "rollouts/one"):
-        (place / "home/data" / name).mkdir(parents=True)
-    return place / "home"
+        (place.parent / "home/data" / name).mkdir(parents=True)
+    return place.parent / "home"
 
 
 def test_names_of_this_machine_are_completed(home):

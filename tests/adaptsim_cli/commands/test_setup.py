@@ -214,13 +214,30 @@ def test_a_real_lab_is_never_set_up_unattended(tmp_path, refused, kim):
     assert "is the rig file of a panda" in refused(2, "setup", "--hw", "fr3")
 
 
-def test_a_rig_file_lies_beside_the_settings_of_the_project(tmp_path, monkeypatch, kim):
+def test_a_setup_writes_the_users_own_rig_file_and_a_practised_one_beside_the_project(tmp_path, monkeypatch, kim):
     assert begun(config.load({"hw": "fr3"}), quiet(), yes=False).file == tmp_path / "home/rig.toml"
     assert begun(config.load({}), quiet(), yes=False).file == tmp_path / "home/practice.toml"
-    (tmp_path / "adaptsim.toml").write_text("")
-    assert begun(config.load({"hw": "fr3"}), quiet(), yes=False).file == tmp_path / "rig.toml"
+    (tmp_path / "here/adaptsim.toml").write_text("")
+    assert begun(config.load({}), quiet(), yes=False).file == tmp_path / "here/practice.toml"
+    assert begun(config.load({"hw": "fr3"}), quiet(), yes=False).file == tmp_path / "home/rig.toml"
+    foreign = tmp_path / "here/rig.toml"
+    foreign.write_text('name = "lab"\n[arm]\nmodel = "fr3"\naddress = "a"\n')
+    with pytest.raises(UsageError, match="a setup writes your own rig file") as refusal:
+        begun(config.load({"hw": "fr3"}), quiet(), yes=False)
+    assert f"cp {foreign} {tmp_path / 'home/rig.toml'}" in str(refusal.value)
     monkeypatch.setenv("ADAPTSIM_RIG", "other.toml")
-    assert begun(config.load({"hw": "fr3"}), quiet(), yes=False).file == tmp_path / "other.toml"
+    assert begun(config.load({"hw": "fr3"}), quiet(), yes=False).file == tmp_path / "here/other.toml"
+
+
+def test_a_setup_says_which_answer_it_expects_to_who_sets_it_up(monkeypatch, kim):
+    monkeypatch.delenv("ADAPTSIM_OPERATOR")
+    typing(monkeypatch, "", "", "Q. Lee")
+    screen = quiet()
+    assert begun(config.load({"hw": "fr3"}), screen, yes=False).config.operator == "Q. Lee"
+    assert said(screen).count("Enter alone names nobody. Type a name or initials") == 2
+    typing(monkeypatch, "", "q")
+    with pytest.raises(StoppedByOperator, match="nothing has been written"):
+        begun(config.load({"hw": "fr3"}), quiet(), yes=False)
 
 
 def test_ports_are_listed_by_the_name_that_lasts(tmp_path):

@@ -40,7 +40,7 @@ class TappedPedal(ToyPedal):
 
 def test_no_foot_answers_a_question(keyboard, place, kim):
     """A real lab with its pedal: while a question waits, nobody even looks at the pedal."""
-    write_rig(place)
+    write_rig(place.parent / "home")
     there = config.load({"hw": "panda", "task": "scooping"})
     calibrated(there)
     screen, pedal = quiet(), TappedPedal()

@@ -80,7 +80,7 @@ def test_what_is_printed_of_a_session_from_its_first_trial_to_its_end(place, cap
     assert printed(capfd, "sessions accept", "s", "2")["attempt"] == 1
     printed(capfd, "sessions prune", "other", "--yes")
     printed(capfd, "sessions delete", "other", "--yes")
-    damaged = place / "home/data/sessions/s/session.toml"
+    damaged = place.parent / "home/data/sessions/s/session.toml"
     damaged.write_text(damaged.read_text()[:100])
     assert "error" in printed(capfd, "sessions list")["sessions"][0]
 
@@ -105,4 +105,6 @@ def test_schema_lists_the_commands_and_names_those_that_are_alike(capfd, refused
 
 def test_a_key_that_no_model_describes_never_leaves_the_program():
     with pytest.raises(ValidationError):
-        Screen(as_json=True).data("config path", {"data": "a", "user_file": "b", "project_file": "c", "more": 1})
+        Screen(as_json=True).data(
+            "config path", {"data": "a", "user_file": "b", "project_file": "c", "trust_file": "d", "more": 1}
+        )

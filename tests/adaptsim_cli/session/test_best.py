@@ -77,11 +77,12 @@ def test_a_policy_that_follows_from_trials_runs_by_name_too(printed):
 
 
 def test_a_task_without_an_arm_has_no_scene(tmp_path, refused):
+    (tmp_path / "out").mkdir()
     for kind in ("sdf", "mjcf"):
         assert "pendulum has no motion for a robot arm" in refused(
-            2, "sessions", "export", NAME, "--format", kind, "--out", str(tmp_path / "scene")
+            2, "sessions", "export", NAME, "--format", kind, "--out", str(tmp_path / "out" / "scene")
         )
-    assert not list(tmp_path.iterdir())
+    assert not list((tmp_path / "out").iterdir())
 
 
 def test_a_policy_takes_lists_and_refuses_wrong_contexts():

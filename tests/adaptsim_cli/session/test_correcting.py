@@ -29,7 +29,7 @@ def opened(home: Path) -> SessionStore:
 @pytest.fixture
 def home(store: SessionStore, place) -> Path:
     """Of a session of one iteration."""
-    return place / "home"
+    return place.parent / "home"
 
 
 def changed(store: SessionStore, number: int, outcome: Outcome) -> str:

@@ -41,8 +41,8 @@ def made(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def root(made: Path, place) -> Path:
-    shutil.copytree(made, place / "home")
-    return place / "home/data/sessions"
+    shutil.copytree(made, place.parent / "home")
+    return place.parent / "home/data/sessions"
 
 
 def recordings(root: Path) -> list[str]:

@@ -146,9 +146,9 @@ def test_it_is_read_from_the_stored_calibration(check, late_s):
 
 
 def test_it_is_subtracted_from_every_frame_and_noted(undisturbed, place):
-    code, told = call(place / "home", RUN, ToyLab(0), camera_late_s=LATE_S)
+    code, told = call(place.parent / "home", RUN, ToyLab(0), camera_late_s=LATE_S)
     assert code == 0, told
-    aware = SessionStore.open(place / "home/data/sessions", "s")
+    aware = SessionStore.open(place.parent / "home/data/sessions", "s")
     assert (aware.facts.camera_late_s, undisturbed.facts.camera_late_s) == (LATE_S, 0.0)
     files = [min(store.folder.rglob(recording.FILE)) for store in (aware, undisturbed)]
     kept, raw = (recording.read(path) for path in files)

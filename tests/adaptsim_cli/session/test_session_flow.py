@@ -47,7 +47,7 @@ def test_every_coordinate_of_a_step_changes_its_random_numbers(other):
 
 def test_two_runs_of_one_iteration_equal_one_run_of_two(store, place):
     once, lab = run(place / "once", iterations=2), ToyLab(0)
-    twice = run(place / "home", lab)
+    twice = run(place.parent / "home", lab)
     assert lab.executions == [(5, 0), (6, 0), (7, 0), (8, 0)]
     assert summary(once, 1)["particles"] == summary(twice, 1)["particles"]
 
@@ -77,7 +77,7 @@ def test_an_operator_can_overrule_the_outcome(tmp_path):
 
 
 def test_a_trial_that_later_ones_rest_on_cannot_be_redone(store, place):
-    run(place / "home")
+    run(place.parent / "home")
     with pytest.raises(UsageError, match=f"later trials use .* adaptsim sessions amend {NAME} 1"):
         redo(store, 1, "too late")
     with pytest.raises(UsageError, match="trial 99 "):

@@ -25,8 +25,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def root(made: Path, place: Path) -> Path:
-    shutil.copytree(made, place / "home")
-    return place / "home/data/sessions"
+    shutil.copytree(made, place.parent / "home")
+    return place.parent / "home/data/sessions"
 
 
 def test_every_session_is_on_the_page_with_links_to_its_report_and_film(root: Path, capfd) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import faults
 import numpy as np
 import pytest
+from fault_folder import FOLDERS, one_folder
 from fault_hand import HAND_FAULTS, IGNORED, Fingers, one_hand
 from fault_lab import drawn, one_motion
 from fault_stop import one_stop
@@ -14,6 +15,8 @@ from fault_world import IN_MOTION, World, release
 from kept import Kept
 
 from adaptsim_cli.bench.devices import stop_check
+from adaptsim_cli.config import Config
+from adaptsim_cli.trust import Trust
 from hw.franka import playback
 from hw.franka.hand_stop import Stopped
 from hw.watchdog import Watchdog
@@ -23,7 +26,9 @@ SEED = 11
 
 def test_every_kind_has_a_name_of_its_own_and_a_place_in_the_table() -> None:
     assert len(set(faults.KINDS)) == len(faults.KINDS)
-    assert set(IN_MOTION) | set(HAND_FAULTS) | set(faults.CAMERAS) | set(faults.SESSIONS) <= set(faults.KINDS)
+    assert set(IN_MOTION) | set(HAND_FAULTS) | set(faults.CAMERAS) | set(faults.SESSIONS) | set(FOLDERS) <= set(
+        faults.KINDS
+    )
 
 
 @pytest.mark.parametrize("kind", HAND_FAULTS)
@@ -42,6 +47,22 @@ def test_fingers_that_nobody_stops_are_found(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(Fingers, "stop", lambda self: None)
     notes = one_hand("fingers: pedal released", rng).wrong
     assert any(note.startswith("the fingers moved for") for note in notes)
+
+
+def test_waivers_and_confirmations_of_a_folder_that_count_are_found(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def notes(kind: str) -> str:
+        rng = np.random.default_rng(3)
+        return " / ".join(note for n in range(8) for note in one_folder(kind, rng, tmp_path / f"{kind}{n}").wrong)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Trust, "holds", lambda self, claim: True)
+        assert "opened before anybody confirmed" in notes(FOLDERS[0])
+        assert "for another content or place" in notes("folder: rig file changed")
+    monkeypatch.setattr(Config, "rig_is_own", True)
+    found = notes("folder: rig file moved")
+    assert "devices opened without" in found and "nobody checked the stop button" in found
 
 
 def test_a_player_that_brakes_too_late_or_too_hard_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -186,7 +186,7 @@ def test_the_board_is_printed_to_scale_and_its_measured_size_kept(place, printed
     assert len(corners) == board.corners
     first, last = corners.px[0], corners.px[5]
     assert np.linalg.norm(last - first) / (scale * px_per_mm) == pytest.approx(5 * 37.0, abs=0.05)
-    kept = printing.stored_board(place / "home/data")
+    kept = printing.stored_board(place.parent / "home/data")
     assert kept.measured
     assert kept.board.board().marker_m / kept.board.board().square_m == pytest.approx(0.75)
 

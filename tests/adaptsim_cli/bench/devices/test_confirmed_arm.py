@@ -24,9 +24,12 @@ from adaptsim_cli.bench.devices.confirmed import ConfirmedArm
 from adaptsim_cli.bench.devices.consent import Consent
 from adaptsim_cli.bench.devices.known_arm import KnownArm
 from adaptsim_cli.bench.devices.recovery import offer_recovery
+from adaptsim_cli.bench.devices.released import ReleasedArm, ReleasedHand
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.release import Release, grasping
 from hw.errors import ArmFault, DeviceUnavailable, FingersMoved, HandError, MotionRefused
+from hw.grasping import FakeHand
 from hw.types import JointPath
 
 STILL = JointPath(np.linspace(0.0, 0.01, 11), np.tile(READY_RAD, (11, 1)))
@@ -198,3 +201,85 @@ def test_fingers_that_may_still_move_latch_the_arm_until_a_recovery(error, latch
             arm.recover()
         arm.execute(STILL)
         assert arm.state().fault is None
+
+
+LONGER = JointPath(np.linspace(0.0, 0.02, 21), np.tile(READY_RAD, (21, 1)))
+WRONG: dict[str, Exception] = {
+    "the hand lost its tool": HandError("the tool is lost"),
+    "the arm refused": MotionRefused("beyond a limit"),
+    "the operator stopped": StoppedByOperator("stopped by the operator"),
+    "a defect": ZeroDivisionError(),
+}
+
+
+@pytest.mark.parametrize("again", [STILL, LONGER], ids=["the same motion", "another motion"])
+@pytest.mark.parametrize("why", ["the pedal was not held", "the camera did not start", *WRONG])
+def test_a_release_never_outlives_the_motion_that_it_was_given_to(why, again, monkeypatch):
+    bare, screen, now = InstantArm(READY_RAD, cell()), quiet(), [0.0]
+    pedal = ToyPedal([why != "the pedal was not held"])
+    wrong = [WRONG[why]] if why in WRONG else []
+
+    def before() -> None:
+        if wrong:
+            raise wrong.pop()
+
+    def pause(s: float) -> None:
+        now[0] += s
+
+    typing(monkeypatch, "panda", "y")
+    consent = Consent(screen, "panda", operator="Kim", each="motion")
+    with pedal, ConfirmedArm(bare, consent, pedal, before=before, now_s=lambda: now[0], pause=pause) as arm:
+        if why == "the camera did not start":
+            arm.await_enabled("makes its motion", STILL)
+            if again is STILL:
+                arm.release.withdraw()  # as `RigTarget.execute` does however it ends
+        else:
+            with pytest.raises(Exception, match=r"pedal was not held|tool is lost|beyond|stopped|^$"):
+                arm.execute(STILL)
+        pedal.held = [True]
+        asked = said(screen).count("Type y to start")
+        typing(monkeypatch, "", "q")
+        with pytest.raises(StoppedByOperator):
+            arm.execute(again)
+        assert said(screen).count("Type y to start") == asked + 2
+        typing(monkeypatch, "y")
+        arm.execute(again)
+    assert len(bare.executed) == 1
+
+
+def test_only_the_released_path_begins_without_another_question(monkeypatch):
+    bare, screen = InstantArm(READY_RAD, cell()), quiet()
+    typing(monkeypatch, "panda", "y", "y", "y")
+    with ConfirmedArm(bare, Consent(screen, "panda", operator="Kim", each="motion"), None) as arm:
+        arm.await_enabled("makes its motion", LONGER)
+        arm.execute(LONGER)
+        arm.await_enabled("makes its motion", LONGER)
+        arm.execute(STILL)
+        typing(monkeypatch)
+        with pytest.raises(StoppedByOperator):
+            arm.execute(LONGER)
+    assert len(bare.executed) == 2
+    assert STILL.digest != LONGER.digest == JointPath(LONGER.t_s, LONGER.q_rad.copy()).digest
+
+
+def test_a_release_of_the_hand_or_of_a_series_ends_with_it(monkeypatch):
+    screen, hand = quiet(), FakeHand(0.02)
+    release = Release(screen, "panda", True)
+    fingers = ReleasedHand(hand, release)
+    typing(monkeypatch, "y")
+    with fingers:
+        release.one("Close?", grasping(0.01, 30.0))
+        for other in (lambda: fingers.grasp(0.01, 60.0), fingers.home, lambda: fingers.move(0.01)):
+            with pytest.raises(StoppedByOperator):
+                other()
+        with pytest.raises(StoppedByOperator):
+            fingers.grasp(0.01, 30.0)
+    assert hand.commands == []
+    arm = ReleasedArm(InstantArm(READY_RAD, cell()), release)
+    typing(monkeypatch, "y", "panda")
+    with arm, pytest.raises(ZeroDivisionError), release.run("goes there", "goes everywhere"):
+        for _ in range(3):
+            arm.execute(STILL)
+        raise ZeroDivisionError
+    with arm, pytest.raises(StoppedByOperator):
+        arm.execute(STILL)

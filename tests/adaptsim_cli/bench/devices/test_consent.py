@@ -22,6 +22,7 @@ from adaptsim_cli import config
 from adaptsim_cli.bench.devices.confirmed import ConfirmedArm
 from adaptsim_cli.bench.devices.consent import Consent
 from adaptsim_cli.bench.devices.known_arm import KnownArm, SetUp, folder_of, setup_of
+from adaptsim_cli.bench.devices.released import ReleasedArm
 from adaptsim_cli.bench.doctor import checks
 from adaptsim_cli.bench.doctor.checks import CHECKS
 from adaptsim_cli.bench.doctor.table import Examined, Severity, ok
@@ -33,6 +34,7 @@ from adaptsim_cli.screen.log import read as read_log
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.opening import open_trials
 from adaptsim_cli.session.watching import SessionLog
+from hw.errors import CameraError
 from hw.ports import Arm, ArmWrapper
 from hw.types import ArmState, Execution, JointPath
 from sim.adaptation.stages import TrialKey
@@ -66,7 +68,7 @@ def test_every_question_answer_and_rate_is_in_the_log_with_the_operators_name(tm
 
 def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(tmp_path, monkeypatch, place, kim):
     devices, screen = ToyDevices(), quiet()
-    write_rig(place)
+    write_rig(place.parent / "home")
     there = config.load({"hw": "panda", "task": "scooping"})
     calibrated(there)
     session = tmp_path / "session"
@@ -80,7 +82,7 @@ def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(tmp_
     assert [(one.safeguard, one.by) for one in facts.waivers] == [(name, "Kim") for name in WAIVED]
     assert all(one.reason == "a lab of the tests" and one.on < one.until for one in facts.waivers)
     assert facts.consent is not None
-    for folder in (session, folder_of(there.places, read(place / "rig.toml"))):
+    for folder in (session, folder_of(there.places, read(place.parent / "home" / "rig.toml"))):
         said_there = [line.data.get("answer") for line in read_log(folder) if line.event == "answered"]
         assert said_there == ["panda"], folder
 
@@ -91,7 +93,7 @@ def test_each_motion_is_agreed_to_if_the_rig_asks_for_it(monkeypatch):
     typing(monkeypatch, "panda", "", "y", "", "y", "", "q")
     with arm:
         arm.execute(STILL)
-        arm.await_enabled("makes its motion", 1.0)  # asked before the camera records
+        arm.await_enabled("makes its motion", STILL)  # asked before the camera records
         arm.execute(STILL)
         with pytest.raises(StoppedByOperator):
             arm.execute(STILL)
@@ -100,7 +102,7 @@ def test_each_motion_is_agreed_to_if_the_rig_asks_for_it(monkeypatch):
 
 
 def slowly(place: Path, text: str, **settings: object) -> tuple[config.Resolved, ToyDevices]:
-    write_rig(place, text)
+    write_rig(place.parent / "home", text)
     there = config.load({"hw": "panda", "task": "scooping", **settings})
     calibrated(there)
     return there, ToyDevices()
@@ -145,6 +147,35 @@ def test_the_tasks_own_motion_makes_its_set_up_known_and_the_way_there_does_not(
     placed = target.place(np.array([0.68, 0.0]), TrialKey(1, 0), unattended())
     target.execute(target.plan(placed, np.array([0.5])))
     assert completed == [2], "once, after the second of three motions"
+
+
+def test_a_trial_that_ends_before_its_motion_began_leaves_nothing_released(monkeypatch):
+    target, screen = rig_target(toy_parts(ToyLab(0))), quiet()
+    bench, release = target.rig.camera, Release(screen, "panda", True)
+
+    class Dead:
+        """The bench's camera, which does not start."""
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(bench, name)
+
+        def start_recording(self) -> None:
+            raise CameraError("no frame within 1 s")
+
+    arm = ReleasedArm[Arm](target.rig.arm, release)
+    camera: Any = Dead()
+    rig = replace(target.rig, arm=arm, camera=camera, release=release, await_enabled=release.path)
+    target = replace(target, rig=rig)
+    planned = target.plan(target.place(np.array([0.68, 0.0]), TrialKey(1, 0), unattended()), np.array([0.5]))
+    typing(monkeypatch, "y", "y")
+    release.announced("The arm comes. ", planned.digest, "It moves.", "all is stored")
+    with pytest.raises(CameraError):
+        target.execute(planned)
+    assert said(screen).count("Type y to start") == 2, "the way there was announced, the motion asked for"
+    typing(monkeypatch)
+    assert planned.paths is not None
+    with pytest.raises(StoppedByOperator):
+        arm.execute(planned.paths[1])
 
 
 @dataclass
@@ -214,7 +245,7 @@ def test_a_damaged_memory_asks_everything_again(tmp_path):
 NEW = SetUp("scooping", "tool", "calibration", "rig")
 
 
-@pytest.mark.parametrize(("answer", "moves"), [("kim", True), ("", False), ("q", False)])
+@pytest.mark.parametrize(("answer", "moves"), [("full", True), ("kim", False), ("", False), ("q", False)])
 def test_a_new_set_up_moves_slowly_first_or_by_name(answer, moves, tmp_path, monkeypatch):
     known, screen = KnownArm(tmp_path), quiet()
 
@@ -249,6 +280,27 @@ def test_a_new_set_up_moves_slowly_first_or_by_name(answer, moves, tmp_path, mon
     assert "With this rig file, tool and calibration pushing has not moved" in said(other)
 
 
+@pytest.mark.parametrize("name", ["Q", "q", "Enter", "?", "full", "y"])
+def test_a_name_that_is_a_key_of_a_question_is_harmless(name, tmp_path, monkeypatch):
+    for typed, agrees in (("q", False), (name, name == "full"), ("", False)):
+        screen = quiet()
+        typing(monkeypatch, typed, "panda")
+        known, waived = KnownArm(tmp_path), (waiver("stop_button"),)
+        consent = Consent(screen, "panda", operator=name, known_arm=known, setup=NEW, waivers=waived)
+        with suppress(StoppedByOperator):
+            consent.once(arm_with(consent)[0])
+        assert (consent.given_at is not None) == agrees
+        assert "Full speed nevertheless? Type full to move at full speed on your own account" in said(screen)
+
+
+def test_the_name_is_asked_for_until_one_is_typed_and_the_question_says_so(monkeypatch):
+    screen = quiet()
+    typing(monkeypatch, "", "Kim", "panda")
+    consent = Consent(screen, "panda")
+    consent.once(arm_with(consent)[0])
+    assert consent.operator == "Kim" and "Enter alone names nobody. Type a name or initials" in said(screen)
+
+
 def test_a_set_up_is_task_rig_file_tool_and_calibration():
     rig, zeros, X_BC = as_shipped("panda"), np.zeros(7), np.eye(4)
     first = setup_of(rig, cell(zeros_rad=zeros), "scooping", X_BC)
@@ -267,7 +319,7 @@ def test_a_set_up_is_task_rig_file_tool_and_calibration():
 
 def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(place, kim):
     bare = 'name = "lab-1"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n'
-    rig = read(write_rig(place, bare))
+    rig = read(write_rig(place.parent / "home", bare))
     assert [gap.what for gap in gaps(rig, "scooping")] == ["pedal", "person", "payload", "keep_out"]
     there = config.load({"hw": "panda", "task": "scooping"})
     calibrated(there)
@@ -281,7 +333,7 @@ def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(place, kim
     found = CHECKS["safeguards"](lab)
     assert found.verdict is Severity.MISSING
     assert not re.search("waive", f"{refused.value} {found.detail} {found.fix}"), "no message prints a waiver to paste"
-    write_rig(place, bare + waivers("pedal", "person", "payload", "keep_out"))
+    write_rig(place.parent / "home", bare + waivers("pedal", "person", "payload", "keep_out"))
     lab = Examined(there, {"rig file": ok("")})
     found = CHECKS["safeguards"](lab)
     assert found.verdict is Severity.ADVICE
@@ -292,7 +344,9 @@ def test_a_bare_rig_file_moves_nothing_and_the_doctor_names_every_gap(place, kim
 def test_a_waiver_counts_for_thirty_days_and_then_not(age_days, counts, place, kim):
     on = (datetime.now(UTC) - timedelta(days=age_days)).date().isoformat()
     bare = 'name = "lab-1"\n[arm]\nmodel = "panda"\naddress = "172.16.0.2"\n'
-    rig = read(write_rig(place, bare + waivers("pedal", "person", "payload", "keep_out", "hand", on=on)))
+    rig = read(
+        write_rig(place.parent / "home", bare + waivers("pedal", "person", "payload", "keep_out", "hand", on=on))
+    )
     assert rig.without_hand == counts
     missing = gaps(rig, "scooping")
     assert [gap.what for gap in missing] == ([] if counts else ["pedal", "person", "payload", "keep_out", "hand"])
@@ -300,19 +354,23 @@ def test_a_waiver_counts_for_thirty_days_and_then_not(age_days, counts, place, k
 
 
 def test_a_waiver_of_an_older_version_is_named_with_the_way_to_renew_it(place, kim, refused):
-    write_rig(place, 'waived = ["pedal"]\n' + RIG)
+    write_rig(place.parent / "home", 'waived = ["pedal"]\n' + RIG)
     answer = refused(2, "doctor", "--hw", "panda", "--assessment", "sheet.html")
     assert "waived is a list of an older version" in answer and "adaptsim setup --waive NAME" in answer
 
 
 def test_every_command_says_and_logs_what_is_waived_and_what_is_not_any_more(place, kim):
     old = (datetime.now(UTC) - timedelta(days=40)).date().isoformat()
-    write_rig(place, RIG.replace(waivers("stop_button"), waivers("stop_button", on=old)))
+    write_rig(place.parent / "home", RIG.replace(waivers("stop_button"), waivers("stop_button", on=old)))
     there = config.load({"hw": "panda", "task": "scooping"})
     calibrated(there)
     screen = quiet()
     with open_trials(there.config, there.places, get_task("scooping"), ToyDevices().drivers(), screen=screen):
         pass
-    lines = [line.text for line in read_log(folder_of(there.places, read(place / "rig.toml"))) if line.event == "noted"]
+    lines = [
+        line.text
+        for line in read_log(folder_of(there.places, read(place.parent / "home" / "rig.toml")))
+        if line.event == "noted"
+    ]
     assert any("Waived: keep_out is waived until" in line and "a lab of the tests (Kim" in line for line in lines)
     assert any(line.startswith("Not waived any more: stop_button, since") for line in lines)

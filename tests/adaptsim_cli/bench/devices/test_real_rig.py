@@ -59,7 +59,7 @@ KEY = TrialKey(1, 0)
 
 
 def resolved(place: Path, text: str = RIG) -> Resolved:
-    write_rig(place, text)
+    write_rig(place.parent / "home", text)
     return config.load({"hw": "panda", "task": "scooping"})
 
 
@@ -89,12 +89,12 @@ def test_without_a_terminal_no_device_is_touched(place, monkeypatch, refused):
     calibrated(resolved(place))
     monkeypatch.undo()
     monkeypatch.chdir(place)
-    monkeypatch.setenv("ADAPTSIM_HOME", str(place / "home"))
+    monkeypatch.setenv("ADAPTSIM_HOME", str(place.parent / "home"))
     monkeypatch.setattr("sys.stdin", io.StringIO())
     assert "a person at a terminal confirms it; --yes does not" in refused(
         2, "run-iteration", "--task", "scooping", "--hw", "panda", "--yes"
     )
-    assert not (place / "home/data/sessions").exists()
+    assert not (place.parent / "home/data/sessions").exists()
 
 
 def test_a_broken_rig_file_ends_with_2_and_a_missing_driver_with_3(place, monkeypatch, refused):
@@ -105,9 +105,9 @@ def test_a_broken_rig_file_ends_with_2_and_a_missing_driver_with_3(place, monkey
         monkeypatch.setattr("adaptsim_cli.bench.devices.lab.makers_drivers", devices.drivers)
         assert f"pip install {lacking}-driver==1.0" in refused(3, *run)
         assert devices.arm is None or not devices.arm.executed
-    write_rig(place, RIG.replace("mass_kg = 0.12", "mass_kg = 12"))
+    write_rig(place.parent / "home", RIG.replace("mass_kg = 0.12", "mass_kg = 12"))
     assert "tools.scooping.payload.mass_kg = 12 kg: it must be at most 3.0" in refused(2, *run)
-    (place / "rig.toml").unlink()
+    (place.parent / "home" / "rig.toml").unlink()
     assert "there is no rig file" in refused(2, *run)
 
 
@@ -228,8 +228,8 @@ def test_weighing_may_be_left_out(monkeypatch):
 
 
 def test_a_tool_that_leaves_the_work_area_is_not_planned(place):
-    write_rig(place, RIG + "[table]\nx_m = [0.3, 0.7]\n")
-    there = mounted(SCOOPING, read(place / "rig.toml"), np.zeros(7))
+    write_rig(place.parent / "home", RIG + "[table]\nx_m = [0.3, 0.7]\n")
+    there = mounted(SCOOPING, read(place.parent / "home" / "rig.toml"), np.zeros(7))
     with pytest.raises(NotExecutable, match=r"outside the work area.*\[table\] of the rig file"):
         there.paths(there.hardware.plan(SCOOPING.reference_context, SCOOPING.action.denormalise(np.full(3, 0.5))))
 
@@ -290,7 +290,7 @@ def test_a_contact_is_planned_against_the_threshold_that_the_arm_itself_keeps_to
 def test_no_recording_runs_while_the_arm_waits_for_its_pedal():
     lab, waited = ToyLab(0), list[bool]()
     target = rig_target(toy_parts(lab))
-    rig = replace(target.rig, await_enabled=lambda what, duration_s: waited.append(lab._recording is None))
+    rig = replace(target.rig, await_enabled=lambda what, path: waited.append(lab._recording is None))
     executed(replace(target, rig=rig))
     assert waited == [True] * 3
 

@@ -141,7 +141,7 @@ def test_a_real_arm_needs_the_rig_file_of_its_own_model(tmp_path):
     (tmp_path / "project").mkdir()
     with pytest.raises(UsageError, match=r"there is no rig file.*adaptsim setup --hw fr3"):
         rig_of(load(tmp_path, hw="fr3").config)
-    write_rig(tmp_path / "project")
+    write_rig(tmp_path / "home")
     assert rig_of(load(tmp_path, hw="panda").config).name == "lab-1"
     with pytest.raises(UsageError, match=r"belongs to a lab with arm.model = 'panda'"):
         rig_of(load(tmp_path, hw="fr3").config)

@@ -98,7 +98,7 @@ def test_what_is_waived_is_no_measure_and_has_its_own_line(tmp_path):
 
 @pytest.mark.slow
 def test_the_command_plans_with_the_rig_of_the_guide_and_writes_a_new_file(place, kim):
-    write_rig(place, GUIDE.read_text().split("```toml\n")[1].split("```")[0])
+    write_rig(place.parent / "home", GUIDE.read_text().split("```toml\n")[1].split("```")[0])
     calibrated(config.load({"hw": "fr3", "task": "scooping"}))
     command = ["doctor", "--hw", "fr3", "--task", "scooping", "--assessment", "risk.html"]
     assert app.run(command) == 0

@@ -347,7 +347,7 @@ def test_a_real_lab_is_looked_at_device_by_device(
     assert {c["name"]: c["verdict"] for c in json.loads(out)["checks"]}["rig file"] == "missing"
     assert "adaptsim setup --hw panda" in out
     assert "not ready:" in err
-    write_rig(place, RIG.replace("172.16.0.2", "127.0.0.1"))
+    write_rig(place.parent / "home", RIG.replace("172.16.0.2", "127.0.0.1"))
     monkeypatch.setenv("ADAPTSIM_K4A_LIBRARY", str(place / "none.so"))
     calibrated(config.load({"hw": "panda"}))
     assert app.run(["doctor", "--hw", "panda", "--json"]) == 3

@@ -45,7 +45,7 @@ def test_a_side_is_open_until_boxes_cover_all_that_the_arm_reaches_there():
 
 
 def found(place, text: str) -> Finding:
-    write_rig(place, text)
+    write_rig(place.parent / "home", text)
     *_, finding = examine(config.load({"hw": "panda", "task": "scooping"}), ("rig file", "sides"))
     return finding
 

@@ -47,7 +47,7 @@ BELIEVED = "[table]\nheight_m = -0.002\n"
 
 
 def resolved(place: Path, text: str = RIG + BELIEVED, task: str = "scooping") -> Resolved:
-    write_rig(place, text)
+    write_rig(place.parent / "home", text)
     return config.load({"hw": "panda", "task": task})
 
 

@@ -77,7 +77,7 @@ def stored(home: Path) -> SessionStore:
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_is_one_sentence_and_its_corrected_answer_counts(place: Path, fault: str) -> None:
     body, message = FAULTS[fault]
-    home = place / "home"
+    home = place.parent / "home"
     failing = robot(place, f"open(RUNS, 'a').write('run\\n')\n{body}\n")
     with pytest.raises(AnswerRefused, match=message) as raised:
         run(home, program(failing))
@@ -96,11 +96,11 @@ def test_a_fault_is_one_sentence_and_its_corrected_answer_counts(place: Path, fa
 
 def test_a_command_that_does_not_exist_says_so(place: Path) -> None:
     with pytest.raises(AnswerRefused, match=r"exit code 127 \(no such command\)"):
-        run(place / "home", program("no-such-robot --go"))
+        run(place.parent / "home", program("no-such-robot --go"))
 
 
 def test_a_deleted_answer_is_asked_for_again(place: Path) -> None:
-    home, failing = place / "home", robot(place, "open(RUNS, 'a').write('run\\n')\nprint('[]')")
+    home, failing = place.parent / "home", robot(place, "open(RUNS, 'a').write('run\\n')\nprint('[]')")
     with pytest.raises(AnswerRefused, match="a JSON list"):
         run(home, program(failing))
     with pytest.raises(AnswerRefused, match="a JSON list"):
@@ -122,7 +122,7 @@ x, y = q["context"].values()
 good = {"t_s": [0.0, 0.5, 1.0], "state": [[x, y, 0.0]] * 3, "outcome": "on_table"}
 print(json.dumps({"trial": q["trial"], **(said[1] if q["trial"] == 1 and q["attempt"] == 1 else good)}))
 """
-    done = run(place / "home", program(robot(place, refusing)))
+    done = run(place.parent / "home", program(robot(place, refusing)))
     made = [json.loads(line) for line in runs(place)]
     assert [one[:2] for one in made] == [[1, 1], [1, 2], [2, 1], [3, 1], [4, 1]]
     (change,) = done.rejections()
@@ -135,7 +135,7 @@ import json, sys
 q = json.load(sys.stdin)
 print(json.dumps({"trial": q["trial"], "end": [0.7, 0.0, 0.02], "outcome": "on_blade", "end_in_tool_m": [-0.02, 0, 0]}))
 """
-    first, *_ = trials_of(run(place / "home", program(robot(place, only_end))))
+    first, *_ = trials_of(run(place.parent / "home", program(robot(place, only_end))))
     assert set(first.observation) == {None}
     assert 0.0 <= first.reward <= 1.0
     assert any("only its end was observed" in flag for flag in first.track.flags)
@@ -145,7 +145,7 @@ print(json.dumps({"trial": q["trial"], "end": [0.7, 0.0, 0.02], "outcome": "on_b
 def test_moments_before_the_first_state_are_missing(place: Path) -> None:
     late: dict[str, Any] = answer(t_s=[LATE_S + t for t in LONG], trial=None)
     body = f"import json, sys\nq = json.load(sys.stdin)\nprint(json.dumps({{**{late!r}, 'trial': q['trial']}}))"
-    first, *_ = trials_of(run(place / "home", program(robot(place, body))))
+    first, *_ = trials_of(run(place.parent / "home", program(robot(place, body))))
     missing = [value is None for value in first.observation]
     assert missing == sorted(missing, reverse=True)
     assert True in missing

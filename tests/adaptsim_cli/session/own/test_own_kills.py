@@ -56,7 +56,7 @@ def numbers(store: SessionStore) -> list[tuple[object, ...]]:
 def whole(request, tmp_path_factory) -> tuple[Task, list[tuple[object, ...]], list[str]]:
     """A session that nobody killed."""
     place = tmp_path_factory.mktemp("whole")
-    done = run(place / "home", program(robot(place)), request.param)
+    done = run(place.parent / "home", program(robot(place)), request.param)
     return request.param, numbers(done), runs(place)
 
 
@@ -70,8 +70,8 @@ def test_killed_at_a_writing_it_goes_on_with_every_trial_made_once(place: Path, 
         for name in WRITING:
             patch.setattr(durable, name, fuse.wrapped(getattr(durable, name)))
         with pytest.raises(Killed):
-            run(place / "home", answering, task)
-    done = run(place / "home", answering, task)
+            run(place.parent / "home", answering, task)
+    done = run(place.parent / "home", answering, task)
     assert numbers(done) == trials
     assert runs(place) == asked, "no question reached the robot twice"
 
@@ -86,11 +86,11 @@ def test_a_program_outlives_adaptsim_and_its_answer_is_taken_without_a_second_ru
         raise Killed
 
     with pytest.raises(Killed):
-        run(place / "home", program(slow, pause=killed))
+        run(place.parent / "home", program(slow, pause=killed))
     assert runs(place) == []
     (place / "slow.py").write_text(body)  # only a second run would read it
     threading.Timer(0.2, (place / "go").touch).start()
-    done = run(place / "home", program(slow))
+    done = run(place.parent / "home", program(slow))
     assert len(trials_of(done)) == 4
     assert runs(place) == [f"trial {n}.1" for n in range(1, 5)]
 
@@ -114,7 +114,7 @@ def test_a_kill_of_adaptsim_and_of_all_that_it_started_in_its_group_leaves_the_p
     (place / "robot.py").write_text(wait + body)
     path = os.pathsep.join(sys.path)
     child = subprocess.Popen(
-        [sys.executable, "-c", CHILD, str(place / "home"), command],
+        [sys.executable, "-c", CHILD, str(place.parent / "home"), command],
         start_new_session=True,
         env={**os.environ, "PYTHONPATH": path},
         stdout=subprocess.DEVNULL,
@@ -125,7 +125,7 @@ def test_a_kill_of_adaptsim_and_of_all_that_it_started_in_its_group_leaves_the_p
     os.killpg(child.pid, signal.SIGKILL)
     child.wait()
     go.touch()
-    done = run(place / "home", program(command))
+    done = run(place.parent / "home", program(command))
     assert [t.attempt for t in trials_of(done)] == [1] * 4
     assert runs(place) == [f"trial {n}.1" for n in range(1, 5)]
 
@@ -136,15 +136,15 @@ def test_after_the_time_limit_nothing_is_killed_and_the_answer_is_taken_later(pl
     (place / "robot.py").write_text(wait + (place / "robot.py").read_text())
     impatient = programs.Program(slow, False, 0.05, None)
     with pytest.raises(AnswerRefused, match=r"not answered within 0.05 s .* it goes on, nothing stops it"):
-        run(place / "home", impatient)
+        run(place.parent / "home", impatient)
     (place / "go").touch()
-    assert len(trials_of(run(place / "home", program(slow)))) == 4
+    assert len(trials_of(run(place.parent / "home", program(slow)))) == 4
     assert runs(place) == [f"trial {n}.1" for n in range(1, 5)]
-    assert (place / "home/data/sessions" / NAME / "questions/trial-001-attempt-1/trial.run-1.exit").exists()
+    assert (place.parent / "home/data/sessions" / NAME / "questions/trial-001-attempt-1/trial.run-1.exit").exists()
 
 
 def test_a_computer_that_stopped_in_the_middle_asks_again(place: Path) -> None:
     command = robot(place, "import os, signal\nos.kill(os.getppid(), signal.SIGKILL)\nos.kill(os.getpid(), 9)")
     with pytest.raises(AnswerRefused, match="was killed, or the computer stopped, before it answered"):
-        run(place / "home", program(command))
-    assert len(trials_of(run(place / "home", program(robot(place))))) == 4
+        run(place.parent / "home", program(command))
+    assert len(trials_of(run(place.parent / "home", program(robot(place))))) == 4

@@ -46,7 +46,7 @@ def test_a_person_types_where_it_came_to_rest_and_a_bad_value_is_named_at_its_qu
     first = ["y", "", "0,7", "0.7", "0.0", "0.02", "0.9", "fell", "1", "-0.02", "0", "0.01", ""]
     rest = ["y", "", "0.7", "0", "0.02", "", "2", ""] * 3
     screen, shown = screen_of("\n".join([*first, *rest]) + "\n", monkeypatch)
-    done = attended(place / "home", TypedAnswers(screen, PUSHED), screen)
+    done = attended(place.parent / "home", TypedAnswers(screen, PUSHED), screen)
     one, two, *_ = trials_of(done)
     assert (one.outcome, two.outcome) == ("on_blade", "on_table")
     assert one.track.state == ((0.7, 0.0, 0.02),)
@@ -66,7 +66,7 @@ def test_a_person_measures_the_place_first_and_names_a_file(place, monkeypatch) 
     screen, shown = screen_of(
         "\n".join([*place_answers, *trial, *["", "", "y", "push.csv", "2", ""] * 3]) + "\n", monkeypatch
     )
-    done = attended(place / "home", TypedAnswers(screen, PLACED), screen, PLACED)
+    done = attended(place.parent / "home", TypedAnswers(screen, PLACED), screen, PLACED)
     first, *_ = trials_of(done)
     assert next(iter(first.context.values())) == 0.69
     told = shown.getvalue()
@@ -79,18 +79,18 @@ def test_enter_starts_no_program_and_yes_none_that_moves(place, monkeypatch) -> 
     screen, shown = screen_of("\n\nq\n", monkeypatch)
     moving = Program(robot(place), True, 20.0, screen, Release(screen, real=True))
     with pytest.raises(StoppedByOperator):
-        attended(place / "home", moving, screen, yes=True)
+        attended(place.parent / "home", moving, screen, yes=True)
     assert runs(place) == []
     assert shown.getvalue().count("Enter alone means nothing here") == 2
     assert "It moves YOUR robot; adaptsim checks none of its motion" in shown.getvalue()
     screen, _ = screen_of("y\n\n" * 4, monkeypatch)
-    attended(place / "home", Program(moving.command, True, 20.0, screen, Release(screen, real=True)), screen)
+    attended(place.parent / "home", Program(moving.command, True, 20.0, screen, Release(screen, real=True)), screen)
     assert runs(place) == [f"trial {n}.1" for n in range(1, 5)]
 
 
 def test_a_moving_program_needs_a_terminal(place) -> None:
     with pytest.raises(UsageError, match="each motion of a real robot is confirmed at a terminal, also with --yes"):
-        run(place / "home", Program(robot(place), True, 20.0, None))
+        run(place.parent / "home", Program(robot(place), True, 20.0, None))
     assert runs(place) == []
 
 
@@ -99,16 +99,16 @@ def test_a_program_of_the_current_folder_runs_only_once_it_is_trusted(place, mon
     (place / "adaptsim.toml").write_text('hw = "own"\nanswer_with = "python robot.py"\nanswer_moves = "nothing"\n')
     settings = config.load()
     screen, _ = screen_of("\nq\n", monkeypatch)
-    with pytest.raises(UsageError, match="starts no program unasked"):
+    with pytest.raises(UsageError, match="counts only once a person has confirmed it"):
         require_trusted(settings, screen, yes=True)
-    with pytest.raises(StoppedByOperator, match="the program has not run"):
+    with pytest.raises(StoppedByOperator, match="nothing has run or moved"):
         require_trusted(settings, screen, yes=False)
     screen, shown = screen_of("y\n", monkeypatch)
     require_trusted(settings, screen, yes=False)
     assert "names the program `python robot.py`" in shown.getvalue()
     require_trusted(settings, screen, yes=True)
     (place / "robot.py").write_text("print('another one')")
-    with pytest.raises(UsageError, match="starts no program unasked"):
+    with pytest.raises(UsageError, match="counts only once a person has confirmed it"):
         require_trusted(settings, screen, yes=True)
     require_trusted(config.load({"answer_with": "python robot.py", "answer_moves": "nothing"}), screen, yes=True)
 
@@ -121,10 +121,10 @@ def test_a_session_changes_its_answerer_in_mid_course(place, monkeypatch) -> Non
         raise Gone
 
     with pytest.raises(Gone):
-        run(place / "home", program("sh -c 'cat >/dev/null; sleep 0.2; exit 1'", pause=gone))
+        run(place.parent / "home", program("sh -c 'cat >/dev/null; sleep 0.2; exit 1'", pause=gone))
     screen, _ = screen_of(
         "\n".join(["", "0.7", "0", "0.02", "", "2", ""] + ["y", "", "0.7", "0", "0.02", "", "2", ""] * 3) + "\n",
         monkeypatch,
     )
-    done = attended(place / "home", TypedAnswers(screen, PUSHED), screen)
+    done = attended(place.parent / "home", TypedAnswers(screen, PUSHED), screen)
     assert [t.outcome for t in trials_of(done)] == ["on_table"] * 4

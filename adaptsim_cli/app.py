@@ -26,6 +26,7 @@ from adaptsim_cli.commands import (
     run_iteration,
     sessions,
     setup,
+    task,
     touch_off,
 )
 from adaptsim_cli.research import benchmark, checkpoints, own_object, pretrain
@@ -55,6 +56,7 @@ PANELS: Mapping[str, Mapping[str, Callable[..., Any] | typer.Typer]] = {
         "calibrate": calibrate.app,
         "touch-off": touch_off.app,
         "parts": setup.parts,
+        "task": task.app,
         "config": config.app,
     },
     "Run": {

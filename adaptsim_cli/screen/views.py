@@ -139,10 +139,17 @@ def values(space: Space, point: Array) -> str:
     return ", ".join(f"{d.plain_name} {quantity(v, d.unit)}" for d, v in zip(space.dimensions, point, strict=True))
 
 
+def kinds(dimension: Dimension) -> str:
+    """The range of a quantity with its unit, or the words of a category."""
+    if dimension.words:
+        return ", ".join(dimension.words)
+    return f"{number(dimension.low)} to {number(dimension.high)} {dimension.unit}".rstrip()
+
+
 def meanings(*spaces: Space) -> Table:
     """Name, plain name, range with its unit, and meaning of every dimension of the spaces."""
     dimensions = [d for space in spaces for d in space.dimensions]
-    body = [(d.name, d.plain, f"{number(d.low)} to {number(d.high)} {d.unit}".rstrip(), d.meaning) for d in dimensions]
+    body = [(d.name, d.plain, kinds(d), d.meaning) for d in dimensions]
     return rows(("name", "plain name", "range", "meaning"), body)
 
 

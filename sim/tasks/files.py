@@ -10,6 +10,7 @@ import builtins
 import hashlib
 import os
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -123,28 +124,45 @@ def confined(path: str) -> Iterator[None]:
 
     def refuse(name: str) -> Callable[..., Any]:
         def refused(*_: object) -> Any:
-            raise TaskError(
-                f"{path}, line {caller_line(path)} calls os.{name}: a task may neither end nor double the process"
-            )
+            line = caller_line(path)
+            raise TaskError(f"{path}, line {line} calls os.{name}: a task may neither end nor double the process")
 
         return refused
 
-    names = [name for name in ("_exit", "abort", "fork", "forkpty") if hasattr(os, name)]
-    before = {name: getattr(os, name) for name in names}
+    with patched(os, {n: refuse(n) for n in ("_exit", "abort", "fork", "forkpty") if hasattr(os, n)}):
+        yield
+
+
+@contextmanager
+def patched(module: Any, functions: Mapping[str, Callable[..., Any]]) -> Iterator[None]:
+    """Other functions in a module, for the time of a block."""
+    before = {name: getattr(module, name) for name in functions}
     try:
-        for name in names:
-            setattr(os, name, refuse(name))
+        for name, function in functions.items():
+            setattr(module, name, function)
         yield
     finally:
         for name, function in before.items():
-            setattr(os, name, function)
+            setattr(module, name, function)
+
+
+def _awake(path: str) -> Mapping[str, Callable[..., Any]]:
+    """A `time.sleep` that the file itself may not call while it is loaded."""
+
+    def sleep(seconds: float, _original: Callable[[float], None] = time.sleep) -> None:
+        frame = sys._getframe(1)
+        if frame.f_code.co_filename == path:
+            raise TaskError(f"{path}, line {frame.f_lineno} sleeps for {seconds:g} s: every command would wait for it")
+        _original(seconds)
+
+    return {"sleep": sleep}
 
 
 @cache
 def _executed(path: Path, digest: str) -> tuple[Task, ...]:
     module = _module(path, digest)
     try:
-        with confined(str(path)):
+        with confined(str(path)), patched(time, _awake(str(path))):
             exec(compile(read_bytes(path, MOST_BYTES), str(path), "exec"), module.__dict__)
     except TaskError as error:
         del sys.modules[module.__name__]

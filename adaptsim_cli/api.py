@@ -338,7 +338,7 @@ def begin(
     held_out: float = 0.5,
     start_from: str = "",
 ) -> Session:
-    """Begin a session in the simulated lab, with a robot of your own (`hw="own"`), or with the trials `recorded` in a
+    """Begin a session of a task (its name, or the file that declares it) in the simulated lab, with a robot of your own (`hw="own"`), or with the trials `recorded` in a
     folder; nothing is executed yet.
 
     `held_out` is the share of recorded trials that only score the final policy. `start_from` names an earlier session;
@@ -348,6 +348,7 @@ def begin(
     from adaptsim_cli.session import running
     from adaptsim_cli.session.own.mailbox import Mailbox
     from adaptsim_cli.wiring import session as wiring
+    from adaptsim_cli.wiring.settings import resolve
 
     flags: dict[str, Any] = {
         "task": task, "world": world, "method": method, "seed": seed, "particles": particles, "checkpoint": checkpoint,
@@ -358,7 +359,7 @@ def begin(
         raise UsageError(
             f"hw = {hw}: Python begins sessions in the simulated lab, or with hw = own; an arm needs a terminal"
         )
-    resolved = config.load(flags)
+    resolved = resolve(flags)
     settings = running.anywhere(resolved.config)
     root, chosen = resolved.places.sessions, name or running.default_name(settings)
     if folders.folder_of(root, chosen).is_dir():

@@ -218,6 +218,7 @@ def _codes() -> tuple[tuple[type[BaseException], int], ...]:
         (sim.errors.UnknownName, 2),
         (sim.errors.NoHardware, 2),
         (sim.errors.MomentsMissing, 2),
+        (sim.errors.TaskError, 2),
         (sim.errors.WorldError, 2),
         (sim.errors.OutOfRange, 2),
         (sim.errors.ObjectError, 2),

@@ -78,8 +78,7 @@ def _is_argument(parameter: inspect.Parameter) -> bool:
 
 def _resolved(flags: dict[str, Any]) -> Resolved:
     """The settings, with the flags that were given; a switch that is off was not."""
-    from adaptsim_cli import config
     from adaptsim_cli.wiring import settings
 
     on = {name: value for name, value in flags.items() if value is not False}
-    return settings.load(on) if "world" in flags else config.load(on)
+    return settings.load(on) if "world" in flags else settings.resolve(on)

@@ -18,6 +18,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.storage.validation import place, plain, unknown
 from hw.bounded import Unreadable, read_table
 from hw.records import Record
+from sim.storage.places import data_folder
 
 Hardware = Literal["fake", "panda", "fr3", "own"]
 SIMULATED: Hardware = "fake"
@@ -68,7 +69,7 @@ class Config(Record):
         "fake"
     )
     rig: Annotated[str, Field(description="rig file of a real lab; empty: rig.toml beside the settings")] = ""
-    task: Annotated[str, Field(description="task of a command without --task")] = "scooping"
+    task: Annotated[str, Field(description="task of a command without --task: its name, or a Python file")] = "scooping"
     world: Annotated[str, Field(description="world of the simulated lab: a name or a TOML file")] = "wd"
     recorded: Annotated[
         str, Field(description="folder of recorded trials that replace the lab (docs/guide/recorded-trials.md)")
@@ -214,8 +215,8 @@ def places(env: Mapping[str, str] | None = None, project: Path | None = None) ->
         ancestor = next(folder for folder in (root, *root.parents) if folder.exists())
         if not ancestor.is_dir():
             raise UsageError(f"ADAPTSIM_HOME = {home}: {ancestor} is not a folder; name one of yours, or unset it")
-        return Places(root / "data", root / "config.toml", project / PROJECT_FILE)
-    data = Path(platformdirs.user_data_dir("adaptsim", appauthor=False))
+        return Places(data_folder(env), root / "config.toml", project / PROJECT_FILE)
+    data = data_folder(env)
     config = Path(platformdirs.user_config_dir("adaptsim", appauthor=False))
     return Places(data, config / "config.toml", project / PROJECT_FILE)
 
@@ -239,6 +240,9 @@ def load(
         if checked.get("rig"):  # a path in a settings file is relative to that file
             folder = Path.cwd() if source in ("environment", FLAG) else Path(source).parent
             checked["rig"] = str((folder / Path(checked["rig"]).expanduser()).absolute())
+        if checked.get("task", "").partition(":")[0].endswith(".py"):  # the file of a task
+            folder = Path.cwd() if source in ("environment", FLAG) else Path(source).parent
+            checked["task"] = str((folder / Path(checked["task"]).expanduser()).absolute())
         for key in ("checkpoint", "object", "recorded", "world"):
             if checked.get(key, "").startswith("~"):
                 checked[key] = str(Path(checked[key]).expanduser())

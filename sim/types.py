@@ -50,6 +50,8 @@ class Dimension:
     """How far beyond its range the scene was tried; None: not beyond."""
     default: float | None = field(default=None, compare=False)
     """The value in a world that does not state it; None: each world states it."""
+    words: tuple[str, ...] = field(default=(), compare=False)
+    """The kinds of a category, whose value is an index (`scale` "integer"); empty: a number."""
     mirror: Literal[1, -1] = field(default=1, compare=False)
     """-1 if it changes its sign when a trial is mirrored, left for right."""
 
@@ -71,12 +73,12 @@ class Dimension:
 
 
 class NamedValues:
-    """The values of a space by name, in units: `p.mu`."""
+    """The values of a space by name, in units: `p.mu`. A category is its word."""
 
-    def __init__(self, values: Mapping[str, float]) -> None:
+    def __init__(self, values: Mapping[str, Any]) -> None:
         self.__dict__.update(values)
 
-    def __getattr__(self, name: str) -> float:
+    def __getattr__(self, name: str) -> Any:
         raise AttributeError(f"there is no quantity {name!r}: there are {', '.join(self.__dict__)}")
 
 
@@ -96,7 +98,8 @@ class Space:
 
     def named(self, value: Array) -> NamedValues:
         """`value` (n,) by name. Raises ValueError for another number of values."""
-        return NamedValues({name: float(v) for name, v in zip(self.names, value, strict=True)})
+        pairs = zip(self.dimensions, value, strict=True)
+        return NamedValues({d.name: d.words[round(float(v))] if d.words else float(v) for d, v in pairs})
 
     def columns(self, values: Array) -> dict[str, Array]:
         """`values` (..., n): name -> (...). Raises ValueError for another number of columns."""

@@ -13,7 +13,7 @@ from adaptsim_cli.screen.views import signed
 from adaptsim_cli.session.records import TrialRecord
 from hw.types import Array
 from sim.adaptation.predictions import LEAST, PredictionQuality, prediction_quality
-from sim.tasks import TASKS, get_task
+from sim.tasks import known_task
 
 Z95 = 1.96
 """Half width of the central 95 % of a normal distribution, in standard deviations."""
@@ -134,7 +134,8 @@ UNKNOWN_STD = 0.4
 
 def trial_std(task: str) -> float:
     """Standard deviation of the rewards of single trials of a task."""
-    return get_task(task).adaptation.trial_std if task in TASKS else UNKNOWN_STD
+    known = known_task(task)
+    return UNKNOWN_STD if known is None else known.adaptation.trial_std
 
 
 def mean_of(rewards: Sequence[float], std: float) -> MeanReward:

@@ -35,7 +35,7 @@ from adaptsim_cli.session.store import Change, SessionStore
 from adaptsim_cli.storage import durable
 from sim.adaptation.method import FAILED
 from sim.adaptation.stages import Role
-from sim.tasks import TASKS, get_task
+from sim.tasks import known_task
 from sim.types import Dimension
 
 if TYPE_CHECKING:
@@ -296,7 +296,7 @@ def _quantities(dimensions: Sequence[Dimension], values: Iterable[float]) -> str
 
 def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dimension, ...]:
     """The stored dimensions, with plain names and meanings if the task is known."""
-    task = get_task(facts.task) if facts.task in TASKS else None
+    task = known_task(facts.task)
     spaces = (task.parameters, task.context, task.action) if task is not None else ()
     dimensions = {(d.name, d.unit): d for space in spaces for d in space.dimensions}
     return tuple(

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 SOLVERS = ("emulator", "naf")
 
+DEFAULT = "default"
+"""The shipped checkpoint of a task."""
+
 _WORLD = "world "
 """First word of the origin of a task that the world decides."""
 
@@ -34,7 +37,7 @@ def load(flags: Mapping[str, Any]) -> Resolved:
     Raises UsageError, also if several tasks have a world of that name and the settings name none of these tasks,
     UnknownName or WorldError for a world that no task has.
     """
-    resolved = config.load(flags)
+    resolved = resolve(flags)
     settings, sources = resolved.config, resolved.sources
     if not settings.is_simulated or _rank(resolved, sources["world"]) <= _rank(resolved, sources["task"]):
         return resolved
@@ -50,6 +53,29 @@ def load(flags: Mapping[str, Any]) -> Resolved:
         raise UsageError(f"--world {settings.world}: there is one for {' and one for '.join(tasks)}; add --task")
     chosen = settings.model_copy(update={"task": tasks[0]})
     return replace(resolved, config=chosen, sources={**sources, "task": _WORLD + settings.world})
+
+
+def resolve(flags: Mapping[str, Any] | None = None) -> Resolved:
+    """The settings, with the name of the task that a file declares. Raises UsageError, UnknownName, TaskError."""
+    resolved = config.load(flags)
+    named = resolved.config.task
+    if not named.partition(":")[0].endswith(".py"):
+        return resolved
+    from sim.tasks import task_of_file
+
+    _require_trusted(resolved)
+    task = task_of_file(named)
+    return replace(resolved, config=resolved.config.model_copy(update={"task": task.name}))
+
+
+def _require_trusted(resolved: Resolved) -> None:
+    """Raises UsageError for a task file that the current folder's settings name: it may be somebody else's."""
+    project = str(resolved.places.project_file)
+    if resolved.sources["task"] == project:
+        raise UsageError(
+            f"{project} names the task file {resolved.config.task}. A file of the current folder starts no program "
+            f"unasked: name it yourself with --task, or in {resolved.places.user_file}"
+        )
 
 
 def named_by_flags(resolved: Resolved) -> frozenset[str]:
@@ -76,7 +102,8 @@ def task_of(settings: Config) -> Task:
 
 
 def checkpoint_of(settings: Config) -> Checkpoint:
-    """The checkpoint that the settings name; else the newest one for the ranges of an own object; else the shipped one.
+    """The checkpoint that the settings name; else the newest one for the ranges of an own object; else the shipped one,
+    or the newest own one of a task that ships none.
 
     Nothing of other ranges serves an own object. Raises UnknownName, ObjectError, CheckpointError.
     """
@@ -85,13 +112,35 @@ def checkpoint_of(settings: Config) -> Checkpoint:
 
     task = task_of(settings)
     if not settings.object or settings.checkpoint:
-        return load_checkpoint(task, settings.checkpoint or "default")
+        return load_checkpoint(task, settings.checkpoint or usual_checkpoint(task))
     if not (fitting := _pretrained(task)):
         raise CheckpointError(
             f"nothing is pretrained for the ranges of {settings.object} yet: adaptsim pretrain --task {task.name} "
             f"--object {settings.object}"
         )
     return load_checkpoint(task, str(fitting[-1]))
+
+
+def usual_checkpoint(task: Task) -> str:
+    """The name of the shipped checkpoint; without one, the folder of the newest that the user has pretrained."""
+    from sim.adaptation.checkpoint import CARD
+    from sim.tasks import files_of
+
+    if (files_of(task.name, "checkpoints") / DEFAULT / CARD).exists():
+        return DEFAULT
+    own = [folder for folder in own_checkpoints() if _is_of(folder, task)]
+    fitting = [folder for folder in own if folder in _pretrained(task)]
+    return str((fitting or own)[-1]) if own else DEFAULT
+
+
+def _is_of(folder: Path, task: Task) -> bool:
+    from sim.adaptation.checkpoint import read_card
+    from sim.errors import CheckpointError
+
+    try:
+        return read_card(folder, task.name).task == task.name
+    except CheckpointError:
+        return False
 
 
 def own_checkpoints() -> list[Path]:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
-from sim.errors import ClusterUnavailable, RolloutError, SimError, UnknownName
-from sim.tasks import get_task
+from sim.errors import ClusterUnavailable, RolloutError, SimError, TaskError
 from sim.tasks.task import SimulateMany, Task
 
 OUTCOMES: tuple[Outcome, ...] = tuple(Outcome)
@@ -140,7 +139,7 @@ def run_parts(
     another. `progress` counts the rollouts of all parts.
 
     Raises RolloutError naming the running requests if a rollout raises or a worker dies, ClusterUnavailable if the
-    scheduler of a cluster is lost. The caller keeps the executor.
+    scheduler of a cluster is lost, TaskError if the code of a task's file fails. The caller keeps the executor.
     A task that simulates stacks does so in this process, which is quicker than using the executor.
     """
     if not all(map(len, parts)):
@@ -148,7 +147,7 @@ def run_parts(
     simulate, total = task.simulate_many, sum(map(len, parts))
     if simulate is not None:
         return _stacked(task, simulate, parts, total, progress or _silent)
-    return _spread(_reference(task), parts, total, executor, progress or _silent)
+    return _spread(task, parts, total, executor, progress or _silent)
 
 
 @dataclass(frozen=True)
@@ -177,7 +176,7 @@ def _stacked(
 
 
 def _spread(
-    source: str | Task, parts: Sequence[Requests], total: int, executor: Executor, progress: Progress
+    task: Task, parts: Sequence[Requests], total: int, executor: Executor, progress: Progress
 ) -> Iterator[Rollouts]:
     waiting, running, done = _chunks(parts), dict[Future[Rollouts], _Chunk](), 0
     finished: list[dict[int, Rollouts]] = [{} for _ in parts]
@@ -188,7 +187,7 @@ def _spread(
                 for chunk in itertools.islice(waiting, IN_FLIGHT - len(running)):
                     try:
                         requests = parts[chunk.part][chunk.start : chunk.end]
-                        running[executor.submit(_run_chunk, source, requests)] = chunk
+                        running[executor.submit(_run_chunk, task, requests)] = chunk
                     except BrokenExecutor as broken:
                         raise _failure(parts, [chunk], broken) from broken
                 ready, _ = wait(running, return_when=FIRST_COMPLETED)
@@ -219,7 +218,7 @@ def _result(
 ) -> Rollouts:
     """The rollouts of a future that is done."""
     error = future.exception()
-    if isinstance(error, ClusterUnavailable):
+    if isinstance(error, (ClusterUnavailable, TaskError)):
         raise error
     if error is not None:
         chunk = running[future]
@@ -233,9 +232,8 @@ def _silent(done: int, total: int) -> None:
     """Show no progress."""
 
 
-def _run_chunk(source: str | Task, requests: Requests) -> Rollouts:
+def _run_chunk(task: Task, requests: Requests) -> Rollouts:
     """In a worker: simulate a few requests."""
-    task = _resolve(source)
     tracks = [
         task.simulate(p, c, a, n)
         for p, c, a, n in zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
@@ -252,20 +250,6 @@ def observed(task: Task, tracks: Sequence[ObjectTrack]) -> Rollouts:
         succeeded=np.array([bool(task.succeeded(track)) for track in tracks]),
         outcome=np.array([OUTCOMES.index(track.outcome) for track in tracks], dtype=np.int8),
     )
-
-
-def _reference(task: Task) -> str | Task:
-    """The name of a registered task, which a fresh process can look up; any other task itself."""
-    try:
-        return task.name if get_task(task.name) is task else task
-    except UnknownName:
-        return task
-
-
-def _resolve(source: str | Task) -> Task:
-    if not isinstance(source, str):
-        return source
-    return get_task(source)
 
 
 def _failure(parts: Sequence[Requests], lost: Sequence[_Chunk], error: BaseException) -> RolloutError:

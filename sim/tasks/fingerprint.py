@@ -17,6 +17,7 @@ def describe(space: Space) -> list[dict[str, Any]]:
     """The dimensions of a space as plain values, for a TOML file."""
     return [
         {"name": d.name, "unit": d.unit, "low": float(d.low), "high": float(d.high), "scale": d.scale}
+        | ({"words": list(d.words)} if d.words else {})
         for d in space.dimensions
     ]
 

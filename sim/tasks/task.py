@@ -239,6 +239,14 @@ class LabReport:
     computed: tuple[str, ...] = ()  # columns that only the simulation can compute, so that no lab can report them
 
 
+@dataclass(frozen=True)
+class TaskFile:
+    """The file that declares a task, and its content."""
+
+    path: str  # absolute
+    sha256: str
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     """Everything that is specific to one task. Without `hardware` its trials need neither arm nor camera."""
@@ -277,6 +285,12 @@ class Task:
     report: LabReport | None = None  # None: no robot of one's own can run it
     scene: Any = None
     """The effects of an own object that its scene always has (`sim.tasks.own_object`); None: the task's scene."""
+    worlds: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Worlds that the task declares itself: name -> tables of a world's file."""
+    physics: str = "drake"  # the simulator behind `simulate`, for a person
+    file: TaskFile | None = None  # that declares it; None: a module of ours, or of an installed package
+    outcome_in_words: Callable[[ObjectTrack], str] | None = None
+    """The end of a trial in the task's own words; None: those of its outcome."""
 
     def __post_init__(self) -> None:
         if self.relocate is None and len(self.context) and self.mirror is not None:

@@ -49,7 +49,7 @@ def end_state(track: ObjectTrack) -> Array:
 
 
 def succeeded(track: ObjectTrack) -> bool:
-    return True
+    return track.outcome is Outcome.SETTLED
 
 
 TASK: Task = replace(

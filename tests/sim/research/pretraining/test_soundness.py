@@ -53,7 +53,7 @@ def test_an_exception_in_simulate_is_said_with_the_action():
 
 def test_a_relocate_that_is_false_is_refused_and_one_that_is_left_out_is_not():
     """A context that changes the motion, with the identity as `relocate`: a usual mistake."""
-    with pytest.raises(RolloutError, match=r"rolling moves the object otherwise than `relocate` says: in 8 of 8"):
+    with pytest.raises(RolloutError, match="relocate"):
         require_sound(replace(ROLLING, relocate=lambda observation, context: observation), RNG(0))
     require_sound(ROLLING, RNG(0))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import itertools
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from dataclasses import dataclass, fields
@@ -50,6 +51,18 @@ class Requests:
 
     def __getitem__(self, index: slice | NDArray[np.int64]) -> Requests:
         return Requests(*(getattr(self, field.name)[index] for field in fields(self)))
+
+    @classmethod
+    def broadcast(
+        cls, parameters: Array, context: Array, action: Array, nuisance: Array
+    ) -> tuple[Requests, tuple[int, ...]]:
+        """(..., p), (..., c), (..., a), (..., n) -> a row for each element of their common leading shape, and this
+        shape.
+        """
+        values = (parameters, context, action, nuisance)
+        lead = np.broadcast_shapes(*(value.shape[:-1] for value in values))
+        rows = (np.broadcast_to(v, (*lead, v.shape[-1])).reshape(math.prod(lead), v.shape[-1]) for v in values)
+        return cls(*rows), lead
 
     def followed_by(self, other: Requests) -> Requests:
         """These requests, then the other ones."""

@@ -27,22 +27,27 @@ def interface(task: Task) -> dict[str, Any]:
     observation = task.observation
     effects = {} if task.scene is None else asdict(task.scene)
     scene = {"scene": {k: v for k, v in json.loads(json.dumps(effects)).items() if v is not None}} if effects else {}
-    return scene | {
-        "task": task.name,
-        "parameters": describe(task.parameters),
-        "margin": describe(task.margin),
-        "context": describe(task.context),
-        "action": describe(task.action),
-        "nuisance": describe(task.nuisance),
-        "action_noise": np.asarray(task.action_noise, dtype=float).tolist(),
-        "reference_context": np.asarray(task.reference_context, dtype=float).tolist(),
-        "observation": {
-            "times_s": np.asarray(observation.times_s, dtype=float).tolist(),
-            "columns": list(observation.columns),
-            "low": np.asarray(observation.low, dtype=float).tolist(),
-            "high": np.asarray(observation.high, dtype=float).tolist(),
-        },
-    }
+    moved = {"context_moves": True} if len(task.physical_context) else {}
+    return (
+        scene
+        | moved
+        | {
+            "task": task.name,
+            "parameters": describe(task.parameters),
+            "margin": describe(task.margin),
+            "context": describe(task.context),
+            "action": describe(task.action),
+            "nuisance": describe(task.nuisance),
+            "action_noise": np.asarray(task.action_noise, dtype=float).tolist(),
+            "reference_context": np.asarray(task.reference_context, dtype=float).tolist(),
+            "observation": {
+                "times_s": np.asarray(observation.times_s, dtype=float).tolist(),
+                "columns": list(observation.columns),
+                "low": np.asarray(observation.low, dtype=float).tolist(),
+                "high": np.asarray(observation.high, dtype=float).tolist(),
+            },
+        }
+    )
 
 
 def fingerprint(task: Task) -> str:
@@ -63,13 +68,14 @@ def scene_key(task: Task) -> str:
     """
     from scipy.stats import qmc  # noqa: PLC0415 - slow to import, and most commands ask for no key
 
-    spaces = task.parameters, task.action, task.nuisance
+    spaces = task.parameters, task.action, task.nuisance, task.physical_context
     unit = qmc.Sobol(sum(map(len, spaces)), scramble=True, seed=0).random(_PROBES)
     parts = np.split(unit, np.cumsum([len(space) for space in spaces])[:-1], axis=1)
     total = hashlib.sha256(fingerprint(task).encode())
     for rows in zip(*(space.denormalise(part) for space, part in zip(spaces, parts, strict=True)), strict=True):
-        parameters, action, nuisance = rows
-        track = task.simulate(parameters, task.reference_context, action, nuisance)
+        parameters, action, nuisance, drawn = rows
+        context = drawn if len(task.physical_context) else task.reference_context
+        track = task.simulate(parameters, context, action, nuisance)
         samples = np.concatenate([track.at(task.observation.times_s), track.state[-1:]])
         total.update(np.round(samples, 6).tobytes() + track.outcome.value.encode())
     return total.hexdigest()[:16]

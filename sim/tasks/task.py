@@ -263,13 +263,14 @@ class Task:
     adaptation: AdaptationSettings
     unmodelled: type[Any]  # frozen dataclass of a world's unmodelled effects; all have defaults
     simulate: Simulate
-    reference_context: Array  # (c,) context of all datasets; others differ from it only by `relocate`
-    relocate: Callable[[Array, Array], Array]
-    """Observation (..., size) at the reference context, context (..., c) -> the observation there."""
+    reference_context: Array  # (c,) context of all datasets where others differ from it only by `relocate`
     succeeded: Callable[[ObjectTrack], bool]
     end_state: Callable[[ObjectTrack], Array]  # (k,) quantities that decide the reward of a success
     reward_of_success: Callable[[Array, Array], Array]  # end_state (..., k), context (..., c) -> (...)
     object_name: str  # its name for a person, e.g. "piece of food"
+    relocate: Callable[[Array, Array], Array] | None = None
+    """Observation (..., size) at the reference context, context (..., c) -> the observation there. None: the context
+    changes the motion itself, so it is an input of every rollout, as the parameters are (`physical_context`)."""
     simulate_many: SimulateMany | None = None  # None: one by one, on an executor
     reuse: ReuseRules | None = None  # rules of NAF policies (Table A1); None: no NAF
     mirror: Mirror | None = None
@@ -290,6 +291,32 @@ class Task:
     file: TaskFile | None = None  # that declares it; None: a module of ours, or of an installed package
     outcome_in_words: Callable[[ObjectTrack], str] | None = None
     """The end of a trial in the task's own words; None: those of its outcome."""
+
+    def __post_init__(self) -> None:
+        if self.relocate is None and len(self.context) and self.mirror is not None:
+            raise ValueError(
+                f"the task {self.name} has a mirror, which does not say how its context is mirrored, and no relocate: "
+                "leave one of the two out"
+            )
+
+    @property
+    def physical_context(self) -> Space:
+        """The quantities of the context that a rollout depends on: all of them, or none with `relocate`.
+
+        This, `simulated_in` and `at_context` alone decide whether learning treats a context as an input.
+        """
+        return self.context if self.relocate is None else Space(())
+
+    def simulated_in(self, context: Array) -> Array:
+        """(..., c) -> (..., c): the context in which the rollouts of a trial are simulated; see `at_context`."""
+        if self.relocate is None:
+            return np.asarray(context, dtype=np.float64)
+        reference = np.asarray(self.reference_context, dtype=np.float64)
+        return np.broadcast_to(reference, (*np.shape(context)[:-1], len(reference)))
+
+    def at_context(self, observation: Array, context: Array) -> Array:
+        """(..., size) simulated in `simulated_in(context)`, context (..., c) -> the observation in that context."""
+        return observation if self.relocate is None else self.relocate(observation, context)
 
     def require_hardware(self) -> Hardware:
         """The parts for an arm. Raises NoHardware for a task that runs in simulation only."""
@@ -383,11 +410,12 @@ class Expectations(Protocol):
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
         """(N,) expected rewards of N executed trials: (N, p), (N, c), (N, a), (N, n)."""
 
-    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
-        """(N, size) expected observations at the task's reference context, without camera noise."""
+    def trajectories(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> Array:
+        """(N, size) expected observations of N trials, without camera noise: (N, p), (N, c), (N, a), (N, n)."""
 
-    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
-        """(..., p), (..., a), (..., n), broadcast -> chance of success (M, ...) and end state of a success (M, ..., k).
+    def outcomes(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+        """(..., p), (..., c), (..., a), (..., n), broadcast -> chance of success (M, ...) and end state of a success
+        (M, ..., k).
 
         M is the size of the ensemble, or 1.
         """

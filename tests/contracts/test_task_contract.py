@@ -89,7 +89,7 @@ def test_rewards_of_successes_take_stacks(task: Task) -> None:
 
 def test_observations_at_the_reference_context_stay(task: Task) -> None:
     seen = np.linspace(0.1, 0.9, task.observation.size)
-    assert np.allclose(task.relocate(seen, task.reference_context), seen)
+    assert np.allclose(task.at_context(seen, task.reference_context), seen)
 
 
 def test_a_task_has_worlds_and_default_effects(task: Task) -> None:
@@ -112,9 +112,9 @@ def test_an_exact_solver_expects_what_rollouts_earn(name: str) -> None:
     expected = solver.expected_rewards(targets, contexts, actions, rng)
     tracks = [task.simulate(t, contexts[0], a[0], n) for t, a, n in zip(targets, actions, nuisance, strict=True)]
     assert np.allclose(expected, [task.score(track, contexts[0]) for track in tracks], atol=1e-9)
-    assert np.allclose(
-        solver.trajectories(targets, actions[:, 0], nuisance), [task.observation(track) for track in tracks], atol=1e-9
-    )
+    everywhere = np.tile(contexts, (4, 1))
+    paths = solver.trajectories(targets, everywhere, actions[:, 0], nuisance)
+    assert np.allclose(paths, [task.observation(track) for track in tracks], atol=1e-9)
 
 
 @pytest.mark.parametrize("name", sorted(TASKS))

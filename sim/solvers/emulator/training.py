@@ -237,8 +237,8 @@ def _loss(tensors: dict[str, Tensor], depth: int, data: _Data, rows: Tensor) -> 
     return squared + binary_cross_entropy_with_logits(raw[..., -1], data.success[rows])
 
 
-def _inputs(requests: Requests) -> tuple[Array, Array, Array]:
-    return requests.parameters, requests.action, requests.nuisance
+def _inputs(requests: Requests) -> tuple[Array, Array, Array, Array]:
+    return requests.parameters, requests.context, requests.action, requests.nuisance
 
 
 def _temperature(emulator: Emulator, dataset: Dataset, rows: Rows) -> float:
@@ -259,9 +259,11 @@ def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, 
     inside = [i for i in rows if task.parameters.contains(dataset.requests.parameters[i])][:200]
     if len(inside) < 10:
         return 3.0
-    context = np.asarray(task.reference_context, dtype=np.float64)
-    actions, observations = dataset.requests.action, dataset.rollouts.observation
-    values = [misfit(emulator, context, actions[i], task.observation.with_noise(observations[i], rng)) for i in inside]
+    requests, shown = dataset.requests, dataset.rollouts.observation
+    values = [
+        misfit(emulator, requests.context[i], requests.action[i], task.observation.with_noise(shown[i], rng))
+        for i in inside
+    ]
     return float(np.quantile(values, 0.95))
 
 

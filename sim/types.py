@@ -73,12 +73,12 @@ class Dimension:
 
 
 class NamedValues:
-    """The values of a space by name, in units: `p.mu`. A category is its word."""
+    """The values of a space by name, in units: `p.mu`."""
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    def __init__(self, values: Mapping[str, float]) -> None:
         self.__dict__.update(values)
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> float:
         raise AttributeError(f"there is no quantity {name!r}: there are {', '.join(self.__dict__)}")
 
 
@@ -98,8 +98,7 @@ class Space:
 
     def named(self, value: Array) -> NamedValues:
         """`value` (n,) by name. Raises ValueError for another number of values."""
-        pairs = zip(self.dimensions, value, strict=True)
-        return NamedValues({d.name: d.words[round(float(v))] if d.words else float(v) for d, v in pairs})
+        return NamedValues({name: float(v) for name, v in zip(self.names, value, strict=True)})
 
     def columns(self, values: Array) -> dict[str, Array]:
         """`values` (..., n): name -> (...). Raises ValueError for another number of columns."""

@@ -106,18 +106,23 @@ def list_all(resolved: Resolved) -> Reply:
     Example: adaptsim lab list --task scooping
     """
     from adaptsim_cli.screen import views
+    from sim.lab.physics import physics_name
     from sim.lab.world import list_worlds, load_world
     from sim.tasks import get_task
 
     task = get_task(resolved.config.task)
     worlds = [load_world(name, task) for name in list_worlds(task)]
-    rows = [{"name": w.name, "task": w.task, "description": w.description, "physics": w.physics} for w in worlds]
+    rows = [
+        {"name": w.name, "task": w.task, "description": w.description, "physics": physics_name(task, w.physics)}
+        for w in worlds
+    ]
     spaces = (task.parameters, task.context, task.action, task.nuisance)
     words = [
         {"name": d.name, "plain_name": d.plain, "unit": d.unit, "meaning": d.meaning, "low": d.low, "high": d.high}
         for space in spaces
         for d in space.dimensions
     ]
-    table = views.rows(("world", "physics", "what it is"), [(w.name, w.physics, w.description) for w in worlds])
+    body = [(row["name"], row["physics"], row["description"]) for row in rows]
+    table = views.rows(("world", "physics", "what it is"), body)
     session = (f"adaptsim run-iteration --task {task.name} --world NAME", "a session in one of these worlds")
     return Reply({"worlds": rows, "quantities": words}, [table, views.meanings(*spaces)], [session])

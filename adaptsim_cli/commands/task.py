@@ -94,7 +94,7 @@ def show(task: _Named) -> Reply:
         for d in getattr(one, role).dimensions
     ]
     roles += [("state", name, f"{low:g} to {high:g}", "", "") for name, low, high in facts["state"]]
-    text = [
+    text: list[Any] = [
         f"{one.name}: {one.title}",
         f"It runs in {facts['physics']}; a trial lasts {facts['duration_s']:g} s and is observed at "
         f"{len(facts['times_s'])} moments.",

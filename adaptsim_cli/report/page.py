@@ -18,9 +18,9 @@ from adaptsim_cli.report import figures
 from adaptsim_cli.report.agreement import MeanReward, agreement, mean_of, trial_std
 from adaptsim_cli.report.figures import NARROW, WIDE, Judgement, Level
 from adaptsim_cli.report.svg import plain
-from adaptsim_cli.screen.views import between, predicted_between, quantity, signed
+from adaptsim_cli.screen.views import between, predicted_between, quantity, shown, signed
 from adaptsim_cli.session import truth_view
-from adaptsim_cli.session.advice import compared_in_words, control_name, in_words, tried_in
+from adaptsim_cli.session.advice import check_first, compared_in_words, control_name, in_words, tried_in
 from adaptsim_cli.session.control import compared, is_hidden, pairs_of
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.history import means_of, particles_of
@@ -128,7 +128,11 @@ def render(
         action_of=lambda trial: _quantities(_described(facts, facts.action), tuple(trial.action.values())),
         trials=trials,
         latest=results[-1] if results else None,
-        verdict=in_words(results[-1].verdict, facts.object_name, facts.recorded) if results else "",
+        verdict=in_words(
+            results[-1].verdict, facts.object_name, facts.recorded, check_first(facts.task, facts.hw, facts.calibration)
+        )
+        if results
+        else "",
         best=parameters_in_words(facts, results[-1].best.params) if results else "",
         correction=_correction(facts, results[-1].outlook) if results else "",
         failed=FAILED,
@@ -290,7 +294,7 @@ def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:
 
 def _quantities(dimensions: Sequence[Dimension], values: Iterable[float]) -> str:
     """Plain name, value and unit of each quantity, without a line break inside one."""
-    each = (f"{d.plain_name} {quantity(v, d.unit)}" for d, v in zip(dimensions, values, strict=True))
+    each = (f"{d.plain_name} {shown(d, v)}" for d, v in zip(dimensions, values, strict=True))
     return ", ".join(text.replace(" ", NO_BREAK) for text in each)
 
 
@@ -302,7 +306,7 @@ def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dime
     return tuple(
         replace(dimensions.get((r.name, r.unit), bare), low=r.low, high=r.high, scale=r.scale)
         for r in records
-        for bare in (Dimension(r.name, r.unit, r.low, r.high),)
+        for bare in (Dimension(r.name, r.unit, r.low, r.high, words=r.words),)
     )
 
 

@@ -115,6 +115,8 @@ def run_session(
             parts = stack.enter_context(open_parts(config, folders.folder_of(root, name) / "naf"))
         operator = _operator(config, parts, request, screen)
         store = _same_parts(earlier, parts) if earlier else begin(root, name, config, parts)
+        if changed := changed_file(store.facts, parts):
+            screen.note(changed)
         watcher = stack.enter_context(open_view(screen, store, parts))
         stack.enter_context(store.locked())
         log = stack.enter_context(logged(store, screen, parts.provenance.versions))
@@ -310,6 +312,8 @@ def facts_for(name: str, config: Config, parts: Parts, **changes: str | int) -> 
         created=now(),
         title=parts.task.title,
         object_name=parts.task.object_name,
+        task_file="" if parts.task.file is None else parts.task.file.path,
+        task_sha256="" if parts.task.file is None else parts.task.file.sha256,
         parameters=as_records(parts.task.parameters),
         context=as_records(parts.task.context),
         action=as_records(parts.task.action),
@@ -343,6 +347,20 @@ def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
                 + _OWN.get(what, "")
             )
     return store
+
+
+def changed_file(facts: Facts, parts: Parts) -> str:
+    """A sentence if the file of the task has changed since the session was begun; empty if not.
+
+    A change of its names, ranges or physics is refused with the checkpoint, so this one means nothing.
+    """
+    file = parts.task.file
+    if file is None or not facts.task_sha256 or facts.task_sha256 == file.sha256:
+        return ""
+    return (
+        f"{file.path} has changed since the session was begun ({facts.task_sha256[:12]} then, {file.sha256[:12]} now). "
+        "Its names, ranges and physics are those of the checkpoint."
+    )
 
 
 def _ms(t_s: float) -> str:

@@ -25,11 +25,13 @@ from sim.solvers.emulator.network import SELF_TEST, Emulator, EmulatorReport, pr
 from sim.solvers.solver import Solver, naf
 from sim.storage.files import Tensors, load_tensors, read_toml, save_tensors, sha256, write_toml
 from sim.tasks import files_of, task_names
-from sim.tasks.fingerprint import fingerprint, interface
+from sim.tasks.fingerprint import changes, content, fingerprint, interface, scene_key
 from sim.tasks.task import Task
 
 CARD = "card.toml"
 FORMAT = 1
+FEW = 2
+"""Rollouts that stand for the physics of a task of a file."""
 
 Targets = Literal["paper", "wide"]
 """Where targets are drawn: in the paper's ranges, or beyond them too."""
@@ -94,6 +96,8 @@ class Card(_Table):
     fingerprint: str  # of the task
     interface: dict[str, Any]  # behind the fingerprint: spaces, observation, noise
     sha256: str  # of the weights
+    content: str = ""  # of the file of the task and of its scenes; empty: the task of a package
+    scene: str = ""  # key of the physics of such a task
     created: datetime | None = None
     versions: dict[str, str] = {}  # of the packages that it was made with
     seed: int | None = None
@@ -193,6 +197,7 @@ def save_checkpoint(
         "sha256": sha256(folder / MODEL),
         "versions": {name: importlib.metadata.version(name) for name in ("adaptsim", "drake", "numpy", "torch")},
         **facts,
+        **({} if task.file is None else {"content": content(task), "scene": scene_key(task, FEW)}),
         "interface": interface(task),
         **({SELF_TEST: predictions(emulator)} if emulator else {}),
     }
@@ -210,9 +215,10 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     if card.fingerprint != fingerprint(task):
         raise CheckpointError(
             f"the checkpoint in {path} was trained with different {_difference(card, task)} of {task.name}"
-            f"{_own(card, task)}: pretrain again with `adaptsim pretrain --task {task.name}`, or give the file of that "
-            "object with --object"
+            f"{_own(card, task)}: pretrain again with `adaptsim pretrain --task {task.name}`"
+            + (", or give the file of that object with --object" if task.file is None else ", in a new --out")
         )
+    _require_same_physics(task, path, card)
     verify_weights(path, card)
     tensors = load_tensors(path / MODEL)
     ahead = _part(tensors, PROSPECTS)
@@ -227,6 +233,17 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
         emulator=emulator,
         prospects=restore_prospects(task, ahead) if ahead else None,
         tensors=tensors,
+    )
+
+
+def _require_same_physics(task: Task, path: Path, card: Card) -> None:
+    """Raises CheckpointError if the file of the task or of a scene has changed, and rollouts end differently."""
+    if task.file is None or card.content in ("", content(task)) or card.scene == scene_key(task, FEW):
+        return
+    raise CheckpointError(
+        f"the physics of {task.name} has changed since the checkpoint in {path} was made: its names and ranges are the "
+        f"same, and rollouts end differently ({task.file.path}, or a file of its scene). Pretrain again with `adaptsim "
+        f"pretrain --task {task.file.path}`, in a new --out, or restore the file"
     )
 
 
@@ -303,6 +320,8 @@ def _part(tensors: Tensors, prefix: str) -> dict[str, NDArray[Any]]:
 
 def _difference(card: Card, task: Task) -> str:
     now, then = interface(task), card.interface
+    if task.file is not None:
+        return f"settings ({'; '.join(changes(then, now))})"
     return ", ".join(key for key in now if then.get(key) != now[key]) or "settings"
 
 

@@ -56,7 +56,8 @@ def _dimension(where: str, name: Any, value: Any) -> Dimension:
 def _category(where: str, name: str, words: Sequence[str]) -> Dimension:
     if len(words) < 2 or len(set(words)) < len(words) or not all(words):
         raise TaskError(f"{where} = {words!r}: a category needs two or more different words")
-    return Dimension(name, "", 0.0, len(words) - 1.0, "integer", words=tuple(words))
+    kinds = ", ".join(f"{index} {word}" for index, word in enumerate(words))
+    return Dimension(name, "", 0.0, len(words) - 1.0, "integer", meaning=kinds, words=tuple(words))
 
 
 def require_name(where: str, name: Any) -> None:

@@ -23,8 +23,8 @@ def drake(file: str, paths: Mapping[str, str], time_step: float = 1e-3) -> Drake
     """A scene of Drake (SDF, URDF or MJCF), and where its parameters are: `{"mass": "link/puck/inertial/mass"}`.
 
     A path begins with kind and name of an element, and goes on to an element with a number, or to an attribute, whose
-    numbers have indices: `joint/slide/axis/dynamics/damping`, `geom/table/friction[0]`. Calling the scene with `p` makes a
-    plant of its own for each rollout. A relative file lies beside the file that calls. Raises TaskError.
+    numbers have indices: `joint/slide/axis/dynamics/damping`, `geom/table/friction[0]`. Calling the scene with `p`
+    makes a plant of its own for each rollout. A relative file lies beside the file that calls. Raises TaskError.
     """
     scene = DrakeScene(beside_caller(file), require_paths("drake: paths", paths), time_step)
     scene.check()
@@ -72,7 +72,7 @@ class DrakeScene:
                 with tempfile.NamedTemporaryFile("w", dir=self.file.parent, suffix=self.file.suffix) as beside:
                     beside.write(text)
                     beside.flush()
-                    Parser(builder).AddModels(beside.name)
+                    Parser(builder).AddModels(Path(beside.name))
             else:
                 Parser(builder).AddModelsFromString(text, self.file.suffix.lstrip("."))
         except RuntimeError as error:
@@ -119,8 +119,8 @@ def run_drake(
     if start is not None:
         start(plant, inside)
     simulator = Simulator(model.diagram, model.context)
-    times = np.arange(round(duration / every) + 1) * every
-    states = []
+    times = every * np.arange(round(duration / every) + 1, dtype=np.float64)
+    states = list[Array]()
     for t_s in times:
         if control is not None:
             plant.get_actuation_input_port().FixValue(inside, np.atleast_1d(control(plant, inside)))

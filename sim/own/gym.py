@@ -84,7 +84,7 @@ def run_gym(
                 break
     finally:
         made.close()
-    return step_s * np.arange(len(states)), np.array(states)
+    return float(step_s) * np.arange(len(states), dtype=np.float64), np.array(states)
 
 
 def _state(see: Callable[[Any], Any], env: Any) -> Array:

@@ -33,6 +33,13 @@ def physics_of(function: Callable[..., Any]) -> str:
     return next((physics for name, physics in _SIMULATORS if name in names or physics in names), "python")
 
 
+def files_of_scenes(function: Callable[..., Any]) -> tuple[str, ...]:
+    """The files of the scenes that a function's code names."""
+    things = [function.__globals__.get(name) for name in function.__code__.co_names]
+    files = [getattr(thing, "file", None) for thing in things if hasattr(thing, "physics")]
+    return tuple(sorted(str(file) for file in files if isinstance(file, Path)))
+
+
 def beside_caller(name: str, depth: int = 2) -> Path:
     """The file `name`; a relative one lies beside the file that calls. Raises TaskError if there is none."""
     path = Path(name).expanduser()

@@ -57,8 +57,8 @@ class Simulation:
     ) -> ObjectTrack:
         """See `Simulate`. Raises TaskError naming the line and the values if the function fails."""
         if self.batched:
-            lift = (np.asarray(v, dtype=np.float64)[None] for v in (parameters, context, action, nuisance))
-            return self.many(*lift, unmodelled)[0]
+            p, c, a, n = (np.asarray(v, dtype=np.float64)[None] for v in (parameters, context, action, nuisance))
+            return self.many(p, c, a, n, unmodelled)[0]
         times, states = self._called(parameters, context, action, nuisance, unmodelled)
         return self._track(*self._shaped(times, states))
 

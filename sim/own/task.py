@@ -26,7 +26,7 @@ from sim.own.declaring import (
 )
 from sim.own.policy import training_of
 from sim.own.reward import EndOfTrial, OutcomeInWords, conditions_of, measured, reward_of
-from sim.own.scene import physics_of
+from sim.own.scene import files_of_scenes, physics_of
 from sim.own.simulation import Simulation, roles_of
 from sim.own.values import Declared
 from sim.tasks.task import AdaptationSettings, LabReport, Observation, Task, TaskFile
@@ -57,7 +57,7 @@ def task(
     batched: bool = False,
     trials: int = 2,
     iterations: int = 8,
-    trial_std: float | None = None,
+    trial_std: float = AdaptationSettings.trial_std,
     train: Callable[..., Any] | None = None,
     load: Callable[..., Any] | None = None,
     policies: int | None = None,
@@ -139,11 +139,7 @@ def _declared(function: Callable[..., Any], **given: Any) -> Task:
             threshold=0.8,
             trials_per_iteration=int(number_of("trials", given["trials"], 1, 1000, whole=True)),
             learning_rate=1e-3,
-            **(
-                {}
-                if given["trial_std"] is None
-                else {"trial_std": number_of("trial_std", given["trial_std"], 0.0, 1.0)}
-            ),
+            trial_std=number_of("trial_std", given["trial_std"], 0.0, 1.0),
         ),
         unmodelled=effects,
         simulate=sent("simulate", simulation),
@@ -162,6 +158,7 @@ def _declared(function: Callable[..., Any], **given: Any) -> Task:
         plausible=_plausible(given["effects"]),
         worlds=_worlds(given["worlds"], parameters, nuisance, effect_names),
         physics=physics_of(function),
+        scene_files=files_of_scenes(function),
         file=file,
         outcome_in_words=None if conditions is None else sent("outcome_in_words", OutcomeInWords(conditions, end)),
         **training_of(name, roles, given),

@@ -51,14 +51,16 @@ def by_name(space: Space, values: Array) -> dict[str, Any]:
     return table
 
 
-class States(np.ndarray):  # type: ignore[type-arg]
+class States(np.ndarray):
     """States (N, k) as an array, whose columns also have names: `states.x` is (N,)."""
+
+    _names: tuple[str, ...]
 
     @staticmethod
     def named(states: Array, names: Sequence[str]) -> States:
         """The same numbers, with names for the columns."""
         view = np.asarray(states, dtype=np.float64).view(States)
-        view._names = tuple(names)  # type: ignore[attr-defined]
+        view._names = tuple(names)
         return view
 
     def __getattr__(self, name: str) -> Any:

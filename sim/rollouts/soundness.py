@@ -6,6 +6,7 @@ so a state that is left in a shared model shows.
 
 from __future__ import annotations
 
+import pickle
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -153,11 +154,11 @@ def _interleaved(first: Sequence[int], second: Sequence[int]) -> list[int]:
 
 def _rolled(task: Task, parameters: Array, context: Array, action: Array, nuisance: Array) -> _Rolled:
     began = time.perf_counter()
-    frozen = tuple(np.array(v) for v in (parameters, context, action, nuisance))
+    p, c, a, n = frozen = tuple(np.array(v) for v in (parameters, context, action, nuisance))
     for values in frozen:
         values.flags.writeable = False
     try:
-        track = task.simulate(*frozen)
+        track = task.simulate(p, c, a, n)
     except SimError:
         raise
     except Exception as error:  # a task of another package may raise anything
@@ -167,7 +168,7 @@ def _rolled(task: Task, parameters: Array, context: Array, action: Array, nuisan
         ) from error
     if not isinstance(track, ObjectTrack):
         raise RolloutError(f"`simulate` of the task {task.name} returns {type(track).__name__}, not an ObjectTrack")
-    return _Rolled(*frozen, track, time.perf_counter() - began)
+    return _Rolled(p, c, a, n, track, time.perf_counter() - began)
 
 
 def _said(task: Task, one: _Rolled) -> str:
@@ -214,9 +215,9 @@ def _order(task: Task, rolls: Sequence[_Rolled], limit_s: float) -> Iterator[str
             continue
         both = one.track.state, again.track.state
         off = np.abs(both[0] - both[1]).max() if both[0].shape == both[1].shape else float("nan")
-        before = np.random.get_state()[1].tobytes()  # noqa: NPY002 - whether the task draws from it
+        before = pickle.dumps(np.random.get_state())  # noqa: NPY002 - whether the task draws from it
         third = _rolled(task, *one.inputs)
-        draws = np.random.get_state()[1].tobytes() != before  # noqa: NPY002
+        draws = pickle.dumps(np.random.get_state()) != before  # noqa: NPY002
         left = "something is left in a shared model: make a new one, or reset it, in each call"
         chance = (
             "`simulate` may use no random numbers but its arguments: seed them there, or take them from the nuisance"

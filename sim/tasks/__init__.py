@@ -109,4 +109,4 @@ def _reduced(task: Task) -> Any:
     return _rebuilt, (task.name, task.file, {k: v for k, v in pairs if v is not getattr(usual, k)})
 
 
-copyreg.pickle(Task, _reduced)  # type: ignore[arg-type]
+copyreg.pickle(Task, _reduced)

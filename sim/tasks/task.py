@@ -289,6 +289,7 @@ class Task:
     """Worlds that the task declares itself: name -> tables of a world's file."""
     physics: str = "drake"  # the simulator behind `simulate`, for a person
     file: TaskFile | None = None  # that declares it; None: a module of ours, or of an installed package
+    scene_files: tuple[str, ...] = ()  # further files that its physics is made of
     outcome_in_words: Callable[[ObjectTrack], str] | None = None
     """The end of a trial in the task's own words; None: those of its outcome."""
 

@@ -122,9 +122,9 @@ def require_known(what: str, names: Sequence[str] | Mapping[str, Any], right: Se
     """Raises TaskError for a name that is not one of the right ones."""
     for name in names:
         if name not in right:
-            raise TaskError(
-                f"{what}[{name!r}]: there is {', '.join(right) or 'nothing'}{did_you_mean(str(name), right)}"
-            )
+            near = did_you_mean(str(name), right)
+            names = ", ".join(right) or "nothing"
+            raise TaskError(f"{what}[{name!r}]: there is no such name, it must be one of {names}{near}")
 
 
 def number_of(what: str, value: Any, low: float, high: float = math.inf, *, whole: bool = False) -> float:

@@ -51,9 +51,10 @@ class MujocoScene:
             raise TaskError(f"{self.file} does not compile with {p!r}: {error}") from error
 
     def check(self) -> None:
-        """Raises TaskError for a path that leads nowhere."""
+        """Raises TaskError for a scene that cannot be read, and a path that leads nowhere."""
+        spec = self._spec
         for name, path in self.paths.items():
-            thing, attribute = self._place(self._spec, name, path)
+            thing, attribute = self._place(spec, name, path)
             key, index = indexed(attribute, self._where(name, path))
             if not hasattr(thing, key):
                 raise TaskError(missing(self._where(name, path), f"attribute {key!r}", attributes(thing)))

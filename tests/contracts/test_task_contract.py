@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from perception.types import Outcome
 from sim.errors import NoHardware
 from sim.lab.world import list_worlds, load_world
 from sim.rollouts.recorded import scores_only
-from sim.tasks import TASKS, get_task
+from sim.tasks import TASKS, get_task, task_of_file
 from sim.tasks.fingerprint import fingerprint
 from sim.tasks.task import Task
 
@@ -19,8 +20,17 @@ EXACT = [name for name in sorted(TASKS) if get_task(name).exact is not None]
 MIRRORED = [name for name in sorted(TASKS) if get_task(name).mirror is not None]
 
 
-@pytest.fixture(params=sorted(TASKS))
-def task(request: pytest.FixtureRequest) -> Task:
+FILES = Path(__file__).parents[1] / "data/own_simulator"
+"""Tasks of one file; one of them needs MuJoCo."""
+OF_FILES = [(FILES / "shuffle.py", "shuffle"), (FILES / "settle.py", "settle")]
+
+
+@pytest.fixture(params=[*sorted(TASKS), *(name for _, name in OF_FILES)])
+def task(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Task:
+    monkeypatch.setenv("ADAPTSIM_HOME", str(tmp_path))
+    for path, name in OF_FILES:
+        if name == request.param:
+            return task_of_file(str(path))
     return get_task(request.param)
 
 

@@ -14,7 +14,7 @@ class TaskWritten(Output):
     file: str = described("its path")
 
 
-class TaskFinding(Record):
+class CheckedFinding(Record):
     """One thing that a task keeps, or does not."""
 
     check: str = described("what every task keeps")
@@ -27,8 +27,8 @@ class TaskChecked(Output):
 
     task: str = described("its name")
     file: str | None = optional("the file that declares it; null: a package")
-    kept: bool = described("whether nothing is broken")
-    findings: list[TaskFinding] = described("one each")
+    sound: bool = described("whether nothing is broken")
+    findings: list[CheckedFinding] = described("one each")
     rollouts: int = described("how many different rollouts were simulated")
     median_s: float | None = optional("median time of a rollout")
     longest_s: float | None = optional("longest time of a rollout")

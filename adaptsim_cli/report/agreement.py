@@ -134,8 +134,8 @@ UNKNOWN_STD = 0.4
 
 def trial_std(task: str) -> float:
     """Standard deviation of the rewards of single trials of a task."""
-    known = known_task(task)
-    return UNKNOWN_STD if known is None else known.adaptation.trial_std
+    declaration = known_task(task)
+    return UNKNOWN_STD if declaration is None else declaration.adaptation.trial_std
 
 
 def mean_of(rewards: Sequence[float], std: float) -> MeanReward:

@@ -27,10 +27,10 @@ def checked(name_or_file: str, limit_s: float) -> dict[str, Any]:
 
     from sim.errors import SimError
     from sim.own.watching import watched
-    from sim.rollouts.soundness import Finding, examine
+    from sim.rollouts.soundness import TaskFinding, examine
     from sim.tasks.files import is_file
 
-    costs, findings = list[Any](), list[Finding]()
+    costs, findings = list[Any](), list[TaskFinding]()
 
     def timed(cost: Cost) -> None:
         costs.append(cost)
@@ -41,17 +41,17 @@ def checked(name_or_file: str, limit_s: float) -> dict[str, Any]:
         try:
             findings += examine(task, np.random.default_rng(0), limit_s, timed)
         except SimError as error:
-            findings.append(Finding("every rollout can be simulated", "broken", str(error)))
+            findings.append(TaskFinding("every rollout can be simulated", "broken", str(error)))
     if notes is not None:
         asides = [*notes.sentences()]
-        findings += [Finding(f"the file {what}", "doubtful", sentence) for what, sentence in asides]
+        findings += [TaskFinding(f"the file {what}", "doubtful", sentence) for what, sentence in asides]
         if not asides:
-            findings.append(Finding("the file neither prints, nor sleeps, nor starts a process", "kept"))
+            findings.append(TaskFinding("the file neither prints, nor sleeps, nor starts a process", "kept"))
     cost = costs[0] if costs else None
     return {
         "task": task.name,
         "file": None if task.file is None else task.file.path,
-        "kept": all(one.mark != "broken" for one in findings),
+        "sound": all(one.mark != "broken" for one in findings),
         "findings": [asdict(one) for one in findings],
         "rollouts": 0 if cost is None else cost.rollouts,
         "median_s": None if cost is None else cost.median_s,

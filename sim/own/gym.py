@@ -64,26 +64,26 @@ def run_gym(
     scene = env if isinstance(env, GymScene) else gym(env, paths or {})
     if start is None or see is None:
         raise TaskError("run_gym: `start` (observation -> action) and `see` (environment -> state) are needed")
-    made = scene(p)
-    step_s = dt if dt is not None else getattr(made, "dt", None)
+    instance = scene(p)
+    step_s = dt if dt is not None else getattr(instance, "dt", None)
     if step_s is None or not math.isfinite(step_s) or step_s <= 0.0:
         raise TaskError(f"run_gym: dt = {step_s!r}: give the time of a step in s, above 0")
-    observation, _ = made.reset(seed=seed)
-    states = [_state(see, made)]
+    observation, _ = instance.reset(seed=seed)
+    states = [_state(see, instance)]
     try:
         for _ in range(steps):
-            action = np.asarray(start(observation), dtype=made.action_space.dtype)
-            if action.shape != made.action_space.shape:
+            action = np.asarray(start(observation), dtype=instance.action_space.dtype)
+            if action.shape != instance.action_space.shape:
                 raise TaskError(
                     f"run_gym: `start` returns an action of shape {action.shape}; {scene.env_id} takes "
-                    f"{made.action_space.shape}"
+                    f"{instance.action_space.shape}"
                 )
-            observation, _, ended, _, _ = made.step(action if action.shape else action.item())
-            states.append(_state(see, made))
+            observation, _, ended, _, _ = instance.step(action if action.shape else action.item())
+            states.append(_state(see, instance))
             if ended:
                 break
     finally:
-        made.close()
+        instance.close()
     return float(step_s) * np.arange(len(states), dtype=np.float64), np.array(states)
 
 

@@ -27,7 +27,7 @@ _GRACE_S = 1.0
 _SHOWN = 400
 
 
-def program(command: str, *, keep: bool | None = None, limit_s: float = 600.0) -> Program:
+def program(command: str, *, keep: bool | None = None, limit_s: float = 600.0) -> SimulatorProgram:
     """A simulator as a program: `program("./my_sim")(p, context, action)` returns times and states.
 
     It gets one line on stdin, `{"parameters": {...}, "context": {...}, "action": {...}}`, and prints an object with
@@ -42,7 +42,7 @@ def program(command: str, *, keep: bool | None = None, limit_s: float = 600.0) -
     if not words:
         raise TaskError("program: name the command of your simulator, as './my_sim --fast'")
     folder = Path(sys._getframe(1).f_globals.get("__file__", "x")).absolute().parent
-    return Program(tuple(words), folder, limit_s, _Mode(keep))
+    return SimulatorProgram(tuple(words), folder, limit_s, _Mode(keep))
 
 
 @dataclass
@@ -54,7 +54,7 @@ class _Mode:
 
 
 @dataclass(frozen=True, eq=False)
-class Program:
+class SimulatorProgram:
     """See `program`."""
 
     words: tuple[str, ...]
@@ -185,8 +185,8 @@ class _Running:
     def _failed(self) -> TaskError:
         code = self.process.wait(timeout=10.0)
         self.errors.seek(0)
-        said = self.errors.read().decode(errors="replace").strip() or "".join(self.text).strip()
-        last = f": {said.splitlines()[-1][:_SHOWN]}" if said else ""
+        message = self.errors.read().decode(errors="replace").strip() or "".join(self.text).strip()
+        last = f": {message.splitlines()[-1][:_SHOWN]}" if message else ""
         return TaskError(f"{self.title} ended with exit code {code} and gave no JSON object{last}")
 
     def end(self) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.errors import SimError, TaskError
-from sim.own.values import States, Values, by_name
+from sim.own.values import NamedStates, Values, by_name
 from sim.tasks.files import line_of
 from sim.types import Space
 
@@ -44,7 +44,7 @@ def measured(
 ) -> dict[str, float]:
     """The numbers that `measure` makes of times (N,) and states (N, k). Raises TaskError."""
     try:
-        numbers = measure(np.array(t_s), States.named(np.array(state), names))
+        numbers = measure(np.array(t_s), NamedStates.named(np.array(state), names))
     except SimError:
         raise
     except Exception as error:  # the user's code may raise anything

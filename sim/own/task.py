@@ -79,73 +79,73 @@ def task(
 
     Raises TaskError naming the argument, its value and what is right.
     """
-    given = dict(locals())
+    arguments = dict(locals())
 
     def declare(function: Callable[..., Any]) -> Task:
-        return _declared(function, **given)
+        return _declared(function, **arguments)
 
     return declare
 
 
-def _declared(function: Callable[..., Any], **given: Any) -> Task:
+def _declared(function: Callable[..., Any], **arguments: Any) -> Task:
     if not inspect.isfunction(function):
         raise TaskError(f"@adaptsim.task stands above {function!r}: it must stand above a function")
     name, file = function.__name__, _file_of(function)
     path, roles = ("" if file is None else file.path), roles_of(function)
     parameters, context, action, nuisance, state = (
-        space_of(what, given[what]) for what in ("parameters", "context", "action", "nuisance", "state")
+        space_of(what, arguments[what]) for what in ("parameters", "context", "action", "nuisance", "state")
     )
-    _require_whole(name, roles, parameters, context, action, state, given["train"])
-    duration = number_of("duration", given["duration"], 1e-6)
-    effects = _effects(name, file, given["effects"])
+    _require_whole(name, roles, parameters, context, action, state, arguments["train"])
+    duration = number_of("duration", arguments["duration"], 1e-6)
+    effects = _effects(name, file, arguments["effects"])
     effect_names = tuple(effects.__dataclass_fields__)
     require_apart({"parameters": parameters.names, "nuisance": nuisance.names, "effects": effect_names})
     simulation = Simulation(
-        function, roles, path, parameters, context, action, nuisance, effects, state, duration, given["batched"]
+        function, roles, path, parameters, context, action, nuisance, effects, state, duration, arguments["batched"]
     )
-    times_s = moments_of(duration, given["moments"])
-    end = _end(state, given["measure"], path, times_s)
-    ends = state if given["measure"] is None else None
-    reward = reward_of(given["reward"], path, end.names, ends, context)
+    times_s = moments_of(duration, arguments["moments"])
+    end = _end(state, arguments["measure"], path, times_s)
+    ends = state if arguments["measure"] is None else None
+    reward = reward_of(arguments["reward"], path, end.names, ends, context)
     moves = "context" in roles
-    conditions = conditions_of(given["outcomes"])
+    conditions = conditions_of(arguments["outcomes"])
 
     def sent(field: str, thing: Callable[..., Any]) -> Any:
         return Declared(thing, file, name, field)
 
     return Task(
         name=name,
-        title=given["title"] or _first_line(function) or name.replace("_", " "),
-        object_name=given["object_name"] or name.replace("_", " "),
+        title=arguments["title"] or _first_line(function) or name.replace("_", " "),
+        object_name=arguments["object_name"] or name.replace("_", " "),
         parameters=parameters,
-        margin=margin_of(parameters, given["margin"]),
+        margin=margin_of(parameters, arguments["margin"]),
         context=context,
         action=action,
         nuisance=nuisance,
-        action_noise=frozen_array(numbers_of("action_error", given["action_error"], action.names)),
+        action_noise=frozen_array(numbers_of("action_error", arguments["action_error"], action.names)),
         observation=Observation(
             times_s=frozen_array(times_s),
             columns=tuple(range(len(state))),
             low=frozen_array(state.low),
             high=frozen_array(state.high),
             noise_mean=frozen_array(np.zeros(len(state))),
-            noise_std=frozen_array(numbers_of("noise", given["noise"], state.names)),
+            noise_std=frozen_array(numbers_of("noise", arguments["noise"], state.names)),
             curves=tuple(d.label for d in state.dimensions),
         ),
         adaptation=AdaptationSettings(
-            horizon=int(number_of("iterations", given["iterations"], 1, 1000, whole=True)),
+            horizon=int(number_of("iterations", arguments["iterations"], 1, 1000, whole=True)),
             delta=0.15,
             discount=0.9,
             threshold=0.8,
-            trials_per_iteration=int(number_of("trials", given["trials"], 1, 1000, whole=True)),
+            trials_per_iteration=int(number_of("trials", arguments["trials"], 1, 1000, whole=True)),
             learning_rate=1e-3,
-            trial_std=number_of("trial_std", given["trial_std"], 0.0, 1.0),
+            trial_std=number_of("trial_std", arguments["trial_std"], 0.0, 1.0),
         ),
         unmodelled=effects,
         simulate=sent("simulate", simulation),
-        simulate_many=sent("simulate_many", simulation.many) if given["batched"] else None,
+        simulate_many=sent("simulate_many", simulation.many) if arguments["batched"] else None,
         reference_context=frozen_array(context.middle),
-        relocate=_relocation(moves, given["relocate"], sent),
+        relocate=_relocation(moves, arguments["relocate"], sent),
         succeeded=sent("succeeded", has_ended),
         end_state=sent("end_state", end),
         reward_of_success=sent("reward_of_success", reward),
@@ -153,15 +153,15 @@ def _declared(function: Callable[..., Any], **given: Any) -> Task:
             columns=tuple(d.label for d in state.dimensions),
             outcomes=(Outcome.SETTLED,),
             successes=(Outcome.SETTLED,),
-            places_first=moves and given["relocate"] is None,
+            places_first=moves and arguments["relocate"] is None,
         ),
-        plausible=_plausible(given["effects"]),
-        worlds=_worlds(given["worlds"], parameters, nuisance, effect_names),
+        plausible=_plausible(arguments["effects"]),
+        worlds=_worlds(arguments["worlds"], parameters, nuisance, effect_names),
         physics=physics_of(function),
         scene_files=files_of_scenes(function),
         file=file,
         outcome_in_words=None if conditions is None else sent("outcome_in_words", OutcomeInWords(conditions, end)),
-        **training_of(name, roles, given),
+        **training_of(name, roles, arguments),
     )
 
 

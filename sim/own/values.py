@@ -51,15 +51,15 @@ def by_name(space: Space, values: Array) -> dict[str, Any]:
     return table
 
 
-class States(np.ndarray):
+class NamedStates(np.ndarray):
     """States (N, k) as an array, whose columns also have names: `states.x` is (N,)."""
 
     _names: tuple[str, ...]
 
     @staticmethod
-    def named(states: Array, names: Sequence[str]) -> States:
+    def named(states: Array, names: Sequence[str]) -> NamedStates:
         """The same numbers, with names for the columns."""
-        view = np.asarray(states, dtype=np.float64).view(States)
+        view = np.asarray(states, dtype=np.float64).view(NamedStates)
         view._names = tuple(names)
         return view
 

@@ -41,7 +41,7 @@ _ENDS = 512
 
 
 @dataclass(frozen=True)
-class Finding:
+class TaskFinding:
     """One thing that a task keeps, or does not."""
 
     check: str
@@ -86,14 +86,14 @@ def examine(
     rng: np.random.Generator,
     limit_s: float = 60.0,
     timed: Callable[[Cost], None] = lambda cost: None,
-) -> Iterator[Finding]:
+) -> Iterator[TaskFinding]:
     """What the task keeps, one finding after another; the first broken one of a kind ends the rest of that kind.
 
     Rollouts take about `limit_s`, at least nine of them. Raises TaskError for wrong values, RolloutError for a rollout
     that raises.
     """
     require_declared(task)
-    yield Finding("the values of the task fit each other", "kept")
+    yield TaskFinding("the values of the task fit each other", "kept")
     rolls, ends = _rollouts(task, rng, limit_s / 2)
     seconds = [one.seconds for one in rolls]
     timed(Cost(len(rolls), float(np.median(seconds)), max(seconds)))
@@ -108,9 +108,9 @@ def examine(
     yield from _first_broken("outcomes are those of the report", _outcomes(task, rolls))
 
 
-def _first_broken(check: str, complaints: Iterator[str]) -> Iterator[Finding]:
+def _first_broken(check: str, complaints: Iterator[str]) -> Iterator[TaskFinding]:
     complaint = next(complaints, None)
-    yield Finding(check, "kept") if complaint is None else Finding(check, "broken", complaint)
+    yield TaskFinding(check, "kept") if complaint is None else TaskFinding(check, "broken", complaint)
 
 
 def _rollouts(task: Task, rng: np.random.Generator, limit_s: float) -> tuple[list[_Rolled], int]:
@@ -304,11 +304,11 @@ def _stacks(task: Task, end: Array, context: Array, value: float) -> Iterator[st
         )
 
 
-def _reward_tells(task: Task, rolls: Sequence[_Rolled], rng: np.random.Generator) -> Iterator[Finding]:
+def _reward_tells(task: Task, rolls: Sequence[_Rolled], rng: np.random.Generator) -> Iterator[TaskFinding]:
     check = "the reward tells trials apart"
     ends = [np.atleast_1d(end) for one in rolls if (end := task.end_of(one.track)) is not None]
     if not ends:
-        yield Finding(check, "doubtful", f"none of {len(rolls)} rollouts is a success, so no reward was seen")
+        yield TaskFinding(check, "doubtful", f"none of {len(rolls)} rollouts is a success, so no reward was seen")
         return
     rows = np.stack(ends)
     width = np.maximum(np.ptp(rows, axis=0), 1e-9)
@@ -316,7 +316,7 @@ def _reward_tells(task: Task, rolls: Sequence[_Rolled], rng: np.random.Generator
     contexts = task.context.sample(rng, len(tried))
     rewards = np.asarray(task.reward_of_success(tried, contexts))
     if np.ptp(rewards) == 0.0:
-        yield Finding(
+        yield TaskFinding(
             check,
             "broken",
             f"the reward of {task.name} is {rewards[0]:g} for each of {len(tried)} ends and contexts: it must depend "
@@ -325,7 +325,7 @@ def _reward_tells(task: Task, rolls: Sequence[_Rolled], rng: np.random.Generator
         return
     fixed = np.asarray(task.reward_of_success(tried, np.broadcast_to(contexts[0], contexts.shape)))
     if all(np.ptp(task.reward_of_success(tried, np.broadcast_to(c, contexts.shape))) == 0.0 for c in contexts[:16]):
-        yield Finding(
+        yield TaskFinding(
             check,
             "broken",
             f"the reward of {task.name} ignores the end of a trial: at one context it is always {fixed[0]:g}",
@@ -333,9 +333,9 @@ def _reward_tells(task: Task, rolls: Sequence[_Rolled], rng: np.random.Generator
         return
     mean = float(np.mean([task.reward_of_success(e, one.context) for e, one in zip(ends, rolls, strict=False)]))
     if mean in (0.0, 1.0):
-        yield Finding(check, "doubtful", f"each of {len(ends)} rollouts earns {mean:g}: is any action worth more?")
+        yield TaskFinding(check, "doubtful", f"each of {len(ends)} rollouts earns {mean:g}: is any action worth more?")
         return
-    yield Finding(check, "kept", f"{len(ends)} rollouts earn {mean:.2f} on average")
+    yield TaskFinding(check, "kept", f"{len(ends)} rollouts earn {mean:.2f} on average")
 
 
 def _moments(task: Task, rolls: Sequence[_Rolled]) -> Iterator[str]:
@@ -347,7 +347,7 @@ def _moments(task: Task, rolls: Sequence[_Rolled]) -> Iterator[str]:
         )
 
 
-def _units(task: Task, rolls: Sequence[_Rolled]) -> Iterator[Finding]:
+def _units(task: Task, rolls: Sequence[_Rolled]) -> Iterator[TaskFinding]:
     check, o = "the states lie in their ranges", task.observation
     states = np.concatenate([one.track.at(o.times_s)[:, list(o.columns)] for one in rolls])
     names = task.report.columns if task.report else tuple(f"column {c}" for c in range(states.shape[1]))
@@ -359,21 +359,23 @@ def _units(task: Task, rolls: Sequence[_Rolled]) -> Iterator[Finding]:
             np.abs(values).max(),
             high - low,
         )
-        seen = f"{name} runs from {values.min():.4g} to {values.max():.4g}, and its range is {low:g} to {high:g}"
+        extent = f"{name} runs from {values.min():.4g} to {values.max():.4g}, and its range is {low:g} to {high:g}"
         if 0.0 < most < max(abs(low), abs(high)) / TOO_WIDE:
-            yield Finding(check, "broken", f"the state {seen}, hundreds of times as wide: both must have the same unit")
+            yield TaskFinding(
+                check, "broken", f"the state {extent}, hundreds of times as wide: both must have the same unit"
+            )
             return
         if max(low - values.min(), values.max() - high) > TOO_NARROW * reach:
-            yield Finding(check, "broken", f"the state {seen}, far too narrow: both must have the same unit")
+            yield TaskFinding(check, "broken", f"the state {extent}, far too narrow: both must have the same unit")
             return
         if max(low - values.min(), values.max() - high) > 0.5 * reach:
-            outside.append(seen)
+            outside.append(extent)
         elif np.ptp(values) == 0.0:
             outside.append(f"{name} is always {values[0]:g}")
-    yield Finding(check, "doubtful" if outside else "kept", "; ".join(outside))
+    yield TaskFinding(check, "doubtful" if outside else "kept", "; ".join(outside))
 
 
-def _sensitive(task: Task, rolls: Sequence[_Rolled], ends: int, rng: np.random.Generator) -> Iterator[Finding]:
+def _sensitive(task: Task, rolls: Sequence[_Rolled], ends: int, rng: np.random.Generator) -> Iterator[TaskFinding]:
     base, silent = rolls[0], {"parameters": list[str](), "action": list[str]()}
     tried = {"parameters": set[str](), "action": set[str]()}
     for one in rolls[1:ends]:
@@ -391,12 +393,16 @@ def _sensitive(task: Task, rolls: Sequence[_Rolled], ends: int, rng: np.random.G
     for what, space in (("parameters", task.parameters), ("action", task.action)):
         check = f"each of the {what} changes the motion" if what == "parameters" else "each action changes the motion"
         if len(silent[what]) == len(space) and _ignored(task, rolls, what, rng):
-            yield Finding(check, "broken", f"`simulate` of {task.name} ignores its {what}: nothing changes the motion")
+            yield TaskFinding(
+                check, "broken", f"`simulate` of {task.name} ignores its {what}: nothing changes the motion"
+            )
         elif silent[what]:
             names = ", ".join(silent[what])
-            yield Finding(check, "doubtful", f"{names} changes nothing around the middle of the ranges: is it used?")
+            yield TaskFinding(
+                check, "doubtful", f"{names} changes nothing around the middle of the ranges: is it used?"
+            )
         else:
-            yield Finding(check, "kept")
+            yield TaskFinding(check, "kept")
 
 
 def _ignored(task: Task, rolls: Sequence[_Rolled], what: str, rng: np.random.Generator) -> bool:
@@ -410,7 +416,7 @@ def _ignored(task: Task, rolls: Sequence[_Rolled], what: str, rng: np.random.Gen
     return True
 
 
-def _contexts(task: Task, rolls: Sequence[_Rolled], rng: np.random.Generator, limit_s: float) -> Iterator[Finding]:
+def _contexts(task: Task, rolls: Sequence[_Rolled], rng: np.random.Generator, limit_s: float) -> Iterator[TaskFinding]:
     if not len(task.context):
         return
     reference = np.asarray(task.reference_context, dtype=np.float64)
@@ -433,16 +439,16 @@ def _contexts(task: Task, rolls: Sequence[_Rolled], rng: np.random.Generator, li
                 off_by, worst = float(difference.max()), (context, int(difference.argmax()), true, here)
     if task.relocate is None:
         silent = "" if moved > 0.0 else "no context changes the motion: leave it out of the function's arguments"
-        yield Finding("contexts change the motion", "doubtful" if silent else "kept", silent)
+        yield TaskFinding("contexts change the motion", "doubtful" if silent else "kept", silent)
         return
     check = "`relocate` is right: a context moves an observation as it says"
     if worst is None or apart <= pairs / 2:
-        yield Finding(check, "kept")
+        yield TaskFinding(check, "kept")
         return
     context, place, true, here = worst
     believed = np.asarray(task.relocate(here, context))
     where = ", ".join(f"{n} = {v:.4g}" for n, v in zip(task.context.names, context, strict=True))
-    yield Finding(
+    yield TaskFinding(
         check,
         "broken",
         f"`relocate` of {task.name} is wrong: at {where} the simulation observes {true[place]:.3f} (normalised), and "

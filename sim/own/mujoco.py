@@ -95,14 +95,21 @@ class MujocoScene:
 
 
 def run_mujoco(
-    model: Any, duration: float, see: Callable[[Any], Any], control: Callable[[Any], None] | None = None
+    model: Any,
+    duration: float,
+    see: Callable[[Any], Any],
+    control: Callable[[Any], None] | None = None,
+    start: Callable[[Any], None] | None = None,
 ) -> tuple[Array, Array]:
     """One rollout: times (N,) from 0 to `duration` s and states (N, k), the values of `see(data)` at each step.
 
-    `control(data)` sets `data.ctrl` before each step. Positions and sensors are those of the present time.
+    `start(data)` sets the first positions and velocities, `control(data)` sets `data.ctrl` before each step. Positions
+    and sensors are those of the present time.
     """
     mujoco = _mujoco()
     data = mujoco.MjData(model)
+    if start is not None:
+        start(data)
     steps = round(duration / model.opt.timestep)
     if steps < 1:
         raise TaskError(f"duration = {duration:g} s: it is shorter than a step of the scene, {model.opt.timestep:g} s")

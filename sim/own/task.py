@@ -32,6 +32,9 @@ from sim.own.values import Declared
 from sim.tasks.task import AdaptationSettings, LabReport, Observation, Task, TaskFile
 from sim.types import Space
 
+_EXAMPLE = 2001
+"""Moments of the trajectory by which the names of a measure are found: more than its indices count."""
+
 FIRST_WORLD = "wd"
 """The world of a task that declares none: two thirds of each range."""
 
@@ -104,7 +107,7 @@ def _declared(function: Callable[..., Any], **arguments: Any) -> Task:
         function, roles, path, parameters, context, action, nuisance, effects, state, duration, arguments["batched"]
     )
     times_s = moments_of(duration, arguments["moments"])
-    end = _end(state, arguments["measure"], path, times_s)
+    end = _end(state, arguments["measure"], path, duration)
     ends = state if arguments["measure"] is None else None
     reward = reward_of(arguments["reward"], path, end.names, ends, context)
     moves = "context" in roles
@@ -213,12 +216,13 @@ def _require_whole(
         raise TaskError("action = None: name what a trial can choose, as {'push': (0.3, 1.0)}")
 
 
-def _end(state: Space, measure: Any, path: str, times_s: Array) -> EndOfTrial:
+def _end(state: Space, measure: Any, path: str, duration: float) -> EndOfTrial:
     if measure is None:
         return EndOfTrial(state, None, path, state.names)
     if not callable(measure):
         raise TaskError(f"measure = {measure!r}: it must be a function of times and states")
-    example = np.tile(state.middle, (len(times_s), 1))
+    times_s = np.linspace(0.0, duration, _EXAMPLE)
+    example = np.tile(state.middle, (_EXAMPLE, 1))
     return EndOfTrial(state, measure, path, tuple(measured(measure, path, times_s, example, state.names)))
 
 

@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from adaptsim_cli import config
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.exporting import Row
 from hw.types import Array

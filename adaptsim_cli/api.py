@@ -338,8 +338,9 @@ def begin(
     held_out: float = 0.5,
     start_from: str = "",
 ) -> Session:
-    """Begin a session in the simulated lab, with a robot of your own (`hw="own"`), or with the trials `recorded` in a
-    folder; nothing is executed yet. `task` is a name, or the Python file of your own.
+    """Begin a session of a task (its name, or the file that declares it). Nothing is executed yet.
+
+    It runs in the simulated lab, with a robot of your own (`hw="own"`), or with the trials `recorded` in a folder.
 
     `held_out` is the share of recorded trials that only score the final policy. `start_from` names an earlier session;
     this one begins with its posterior. Without a name it gets the default name of `adaptsim run-iteration`. Raises

@@ -250,7 +250,7 @@ def _simulated(config: Config, task: Task) -> SimulatedTarget:
     from sim.lab.world import load_world, rollouts_in
 
     world = load_world(config.world, task)
-    roll = rollouts_in(world)
+    roll = rollouts_in(world, task)
 
     def rollout(context: Array, action: Array) -> ObjectTrack:
         return roll(world.parameters, context, action, world.nuisance)

@@ -96,7 +96,7 @@ def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
     from sim.lab.world import rollouts_in
     from sim.rollouts.draws import cover
 
-    task, simulate = checkpoint.solver.task, rollouts_in(world)
+    task, simulate = checkpoint.solver.task, rollouts_in(world, checkpoint.solver.task)
     contexts = cover(task.context, CONTEXTS if len(task.context) else 1, np.random.default_rng(0))
     middle = task.nuisance.denormalise(np.full(len(task.nuisance), 0.5))
     return tuple(

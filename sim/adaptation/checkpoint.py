@@ -22,10 +22,14 @@ from hw.bounded import Unreadable
 from sim.adaptation.reward_table import RewardTable, restore_prospects
 from sim.errors import CheckpointError
 from sim.solvers.emulator.network import SELF_TEST, Emulator, EmulatorReport, predictions, require_same
+from sim.solvers.grid import grid_behind
+from sim.solvers.library import with_library
 from sim.solvers.solver import Solver, naf
 from sim.storage.files import Tensors, load_tensors, read_toml, save_tensors, sha256, write_toml
 from sim.tasks import files_of, task_names
 from sim.tasks.fingerprint import changes, content, fingerprint, interface, scene_key
+from sim.tasks.library import FOLDER as POLICIES
+from sim.tasks.library import read_library
 from sim.tasks.task import Task
 
 CARD = "card.toml"
@@ -106,6 +110,7 @@ class Card(_Table):
     naf: dict[str, Any] | None = None  # read by NAF's solver
     budget: Budget = Budget()
     self_test: list[float] | None = None  # predictions repeated on loading; None: no emulator
+    policies: dict[str, str] = {}  # name -> SHA-256 of each trained policy, in the folder `policies`
     emulator: EmulatorReport | None = None  # None: no emulator was trained
     evaluation: EvaluationReport | None = None  # None: not asked for
 
@@ -139,7 +144,7 @@ def _wrong(file: Path, error: ValidationError) -> CheckpointError:
 
 
 MODEL = "model.safetensors"
-PROSPECTS = "prospects."
+PROSPECTS, GRID = "prospects.", "grid."
 
 LARGEST = 1e12
 """The largest number that a trained network has."""
@@ -221,6 +226,8 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     _require_same_physics(task, path, card)
     verify_weights(path, card)
     tensors = load_tensors(path / MODEL)
+    if task.training is not None:
+        task = with_library(task, read_library(path / POLICIES, card.policies))
     ahead = _part(tensors, PROSPECTS)
     _require_finite(tensors, path / MODEL)
     emulator = None if task.exact or card.solver == "naf" else Emulator(task, _part(tensors, "emulator."))
@@ -229,7 +236,7 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     return Checkpoint(
         path=path,
         card=card,
-        solver=emulator or _solver(task, path, card),
+        solver=emulator or _solver(task, path, card, tensors),
         emulator=emulator,
         prospects=restore_prospects(task, ahead) if ahead else None,
         tensors=tensors,
@@ -289,10 +296,13 @@ def verify_weights(path: Path, card: Card) -> None:
         )
 
 
-def _solver(task: Task, path: Path, card: Card) -> Solver:
+def _solver(task: Task, path: Path, card: Card, tensors: Tensors) -> Solver:
     """The solver without an emulator: exact, or NAF's."""
     if task.exact:
-        return task.exact(task)
+        exact = task.exact(task)
+        if (grid := grid_behind(exact)) is not None and (stored := _part(tensors, GRID)):
+            grid.restore(stored)
+        return exact
     try:
         solver: Solver = naf().restore(task, card.naf or {})
         return solver

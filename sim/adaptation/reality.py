@@ -184,7 +184,7 @@ class Simulators:
         reference = np.asarray(task.reference_context)
         others = self.actions(truths[rng.permutation(n)], n, reference)  # the best for a truth would always end alike
         contexts = task.simulated_in(cover(task.context, n, rng))
-        success, end = self.solver.outcomes(truths, contexts, others[np.arange(n) % len(others)], drawn.nuisance)
+        success, end = self.solver.outcomes(truths, others[np.arange(n) % len(others)], drawn.nuisance, contexts)
         ends = end.mean(axis=0)
         earned = success.mean(axis=0) * task.reward_of_success(ends, contexts)
         std = np.sqrt(np.cov(ends.T, aweights=earned, ddof=0).reshape(ends.shape[1], -1).diagonal()) + 1e-9
@@ -235,13 +235,13 @@ class Simulators:
         executed = np.broadcast_to(commanded + drawn.error, (*shape, len(task.action))).reshape(n * k * d, -1)
         nuisance = np.broadcast_to(drawn.nuisance, (*shape, len(task.nuisance))).reshape(n * k * d, -1)
         contexts = np.repeat([trial.context for trial in trials], k * d, axis=0)
-        success, end = self.solver.outcomes(where, contexts, executed, nuisance)
+        success, end = self.solver.outcomes(where, executed, nuisance, contexts)
         chance = success.mean(axis=0).reshape(shape)
         ends = np.nan_to_num(end.mean(axis=0).reshape(*shape, -1) / self.end_unit)
         weight = (chance + 1e-6)[..., None]
         mean = (weight * ends).sum(axis=2) / weight.sum(axis=2)
         spread = (weight * (ends - mean[:, :, None]) ** 2).sum(axis=2) / weight.sum(axis=2)
-        paths = self.solver.trajectories(where, contexts, executed, nuisance).reshape(*shape, -1)
+        paths = self.solver.trajectories(where, executed, nuisance, contexts).reshape(*shape, -1)
         likely = [
             log_likelihood(squares(self.solver, trial.observation, path), observed_share(trial.observation))
             for trial, path in zip(trials, paths, strict=True)
@@ -290,7 +290,7 @@ class Reality:
         """(A, a) in units -> their outcomes in every draw: success (A, KEPT, D), end state (A, KEPT, D, k)."""
         task, drawn, unit = self.simulators.task, self.simulators.disturbances, self.simulators.end_unit
         success, end = self.simulators.solver.outcomes(
-            self.parameters[None, :, None], context, actions[:, None, None] + drawn.error, drawn.nuisance
+            self.parameters[None, :, None], actions[:, None, None] + drawn.error, drawn.nuisance, context
         )
         at = self.simulators.places(actions, context)
         added = [discrepancy.drawn(at, residuals, seed) for seed, (discrepancy, residuals) in enumerate(self._added)]

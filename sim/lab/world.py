@@ -27,6 +27,7 @@ from sim.errors import NoHardware, OutOfRange, RolloutError, SimError, UnknownNa
 from sim.lab.physics import Physics, require_possible, simulate_of
 from sim.panda.tool import ToolCorrection
 from sim.tasks import declared_worlds, files_of, task_names
+from sim.tasks.library import library_of
 from sim.tasks.task import Simulate, Task
 from sim.types import Dimension, Space
 
@@ -357,18 +358,27 @@ def _faults(raw: Mapping[str, Any], source: str) -> Faults:
     return faults
 
 
-def rollouts_in(world: World) -> Simulate:
+def rollouts_in(world: World, task: Task | None = None) -> Simulate:
     """A `Task.simulate` that uses only context and action: parameters, nuisance and effects are the world's.
+
+    `task` is the one of the checkpoint: where policies are trained, it knows them.
 
     It can be sent to another process. A call raises ExtraMissing if the world's physics is not installed.
     """
-    return partial(_simulate, world)
+    knows_policies = task is not None and library_of(task) is not None
+    return partial(_simulate, world, task if knows_policies else None)
 
 
 def _simulate(
-    world: World, parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None
+    world: World,
+    task: Task | None,
+    parameters: Array,
+    context: Array,
+    action: Array,
+    nuisance: Array,
+    unmodelled: Any = None,
 ) -> ObjectTrack:
-    simulate = simulate_of(world.task, world.physics)
+    simulate = simulate_of(world.task, world.physics) if task is None else task.simulate
     try:
         return simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
     except SimError:

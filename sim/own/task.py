@@ -24,7 +24,7 @@ from sim.own.declaring import (
     require_name,
     space_of,
 )
-from sim.own.policy import training_of
+from sim.own.policy import trained_for, training_of
 from sim.own.reward import EndOfTrial, OutcomeInWords, conditions_of, measured, reward_of
 from sim.own.scene import files_of_scenes, physics_of
 from sim.own.simulation import Simulation, roles_of
@@ -123,9 +123,13 @@ def _declared(function: Callable[..., Any], **arguments: Any) -> Task:
         parameters=parameters,
         margin=margin_of(parameters, arguments["margin"]),
         context=context,
-        action=action,
+        action=trained_for(parameters) if "policy" in roles else action,
         nuisance=nuisance,
-        action_noise=frozen_array(numbers_of("action_error", arguments["action_error"], action.names)),
+        action_noise=frozen_array(
+            np.zeros(len(parameters))
+            if "policy" in roles
+            else numbers_of("action_error", arguments["action_error"], action.names)
+        ),
         observation=Observation(
             times_s=frozen_array(times_s),
             columns=tuple(range(len(state))),

@@ -167,7 +167,7 @@ class ScenarioPolicy(CandidatePolicy):
     def outcomes(self, actions: Array, context: Array) -> Outcomes:
         """Success (M, A, S) and end state (M, A, S, k)."""
         executed = actions[:, None, :] + self.drawn.error
-        values = self.expectations.outcomes(self.parameters, context, executed, self.drawn.nuisance)
+        values = self.expectations.outcomes(self.parameters, executed, self.drawn.nuisance, context)
         return Outcomes(self.expectations.task, actions, *values)
 
     def worth(self, outcomes: Outcomes, context: Array) -> Array:
@@ -208,7 +208,9 @@ class FromOutcomes(ABC):
     task: Task
 
     @abstractmethod
-    def outcomes(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
         """See `sim.tasks.task.Expectations`."""
 
     def expected_rewards(
@@ -219,13 +221,13 @@ class FromOutcomes(ABC):
         """
         drawn = Disturbances.evenly(self.task, draws if varies(self.task) else 1, rng)
         executed = actions[:, :, None, :] + drawn.error
-        success, end = self.outcomes(targets[:, None, None, :], contexts[..., None, :], executed, drawn.nuisance)
+        success, end = self.outcomes(targets[:, None, None, :], executed, drawn.nuisance, contexts[..., None, :])
         rewards = success * self.task.reward_of_success(end, contexts[..., None, :])  # (M, B, G, draws)
         return np.asarray(rewards.mean(axis=(0, 2, 3)))
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
         """(N,) rewards of N executed trials, the mean of the ensemble."""
-        success, end = self.outcomes(parameters, contexts, action, nuisance)
+        success, end = self.outcomes(parameters, action, nuisance, contexts)
         return np.asarray((success * self.task.reward_of_success(end, contexts)).mean(axis=0))
 
 
@@ -250,13 +252,15 @@ class ListedActionSolver(FromOutcomes):
         """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all."""
         return search(self.behind, samples, rng, executable, settings, self.listed)
 
-    def trajectories(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> Array:
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
         """See `sim.tasks.task.Expectations`."""
-        return self.behind.trajectories(parameters, context, action, nuisance)
+        return self.behind.trajectories(parameters, action, nuisance, context)
 
-    def outcomes(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
         """See `sim.tasks.task.Expectations`."""
-        return self.behind.outcomes(parameters, context, action, nuisance)
+        return self.behind.outcomes(parameters, action, nuisance, context)
 
     @property
     def residual_std(self) -> Array:

@@ -7,7 +7,7 @@ once, when it is first asked for. Name it as `Task.exact`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from hw.types import Array, frozen_array
-from sim.rollouts.draws import cover, physical_contexts, sobol
+from sim.errors import CheckpointError
+from sim.rollouts.draws import cover, physical_contexts, sobol, varies
 from sim.rollouts.run import Requests, Rollouts, observed
 from sim.solvers.candidates import FromOutcomes, ListedActionSolver
 from sim.solvers.misfit import tolerance
+from sim.solvers.solver import Solver
+from sim.storage.files import Tensors
 from sim.tasks.task import Task
 
 GRID, ACTIONS = 64, 64
@@ -48,23 +51,26 @@ class GridSolver(FromOutcomes):
     task: Task
     points: Array  # (K, p) the grid, in units
     contexts: Array  # (K, c) in which each point is simulated
-    probes: Array  # (PROBES, a) actions by which the error of the grid is measured
+    probes: Array  # (P, a) actions by which the error of the grid is measured
     _known: dict[bytes, _Known] = field(default_factory=dict, repr=False)  # by context, action and nuisance
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", frozen_array(self.points, (None, len(self.task.parameters)), "points"))
         shape = (len(self.points), len(self.task.context))
         object.__setattr__(self, "contexts", frozen_array(self.contexts, shape, "contexts"))
-        object.__setattr__(self, "probes", frozen_array(self.probes, (PROBES, len(self.task.action)), "probes"))
+        object.__setattr__(self, "probes", frozen_array(self.probes, (None, len(self.task.action)), "probes"))
 
-    def trajectories(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> Array:
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
         """(N, size)"""
-        lookup = self._looked_up(Requests(parameters, context, action, nuisance))
+        contexts = np.broadcast_to(self.task.simulated_in(context), (len(parameters), len(self.task.context)))
+        lookup = self._looked_up(Requests(parameters, contexts, action, nuisance))
         return self.task.at_context(lookup.observation, context)
 
-    def outcomes(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
         """Success (1, ...), and the end state (1, ..., k), 0 after a failure."""
-        requests, lead = Requests.broadcast(parameters, context, action, nuisance)
+        requests, lead = Requests.broadcast(parameters, self.task.simulated_in(context), action, nuisance)
         lookup = self._looked_up(requests)
         return lookup.success.reshape(1, *lead), lookup.end.reshape(1, *lead, -1)
 
@@ -90,6 +96,53 @@ class GridSolver(FromOutcomes):
         self._known[_key(action, nuisance)] = _Known(
             np.ones(len(self.points), dtype=bool), rollouts.succeeded.astype(np.float64), end, rollouts.observation
         )
+
+    def requests(self, actions: Array) -> Requests:
+        """The rollouts of actions (A, a) at every point, action by action; none if trials of an action differ."""
+        if varies(self.task):
+            actions = actions[:0]
+        k, count = len(self.points), len(actions)
+        return Requests(
+            np.tile(self.points, (count, 1)),
+            np.tile(self.contexts, (count, 1)),
+            np.repeat(actions, k, axis=0),
+            np.zeros((count * k, len(self.task.nuisance))),
+        )
+
+    def take(self, actions: Array, rollouts: Rollouts) -> None:
+        """Take the rollouts of `requests(actions)` as simulated."""
+        k = len(self.points)
+        for i, action in enumerate(actions):
+            self.remember(action, np.zeros(len(self.task.nuisance)), rollouts[i * k : (i + 1) * k])
+
+    @property
+    def tensors(self) -> dict[str, Array]:
+        """The rollouts of all actions that are known at every point, for a checkpoint; `restore` reads them."""
+        a = len(self.task.action)
+        whole = {key: one for key, one in self._known.items() if one.done.all()}
+        inputs = [(np.frombuffer(key[: 8 * a]), np.frombuffer(key[8 * a :])) for key in whole]
+        names = {f.name for f in fields(_Known)} - {"done"}
+        if not whole:
+            return {}
+        return {
+            "actions": np.stack([action for action, _ in inputs]),
+            "nuisance": np.stack([drawn for _, drawn in inputs]),
+        } | {name: np.stack([getattr(one, name) for one in whole.values()]) for name in sorted(names)}
+
+    def restore(self, tensors: Tensors) -> None:
+        """Take stored rollouts as simulated. Raises CheckpointError if they are not of this grid."""
+        try:
+            rows = [tensors[name] for name in ("actions", "nuisance", "success", "end", "observation")]
+            for action, nuisance, success, end, observation in zip(*rows, strict=True):
+                if len(success) != len(self.points):
+                    raise CheckpointError(
+                        f"the checkpoint's grid has {len(success)} points, and this version uses {len(self.points)}: "
+                        "pretrain again"
+                    )
+                done = np.ones(len(self.points), dtype=bool)
+                self._known[_key(action, nuisance)] = _Known(done, success, end, observation)
+        except (KeyError, ValueError) as error:
+            raise CheckpointError(f"the checkpoint's grid is incomplete ({error}): pretrain again") from error
 
     def _looked_up(self, requests: Requests) -> _Known:
         """The rollouts of N rows; the missing ones are simulated."""
@@ -140,14 +193,17 @@ class GridSolver(FromOutcomes):
 
     @cached_property
     def _paths(self) -> Array:
-        """(PROBES, K, size) trajectories of the probes at every point."""
-        every, nuisance = np.arange(len(self.points)), cover(self.task.nuisance, PROBES, np.random.default_rng(0))
+        """(P, K, size) trajectories of the probes at every point."""
+        every, nuisance = (
+            np.arange(len(self.points)),
+            cover(self.task.nuisance, len(self.probes), np.random.default_rng(0)),
+        )
         pairs = zip(self.probes, nuisance, strict=True)
         return np.stack([self._at(action, drawn, every).observation for action, drawn in pairs])
 
     @cached_property
     def _apart(self) -> Array:
-        """(PROBES, K, size) differences of these trajectories between each point and the one nearest to it."""
+        """(P, K, size) differences of these trajectories between each point and the one nearest to it."""
         _, near = self._tree.query(self._place(self.points, self.contexts), k=2)
         return np.asarray(self._paths - self._paths[:, near[:, 1]])
 
@@ -160,13 +216,22 @@ def grid_solver(task: Task) -> ListedActionSolver:
     """The solver with `GRID` points of the margin (`MOVED_GRID` where the context moves things), whose policies choose
     among `ACTIONS` that fill their ranges.
     """
-    p, c = len(task.margin), len(task.physical_context)
-    unit = sobol(MOVED_GRID if c else GRID, p + c, np.random.default_rng(0))
-    contexts, filling = physical_contexts(task, unit[:, p:]), cover(task.action, ACTIONS, np.random.default_rng(0))
-    return ListedActionSolver(
-        task, GridSolver(task, task.margin.spread(unit[:, :p]), contexts, filling[:PROBES]), filling
-    )
+    filling = cover(task.action, ACTIONS, np.random.default_rng(0))
+    points = MOVED_GRID if len(task.physical_context) else GRID
+    return ListedActionSolver(task, grid_of(task, points, filling[:PROBES]), filling)
+
+
+def grid_of(task: Task, points: int, probes: Array) -> GridSolver:
+    """A grid of so many points, which fill the margin and the contexts that move things."""
+    p = len(task.margin)
+    unit = sobol(points, p + len(task.physical_context), np.random.default_rng(0))
+    return GridSolver(task, task.margin.spread(unit[:, :p]), physical_contexts(task, unit[:, p:]), probes)
+
+
+def grid_behind(solver: Solver) -> GridSolver | None:
+    """The grid that answers for a solver; None if something else does."""
+    return solver.behind if isinstance(solver, ListedActionSolver) and isinstance(solver.behind, GridSolver) else None
 
 
 def _key(action: Array, nuisance: Array) -> bytes:
-    return np.ascontiguousarray(action).tobytes() + b"/" + np.ascontiguousarray(nuisance).tobytes()
+    return np.ascontiguousarray(action).tobytes() + np.ascontiguousarray(nuisance).tobytes()

@@ -33,7 +33,7 @@ def misfit(expectations: Expectations, context: Array, action: Array, observatio
     unit = sobol(DRAWS, p + len(task.action) + len(task.nuisance), np.random.default_rng(0))
     parameters, drawn = task.parameters.spread(unit[:, :p]), Disturbances.from_unit(task, unit[:, p:])
     contexts = np.broadcast_to(context, (DRAWS, len(task.context)))
-    paths = expectations.trajectories(parameters, contexts, action + drawn.error, drawn.nuisance)
+    paths = expectations.trajectories(parameters, action + drawn.error, drawn.nuisance, contexts)
     return float(np.sqrt(squares(expectations, observation, paths).min()))
 
 

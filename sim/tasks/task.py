@@ -21,6 +21,7 @@ from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import NoHardware
 from sim.panda.tool import Touchable
+from sim.tasks.training import TrainedPolicies
 from sim.types import Part, Space, Suspicion, ToolMotion, Visual
 
 if TYPE_CHECKING:
@@ -281,6 +282,9 @@ class Task:
     """Context (c,) -> wanted final place of the object on the table, (2,) m; None: the context is its first place."""
     plausible: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
     """The plausible range of each unmodelled effect, from which worlds are drawn."""
+    training: TrainedPolicies | None = None
+    """How it trains policies (`sim.tasks.library`): its `simulate` takes a policy as the action, and `action` names the
+    parameters that a policy was trained for. None: actions are numbers."""
     hardware: Hardware | None = None  # None: it runs in simulation only
     report: LabReport | None = None  # None: no robot of one's own can run it
     scene: Any = None
@@ -308,16 +312,23 @@ class Task:
         """
         return self.context if self.relocate is None else Space(())
 
-    def simulated_in(self, context: Array) -> Array:
-        """(..., c) -> (..., c): the context in which the rollouts of a trial are simulated; see `at_context`."""
+    def simulated_in(self, context: Array | None) -> Array:
+        """(..., c) -> (..., c): the context in which the rollouts of a trial are simulated; see `at_context`.
+
+        None: the reference context (c,). Raises ValueError if the context moves things, so that there is none.
+        """
+        if context is None:
+            if len(self.physical_context):
+                raise ValueError(f"a trial of {self.name} depends on its context, and none was given")
+            return np.asarray(self.reference_context, dtype=np.float64)
         if self.relocate is None:
             return np.asarray(context, dtype=np.float64)
         reference = np.asarray(self.reference_context, dtype=np.float64)
         return np.broadcast_to(reference, (*np.shape(context)[:-1], len(reference)))
 
-    def at_context(self, observation: Array, context: Array) -> Array:
+    def at_context(self, observation: Array, context: Array | None) -> Array:
         """(..., size) simulated in `simulated_in(context)`, context (..., c) -> the observation in that context."""
-        return observation if self.relocate is None else self.relocate(observation, context)
+        return observation if self.relocate is None or context is None else self.relocate(observation, context)
 
     def require_hardware(self) -> Hardware:
         """The parts for an arm. Raises NoHardware for a task that runs in simulation only."""
@@ -411,12 +422,17 @@ class Expectations(Protocol):
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
         """(N,) expected rewards of N executed trials: (N, p), (N, c), (N, a), (N, n)."""
 
-    def trajectories(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> Array:
-        """(N, size) expected observations of N trials, without camera noise: (N, p), (N, c), (N, a), (N, n)."""
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
+        """(N, size) expected observations of N trials, without camera noise: (N, p), (N, a), (N, n), (N, c).
 
-    def outcomes(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
-        """(..., p), (..., c), (..., a), (..., n), broadcast -> chance of success (M, ...) and end state of a success
-        (M, ..., k).
+        Without a context they are those at the task's reference context. Raises ValueError if it moves things.
+        """
+
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
+        """(..., p), (..., a), (..., n), (..., c), broadcast -> chance of success (M, ...) and end state of a success
+        (M, ..., k); for the context see `trajectories`.
 
         M is the size of the ensemble, or 1.
         """

@@ -123,7 +123,7 @@ def test_an_exact_solver_expects_what_rollouts_earn(name: str) -> None:
     tracks = [task.simulate(t, contexts[0], a[0], n) for t, a, n in zip(targets, actions, nuisance, strict=True)]
     assert np.allclose(expected, [task.score(track, contexts[0]) for track in tracks], atol=1e-9)
     everywhere = np.tile(contexts, (4, 1))
-    paths = solver.trajectories(targets, everywhere, actions[:, 0], nuisance)
+    paths = solver.trajectories(targets, actions[:, 0], nuisance, everywhere)
     assert np.allclose(paths, [task.observation(track) for track in tracks], atol=1e-9)
 
 

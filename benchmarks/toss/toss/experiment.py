@@ -96,7 +96,7 @@ class Half:
     def outcomes(self) -> tuple[Array, Array]:
         """Success (A, K) and end states (A, K, k) of every toss at every point of the grid."""
         points, contexts = self.grid.points[None], self.grid.contexts[:1]
-        success, end = self.solver.outcomes(points, contexts, self.trials.actions[:, None], np.zeros(0))
+        success, end = self.solver.outcomes(points, self.trials.actions[:, None], np.zeros(0), contexts)
         return success[0], end[0]
 
 

@@ -113,9 +113,9 @@ class Belief:
         drawn = Disturbances.evenly(task, draws, np.random.default_rng(0))
         paths = self.expectations.trajectories(
             np.repeat(truths, draws, axis=0),
-            np.broadcast_to(trial.context, (len(truths) * draws, len(task.context))),
             np.tile(trial.action + drawn.error, (len(truths), 1)),
             np.tile(drawn.nuisance, (len(truths), 1)),
+            np.broadcast_to(trial.context, (len(truths) * draws, len(task.context))),
         )
         squared = squares(self.expectations, trial.observation, paths)
         return log_likelihood(squared.reshape(len(truths), draws), observed_share(trial.observation))

@@ -135,7 +135,7 @@ def _agreed_plan(solver: Solver, policies_of: str, scene: str, world: World, fol
 
 def _in_world(solver: Solver, world: World) -> Task:
     """The task in the world. Its stacks, if it simulates any, know nothing of the world's effects."""
-    return replace(solver.task, simulate=rollouts_in(world), simulate_many=None)
+    return replace(solver.task, simulate=rollouts_in(world, solver.task), simulate_many=None)
 
 
 def load_table(task: Task, world: World, scene: str, folder: Path) -> WorldTable:

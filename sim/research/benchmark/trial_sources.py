@@ -77,7 +77,10 @@ class SimulatedTrials:
 
     def _rolled(self, contexts: Array, actions: Array, rng: np.random.Generator) -> list[ObjectTrack]:
         where = np.tile(self.world.parameters, (len(contexts), 1))
-        requests, roll = trial_requests(self.solver.task, where, contexts, actions, rng), rollouts_in(self.world)
+        requests, roll = (
+            trial_requests(self.solver.task, where, contexts, actions, rng),
+            rollouts_in(self.world, self.solver.task),
+        )
         rows = zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
         return [roll(*row) for row in rows]
 

@@ -93,12 +93,15 @@ class NafSolver:
         """(N,) rewards of the same trials in the simulator; exact, not estimated."""
         return self.roll(Requests(parameters, contexts, action, nuisance)).rewards(self.task, contexts)
 
-    def trajectories(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> Array:
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
         """(N, size) of the same trials in the simulator."""
-        rollouts = self.roll(Requests(parameters, self.task.simulated_in(context), action, nuisance))
+        contexts = np.broadcast_to(self.task.simulated_in(context), (len(parameters), len(self.task.context)))
+        rollouts = self.roll(Requests(parameters, contexts, action, nuisance))
         return self.task.at_context(rollouts.observation, context)
 
-    def outcomes(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
         """Outcomes of the same trials in the simulator: (1, ...) and (1, ..., k); 0 for a failure."""
         requests, lead = Requests.broadcast(parameters, self.task.simulated_in(context), action, nuisance)
         done = self.roll(requests)

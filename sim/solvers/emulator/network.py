@@ -155,14 +155,16 @@ class Emulator(FromOutcomes):
         """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all."""
         return search(self, samples, rng, executable, settings)
 
-    def trajectories(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> Array:
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
         """(N, size), the mean of the ensemble."""
-        simulated = self.predict(parameters, context, action, nuisance).observation
+        simulated = self.predict(parameters, self.task.simulated_in(context), action, nuisance).observation
         return self.task.at_context(simulated, context)
 
-    def outcomes(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
         """Success probability (M, ...) and end state (M, ..., k); see `sim.tasks.task.Expectations`."""
-        features = encode(self.task, parameters, context, action, nuisance)
+        features = encode(self.task, parameters, self.task.simulated_in(context), action, nuisance)
         lead = features.shape[:-1]
         raw = self._forward(features.reshape(-1, features.shape[-1]), slice(self.task.observation.size, None))
         raw = raw.reshape(self.members, *lead, raw.shape[-1])

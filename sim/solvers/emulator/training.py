@@ -241,9 +241,13 @@ def _inputs(requests: Requests) -> tuple[Array, Array, Array, Array]:
     return requests.parameters, requests.context, requests.action, requests.nuisance
 
 
+def _outcomes(emulator: Emulator, requests: Requests) -> tuple[Array, Array]:
+    return emulator.outcomes(requests.parameters, requests.action, requests.nuisance, requests.context)
+
+
 def _temperature(emulator: Emulator, dataset: Dataset, rows: Rows) -> float:
     """The softening of the logits that is most probable, given the held-out outcomes and a prior about 1."""
-    success, _ = emulator.outcomes(*_inputs(dataset.requests[rows]))
+    success, _ = _outcomes(emulator, dataset.requests[rows])
     clipped = np.clip(success, 1e-12, 1.0 - 1e-12)
     logit = np.log(clipped / (1.0 - clipped))
     candidates = np.geomspace(0.1, 8.0, 81)

@@ -24,7 +24,7 @@ def trial(moments: slice) -> Trial:
     solver = load_checkpoint(TASK, "default").solver
     action = TASK.action.middle
     there = solver.trajectories(
-        TASK.parameters.middle[None], TASK.reference_context[None], action[None], TASK.nuisance.middle[None]
+        TASK.parameters.middle[None], action[None], TASK.nuisance.middle[None], TASK.reference_context[None]
     )[0]
     seen = np.full((len(TASK.observation.times_s), 2), np.nan)
     seen[moments] = there.reshape(-1, 2)[moments]

@@ -28,7 +28,7 @@ def _toy(monkeypatch):
 
 
 class _InWorld:
-    def __init__(self, world):
+    def __init__(self, world, task):
         self.world = world
 
     def __call__(self, parameters, context, action, nuisance, unmodelled=None):

@@ -7,9 +7,11 @@ so a state that is left in a shared model shows.
 from __future__ import annotations
 
 import pickle
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -17,8 +19,10 @@ import numpy as np
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import RolloutError, SimError
-from sim.rollouts.draws import sobol
+from sim.rollouts.draws import cover, sobol
 from sim.tasks.declared import require_declared
+from sim.tasks.library import LibraryRollouts, PolicyLibrary, library_of
+from sim.tasks.members import train_member
 from sim.tasks.task import Task
 from sim.types import Space
 
@@ -35,6 +39,9 @@ SAME = 0.02
 
 TOO_WIDE, TOO_NARROW = 200.0, 20.0
 """A range that is so many times wider than all observed values has another unit; one so much narrower too."""
+
+_SAMPLES = 16
+"""Draws of parameters for the training of the one policy of a check."""
 
 _ENDS = 512
 """Ends of trials at which a reward is tried."""
@@ -94,6 +101,9 @@ def examine(
     """
     require_declared(task)
     yield TaskFinding("the values of the task fit each other", "kept")
+    if task.training is not None and library_of(task) is None:
+        task, trained_s = _with_a_policy(task)
+        yield TaskFinding("a policy can be trained, stored and loaded", "kept", f"its training took {trained_s:.3g} s")
     rolls, ends = _rollouts(task, rng, limit_s / 2)
     seconds = [one.seconds for one in rolls]
     timed(Cost(len(rolls), float(np.median(seconds)), max(seconds)))
@@ -106,6 +116,16 @@ def examine(
     yield from _contexts(task, rolls, rng, limit_s / 4)
     yield from _sensitive(task, rolls, ends, rng)
     yield from _first_broken("outcomes are those of the report", _outcomes(task, rolls))
+
+
+def _with_a_policy(task: Task) -> tuple[Task, float]:
+    """The task with one policy, trained for all of Omega, and the time of the training. Raises TaskError."""
+    samples = cover(task.parameters, _SAMPLES, np.random.default_rng(0))
+    with tempfile.TemporaryDirectory() as folder:
+        member = train_member(task, "everywhere", samples, task.parameters.middle, 0, Path(folder) / "everywhere")
+        library = PolicyLibrary((member,))
+        library.policy(task, member)  # kept in memory, so that the files may go
+    return replace(task, simulate=LibraryRollouts(task, library), simulate_many=None), member.seconds
 
 
 def _first_broken(check: str, complaints: Iterator[str]) -> Iterator[TaskFinding]:
@@ -390,7 +410,8 @@ def _sensitive(task: Task, rolls: Sequence[_Rolled], ends: int, rng: np.random.G
             tried[what].add(f"{name} ")
         elif f"{name} " not in tried[what] and name not in silent[what]:
             silent[what].append(name)
-    for what, space in (("parameters", task.parameters), ("action", task.action)):
+    spaces = [("parameters", task.parameters), ("action", task.action)]
+    for what, space in spaces if task.training is None else spaces[:1]:  # one policy is one action
         check = f"each of the {what} changes the motion" if what == "parameters" else "each action changes the motion"
         if len(silent[what]) == len(space) and _ignored(task, rolls, what, rng):
             yield TaskFinding(

@@ -20,6 +20,7 @@ FILES = {path: code for kind, path, code in BLOCK.findall(PAGE) if kind == "file
 NEEDS = {"glide.py": "mujoco", "balance.py": "gymnasium"}
 FEWER = {
     "pretrain": ["--rollouts", "96", "--denser", "0", "--workers", "1"],
+    "world-tables": ["--workers", "1", "--rollouts", "64"],
     "benchmark": ["--workers", "1"],
     "task": ["--limit", "3"],
 }

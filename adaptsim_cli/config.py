@@ -18,7 +18,6 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.storage.validation import place, plain, unknown
 from hw.bounded import Unreadable, read_table
 from hw.records import Record
-from sim.storage.places import data_folder
 
 Hardware = Literal["fake", "panda", "fr3", "own"]
 SIMULATED: Hardware = "fake"
@@ -208,6 +207,8 @@ def places(env: Mapping[str, str] | None = None, project: Path | None = None) ->
 
     Raises UsageError if ADAPTSIM_HOME cannot be a folder.
     """
+    from sim.storage.places import data_folder  # not above: another `sim` may hide ours, and app.py says so
+
     env = os.environ if env is None else env
     project = Path.cwd() if project is None else project
     if home := env.get("ADAPTSIM_HOME"):

@@ -18,7 +18,6 @@ from rich.text import Text
 from adaptsim_cli.config import is_own, is_simulated
 from adaptsim_cli.errors import UsageError
 from hw.types import Array, JointPath
-from sim.types import Space
 
 if TYPE_CHECKING:
     from hw.types import Array

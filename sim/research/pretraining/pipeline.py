@@ -35,6 +35,7 @@ from sim.research.methods.search import RandomSearch
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.research.pretraining.budget import EVERYTHING, MEMORIES, NETWORKS, OptionalStages, PretrainBudget
+from sim.research.pretraining.cost import GROWN, enough_rollouts, measured_cost
 from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, SolverActing, fill_library
 from sim.research.pretraining.evaluation import evaluate
 from sim.research.pretraining.logs import StageTimer, curve_file
@@ -198,6 +199,7 @@ def _grid(folder: Path, solver: Solver, executor: Executor, progress: StageProgr
     assert isinstance(solver, ListedActionSolver)
     requests = grid.requests(solver.listed)
     if len(requests):
+        progress(measured_cost(solver.task, 0).in_words(len(requests)), 1, 1)
         shards = split(requests, GRID_SHARD, lambda number: folder / "grid" / f"shard-{number:05d}.npz")
         rollouts = simulate_missing(solver.task, shards, executor, lambda i, n: progress(GRID, i, n))
         grid.take(solver.listed, rollouts)
@@ -233,14 +235,15 @@ def _learnt(
     executor: Executor,
     progress: StageProgress,
 ) -> _Means:
+    cost, size, denser = measured_cost(task, seeds[0]), budget.rollouts, _denser(task, budget, seeds[1])
+    progress(cost.in_words(budget.rollouts + budget.denser), 1, 1)
+    if cost.is_slow or (folder / "dataset" / GROWN).exists():
+        size = enough_rollouts(
+            task, folder / "dataset", size, seeds[0], budget.emulator, executor, lambda i, n: progress(STAGES[0], i, n)
+        )
+        denser = denser if size == budget.rollouts else None
     dataset = build_dataset(
-        task,
-        folder / "dataset",
-        budget.rollouts,
-        seeds[0],
-        executor,
-        lambda i, n: progress(STAGES[0], i, n),
-        _denser(task, budget, seeds[1]),
+        task, folder / "dataset", size, seeds[0], executor, lambda i, n: progress(STAGES[0], i, n), denser
     )
     path, report = folder / "emulator.safetensors", folder / "emulator.toml"
     if not (path.exists() and report.exists()):

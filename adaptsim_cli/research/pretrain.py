@@ -79,6 +79,7 @@ def pretrain(
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.research import pretraining
     from adaptsim_cli.research.working import complete, share_of, simulations
+    from sim.adaptation.worth_in_words import worth_in_words
     from sim.research.pretraining.budget import OptionalStages
 
     if episodes is not None and not methods:
@@ -97,11 +98,14 @@ def pretrain(
         stages = OptionalStages(policies=methods, evaluation=evaluate)
         folder = pretraining.pretrain(request, crew, progress, stages)
     screen.plain(f"Checkpoint: {folder}")
+    card = pretraining.checkpoint_card(resolved.config.task, folder)
+    for sentence in worth_in_words(card.get("worth")):
+        screen.plain(sentence)
     chosen = resolved.config
     own = f" --object {chosen.object}" if chosen.object else ""
     steps = [
         (f"ADAPTSIM_CHECKPOINT={folder} adaptsim run-iteration --task {chosen.task}{own}", "a session with it"),
         (f"adaptsim checkpoints verify {folder}", "are the figures on its card right?"),
     ]
-    data = {"checkpoint": str(folder), "card": pretraining.checkpoint_card(chosen.task, folder)}
+    data = {"checkpoint": str(folder), "card": card}
     return Reply(data, next=steps)

@@ -34,6 +34,7 @@ from adaptsim_cli.view.live import live_view
 from adaptsim_cli.view.server import require_free
 from adaptsim_cli.wiring.control import control_of
 from adaptsim_cli.wiring.rig_frames import ground_of, hash_of, own_ground
+from adaptsim_cli.wiring.session_policies import with_session_policies
 from adaptsim_cli.wiring.settings import checkpoint_of, recordings_of, solver_of, started_from, task_of
 from adaptsim_cli.wiring.touch_off import origin
 from hw.braking import FULL
@@ -72,6 +73,7 @@ def open_parts(
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
     checkpoint, prior = started_from(checkpoint_of(config), config)
+    checkpoint = with_session_policies(checkpoint, learnt.parent, config.workers, screen)
     if config.recorded:
         yield _recorded_parts(config, checkpoint, prior, learnt.parent)
         return

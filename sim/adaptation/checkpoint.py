@@ -111,6 +111,7 @@ class Card(_Table):
     budget: Budget = Budget()
     self_test: list[float] | None = None  # predictions repeated on loading; None: no emulator
     policies: dict[str, str] = {}  # name -> SHA-256 of each trained policy, in the folder `policies`
+    worth: dict[str, Any] | None = None  # see `sim.research.pretraining.worth`; None: not measured
     emulator: EmulatorReport | None = None  # None: no emulator was trained
     evaluation: EvaluationReport | None = None  # None: not asked for
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor, as_completed
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, as_completed, wait
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +13,13 @@ import numpy as np
 
 from hw.types import Array
 from sim.rollouts.draws import cover
+from sim.rollouts.executors import process_pool
 from sim.rollouts.run import Progress
+from sim.rollouts.shards import simulate_missing, split
 from sim.solvers.candidates import ListedActionSolver
-from sim.solvers.grid import PROBES, grid_of
+from sim.solvers.grid import PROBES, grid_behind, grid_of
 from sim.tasks.library import LibraryRollouts, PolicyLibrary, library_of
-from sim.tasks.members import train_member
+from sim.tasks.members import POLICY, Member, read_member, train_member
 from sim.tasks.task import Task
 
 SAMPLES, EVERYWHERE = 16, 64
@@ -79,3 +84,59 @@ def _near(task: Task, place: Array, rng: np.random.Generator) -> Array:
     std = SPREAD * task.training.distance
     unit = task.parameters.normalise(place) + std * rng.standard_normal((SAMPLES, len(place)))
     return task.parameters.denormalise(np.clip(unit, 0.0, 1.0))
+
+
+def trained_within(
+    task: Task, trained_for: Array, folder: Path, limit_s: float, waiting: Callable[[float], None]
+) -> Member | None:
+    """The policy for parameters (p,), trained in a process of its own and stored as `folder`; None after `limit_s`.
+
+    A training that was stopped once leaves a note, and is not begun again. `waiting` gets the seconds so far. Raises
+    TaskError if the training fails.
+    """
+    note = folder.with_name(f"{folder.name}.stopped")
+    if not (folder / POLICY).exists():
+        if note.exists():
+            return None
+        rng = np.random.default_rng(int(folder.name.rpartition("-")[2], 16))
+        seed, samples = int(rng.integers(2**31)), _near(task, trained_for, rng)
+        with process_pool(1) as crew:
+            job = crew.submit(train_member, task, folder.name, samples, trained_for, seed, folder)
+            began = time.monotonic()
+            while not job.done() and time.monotonic() - began < limit_s:
+                wait([job], timeout=min(0.5, limit_s))
+                waiting(time.monotonic() - began)
+            if not job.done():
+                for process in list((crew._processes or {}).values()):
+                    process.kill()
+                folder.parent.mkdir(parents=True, exist_ok=True)
+                note.write_text(f"stopped after {limit_s:g} s\n", encoding="utf-8")
+                return None
+            job.result()
+    return read_member(folder)
+
+
+def name_for(trained_for: Array) -> str:
+    """The name of a policy that a session trains for parameters (p,)."""
+    return f"session-{hashlib.sha256(np.ascontiguousarray(trained_for).tobytes()).hexdigest()[:8]}"
+
+
+def grown(
+    solver: ListedActionSolver, members: Sequence[Member], folder: Path, executor: Executor, progress: Progress
+) -> ListedActionSolver:
+    """The solver with further members, whose rollouts at the grid are simulated and kept in `folder`."""
+    library, old = library_of(solver.task), grid_behind(solver)
+    assert library is not None
+    assert old is not None
+    more = library_solver(with_library(solver.task, PolicyLibrary((*library.members, *members))))
+    grid = grid_behind(more)
+    assert grid is not None
+    if stored := old.tensors:
+        grid.restore(stored)
+    for member in members:
+        action = member.trained_for[None]
+        requests = grid.requests(action)
+        if len(requests):
+            shards = split(requests, len(requests), lambda _, name=member.name: folder / f"{name}.npz")  # type: ignore[misc]
+            grid.take(action, simulate_missing(more.task, shards, executor, progress))
+    return more

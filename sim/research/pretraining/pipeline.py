@@ -35,6 +35,7 @@ from sim.research.methods.search import RandomSearch
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.research.pretraining.budget import EVERYTHING, MEMORIES, NETWORKS, OptionalStages, PretrainBudget
+from sim.research.pretraining.cost import GROWN, enough_rollouts, measured_cost
 from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, SolverActing, fill_library
 from sim.research.pretraining.evaluation import evaluate
 from sim.research.pretraining.logs import StageTimer, curve_file
@@ -46,13 +47,15 @@ from sim.research.pretraining.meta_training import (
     train_adaptation,
 )
 from sim.research.pretraining.soundness import require_sound
+from sim.research.pretraining.worth import measured_worth
 from sim.rollouts.dataset import AdaptiveSampling, build_dataset, build_share
 from sim.rollouts.run import Roll, run_many
-from sim.rollouts.shards import CachedRollouts, simulate_missing, split
+from sim.rollouts.shards import CachedRollouts, simulate_missing
+from sim.rollouts.shards import split as into_shards
 from sim.rollouts.shares import Share
 from sim.solvers.candidates import ListedActionSolver
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.training import outcome_variance, train_emulator
+from sim.solvers.emulator.training import outcome_variance, reward_error, split, train_emulator
 from sim.solvers.grid import grid_behind
 from sim.solvers.library import train_library, with_library
 from sim.solvers.solver import Solver
@@ -69,7 +72,7 @@ BELIEF, RANDOM = "adaptsim-belief", "random"
 """The methods in the evaluation, by their names in `sim.adaptation.methods.METHODS`."""
 
 STAGES = ("dataset", "emulator", "prospects", "adaptation policies", "evaluation", "checkpoint")
-TRAINING, GRID = "policies", "grid of rollouts"
+TRAINING, GRID, WORTH = "policies", "grid of rollouts", "worth of the result"
 
 GRID_SHARD = 64
 """Rollouts per file of a grid: all that an interruption costs."""
@@ -89,6 +92,7 @@ class _Means:
     roll: Roll
     simulated: Callable[[], int]  # number of rollouts so far
     facts: dict[str, Any]  # for the card
+    reward_error: Callable[[], float | None] = lambda: None  # of the emulator, on unseen rollouts
 
     @property
     def memories(self) -> tuple[MemoryName, ...]:
@@ -135,6 +139,8 @@ def pretrain(
         means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
     # None with NAF: without an emulator each entry would cost a simulation.
     ahead = _prospects(folder, means, budget.prospects, draws[2], progress) if task.exact or means.emulator else None
+    if ahead is not None:
+        facts["worth"] = _worth(folder, means, ahead, draws[2], progress)
     networks: dict[MemoryName, QNetwork] = {}
     if stages.policies or ahead is None or policy_files(folder, MEMORIES[0])[1].exists():
         networks = _policies(folder, means, budget.meta, draws[2], progress)
@@ -198,7 +204,8 @@ def _grid(folder: Path, solver: Solver, executor: Executor, progress: StageProgr
     assert isinstance(solver, ListedActionSolver)
     requests = grid.requests(solver.listed)
     if len(requests):
-        shards = split(requests, GRID_SHARD, lambda number: folder / "grid" / f"shard-{number:05d}.npz")
+        progress(measured_cost(solver.task, 0).in_words(len(requests)), 1, 1)
+        shards = into_shards(requests, GRID_SHARD, lambda number: folder / "grid" / f"shard-{number:05d}.npz")
         rollouts = simulate_missing(solver.task, shards, executor, lambda i, n: progress(GRID, i, n))
         grid.take(solver.listed, rollouts)
     return {f"{GRID_TENSORS}{name}": tensor for name, tensor in grid.tensors.items()}
@@ -233,14 +240,15 @@ def _learnt(
     executor: Executor,
     progress: StageProgress,
 ) -> _Means:
+    cost, size, denser = measured_cost(task, seeds[0]), budget.rollouts, _denser(task, budget, seeds[1])
+    progress(cost.in_words(budget.rollouts + budget.denser), 1, 1)
+    if cost.is_slow or (folder / "dataset" / GROWN).exists():
+        size = enough_rollouts(
+            task, folder / "dataset", size, seeds[0], budget.emulator, executor, lambda i, n: progress(STAGES[0], i, n)
+        )
+        denser = denser if size == budget.rollouts else None
     dataset = build_dataset(
-        task,
-        folder / "dataset",
-        budget.rollouts,
-        seeds[0],
-        executor,
-        lambda i, n: progress(STAGES[0], i, n),
-        _denser(task, budget, seeds[1]),
+        task, folder / "dataset", size, seeds[0], executor, lambda i, n: progress(STAGES[0], i, n), denser
     )
     path, report = folder / "emulator.safetensors", folder / "emulator.toml"
     if not (path.exists() and report.exists()):
@@ -253,7 +261,12 @@ def _learnt(
     emulator = Emulator(task, load_tensors(path))
     facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": read_report(report)}
     roll = CachedRollouts(task, folder / "rollouts", executor)
-    return _Means(task, lambda: emulator, emulator, roll, lambda: len(dataset) + roll.count(), facts)
+
+    def unseen_error() -> float:
+        _, unseen, _ = split(dataset, np.random.default_rng(seeds[1]), budget.emulator)
+        return reward_error(emulator, *dataset.select(unseen))
+
+    return _Means(task, lambda: emulator, emulator, roll, lambda: len(dataset) + roll.count(), facts, unseen_error)
 
 
 def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, solver: str) -> None:
@@ -338,6 +351,16 @@ def _prospects(
         save_tensors(path, ahead.tensors)
     progress(STAGES[2], 1, 1)
     return restore_prospects(means.task, load_tensors(path))
+
+
+def _worth(folder: Path, means: _Means, ahead: RewardTable, seed: int, progress: StageProgress) -> dict[str, Any]:
+    path = folder / "worth.toml"
+    if not path.exists():
+        progress(WORTH, 0, 1)
+        worth = asdict(measured_worth(means.new_solver(), ahead, means.reward_error(), seed))
+        write_toml(path, {key: value for key, value in worth.items() if value is not None})
+    progress(WORTH, 1, 1)
+    return read_report(path)
 
 
 def _evaluation(

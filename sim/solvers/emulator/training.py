@@ -288,6 +288,15 @@ def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> d
     }
 
 
+def reward_error(emulator: Emulator, requests: Requests, true: Rollouts) -> float:
+    """The mean error of the expected reward of rollouts, in the unit of the reward, in contexts drawn evenly."""
+    task, n = emulator.task, len(requests)
+    drawn = task.context.sample(np.random.default_rng(0), n)
+    contexts = requests.context if len(task.physical_context) else drawn
+    expected = emulator.trial_rewards(requests.parameters, contexts, requests.action, requests.nuisance)
+    return float(np.abs(expected - true.rewards(task, contexts)).mean())
+
+
 def _judge(emulator: Emulator, dataset: Dataset, rows: Rows, trained: int) -> EmulatorReport:
     requests, true = dataset.select(rows)
     errors = held_out_errors(emulator, requests, true)

@@ -245,7 +245,7 @@ def _tables(request: BenchmarkRequest) -> list[WorldTable | None]:
     """The table of each target; None for a task that simulates its worlds."""
     from sim.research.benchmark.tables import load_table
 
-    if request.task.exact:
+    if request.task.exact or request.task.training:
         return [None] * len(request.targets)
     scenes, folder = scene_keys(request.task, request.targets), tables_folder(request.resolved)
     return [

@@ -103,6 +103,10 @@ def _planned(resolved: Resolved, targets: str, rollouts: int) -> list[_PlannedTa
     task = get_task(config.task)
     if task.exact:
         raise UsageError(f"{task.name} needs no tables: its trials cost next to nothing, so a benchmark simulates them")
+    if task.training:
+        raise UsageError(
+            f"{task.name} needs no tables: its actions are trained policies, so a benchmark simulates them"
+        )
     checkpoint = load_checkpoint(task, config.checkpoint or usual_checkpoint(task))
     chosen = targets_of(task, comma_separated(targets))
     scenes, folder = scene_keys(task, chosen), tables_folder(resolved)

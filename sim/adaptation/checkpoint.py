@@ -224,11 +224,11 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
             f"{_own(card, task)}: pretrain again with `adaptsim pretrain --task {task.name}`"
             + (", or give the file of that object with --object" if task.file is None else ", in a new --out")
         )
-    _require_same_physics(task, path, card)
     verify_weights(path, card)
     tensors = load_tensors(path / MODEL)
     if task.training is not None:
         task = with_library(task, read_library(path / POLICIES, card.policies))
+    _require_same_physics(task, path, card)
     ahead = _part(tensors, PROSPECTS)
     _require_finite(tensors, path / MODEL)
     emulator = None if task.exact or card.solver == "naf" else Emulator(task, _part(tensors, "emulator."))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from adaptsim_cli.config import Resolved
     from sim.tasks.task import Task
+    from sim.types import Dimension
 
 app = typer.Typer(help="The simulated lab and its worlds.", no_args_is_help=True)
 
@@ -80,14 +81,14 @@ def _truth(resolved: Resolved, task: Task, truth: dict[str, Any]) -> tuple[dict[
         text.append(f"Its physics is {truth['physics']}: trials run without arm or camera.")
     groups = ("parameters", "nuisance", "unmodelled", "sensing", "mount", "faults")
     named = {
-        group: {d.name: (d.label, d.plain) for d in space.dimensions}
+        group: {d.name: d for d in space.dimensions}
         for group, space in (("parameters", task.parameters), ("nuisance", task.nuisance))
     }
     body = [
-        (group, label, str(value), plain)
+        (group, name, str(value), "") if d is None else (group, d.label, _in_words(d, value), d.plain)
         for group in groups
         for name, value in truth.get(group, {}).items()
-        for label, plain in (named.get(group, {}).get(name, (name, "")),)
+        for d in (named.get(group, {}).get(name),)
     ]
     rows = truth.get("X_BC", [])
     body += [("camera", f"X_BC row {i}", "  ".join(f"{v:8.4f}" for v in row), "") for i, row in enumerate(rows)]
@@ -96,6 +97,11 @@ def _truth(resolved: Resolved, task: Task, truth: dict[str, Any]) -> tuple[dict[
         text.append(truth_view.table(revealed))
         text.append(f"Found by session {revealed.session}, the newest in this world.")
     return truth | {"units": units, "revealed": revealed}, text
+
+
+def _in_words(dimension: Dimension, value: float) -> str:
+    """A value for a person: the word of a category."""
+    return dimension.words[round(value)] if dimension.words else str(value)
 
 
 @app.command("list")

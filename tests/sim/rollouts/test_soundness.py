@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,12 +13,12 @@ from documents import ROOT
 from hw.types import frozen_array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import RolloutError, TaskError
-from sim.rollouts.soundness import examine, require_sound
+from sim.rollouts.soundness import Cost, examine, require_sound
 from sim.types import Dimension, Space
 
 PAGE = (ROOT / "docs/guide/add-a-task.md").read_text(encoding="utf-8")
 CODE = re.search(r"^<!-- file curling/__init__.py -->\n```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
-MODULE: dict[str, object] = {"__name__": __name__}
+MODULE: dict[str, Any] = {"__name__": __name__}
 exec(CODE[1].replace("from __future__ import annotations\n", ""), MODULE)
 TASK, TIMES_S = MODULE["TASK"], MODULE["TIMES_S"]
 curl = MODULE["simulate"]
@@ -144,7 +145,7 @@ WRONG = {
     "an outcome in words": (
         lambda: replace(
             TASK,
-            simulate=lambda p, c, a, n, u=None: replace(curl(p, c, a, n), outcome="done"),  # type: ignore[arg-type]
+            simulate=lambda p, c, a, n, u=None: replace(curl(p, c, a, n), outcome="done"),
         ),
         "gives the outcome 'done': it must be one of Outcome",
     ),
@@ -163,7 +164,7 @@ def test_a_wrong_task_is_refused_with_what_is_right(name):
 
 
 def test_the_task_of_the_tutorial_is_sound_and_its_cost_is_known():
-    costs = []
+    costs = list[Cost]()
     findings = [*examine(TASK, np.random.default_rng(0), 2.0, costs.append)]
     assert {one.mark for one in findings} <= {"kept", "doubtful"}
     assert costs[0].rollouts > 20

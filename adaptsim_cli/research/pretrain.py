@@ -79,6 +79,7 @@ def pretrain(
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.research import pretraining
     from adaptsim_cli.research.working import complete, share_of, simulations
+    from adaptsim_cli.wiring.settings import task_of, usual_checkpoint
     from sim.adaptation.worth_in_words import worth_in_words
     from sim.research.pretraining.budget import OptionalStages
 
@@ -103,8 +104,10 @@ def pretrain(
         screen.plain(sentence)
     chosen = resolved.config
     own = f" --object {chosen.object}" if chosen.object else ""
+    usual = not chosen.object and usual_checkpoint(task_of(chosen)) == str(folder)
+    setting = "" if usual else f"ADAPTSIM_CHECKPOINT={folder} "
     steps = [
-        (f"ADAPTSIM_CHECKPOINT={folder} adaptsim run-iteration --task {chosen.task}{own}", "a session with it"),
+        (f"{setting}adaptsim run-iteration --task {chosen.task}{own}", "a session with it"),
         (f"adaptsim checkpoints verify {folder}", "are the figures on its card right?"),
     ]
     data = {"checkpoint": str(folder), "card": card}

@@ -7,6 +7,7 @@ import re
 import shlex
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from documents import ROOT
@@ -35,9 +36,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def checked(file: str, capsys: pytest.CaptureFixture[str]) -> dict[str, object]:
+def checked(file: str, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
     assert app.run(["task", "check", file, "--limit", "2", "--json"]) == 0
-    answer: dict[str, object] = json.loads(capsys.readouterr().out)
+    answer: dict[str, Any] = json.loads(capsys.readouterr().out)
     return answer
 
 

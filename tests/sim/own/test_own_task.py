@@ -14,6 +14,7 @@ from sim.errors import TaskError, WorldError
 from sim.lab.world import list_worlds, load_world, rollouts_in, tasks_of_world
 from sim.rollouts.executors import process_pool
 from sim.rollouts.run import Requests, run_many
+from sim.rollouts.soundness import examine
 from sim.tasks import files_of, get_task, task_names, task_of_file
 from sim.tasks.task import Task
 
@@ -156,3 +157,15 @@ def test_a_function_that_returns_something_else_is_named_with_its_line(settle, r
 
 def settle_inputs(task: Task) -> tuple[np.ndarray, ...]:
     return task.parameters.middle, task.context.middle, task.action.middle, task.nuisance.middle
+
+
+@pytest.mark.long
+def test_a_task_that_trains_its_policies_is_sound(home):
+    pytest.importorskip("gymnasium")
+    upend = task_of_file(str(FILES / "upend.py"))
+    assert upend.physics == "gymnasium"
+    assert upend.training.policies == 8
+    assert upend.action.names == upend.parameters.names, "a policy is named by what it was trained for"
+    findings = {one.check: one for one in examine(upend, np.random.default_rng(0), 2.0)}
+    assert findings["a policy can be trained, stored and loaded"].mark == "kept"
+    assert {one.mark for one in findings.values()} <= {"kept", "doubtful"}

@@ -78,6 +78,7 @@ def watched(path: str) -> Iterator[Watched]:
         patched(builtins, {"print": printing}),
         patched(time, {"sleep": sleep}),
         patched(subprocess, starts),
+        patched(subprocess.Popen, {"__init__": starting(subprocess.Popen.__init__)}),
         patched(os, {"system": starting(os.system)}),
         redirect_stdout(Aside()),
     ):

@@ -83,6 +83,7 @@ def test_the_commands_of_the_page_run_one_after_another(folder, capsys):
     (folder / "my_robot.py").write_text(ROBOT, encoding="utf-8")
     own = ["run-iteration", "--task", "glide.py", "--hw", "own", "--answer-with", f"{sys.executable} my_robot.py"]
     assert app.run([*own, "--answer-moves", "nothing", "--yes"]) == 0, capsys.readouterr().err
+    assert "Is this your robot? At the end of the first trial: x" in " ".join(capsys.readouterr().out.split())
     facts = api.open_session("glide-tilted").facts
     assert facts.task_file == str(folder / "glide.py")
     text = (folder / "glide.py").read_text(encoding="utf-8")

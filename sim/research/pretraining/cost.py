@@ -107,4 +107,3 @@ def enough_rollouts(
             return size
         before, size = errors[str(size)], min(GROWTH * size, most)
     return most
-

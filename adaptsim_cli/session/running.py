@@ -111,8 +111,11 @@ def run_session(
     screen = screen or Screen()
     _confirm_session(screen, request, resolved, earlier)
     with ExitStack() as stack:
-        with screen.busy("Loading the task, the policies and the devices", "loading"):
-            parts = stack.enter_context(open_parts(config, folders.folder_of(root, name) / "naf"))
+        parts = _opened(open_parts, config, root, name, screen, stack)
+        if earlier and parts.train_policies is not None and parts.train_policies(screen):
+            parts = _opened(open_parts, config, root, name, screen, stack)
+        for sentence in () if earlier else parts.worth:
+            screen.plain(sentence)
         operator = _operator(config, parts, request, screen)
         store = _same_parts(earlier, parts) if earlier else begin(root, name, config, parts)
         if changed := changed_file(store.facts, parts):
@@ -281,6 +284,11 @@ def settings_of(store: SessionStore, config: Config) -> Config:
     own = facts.checkpoint_folder if Path(facts.checkpoint_folder).is_dir() else ""
     begun_with = {key: getattr(facts, key) for key in _FROZEN}
     return config.model_copy(update={**begun_with, "checkpoint": config.checkpoint or own})
+
+
+def _opened(open_parts: OpenParts, config: Config, root: Path, name: str, screen: Screen, stack: ExitStack) -> Parts:
+    with screen.busy("Loading the task, the policies and the devices", "loading"):
+        return stack.enter_context(open_parts(config, folders.folder_of(root, name) / "naf"))
 
 
 def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:

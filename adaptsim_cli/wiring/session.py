@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,7 +35,7 @@ from adaptsim_cli.view.live import live_view
 from adaptsim_cli.view.server import require_free
 from adaptsim_cli.wiring.control import control_of
 from adaptsim_cli.wiring.rig_frames import ground_of, hash_of, own_ground
-from adaptsim_cli.wiring.session_policies import with_session_policies
+from adaptsim_cli.wiring.session_policies import trained_policies, with_session_policies
 from adaptsim_cli.wiring.settings import checkpoint_of, recordings_of, solver_of, started_from, task_of
 from adaptsim_cli.wiring.touch_off import origin
 from hw.braking import FULL
@@ -43,6 +44,7 @@ from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.learner import Learner
 from sim.adaptation.methods import kind_of
+from sim.adaptation.worth_in_words import worth_in_words
 from sim.errors import NotExecutable
 from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.solver import Executable, Expectations, Policies
@@ -73,7 +75,11 @@ def open_parts(
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
     checkpoint, prior = started_from(checkpoint_of(config), config)
-    checkpoint = with_session_policies(checkpoint, learnt.parent, config.workers, screen)
+    of_library, session = checkpoint, learnt.parent
+    checkpoint = with_session_policies(of_library, session, config.workers, None)
+    worth = tuple(worth_in_words(checkpoint.card.worth))
+    training = checkpoint.solver.task.training
+    train = partial(trained_policies, of_library, session, config.workers) if training is not None else None
     if config.recorded:
         yield _recorded_parts(config, checkpoint, prior, learnt.parent)
         return
@@ -83,7 +89,7 @@ def open_parts(
             learner = _learner(config, checkpoint, policies, expectations, yours.executable)
             control, sha256 = control_of(config, checkpoint, policies, yours.executable)
             origin = replace(_provenance(checkpoint, prior, ""), control_sha256=sha256)
-            yield Parts(yours.task, yours, learner, origin, control)
+            yield Parts(yours.task, yours, learner, origin, control, worth=worth, train_policies=train)
         return
     with (
         _open_target(config, checkpoint.solver.task, drivers, own, screen) as (task, target, executable, rig),
@@ -100,7 +106,8 @@ def open_parts(
             )
         control, sha256 = control_of(config, checkpoint, policies, executable)
         newest = None if rig is None else rig.camera.newest
-        yield Parts(task, target, learner, replace(origin, control_sha256=sha256), control, newest)
+        origin = replace(origin, control_sha256=sha256)
+        yield Parts(task, target, learner, origin, control, newest, worth, train)
 
 
 def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> Parts:

@@ -62,6 +62,16 @@ def with_session_policies(checkpoint: Checkpoint, session: Path, workers: int, s
     return replace(checkpoint, solver=more)
 
 
+def trained_policies(checkpoint: Checkpoint, session: Path, workers: int, screen: Screen) -> bool:
+    """Train the missing policies of a session; whether there is one that `with_session_policies` did not know before.
+
+    Raises TaskError if a training fails.
+    """
+    before = {path.parent for path in (session / FOLDER).glob("*/policy.toml")}
+    with_session_policies(checkpoint, session, workers, screen)
+    return {path.parent for path in (session / FOLDER).glob("*/policy.toml")} != before
+
+
 def _shown(progress: Callable[[str, int, int], None], stage: str, limit_s: float) -> Callable[[float], None]:
     """Shows the seconds of a training as a part of its limit."""
     return lambda seconds: progress(stage, round(seconds), max(1, round(limit_s)))

@@ -117,9 +117,7 @@ def run_session(
         for sentence in () if earlier else parts.worth:
             screen.plain(sentence)
         operator = _operator(config, parts, request, screen)
-        store = _same_parts(earlier, parts) if earlier else begin(root, name, config, parts)
-        if changed := changed_file(store.facts, parts):
-            screen.note(changed)
+        store = _same_parts(earlier, parts, screen) if earlier else begin(root, name, config, parts)
         watcher = stack.enter_context(open_view(screen, store, parts))
         stack.enter_context(store.locked())
         log = stack.enter_context(logged(store, screen, parts.provenance.versions))
@@ -337,7 +335,7 @@ _OWN = {
 }
 
 
-def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
+def _same_parts(store: SessionStore, parts: Parts, screen: Screen) -> SessionStore:
     """The store, if its checkpoint, calibration and world are still those that it was begun with."""
     facts, now = store.facts, parts.provenance
     for what, was, digest in (
@@ -354,6 +352,8 @@ def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
                 "its trials cannot be compared with new ones. Restore it, or give another --session"
                 + _OWN.get(what, "")
             )
+    if changed := changed_file(facts, parts):
+        screen.note(changed)
     return store
 
 

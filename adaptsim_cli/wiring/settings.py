@@ -201,8 +201,8 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     for folder in _folders(facts):
         try:
             if read_card(folder, task.name).sha256 == facts.checkpoint_sha256:
-                known = with_session_policies(load_checkpoint(task, str(folder)), store.folder, 1, None)
-                return as_begun(known, facts)
+                checkpoint = with_session_policies(load_checkpoint(task, str(folder)), store.folder, 1, None)
+                return as_begun(checkpoint, facts)
         except CheckpointError:
             continue
     raise CheckpointError(

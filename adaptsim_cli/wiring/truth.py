@@ -121,10 +121,10 @@ def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
         np.concatenate([policy.actions(contexts) for policy in policies]),
         np.tile(middle, (count, 1)),
     )
-    there = repr(
+    identity = repr(
         (checkpoint.sha256, world.parameters.tolist(), world.nuisance.tolist(), world.unmodelled, world.physics)
     )
-    path = data_folder() / "truth" / f"{hashlib.sha256(there.encode()).hexdigest()[:24]}.npz"
+    path = data_folder() / "truth" / f"{hashlib.sha256(identity.encode()).hexdigest()[:24]}.npz"
     rollouts = read_rollouts(path, requests)
     if rollouts is None:
         in_world = replace(task, simulate=rollouts_in(world, task), simulate_many=None)

@@ -192,19 +192,19 @@ def _shard(folder: Path, number: int) -> Path:
 
 def _read(task: Task, folder: Path, world: World, size: int) -> WorldTable:
     """Read all shards, and verify each digest."""
-    asked, parts, total = list[Requests](), list[Rollouts](), hashlib.sha256()
+    listed, parts, total = list[Requests](), list[Rollouts](), hashlib.sha256()
     for start in range(0, size, SHARD):
         path = _shard(folder, start // SHARD)
         contents = read_shard(path)
         if contents is None:
             raise DatasetError(f"{path} is missing or damaged: run `adaptsim world-tables` again, which makes it again")
         requests, results = contents
-        asked.append(requests)
+        listed.append(requests)
         parts.append(results)
         context = requests.context[:, : len(task.physical_context)]
         for column in (requests.action, context, results.observation, results.end_state, results.succeeded):
             total.update(np.ascontiguousarray(column).tobytes())
-    return WorldTable(world.name, reduce(Requests.followed_by, asked), concatenate(parts), total.hexdigest()[:16])
+    return WorldTable(world.name, reduce(Requests.followed_by, listed), concatenate(parts), total.hexdigest()[:16])
 
 
 def _manifest(folder: Path) -> dict[str, Any] | None:

@@ -93,8 +93,8 @@ def enough_rollouts(
 
     The sizes and errors are kept in `GROWN`, so that an interrupted run goes on.
     """
-    known = read_toml(folder / GROWN) if (folder / GROWN).exists() else {}
-    errors: dict[str, float] = dict(known.get("errors", {}))
+    growth = read_toml(folder / GROWN) if (folder / GROWN).exists() else {}
+    errors: dict[str, float] = dict(growth.get("errors", {}))
     draft, size, before = replace(settings, passes=20, most_steps=3000), min(SMALLEST, most), float("inf")
     while size < most:
         if str(size) not in errors:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from adaptsim_cli import options
-from adaptsim_cli.command import command
+from adaptsim_cli.commands import options
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def check(
     Example: adaptsim task check shuffle.py
     """
     from adaptsim_cli.screen import views
-    from adaptsim_cli.wiring.task_check import checked
+    from adaptsim_cli.session.task_check import checked
     from sim.errors import TaskError
 
     with screen.busy("Simulating rollouts", "simulating"):
@@ -84,7 +84,7 @@ def show(task: _Named) -> Reply:
     Example: adaptsim task show shuffle.py
     """
     from adaptsim_cli.screen import views
-    from adaptsim_cli.wiring.task_check import described, loaded
+    from adaptsim_cli.session.task_check import described, loaded
 
     one = loaded(task)
     facts = described(one)

@@ -28,7 +28,8 @@ Through = Literal["direct", "lab"]
 
 def rollout(task_name: str, policy: Policy, *, world: str, n: int, seed: int, through: Through) -> list[Row]:
     """See `adaptsim_cli.api.rollout`."""
-    from adaptsim_cli.wiring.settings import resolve, task_of, usual_checkpoint
+    from adaptsim_cli.bench.checkpoints import task_of
+    from adaptsim_cli.session.checkpoint import resolve, usual_checkpoint
     from sim.adaptation.checkpoint import load_checkpoint
 
     if n < 1:
@@ -74,7 +75,7 @@ def benchmark(
 ) -> list[Row]:
     """See `adaptsim_cli.api.benchmark`."""
     from adaptsim_cli.research import benchmarking
-    from adaptsim_cli.wiring.settings import resolve
+    from adaptsim_cli.session.checkpoint import resolve
     from sim.rollouts.executors import serial_executor
 
     request = benchmarking.request_of(resolve({"task": task}), worlds, methods, budget, fresh, seeds, "", out)
@@ -99,7 +100,7 @@ def _place(solver: Solver, world: World, seed: int, through: Through) -> Iterato
     if through != "lab":
         raise UsageError(f"through = {through!r}: it must be 'direct' or 'lab'")
     from adaptsim_cli.research.lab_place import InLab, rig_in_lab
-    from adaptsim_cli.wiring.session import executable_on
+    from adaptsim_cli.session.opening import executable_on
 
     task: Task = solver.task
     task.require_hardware()

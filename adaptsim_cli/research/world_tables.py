@@ -94,7 +94,7 @@ class _PlannedTable:
 
 
 def _planned(resolved: Resolved, targets: str, rollouts: int) -> list[_PlannedTable]:
-    from adaptsim_cli.wiring.settings import usual_checkpoint
+    from adaptsim_cli.session.checkpoint import usual_checkpoint
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.research.benchmark.worlds import targets_of
     from sim.tasks import get_task

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 from documents import ROOT
 
-from adaptsim_cli import api, app
+from adaptsim_cli import api
+from adaptsim_cli.commands import app
 
 PAGE = (ROOT / "docs/guide/own-simulator.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^<!-- (\w+) (\S+) -->\n```\w+\n(.*?)^```$", re.MULTILINE | re.DOTALL)

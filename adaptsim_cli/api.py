@@ -336,13 +336,15 @@ def begin(
     held_out: float = 0.5,
     start_from: str = "",
 ) -> Session:
-    """Begin a session in the simulated lab, with a robot of your own (`hw="own"`), or with the trials `recorded` in a
-    folder; nothing is executed yet.
+    """Begin a session of a task (its name, or the file that declares it). Nothing is executed yet.
+
+    It runs in the simulated lab, with a robot of your own (`hw="own"`), or with the trials `recorded` in a folder.
 
     `held_out` is the share of recorded trials that only score the final policy. `start_from` names an earlier session;
     this one begins with its posterior. Without a name it gets the default name of `adaptsim run-iteration`. Raises
     UsageError if a session of this name exists, UnknownName, WorldError, CheckpointError, RecordingsRefused.
     """
+    from adaptsim_cli.bench.checkpoints import resolve
     from adaptsim_cli.session import opening, running
     from adaptsim_cli.session.own.mailbox import Mailbox
 
@@ -355,7 +357,7 @@ def begin(
         raise UsageError(
             f"hw = {hw}: Python begins sessions in the simulated lab, or with hw = own; an arm needs a terminal"
         )
-    resolved = config.load(flags)
+    resolved = resolve(flags)
     settings = running.anywhere(resolved.config)
     root, chosen = resolved.places.sessions, name or running.default_name(settings)
     if folders.folder_of(root, chosen).is_dir():

@@ -68,7 +68,7 @@ class Config(Record):
         Hardware, Field(description="hardware: fake, panda, fr3, fr3v2, or own: a robot that answers questions")
     ] = "fake"
     rig: Annotated[str, Field(description="rig file of a real lab; empty: rig.toml beside the settings")] = ""
-    task: Annotated[str, Field(description="task of a command without --task")] = "scooping"
+    task: Annotated[str, Field(description="task of a command without --task: its name, or a Python file")] = "scooping"
     world: Annotated[str, Field(description="world of the simulated lab: a name or a TOML file")] = "wd"
     recorded: Annotated[
         str, Field(description="folder of recorded trials that replace the lab (docs/guide/recorded-trials.md)")
@@ -232,6 +232,8 @@ def places(env: Mapping[str, str] | None = None, project: Path | None = None) ->
 
     Raises UsageError if ADAPTSIM_HOME cannot be a folder.
     """
+    from sim.storage.places import data_folder  # not above: another `sim` may hide ours, and app.py says so
+
     env = os.environ if env is None else env
     project = Path.cwd() if project is None else project
     config = Path(platformdirs.user_config_dir("adaptsim", appauthor=False))
@@ -241,8 +243,8 @@ def places(env: Mapping[str, str] | None = None, project: Path | None = None) ->
         if not ancestor.is_dir():
             raise UsageError(f"ADAPTSIM_HOME = {home}: {ancestor} is not a folder; name one of yours, or unset it")
         trust_file = (config if _is_inside(root, project) else root) / TRUST_FILE
-        return Places(root / "data", root / "config.toml", project / PROJECT_FILE, trust_file)
-    data = Path(platformdirs.user_data_dir("adaptsim", appauthor=False))
+        return Places(data_folder(env), root / "config.toml", project / PROJECT_FILE, trust_file)
+    data = data_folder(env)
     return Places(data, config / "config.toml", project / PROJECT_FILE, config / TRUST_FILE)
 
 
@@ -270,6 +272,9 @@ def load(
         if checked.get("rig"):  # a path in a settings file is relative to that file
             folder = Path.cwd() if source in ("environment", FLAG) else Path(source).parent
             checked["rig"] = str((folder / Path(checked["rig"]).expanduser()).absolute())
+        if checked.get("task", "").partition(":")[0].endswith(".py"):  # the file of a task
+            folder = Path.cwd() if source in ("environment", FLAG) else Path(source).parent
+            checked["task"] = str((folder / Path(checked["task"]).expanduser()).absolute())
         for key in ("checkpoint", "object", "recorded", "world"):
             if checked.get(key, "").startswith("~"):
                 checked[key] = str(Path(checked[key]).expanduser())

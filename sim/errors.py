@@ -2,6 +2,7 @@
 
 SimError
 ├── UnknownName          no such task, world, method; the message lists what there is
+├── TaskError            a task or its file is wrong; the message names the argument or the line, and the remedy
 ├── WorldError           a world file is malformed; the message names the key
 ├── ObjectError          the file of an own object is malformed or has impossible ranges; the message names the key
 ├── OutOfRange           a value lies outside its space; the message names value and range
@@ -26,6 +27,10 @@ class SimError(Exception):
 
 class UnknownName(SimError):
     """No such task, world or method."""
+
+
+class TaskError(SimError):
+    """A task, or the file that declares it, is wrong."""
 
 
 class WorldError(SimError):

@@ -50,6 +50,8 @@ class Dimension:
     """How far beyond its range the scene was tried; None: not beyond."""
     default: float | None = field(default=None, compare=False)
     """The value in a world that does not state it; None: each world states it."""
+    words: tuple[str, ...] = field(default=(), compare=False)
+    """The kinds of a category, whose value is an index (`scale` "integer"); empty: a number."""
     mirror: Literal[1, -1] = field(default=1, compare=False)
     """-1 if it changes its sign when a trial is mirrored, left for right."""
 

@@ -2,15 +2,56 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli import config
-from adaptsim_cli.config import Config
+from adaptsim_cli.config import Config, Resolved
 
 if TYPE_CHECKING:
+    from adaptsim_cli.trust import Claim
     from sim.adaptation.checkpoint import Checkpoint
     from sim.tasks.task import Task
+
+
+DEFAULT = "default"
+"""The shipped checkpoint of a task."""
+
+
+def resolve(flags: Mapping[str, Any] | None = None) -> Resolved:
+    """The settings, with the name of the task that a file declares. Raises UsageError, UnknownName, TaskError."""
+    resolved = config.load(flags)
+    named = resolved.config.task
+    if not named.partition(":")[0].endswith(".py"):
+        return resolved
+    from sim.tasks import task_of_file
+
+    _require_trusted(resolved)
+    task = task_of_file(named)
+    return replace(resolved, config=resolved.config.model_copy(update={"task": task.name}))
+
+
+def task_claims(resolved: Resolved) -> tuple[Claim, ...]:
+    """The task file that the current folder's settings name: it may be somebody else's, and reading it runs it."""
+    from adaptsim_cli.trust import TASK, Claim
+
+    named = resolved.config.task
+    file = Path(named.rpartition(":")[0] or named)
+    if resolved.sources["task"] != str(resolved.places.project_file) or file.suffix != ".py":
+        return ()
+    return (Claim.of_files(TASK, [file], f"Reading it runs its code, as {resolved.places.project_file} asks."),)
+
+
+def _require_trusted(resolved: Resolved) -> None:
+    """Raises UsageError for a task file of the current folder's settings that nobody has confirmed."""
+    if claims := task_claims(resolved):
+        from adaptsim_cli import trust
+        from adaptsim_cli.screen.console import Screen
+
+        confirmed = trust.Trust(resolved.places.trust_file)
+        trust.require(claims, confirmed, Screen(), asks=False, command="adaptsim config trust")
 
 
 def task_of(settings: Config) -> Task:
@@ -23,7 +64,8 @@ def task_of(settings: Config) -> Task:
 
 
 def checkpoint_of(settings: Config) -> Checkpoint:
-    """The checkpoint that the settings name; else the newest one for the ranges of an own object; else the shipped one.
+    """The checkpoint that the settings name; else the newest one for the ranges of an own object; else the shipped one,
+    or the newest own one of a task that ships none.
 
     Nothing of other ranges serves an own object. Raises UnknownName, ObjectError, CheckpointError.
     """
@@ -32,13 +74,35 @@ def checkpoint_of(settings: Config) -> Checkpoint:
 
     task = task_of(settings)
     if not settings.object or settings.checkpoint:
-        return load_checkpoint(task, settings.checkpoint or "default")
+        return load_checkpoint(task, settings.checkpoint or usual_checkpoint(task))
     if not (fitting := _pretrained(task)):
         raise CheckpointError(
             f"nothing is pretrained for the ranges of {settings.object} yet: adaptsim pretrain --task {task.name} "
             f"--object {settings.object}"
         )
     return load_checkpoint(task, str(fitting[-1]))
+
+
+def usual_checkpoint(task: Task) -> str:
+    """The name of the shipped checkpoint; without one, the folder of the newest that the user has pretrained."""
+    from sim.adaptation.checkpoint import CARD
+    from sim.tasks import files_of
+
+    if (files_of(task.name, "checkpoints") / DEFAULT / CARD).exists():
+        return DEFAULT
+    own = [folder for folder in own_checkpoints() if _is_of(folder, task)]
+    fitting = [folder for folder in own if folder in _pretrained(task)]
+    return str((fitting or own)[-1]) if own else DEFAULT
+
+
+def _is_of(folder: Path, task: Task) -> bool:
+    from sim.adaptation.checkpoint import read_card
+    from sim.errors import CheckpointError
+
+    try:
+        return read_card(folder, task.name).task == task.name
+    except CheckpointError:
+        return False
 
 
 def own_checkpoints() -> list[Path]:

@@ -30,6 +30,7 @@ from adaptsim_cli.commands import (
     run_iteration,
     sessions,
     setup,
+    task,
     touch_off,
 )
 from adaptsim_cli.screen import loading
@@ -58,6 +59,7 @@ PANELS: Mapping[str, Mapping[str, Callable[..., Any] | typer.Typer]] = {
         "calibrate": calibrate.app,
         "touch-off": touch_off.app,
         "parts": setup.parts,
+        "task": task.app,
         "config": config.app,
     },
     "Run": {
@@ -221,6 +223,7 @@ def _codes() -> tuple[tuple[type[BaseException], int], ...]:
         (sim.errors.UnknownName, 2),
         (sim.errors.NoHardware, 2),
         (sim.errors.MomentsMissing, 2),
+        (sim.errors.TaskError, 2),
         (sim.errors.WorldError, 2),
         (sim.errors.OutOfRange, 2),
         (sim.errors.ObjectError, 2),

@@ -82,4 +82,6 @@ def _resolved(flags: dict[str, Any]) -> Resolved:
     from adaptsim_cli.commands import settings
 
     on = {name: value for name, value in flags.items() if value is not False}
-    return settings.load(on) if "world" in flags else config.load(on)
+    if "world" in flags:
+        return settings.load(on)
+    return settings.resolve(on) if "task" in flags else config.load(on)

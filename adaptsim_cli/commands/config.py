@@ -66,18 +66,20 @@ def trust(screen: Screen, resolved: Resolved) -> Reply:
     Example: adaptsim config trust --hw fr3
     """
     from adaptsim_cli import trust as trusting
+    from adaptsim_cli.bench.checkpoints import task_claims
     from adaptsim_cli.bench.rig_file.claims import rig_claims
     from adaptsim_cli.screen import console
     from adaptsim_cli.session.own.trust import own_claims
 
     config, where = resolved.config, resolved.places
-    if config.is_simulated:
-        return Reply(text=["In the simulated lab nothing of the current folder has to be confirmed."])
-    claims = own_claims(resolved) if config.is_own else rig_claims(config, where)
+    claims = task_claims(resolved)
+    if not config.is_simulated:
+        claims += own_claims(resolved) if config.is_own else rig_claims(config, where)
+    if not claims:
+        return Reply(text=["Nothing of the current folder has to be confirmed."])
     console.require_terminal("a person confirms these files at a terminal: run it there")
     trusting.require(claims, trusting.Trust(where.trust_file), screen, asks=True, command="adaptsim config trust")
-    lines = [f"Confirmed: the {claim.kind} {claim.place}" for claim in claims]
-    return Reply(text=lines or ["Nothing of the current folder has to be confirmed."])
+    return Reply(text=[f"Confirmed: the {claim.kind} {claim.place}" for claim in claims])
 
 
 @command()

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from adaptsim_cli.config import Resolved
     from sim.tasks.task import Task
+    from sim.types import Dimension
 
 app = typer.Typer(help="The simulated lab and its worlds.", no_args_is_help=True)
 
@@ -80,14 +81,14 @@ def _truth(resolved: Resolved, task: Task, truth: dict[str, Any]) -> tuple[dict[
         text.append(f"Its physics is {truth['physics']}: trials run without arm or camera.")
     groups = ("parameters", "nuisance", "unmodelled", "sensing", "mount", "faults")
     named = {
-        group: {d.name: (d.label, d.plain) for d in space.dimensions}
+        group: {d.name: d for d in space.dimensions}
         for group, space in (("parameters", task.parameters), ("nuisance", task.nuisance))
     }
     body = [
-        (group, label, str(value), plain)
+        (group, name, str(value), "") if d is None else (group, d.label, _in_words(d, value), d.plain)
         for group in groups
         for name, value in truth.get(group, {}).items()
-        for label, plain in (named.get(group, {}).get(name, (name, "")),)
+        for d in (named.get(group, {}).get(name),)
     ]
     rows = truth.get("X_BC", [])
     body += [("camera", f"X_BC row {i}", "  ".join(f"{v:8.4f}" for v in row), "") for i, row in enumerate(rows)]
@@ -98,6 +99,11 @@ def _truth(resolved: Resolved, task: Task, truth: dict[str, Any]) -> tuple[dict[
     return truth | {"units": units, "revealed": revealed}, text
 
 
+def _in_words(dimension: Dimension, value: float) -> str:
+    """A value for a person: the word of a category."""
+    return dimension.words[round(value)] if dimension.words else str(value)
+
+
 @app.command("list")
 @command("task")
 def list_all(resolved: Resolved) -> Reply:
@@ -106,18 +112,23 @@ def list_all(resolved: Resolved) -> Reply:
     Example: adaptsim lab list --task scooping
     """
     from adaptsim_cli.screen import views
+    from sim.lab.physics import physics_name
     from sim.lab.world import list_worlds, load_world
     from sim.tasks import get_task
 
     task = get_task(resolved.config.task)
     worlds = [load_world(name, task) for name in list_worlds(task)]
-    rows = [{"name": w.name, "task": w.task, "description": w.description, "physics": w.physics} for w in worlds]
+    rows = [
+        {"name": w.name, "task": w.task, "description": w.description, "physics": physics_name(task, w.physics)}
+        for w in worlds
+    ]
     spaces = (task.parameters, task.context, task.action, task.nuisance)
     words = [
         {"name": d.name, "plain_name": d.plain, "unit": d.unit, "meaning": d.meaning, "low": d.low, "high": d.high}
         for space in spaces
         for d in space.dimensions
     ]
-    table = views.rows(("world", "physics", "what it is"), [(w.name, w.physics, w.description) for w in worlds])
+    body = [(row["name"], row["physics"], row["description"]) for row in rows]
+    table = views.rows(("world", "physics", "what it is"), body)
     session = (f"adaptsim run-iteration --task {task.name} --world NAME", "a session in one of these worlds")
     return Reply({"worlds": rows, "quantities": words}, [table, views.meanings(*spaces)], [session])

@@ -24,9 +24,10 @@ def session_names(incomplete: str) -> list[str]:
 
 
 def task_names(incomplete: str) -> list[str]:
-    """Tasks that begin like this, those of installed packages too."""
+    """Tasks that begin like this, those of installed packages and of files too."""
     ours = {file.parent.name for file in _WORLDS.glob("*/*.toml")}
-    return _like(incomplete, ours | {entry.name for entry in entry_points(group="adaptsim.tasks")})
+    packaged = {entry.name for entry in entry_points(group="adaptsim.tasks")}
+    return sorted({*_like(incomplete, ours | packaged), *_folders("tasks", incomplete, ".toml")})
 
 
 def world_names(incomplete: str) -> list[str]:
@@ -41,11 +42,12 @@ def export_formats(incomplete: str) -> list[str]:
     return _like(incomplete, set(FORMATS))
 
 
-def _folders(kind: str, incomplete: str) -> list[str]:
+def _folders(kind: str, incomplete: str, suffix: str = "") -> list[str]:
     from adaptsim_cli import config
 
     folder = config.places().data / kind
-    return _like(incomplete, {entry.name for entry in folder.iterdir()} if folder.is_dir() else set())
+    entries = folder.iterdir() if folder.is_dir() else ()
+    return _like(incomplete, {entry.name.removesuffix(suffix) for entry in entries})
 
 
 def _like(incomplete: str, names: set[str]) -> list[str]:
@@ -57,7 +59,12 @@ ROBOT, ADVANCED = "Robot", "Advanced"
 
 Task = Annotated[
     str | None,
-    typer.Option("--task", autocompletion=task_names, show_default="scooping", help="Which task, e.g. scooping."),
+    typer.Option(
+        "--task",
+        autocompletion=task_names,
+        show_default="scooping",
+        help="Which task, e.g. scooping; or the Python file of your own.",
+    ),
 ]
 World = Annotated[
     str | None,

@@ -76,9 +76,11 @@ def pretrain(
 
     Example: adaptsim pretrain --task scooping --budget small
     """
+    from adaptsim_cli.bench.checkpoints import task_of, usual_checkpoint
     from adaptsim_cli.errors import UsageError
     from adaptsim_cli.research import pretraining
     from adaptsim_cli.research.working import complete, share_of, simulations
+    from sim.adaptation.worth_in_words import worth_in_words
     from sim.research.pretraining.budget import OptionalStages
 
     if episodes is not None and not methods:
@@ -97,11 +99,16 @@ def pretrain(
         stages = OptionalStages(policies=methods, evaluation=evaluate)
         folder = pretraining.pretrain(request, crew, progress, stages)
     screen.plain(f"Checkpoint: {folder}")
+    card = pretraining.checkpoint_card(resolved.config.task, folder)
+    for sentence in worth_in_words(card.get("worth")):
+        screen.plain(sentence)
     chosen = resolved.config
     own = f" --object {chosen.object}" if chosen.object else ""
+    usual = not chosen.object and usual_checkpoint(task_of(chosen)) == str(folder)
+    setting = "" if usual else f"ADAPTSIM_CHECKPOINT={folder} "
     steps = [
-        (f"ADAPTSIM_CHECKPOINT={folder} adaptsim run-iteration --task {chosen.task}{own}", "a session with it"),
+        (f"{setting}adaptsim run-iteration --task {chosen.task}{own}", "a session with it"),
         (f"adaptsim checkpoints verify {folder}", "are the figures on its card right?"),
     ]
-    data = {"checkpoint": str(folder), "card": pretraining.checkpoint_card(chosen.task, folder)}
+    data = {"checkpoint": str(folder), "card": card}
     return Reply(data, next=steps)

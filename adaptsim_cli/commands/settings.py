@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from adaptsim_cli import config
+from adaptsim_cli.bench.checkpoints import resolve
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
-
-if TYPE_CHECKING:
-    pass
-
 
 _WORLD = "world "
 """First word of the origin of a task that the world decides."""
@@ -24,7 +21,7 @@ def load(flags: Mapping[str, Any]) -> Resolved:
     Raises UsageError, also if several tasks have a world of that name and the settings name none of these tasks,
     UnknownName or WorldError for a world that no task has.
     """
-    resolved = config.load(flags)
+    resolved = resolve(flags)
     settings, sources = resolved.config, resolved.sources
     if not settings.is_simulated or _rank(resolved, sources["world"]) <= _rank(resolved, sources["task"]):
         return resolved

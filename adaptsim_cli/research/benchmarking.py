@@ -15,7 +15,7 @@ from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.research.pretraining import StageProgress
 from adaptsim_cli.research.working import working_in
-from adaptsim_cli.research.world_tables import DEFAULT, comma_separated, scene_keys, tables_folder
+from adaptsim_cli.research.world_tables import comma_separated, scene_keys, tables_folder
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
@@ -126,6 +126,7 @@ def request_of(
 
     Raises UsageError, UnknownName, WorldError, OutOfRange, CheckpointError, ExtraMissing.
     """
+    from adaptsim_cli.bench.checkpoints import usual_checkpoint
     from adaptsim_cli.session.recorded.folder import read_recorded
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.adaptation.methods import make_method, method_names
@@ -143,7 +144,7 @@ def request_of(
         raise UsageError(f"--methods {','.join(unknown)}: choose all, or any of {', '.join(possible)}")
     if not chosen:
         raise UsageError(f"--methods is empty: choose all, or any of {', '.join(possible)}")
-    names = comma_separated(checkpoints) or (config.checkpoint or DEFAULT,)
+    names = comma_separated(checkpoints) or (config.checkpoint or usual_checkpoint(task),)
     loaded = tuple((name, load_checkpoint(task, name)) for name in names)
     left_out = dict[str, str]()
     for name in chosen:
@@ -244,7 +245,7 @@ def _tables(request: BenchmarkRequest) -> list[WorldTable | None]:
     """The table of each target; None for a task that simulates its worlds."""
     from sim.research.benchmark.tables import load_table
 
-    if request.task.exact:
+    if request.task.exact or request.task.training:
         return [None] * len(request.targets)
     scenes, folder = scene_keys(request.task, request.targets), tables_folder(request.resolved)
     return [

@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from adaptsim_cli import config
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.exporting import Row
 from hw.types import Array
@@ -29,14 +28,14 @@ Through = Literal["direct", "lab"]
 
 def rollout(task_name: str, policy: Policy, *, world: str, n: int, seed: int, through: Through) -> list[Row]:
     """See `adaptsim_cli.api.rollout`."""
+    from adaptsim_cli.bench.checkpoints import resolve, task_of, usual_checkpoint
     from sim.adaptation.checkpoint import load_checkpoint
-    from sim.tasks import get_task
 
     if n < 1:
         raise UsageError(f"n = {n}: at least one rollout")
-    task = get_task(task_name)
+    task = task_of(resolve({"task": task_name}).config)
     target, rng = load_world(world, task), np.random.default_rng(seed)
-    with _place(load_checkpoint(task).solver, target, seed, through) as place:
+    with _place(load_checkpoint(task, usual_checkpoint(task)).solver, target, seed, through) as place:
         contexts = task.context.sample(rng, n)
         act = policy if callable(policy) else lambda _: policy
         actions = np.stack([action_of(task.action, act(context)) for context in contexts])
@@ -74,10 +73,11 @@ def benchmark(
     task: str, *, worlds: str, methods: str, budget: int, seeds: int | None, fresh: int, out: Path | None
 ) -> list[Row]:
     """See `adaptsim_cli.api.benchmark`."""
+    from adaptsim_cli.bench.checkpoints import resolve
     from adaptsim_cli.research import benchmarking
     from sim.rollouts.executors import serial_executor
 
-    request = benchmarking.request_of(config.load({"task": task}), worlds, methods, budget, fresh, seeds, "", out)
+    request = benchmarking.request_of(resolve({"task": task}), worlds, methods, budget, fresh, seeds, "", out)
     with serial_executor() as here:
         comparison = benchmarking.benchmark(request, here, lambda *_: None)
     return [

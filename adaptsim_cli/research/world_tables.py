@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from sim.solvers.solver import Solver
     from sim.tasks.task import Task
 
-DEFAULT = "default"
-"""The checkpoint that is used where no other is named."""
-
 
 def tables_folder(resolved: Resolved) -> Path:
     """The folder of the tables of the settings' task."""
@@ -97,6 +94,7 @@ class _PlannedTable:
 
 
 def _planned(resolved: Resolved, targets: str, rollouts: int) -> list[_PlannedTable]:
+    from adaptsim_cli.bench.checkpoints import usual_checkpoint
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.research.benchmark.worlds import targets_of
     from sim.tasks import get_task
@@ -105,7 +103,11 @@ def _planned(resolved: Resolved, targets: str, rollouts: int) -> list[_PlannedTa
     task = get_task(config.task)
     if task.exact:
         raise UsageError(f"{task.name} needs no tables: its trials cost next to nothing, so a benchmark simulates them")
-    checkpoint = load_checkpoint(task, config.checkpoint or DEFAULT)
+    if task.training:
+        raise UsageError(
+            f"{task.name} needs no tables: its actions are trained policies, so a benchmark simulates them"
+        )
+    checkpoint = load_checkpoint(task, config.checkpoint or usual_checkpoint(task))
     chosen = targets_of(task, comma_separated(targets))
     scenes, folder = scene_keys(task, chosen), tables_folder(resolved)
     return [_PlannedTable(t, checkpoint, scenes[t.world.physics], folder / t.set / t.name, rollouts) for t in chosen]

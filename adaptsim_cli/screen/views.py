@@ -18,7 +18,6 @@ from rich.text import Text
 from adaptsim_cli.config import is_own, is_simulated
 from adaptsim_cli.errors import UsageError
 from hw.types import Array, JointPath
-from sim.types import Space
 
 if TYPE_CHECKING:
     from hw.types import Array
@@ -52,7 +51,7 @@ def point(space: Space, words: Sequence[str], otherwise: Array, what: str) -> Ar
             hint = f"did you mean {near[0]}? " if near and near[0] != name else ""
             raise UsageError(f"{what} {text!r}: {hint}write name=value, e.g. {_examples(space)}")
         try:
-            values[name] = float(number)
+            values[name] = _number(space.dimensions[space.names.index(name)], number)
         except ValueError:
             raise UsageError(f"{what} {text!r}: {number!r} is not a number") from None
         dimension = space.dimensions[space.names.index(name)]
@@ -107,6 +106,11 @@ def predicted_between(low: float, high: float) -> str:
     return interval if interval != NO_INTERVAL else f"{interval}: all that may be true predict the same"
 
 
+def _number(dimension: Dimension, text: str) -> float:
+    """A number, or the index of a word of a category. Raises ValueError."""
+    return float(dimension.words.index(text)) if text in dimension.words else float(text)
+
+
 def quantity(value: float, unit: str) -> str:
     """A number with its unit for people; a length to the millimetre at least: −1.0 mm, 0.680 m."""
     if unit == "m" and 0 < abs(value) < 0.1:
@@ -134,15 +138,29 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
+def shown(dimension: Dimension, value: float) -> str:
+    """A value with its unit; the word of a category, the nearest one for a mean."""
+    if not dimension.words:
+        return quantity(value, dimension.unit)
+    return dimension.words[min(max(round(value), 0), len(dimension.words) - 1)]
+
+
 def values(space: Space, point: Array) -> str:
     """A point of a space in words: the plain name of every dimension with its value and unit."""
-    return ", ".join(f"{d.plain_name} {quantity(v, d.unit)}" for d, v in zip(space.dimensions, point, strict=True))
+    return ", ".join(f"{d.plain_name} {shown(d, v)}" for d, v in zip(space.dimensions, point, strict=True))
+
+
+def kinds(dimension: Dimension) -> str:
+    """The range of a quantity with its unit, or the words of a category."""
+    if dimension.words:
+        return ", ".join(dimension.words)
+    return f"{number(dimension.low)} to {number(dimension.high)} {dimension.unit}".rstrip()
 
 
 def meanings(*spaces: Space) -> Table:
     """Name, plain name, range with its unit, and meaning of every dimension of the spaces."""
     dimensions = [d for space in spaces for d in space.dimensions]
-    body = [(d.name, d.plain, f"{number(d.low)} to {number(d.high)} {d.unit}".rstrip(), d.meaning) for d in dimensions]
+    body = [(d.name, d.plain, kinds(d), d.meaning) for d in dimensions]
     return rows(("name", "plain name", "range", "meaning"), body)
 
 

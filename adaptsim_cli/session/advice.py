@@ -32,8 +32,24 @@ HEADLINES = {
 """Each kind of verdict in a few words."""
 
 
-def in_words(verdict: Verdict, object_name: str, recordings: str = "") -> str:
-    """The verdict in one to three sentences; `recordings` is the folder of recorded trials, "" if trials happen."""
+RIG_FIRST = "how the tool is mounted, the object, and the calibration of the camera"
+"""What to check first if no action works, on a rig."""
+
+
+def check_first(task: str, hw: str, calibration: str) -> str:
+    """What to check first if no action works: of the rig, of the robot that answers, or of the task."""
+    if calibration:
+        return RIG_FIRST
+    if is_own(hw):
+        return "the columns, units and clocks of what your robot reports"
+    return f"the ranges and the reward of the task {task}"
+
+
+def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: str = "") -> str:
+    """The verdict in one to three sentences; `recordings` is the folder of recorded trials, "" if trials happen.
+
+    `first` is what to check if no action works (`check_first`); empty: on a rig.
+    """
     if verdict.kind is Kind.TOO_FEW:
         return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, at least {LEAST_TRIALS} are needed."
     kind = "estimated" if verdict.gain is None else "predicted"
@@ -53,7 +69,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "") -> str:
         sentences.append(
             f"Stop here, and check the columns, units and clocks of {recordings}."
             if recordings
-            else "Stop here, and check how the tool is mounted, the object, and the calibration of the camera."
+            else f"Stop here, and check {first or RIG_FIRST}."
         )
     if verdict.is_inexpressible:
         sentences.append(

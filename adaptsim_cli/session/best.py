@@ -116,16 +116,21 @@ def policy_of_session(store: SessionStore, checkpoint: Checkpoint) -> SolvedPoli
 
 
 def export(store: SessionStore) -> dict[str, Any]:
-    """The best policy as a table of contexts and actions, for JSON.
+    """The best policy as a table of contexts and actions, for JSON; with the file of each trained policy.
 
     Raises SessionError, CheckpointError.
     """
+    from sim.tasks.library import library_of, main_file
+
     best = best_of(store, load().config)
     checkpoint = checkpoint_of_session(store)
     task = checkpoint.solver.task
     contexts = contexts_of(task)
     actions = policy_of_session(store, checkpoint).actions(contexts)
-    return {
+    library = library_of(task)
+    members = [] if library is None else [library.nearest(task, action) for action in actions]
+    trained = {"policies": [{"name": one.name, "file": str(main_file(one).absolute())} for one in members]}
+    return (trained if members else {}) | {
         "format": FORMAT,
         "session": store.facts.name,
         "task": task.name,

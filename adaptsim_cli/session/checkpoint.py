@@ -31,6 +31,7 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     With recorded trials its policies choose among those shown; with `start_from`, its prior is that posterior. Raises
     CheckpointError if it is neither a shipped one, nor that of the settings, nor one of the user's own.
     """
+    from adaptsim_cli.session.session_policies import with_session_policies
     from sim.adaptation.checkpoint import load_checkpoint, read_card
     from sim.errors import CheckpointError
 
@@ -39,7 +40,8 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     for folder in _folders(facts):
         try:
             if read_card(folder, task.name).sha256 == facts.checkpoint_sha256:
-                return as_begun(load_checkpoint(task, str(folder)), facts)
+                checkpoint = with_session_policies(load_checkpoint(task, str(folder)), store.folder, 1, None)
+                return as_begun(checkpoint, facts)
         except CheckpointError:
             continue
     raise CheckpointError(

@@ -27,6 +27,7 @@ from adaptsim_cli.screen.outputs.trials import (
 )
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
+from adaptsim_cli.session.advice import check_first
 from adaptsim_cli.session.control import ControlPolicy, compared, is_hidden, policy_of_trial
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.deferred import submit
@@ -380,7 +381,9 @@ def show(session: RunningSession, stage: Show) -> IterationOutput:
     store, screen = session.store, session.screen
     result = result_of(store, stage.iteration)
     before, after = particles_of(store, stage.iteration), particles_of(store, stage.iteration + 1)
-    screen.show(terminal_views.adapted(session.parts.task, before, after, result, screen.width, store.facts.recorded))
+    facts = store.facts
+    words = (facts.recorded, check_first(facts.task, facts.hw, facts.calibration))
+    screen.show(terminal_views.adapted(session.parts.task, before, after, result, screen.width, *words))
     return summary(store, result)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.posterior import Posterior
-from sim.tasks import TASKS, get_task
+from sim.tasks import known_task
 from sim.types import Estimate
 
 Z95 = 1.96
@@ -83,7 +83,8 @@ UNKNOWN_STD = 0.4
 
 def trial_std(task: str) -> float:
     """Standard deviation of the rewards of single trials of a task."""
-    return get_task(task).adaptation.trial_std if task in TASKS else UNKNOWN_STD
+    declaration = known_task(task)
+    return UNKNOWN_STD if declaration is None else declaration.adaptation.trial_std
 
 
 def mean_of(rewards: Sequence[float], std: float) -> MeanReward:

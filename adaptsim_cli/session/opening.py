@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,7 @@ from adaptsim_cli.session.own.target import OwnTarget
 from adaptsim_cli.session.records import Facts
 from adaptsim_cli.session.rig_sessions import own_ground
 from adaptsim_cli.session.rig_target import RigTarget
+from adaptsim_cli.session.session_policies import trained_policies, with_session_policies
 from adaptsim_cli.session.simulated_target import RecordedTarget, SimulatedTarget
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts, Provenance, Target
@@ -41,6 +43,7 @@ from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.learner import Learner
 from sim.adaptation.methods import kind_of
+from sim.adaptation.worth_in_words import worth_in_words
 from sim.errors import NotExecutable
 from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.solver import Executable, Expectations, Policies
@@ -71,6 +74,11 @@ def open_parts(
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
     checkpoint, prior = started_from(checkpoint_of(config), config)
+    of_library, session = checkpoint, learnt.parent
+    checkpoint = with_session_policies(of_library, session, config.workers, None)
+    worth = tuple(worth_in_words(checkpoint.card.worth))
+    training = checkpoint.solver.task.training
+    train = partial(trained_policies, of_library, session, config.workers) if training is not None else None
     if config.recorded:
         yield _recorded_parts(config, checkpoint, prior, learnt.parent)
         return
@@ -80,7 +88,7 @@ def open_parts(
             learner = _learner(config, checkpoint, policies, expectations, yours.executable)
             control, sha256 = control_of(config, checkpoint, policies, yours.executable)
             origin = replace(_provenance(checkpoint, prior, ""), control_sha256=sha256)
-            yield Parts(yours.task, yours, learner, origin, control)
+            yield Parts(yours.task, yours, learner, origin, control, worth=worth, train_policies=train)
         return
     with (
         _open_target(config, checkpoint.solver.task, drivers, own, screen) as (task, target, executable, rig),
@@ -97,7 +105,8 @@ def open_parts(
             )
         control, sha256 = control_of(config, checkpoint, policies, executable)
         newest = None if rig is None else rig.camera.newest
-        yield Parts(task, target, learner, replace(origin, control_sha256=sha256), control, newest)
+        origin = replace(origin, control_sha256=sha256)
+        yield Parts(task, target, learner, origin, control, newest, worth, train)
 
 
 def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> Parts:
@@ -249,7 +258,7 @@ def _simulated(config: Config, task: Task) -> SimulatedTarget:
     from sim.lab.world import load_world, rollouts_in
 
     world = load_world(config.world, task)
-    roll = rollouts_in(world)
+    roll = rollouts_in(world, task)
 
     def rollout(context: Array, action: Array) -> ObjectTrack:
         return roll(world.parameters, context, action, world.nuisance)

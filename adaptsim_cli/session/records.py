@@ -71,12 +71,14 @@ class DimensionRecord(Record):
     low: float
     high: float
     scale: Literal["linear", "log", "integer"]
+    words: tuple[str, ...] = ()  # of a category, whose value is an index
 
 
 def as_records(space: Space) -> tuple[DimensionRecord, ...]:
     """The dimensions of a space, in order."""
     return tuple(
-        DimensionRecord(name=d.name, unit=d.unit, low=d.low, high=d.high, scale=d.scale) for d in space.dimensions
+        DimensionRecord(name=d.name, unit=d.unit, low=d.low, high=d.high, scale=d.scale, words=d.words)
+        for d in space.dimensions
     )
 
 
@@ -99,6 +101,8 @@ class Facts(Record):
     control_seed: int = 0  # of the order of control trials; random on a real arm, where a person must not know it
     seed: int
     method: str  # how particles are updated; "rollout": nothing is adapted
+    task_file: str = ""  # that declares the task; empty: a package
+    task_sha256: str = ""  # of its content
     solver: str = ""  # how task policies are trained; empty: the checkpoint's solver
     object: str = ""  # file with the ranges of an own object
     particles: int
@@ -210,6 +214,7 @@ class TrialRecord(MotionRecord):
     reward: float
     outcome: Outcome
     overruled_from: Outcome | None = None
+    ended: str = ""  # the end in the task's own words
     track: TrackRecord
     moments: tuple[KeyMoment, ...]
     film: Film | None = None  # None without a camera
@@ -224,7 +229,8 @@ class TrialRecord(MotionRecord):
     @property
     def outcome_words(self) -> str:
         """The outcome in plain words."""
-        return self.outcome.value.replace("_", " ")
+        own_words = "" if self.overruled_from is not None else self.ended
+        return own_words or self.outcome.value.replace("_", " ")
 
     @property
     def off_goal_mm(self) -> float | None:

@@ -111,10 +111,13 @@ def run_session(
     screen = screen or Screen()
     _confirm_session(screen, request, resolved, earlier)
     with ExitStack() as stack:
-        with screen.busy("Loading the task, the policies and the devices", "loading"):
-            parts = stack.enter_context(open_parts(config, folders.folder_of(root, name) / "naf"))
+        parts = _opened(open_parts, config, root, name, screen, stack)
+        if earlier and parts.train_policies is not None and parts.train_policies(screen):
+            parts = _opened(open_parts, config, root, name, screen, stack)
+        for sentence in () if earlier else parts.worth:
+            screen.plain(sentence)
         operator = _operator(config, parts, request, screen)
-        store = _same_parts(earlier, parts) if earlier else begin(root, name, config, parts)
+        store = _same_parts(earlier, parts, screen) if earlier else begin(root, name, config, parts)
         watcher = stack.enter_context(open_view(screen, store, parts))
         stack.enter_context(store.locked())
         log = stack.enter_context(logged(store, screen, parts.provenance.versions))
@@ -281,6 +284,11 @@ def settings_of(store: SessionStore, config: Config) -> Config:
     return config.model_copy(update={**begun_with, "checkpoint": config.checkpoint or own})
 
 
+def _opened(open_parts: OpenParts, config: Config, root: Path, name: str, screen: Screen, stack: ExitStack) -> Parts:
+    with screen.busy("Loading the task, the policies and the devices", "loading"):
+        return stack.enter_context(open_parts(config, folders.folder_of(root, name) / "naf"))
+
+
 def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
     """A new session with its first particles. Raises UsageError, SessionError, DiskFull."""
     particles = parts.learner.start(config.particles, generator(config.seed, Draw.START))
@@ -310,6 +318,8 @@ def facts_for(name: str, config: Config, parts: Parts, **changes: str | int) -> 
         created=now(),
         title=parts.task.title,
         object_name=parts.task.object_name,
+        task_file="" if parts.task.file is None else parts.task.file.path,
+        task_sha256="" if parts.task.file is None else parts.task.file.sha256,
         parameters=as_records(parts.task.parameters),
         context=as_records(parts.task.context),
         action=as_records(parts.task.action),
@@ -325,7 +335,7 @@ _OWN = {
 }
 
 
-def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
+def _same_parts(store: SessionStore, parts: Parts, screen: Screen) -> SessionStore:
     """The store, if its checkpoint, calibration and world are still those that it was begun with."""
     facts, now = store.facts, parts.provenance
     for what, was, digest in (
@@ -342,7 +352,23 @@ def _same_parts(store: SessionStore, parts: Parts) -> SessionStore:
                 "its trials cannot be compared with new ones. Restore it, or give another --session"
                 + _OWN.get(what, "")
             )
+    if changed := changed_file(facts, parts):
+        screen.note(changed)
     return store
+
+
+def changed_file(facts: Facts, parts: Parts) -> str:
+    """A sentence if the file of the task has changed since the session was begun; empty if not.
+
+    A change of its names, ranges or physics is refused with the checkpoint, so this one means nothing.
+    """
+    file = parts.task.file
+    if file is None or not facts.task_sha256 or facts.task_sha256 == file.sha256:
+        return ""
+    return (
+        f"{file.path} has changed since the session was begun ({facts.task_sha256[:12]} then, {file.sha256[:12]} now). "
+        "Its names, ranges and physics are those of the checkpoint."
+    )
 
 
 def _ms(t_s: float) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Protocol
 
 from adaptsim_cli.bench.rig import Image
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.control import ControlPolicies
@@ -103,3 +104,7 @@ class Parts:
     provenance: Provenance
     control: ControlPolicies | None = None  # of the control trials; None: there are none
     newest_picture: Callable[[], Image | None] | None = None  # (H, W, 3) RGB of the rig's camera, now; None: no camera
+    worth: tuple[str, ...] = ()  # sentences about the checkpoint, before the first trial
+    train_policies: Callable[[Screen], bool] | None = None
+    """Trains the missing policies of the session; whether there are new ones, so that the parts are opened again. None:
+    the task trains none in a session."""

@@ -13,7 +13,7 @@ from rich.text import Text
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.outputs.sessions import Amended, Damaged, SessionRow, SessionShown, Verified
 from adaptsim_cli.screen.reply import Reply
-from adaptsim_cli.session.advice import ENOUGH_ITERATIONS, HEADLINES, compared_in_words, in_words, tried_in
+from adaptsim_cli.session.advice import ENOUGH_ITERATIONS, HEADLINES, check_first, compared_in_words, in_words, tried_in
 from adaptsim_cli.session.records import ROLLOUT, Facts, MotionRecord, ResultRecord, TrialRecord
 from hw.types import Array
 from sim.adaptation.method import Particle
@@ -121,6 +121,7 @@ def adapted(
     result: ResultRecord,
     width: int,
     recordings: str = "",
+    look: str = "",
 ) -> RenderableType:
     """Parameters before and after, per particle; in a narrow terminal, one table per particle.
 
@@ -140,7 +141,7 @@ def adapted(
         f" (95 % {views.predicted_between(*best.ci95)}, from {best.trials} trial{'s' * (best.trials != 1)}) at ",
         ", ".join(f"{name}={views.number(value)}" for name, value in best.params.items()),
     )
-    verdict = Text(in_words(result.verdict, task.object_name, recordings), style=_style(result))
+    verdict = Text(in_words(result.verdict, task.object_name, recordings, look), style=_style(result))
     took = views.spent({stage: spent for stage, spent in result.timing_s.items() if stage != "total"})
     spent = f"The iteration took {took}; the next proposal was ready {result.proposal_s:.1f} s after the last trial"
     return Group(
@@ -227,7 +228,7 @@ def session(shown: SessionShown) -> RenderableType:
             str(trial.trial),
             str(trial.iteration),
             str(trial.particle),
-            views.words(trial.outcome.value) + (" (operator)" if trial.overruled_from else ""),
+            (trial.ended or views.words(trial.outcome.value)) + (" (operator)" if trial.overruled_from else ""),
             f"{trial.reward:.2f}",
             f"{trial.predicted_reward:.2f}",
         )
@@ -241,7 +242,8 @@ def session(shown: SessionShown) -> RenderableType:
         Text(f"Recorded: trial {w.trial}, attempt {w.attempt}. It counts once it is reviewed.", style="yellow")
         for w in shown.waiting
     ]
-    last = [Text(in_words(results[-1].verdict, facts["object_name"]))] if results else []
+    first = check_first(facts["task"], facts["hw"], facts["calibration"])
+    last = [Text(in_words(results[-1].verdict, facts["object_name"], first=first))] if results else []
     newer = [newer_note(facts["name"], shown.newer_keys)] if shown.newer_keys else []
     return Group(head, Text(shown.folder, style="dim"), Text(""), table, *rejected, *waiting, *last, *newer)
 

@@ -9,6 +9,7 @@ from adaptsim_cli.session.records import (
     TrialRecord,
 )
 from hw.types import Array
+from perception.types import ObjectTrack
 from sim.adaptation.stages import RunTrial
 from sim.tasks.task import SolvedPolicy, Task
 
@@ -39,6 +40,11 @@ def motion_record(proposed: MotionRecord, started: str, motion: Motion, timing_s
     return proposed.model_copy(update={"started": started, "stopped": stopped, "timing_s": timing_s})
 
 
+def ended_in_words(task: Task, track: ObjectTrack) -> str:
+    """The end of a success in the task's own words; empty if it has none."""
+    return "" if task.outcome_in_words is None or not task.succeeded(track) else task.outcome_in_words(track)
+
+
 def trial_record(task: Task, motion: MotionRecord, tracked_trial: TrackedTrial) -> TrialRecord:
     """The record of a tracked trial."""
     return TrialRecord(
@@ -46,6 +52,7 @@ def trial_record(task: Task, motion: MotionRecord, tracked_trial: TrackedTrial) 
         observation=as_observed(task.observation(tracked_trial.track)),
         reward=task.score(tracked_trial.track, motion.context_array),
         outcome=tracked_trial.track.outcome,
+        ended=ended_in_words(task, tracked_trial.track),
         track=TrackRecord.from_track(tracked_trial.track),
         moments=tracked_trial.moments,
         film=tracked_trial.film,

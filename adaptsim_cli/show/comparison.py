@@ -14,7 +14,7 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.html import fill
 from adaptsim_cli.screen.outputs.sessions import ComparedMethod, ParameterBelief
 from adaptsim_cli.screen.svg import plain
-from adaptsim_cli.session.advice import in_words, tried_in
+from adaptsim_cli.session.advice import check_first, in_words, tried_in
 from adaptsim_cli.session.exporting import Row, as_csv, rows
 from adaptsim_cli.session.history import results_of, trials_of
 from adaptsim_cli.session.judgement import MeanReward, mean_of, trial_std
@@ -62,8 +62,9 @@ class ComparedSession:
     @property
     def verdict(self) -> str:
         """The verdict after its last iteration, in words."""
+        f = self.facts
         return (
-            in_words(self.result.verdict, self.facts.object_name, self.facts.recorded)
+            in_words(self.result.verdict, f.object_name, f.recorded, check_first(f.task, f.hw, f.calibration))
             if self.result
             else "No iteration is complete yet."
         )

@@ -98,9 +98,20 @@ class FirstLook:
         return cls(store.facts.name, record, expected, tuple(store.facts.curves), ends)
 
     @property
+    def place(self) -> str:
+        """Where its trials happen, in a word: only a task with a path on the table has one."""
+        return "robot" if self.curves else "table"
+
+    @property
+    def question(self) -> str:
+        """The question to the person."""
+        return f"Is this your {self.place}?"
+
+    @property
     def in_words(self) -> str:
         """The question to the person, with the numbers that answer it."""
-        question = "Is this your table? At the end of the first trial: " + "; ".join(end.in_words for end in self.ends)
+        ends = "; ".join(end.in_words for end in self.ends)
+        question = f"{self.question} At the end of the first trial: {ends}"
         outside = ", ".join(end.name for end in self.ends if end.is_outside)
         return f"{question}.{f' Outside in {outside}: check units, frame and columns.' if outside else ''}"
 

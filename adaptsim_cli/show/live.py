@@ -19,7 +19,7 @@ from adaptsim_cli.bench.rig import Image
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import number, quantity
-from adaptsim_cli.session.advice import compared_in_words, in_words
+from adaptsim_cli.session.advice import check_first, compared_in_words, in_words
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.history import means_of, played_of, results_of
 from adaptsim_cli.session.live_trial import MotionPreview, Placement, TrackedTrial
@@ -223,13 +223,14 @@ def tracked_shown(record: TrialRecord, tracked_trial: TrackedTrial, url: str) ->
 
 def so_far(store: SessionStore, task: Task, posterior: Posterior | None) -> dict[str, Any]:
     """Rewards and parameters of the whole session."""
-    results, layout = results_of(store), store.facts.layout
+    results, facts, layout = results_of(store), store.facts, store.facts.layout
+    first = check_first(facts.task, facts.hw, facts.calibration)
     return {
         "rewards": [_reward(record, len(results)) for record in played_of(store)],
         "ends": [layout.numbers(i).stop - 1 for i in range(max(1, store.iterations()))],
         "control": compared_in_words(results[-1].control) if results and results[-1].control is not None else "",
         "parameters": _parameters(store, task, results, posterior),
-        "verdict": in_words(results[-1].verdict, store.facts.object_name) if results else "",
+        "verdict": in_words(results[-1].verdict, store.facts.object_name, first=first) if results else "",
         "best": _best(task, results[-1]) if results else None,
     }
 

@@ -13,8 +13,8 @@ import numpy as np
 from adaptsim_cli.screen.html import fill
 from adaptsim_cli.screen.outputs.learning import Revealed
 from adaptsim_cli.screen.outputs.trials import OutlookRecord
-from adaptsim_cli.screen.views import predicted_between, quantity
-from adaptsim_cli.session.advice import compared_in_words, control_name, in_words, tried_in
+from adaptsim_cli.screen.views import predicted_between, quantity, shown
+from adaptsim_cli.session.advice import check_first, compared_in_words, control_name, in_words, tried_in
 from adaptsim_cli.session.control import compared, is_hidden, pairs_of
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.history import means_of, particles_of
@@ -33,7 +33,7 @@ from adaptsim_cli.show.figures import NARROW, WIDE, Level
 from adaptsim_cli.storage import durable
 from sim.adaptation.method import FAILED
 from sim.adaptation.stages import Role
-from sim.tasks import TASKS, get_task
+from sim.tasks import known_task
 from sim.types import Dimension
 
 if TYPE_CHECKING:
@@ -126,7 +126,11 @@ def render(
         action_of=lambda trial: _quantities(_described(facts, facts.action), tuple(trial.action.values())),
         trials=trials,
         latest=results[-1] if results else None,
-        verdict=in_words(results[-1].verdict, facts.object_name, facts.recorded) if results else "",
+        verdict=in_words(
+            results[-1].verdict, facts.object_name, facts.recorded, check_first(facts.task, facts.hw, facts.calibration)
+        )
+        if results
+        else "",
         best=parameters_in_words(facts, results[-1].best.params) if results else "",
         correction=_correction(facts, results[-1].outlook) if results else "",
         failed=FAILED,
@@ -270,19 +274,19 @@ def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:
 
 def _quantities(dimensions: Sequence[Dimension], values: Iterable[float]) -> str:
     """Plain name, value and unit of each quantity, without a line break inside one."""
-    each = (f"{d.plain_name} {quantity(v, d.unit)}" for d, v in zip(dimensions, values, strict=True))
+    each = (f"{d.plain_name} {shown(d, v)}" for d, v in zip(dimensions, values, strict=True))
     return ", ".join(text.replace(" ", NO_BREAK) for text in each)
 
 
 def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dimension, ...]:
     """The stored dimensions, with plain names and meanings if the task is known."""
-    task = get_task(facts.task) if facts.task in TASKS else None
+    task = known_task(facts.task)
     spaces = (task.parameters, task.context, task.action) if task is not None else ()
     dimensions = {(d.name, d.unit): d for space in spaces for d in space.dimensions}
     return tuple(
         replace(dimensions.get((r.name, r.unit), bare), low=r.low, high=r.high, scale=r.scale)
         for r in records
-        for bare in (Dimension(r.name, r.unit, r.low, r.high),)
+        for bare in (Dimension(r.name, r.unit, r.low, r.high, words=r.words),)
     )
 
 

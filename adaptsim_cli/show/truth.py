@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +21,7 @@ from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.records import ROLLOUT
 from adaptsim_cli.session.store import SessionStore
 from sim.errors import CollapsedPosterior, SimError
+from sim.storage.places import data_folder
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
@@ -29,6 +33,9 @@ BELIEVED = (0.05, 0.5, 0.95)
 
 CONTEXTS = 4
 """Contexts in which each policy of UDR is tried."""
+
+PARALLEL_FROM_S = 5.0
+"""Rollouts that take longer together are spread over processes, whose start takes seconds."""
 
 
 def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[], Posterior]) -> Revealed | None:
@@ -91,16 +98,43 @@ def _levels(posterior: Posterior) -> Sequence[tuple[float, float, float] | None]
 
 @lru_cache(maxsize=8)
 def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
-    """The rewards of the policies of UDR in a world, without arm or camera, in a few even contexts."""
+    """The rewards of the policies of UDR in a world, without arm or camera, in a few even contexts.
+
+    They are simulated once, in parallel where they are slow, and kept in the data folder by the hash of checkpoint and
+    world.
+    """
     from sim.adaptation.methods.udr import udr_policies
     from sim.lab.world import rollouts_in
     from sim.rollouts.draws import cover
+    from sim.rollouts.executors import process_pool, serial_executor
+    from sim.rollouts.run import Requests, concatenate, run_many
+    from sim.rollouts.shards import read_rollouts, write_rollouts
 
-    task, simulate = checkpoint.solver.task, rollouts_in(world)
+    task = checkpoint.solver.task
     contexts = cover(task.context, CONTEXTS if len(task.context) else 1, np.random.default_rng(0))
     middle = task.nuisance.denormalise(np.full(len(task.nuisance), 0.5))
-    return tuple(
-        task.score(simulate(world.parameters, context, action, middle), context)
-        for policy in udr_policies(checkpoint.solver, np.random.default_rng(0))
-        for context, action in zip(contexts, policy.actions(contexts), strict=True)
+    policies = udr_policies(checkpoint.solver, np.random.default_rng(0))
+    count = len(policies) * len(contexts)
+    requests = Requests(
+        np.tile(world.parameters, (count, 1)),
+        np.tile(contexts, (len(policies), 1)),
+        np.concatenate([policy.actions(contexts) for policy in policies]),
+        np.tile(middle, (count, 1)),
     )
+    identity = repr(
+        (checkpoint.sha256, world.parameters.tolist(), world.nuisance.tolist(), world.unmodelled, world.physics)
+    )
+    path = data_folder() / "truth" / f"{hashlib.sha256(identity.encode()).hexdigest()[:24]}.npz"
+    rollouts = read_rollouts(path, requests)
+    if rollouts is None:
+        in_world = replace(task, simulate=rollouts_in(world, task), simulate_many=None)
+        began = time.monotonic()
+        with serial_executor() as crew:
+            first = run_many(in_world, requests[:1], crew)
+        slow = (time.monotonic() - began) * (count - 1) > PARALLEL_FROM_S
+        with process_pool() if slow else serial_executor() as crew:
+            rollouts = concatenate([first, run_many(in_world, requests[1:], crew)]) if count > 1 else first
+        with suppress(OSError):  # a folder that cannot be written only costs time
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_rollouts(path, requests, rollouts)
+    return tuple(float(reward) for reward in rollouts.rewards(task, requests.context))

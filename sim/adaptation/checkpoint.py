@@ -22,14 +22,20 @@ from hw.extras import installed
 from sim.adaptation.reward_table import RewardTable, restore_prospects
 from sim.errors import CheckpointError
 from sim.solvers.emulator.network import SELF_TEST, Emulator, EmulatorReport, predictions, require_same
+from sim.solvers.grid import grid_behind
+from sim.solvers.library import with_library
 from sim.solvers.solver import Solver, naf
 from sim.storage.files import Tensors, load_tensors, read_toml, save_tensors, sha256, write_toml
 from sim.tasks import files_of, task_names
-from sim.tasks.fingerprint import fingerprint, interface
+from sim.tasks.fingerprint import changes, content, fingerprint, interface, scene_key
+from sim.tasks.library import FOLDER as POLICIES
+from sim.tasks.library import read_library
 from sim.tasks.task import Task
 
 CARD = "card.toml"
 FORMAT = 1
+FEW = 2
+"""Rollouts that stand for the physics of a task of a file."""
 
 Targets = Literal["paper", "wide"]
 """Where targets are drawn: in the paper's ranges, or beyond them too."""
@@ -94,6 +100,8 @@ class Card(_Table):
     fingerprint: str  # of the task
     interface: dict[str, Any]  # behind the fingerprint: spaces, observation, noise
     sha256: str  # of the weights
+    content: str = ""  # of the file of the task and of its scenes; empty: the task of a package
+    scene: str = ""  # key of the physics of such a task
     created: datetime | None = None
     versions: dict[str, str] = {}  # of the packages that it was made with
     seed: int | None = None
@@ -102,6 +110,8 @@ class Card(_Table):
     naf: dict[str, Any] | None = None  # read by NAF's solver
     budget: Budget = Budget()
     self_test: list[float] | None = None  # predictions repeated on loading; None: no emulator
+    policies: dict[str, str] = {}  # name -> SHA-256 of each trained policy, in the folder `policies`
+    worth: dict[str, Any] | None = None  # see `sim.research.pretraining.worth`; None: not measured
     emulator: EmulatorReport | None = None  # None: no emulator was trained
     evaluation: EvaluationReport | None = None  # None: not asked for
 
@@ -135,7 +145,7 @@ def _wrong(file: Path, error: ValidationError) -> CheckpointError:
 
 
 MODEL = "model.safetensors"
-PROSPECTS = "prospects."
+PROSPECTS, GRID = "prospects.", "grid."
 
 LARGEST = 1e12
 """The largest number that a trained network has."""
@@ -193,6 +203,7 @@ def save_checkpoint(
         "sha256": sha256(folder / MODEL),
         "versions": installed("adaptsim", "drake", "numpy", "torch"),
         **facts,
+        **({} if task.file is None else {"content": content(task), "scene": scene_key(task, FEW)}),
         "interface": interface(task),
         **({SELF_TEST: predictions(emulator)} if emulator else {}),
     }
@@ -210,11 +221,14 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     if card.fingerprint != fingerprint(task):
         raise CheckpointError(
             f"the checkpoint in {path} was trained with different {_difference(card, task)} of {task.name}"
-            f"{_own(card, task)}: pretrain again with `adaptsim pretrain --task {task.name}`, or give the file of that "
-            "object with --object"
+            f"{_own(card, task)}: pretrain again with `adaptsim pretrain --task {task.name}`"
+            + (", or give the file of that object with --object" if task.file is None else ", in a new --out")
         )
     verify_weights(path, card)
     tensors = load_tensors(path / MODEL)
+    if task.training is not None:
+        task = with_library(task, read_library(path / POLICIES, card.policies))
+    _require_same_physics(task, path, card)
     ahead = _part(tensors, PROSPECTS)
     _require_finite(tensors, path / MODEL)
     emulator = None if task.exact or card.solver == "naf" else Emulator(task, _part(tensors, "emulator."))
@@ -223,10 +237,21 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     return Checkpoint(
         path=path,
         card=card,
-        solver=emulator or _solver(task, path, card),
+        solver=emulator or _solver(task, path, card, tensors),
         emulator=emulator,
         prospects=restore_prospects(task, ahead) if ahead else None,
         tensors=tensors,
+    )
+
+
+def _require_same_physics(task: Task, path: Path, card: Card) -> None:
+    """Raises CheckpointError if the file of the task or of a scene has changed, and rollouts end differently."""
+    if task.file is None or card.content in ("", content(task)) or card.scene == scene_key(task, FEW):
+        return
+    raise CheckpointError(
+        f"the physics of {task.name} has changed since the checkpoint in {path} was made: its names and ranges are the "
+        f"same, and rollouts end differently ({task.file.path}, or a file of its scene). Pretrain again with `adaptsim "
+        f"pretrain --task {task.file.path}`, in a new --out, or restore the file"
     )
 
 
@@ -272,10 +297,13 @@ def verify_weights(path: Path, card: Card) -> None:
         )
 
 
-def _solver(task: Task, path: Path, card: Card) -> Solver:
+def _solver(task: Task, path: Path, card: Card, tensors: Tensors) -> Solver:
     """The solver without an emulator: exact, or NAF's."""
     if task.exact:
-        return task.exact(task)
+        exact = task.exact(task)
+        if (grid := grid_behind(exact)) is not None and (stored := _part(tensors, GRID)):
+            grid.restore(stored)
+        return exact
     try:
         solver: Solver = naf().restore(task, card.naf or {})
         return solver
@@ -303,6 +331,8 @@ def _part(tensors: Tensors, prefix: str) -> dict[str, NDArray[Any]]:
 
 def _difference(card: Card, task: Task) -> str:
     now, then = interface(task), card.interface
+    if task.file is not None:
+        return f"settings ({'; '.join(changes(then, now))})"
     return ", ".join(key for key in now if then.get(key) != now[key]) or "settings"
 
 

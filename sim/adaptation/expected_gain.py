@@ -7,6 +7,8 @@ the other draws, these choose new actions, and the true draw says what they earn
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,7 @@ from hw.types import Array
 from sim.adaptation.method import FAILED, WORTHWHILE, ExpectedGain
 from sim.adaptation.reality import KEPT, LEAST_END_STD, Reality
 from sim.rollouts.draws import cover
+from sim.solvers.candidates import Outcomes
 from sim.solvers.solver import SolvedPolicy
 
 CONTEXTS = 16
@@ -44,16 +47,19 @@ def outlook(reality: Reality, for_e: SolvedPolicy, optimism: Array, *, untried: 
     `optimism` (n,) are the standard deviations that the particles of the next iteration add to the expected reward.
     `untried`: see `ExpectedGain`.
     """
-    task, answers = reality.simulators.task, reality.answers
+    task = reality.simulators.task
     n = CONTEXTS if len(task.context) else 1
     contexts = cover(task.context, n, np.random.default_rng(0))
-    earned = np.stack([answers.rewards(context) for context in contexts])  # (n, A, KEPT)
+    answers = [reality.answers(context) for context in contexts]
+    earned = np.stack([one.rewards(context) for one, context in zip(answers, contexts, strict=True)])  # (n, A, KEPT)
     chosen = _chosen(earned, np.full((KEPT, KEPT), 1.0 / KEPT))[:, 0]
     now = earned[np.arange(n), chosen].mean(axis=0)
     mean = float(now.mean())
     low, high = np.clip(mean + WIDER * (np.quantile(now, [0.025, 0.975]) - mean), 0.0, 1.0)
-    gains = _gains(reality, earned, _next_trials(earned, optimism, task.adaptation.trials_per_iteration))
-    off = answers.actions[chosen] - for_e.actions(contexts)
+    where, tried = _next_trials(earned, optimism, task.adaptation.trials_per_iteration)
+    weights = _weights([answers[i] for i in where], tried, reality.simulators.end_unit)
+    gains = _gains(earned, weights)
+    off = np.stack([one.actions[i] for one, i in zip(answers, chosen, strict=True)]) - for_e.actions(contexts)
     return ExpectedGain(
         reward=mean,
         ci95=(float(low), float(high)),
@@ -71,19 +77,20 @@ def _failures(reality: Reality) -> int:
     return earned.index(True) if True in earned else len(earned)
 
 
-def _next_trials(earned: Array, optimism: Array, each: int) -> NDArray[np.intp]:
-    """(m,) the actions of the next iteration, `each` per particle, in evenly spread contexts."""
+def _next_trials(earned: Array, optimism: Array, each: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """(m,) contexts and (m,) actions of the next iteration, `each` per particle, in evenly spread contexts."""
     where = np.unique(np.linspace(0, len(earned) - 1, each).astype(int))
     mean, std = earned[where].mean(axis=-1), earned[where].std(axis=-1)
-    return np.concatenate([(mean + more * std).argmax(axis=1) for more in optimism])
+    tried = np.concatenate([(mean + more * std).argmax(axis=1) for more in optimism])
+    return np.tile(where, len(optimism)), tried
 
 
-def _gains(reality: Reality, earned: Array, tried: NDArray[np.intp]) -> Array:
-    """(KEPT,) the gain by the trials `tried` if this draw is the truth; `earned` (n, A, KEPT)."""
+def _gains(earned: Array, weights: Array) -> Array:
+    """(KEPT,) the gain if this draw is the truth and the trials leave `weights` (KEPT, KEPT); `earned` (n, A, KEPT)."""
     others = (1.0 - np.eye(KEPT)) / (KEPT - 1)
     contexts, truth = np.arange(len(earned))[:, None], np.arange(KEPT)
     before = earned[contexts, _chosen(earned, others), truth].mean(axis=0)
-    after = earned[contexts, _chosen(earned, _weights(reality, tried)), truth].mean(axis=0)
+    after = earned[contexts, _chosen(earned, weights), truth].mean(axis=0)
     return np.asarray(after - before)
 
 
@@ -94,10 +101,13 @@ def _chosen(earned: Array, weights: Array) -> NDArray[np.intp]:
     return np.asarray((mean - CAUTION * std).argmax(axis=1))
 
 
-def _weights(reality: Reality, tried: NDArray[np.intp]) -> Array:
-    """(KEPT, KEPT) the weights of all other draws after the trials `tried`, one row for each draw as the truth."""
-    answers, unit = reality.answers, reality.simulators.end_unit
-    success, ends = answers.success[tried].mean(axis=-1), answers.end_state[tried] / unit
+def _weights(answers: Sequence[Outcomes], tried: NDArray[np.intp], unit: Array) -> Array:
+    """(KEPT, KEPT) the weights of all other draws after the trials of the actions `tried`, each with the `answers` of
+    its context; one row for each draw as the truth.
+    """
+    trials = list(zip(answers, tried, strict=True))
+    success = np.stack([one.success[i] for one, i in trials]).mean(axis=-1)
+    ends = np.stack([one.end_state[i] for one, i in trials]) / unit
     end, spread = ends.mean(axis=2), ends.var(axis=2).mean(axis=1, keepdims=True)
     by_success = _cross_entropy(success)
     apart = (end[:, :, None] - end[:, None]) ** 2 / (2.0 * (spread + LEAST_END_STD**2 + _OTHER_STD**2))[:, :, None]

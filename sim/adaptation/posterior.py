@@ -131,8 +131,8 @@ def predicted(expectations: Expectations, parameters: Array, context: Array, act
     """
     task, n = expectations.task, len(parameters)
     middle = task.nuisance.denormalise(np.full((n, len(task.nuisance)), 0.5))
-    paths = expectations.trajectories(parameters, np.broadcast_to(action, (n, len(task.action))), middle)
-    return task.observation.denormalise(task.relocate(paths, np.broadcast_to(context, (n, len(task.context)))))
+    contexts, actions = np.broadcast_to(context, (n, len(task.context))), np.broadcast_to(action, (n, len(task.action)))
+    return task.observation.denormalise(expectations.trajectories(parameters, actions, middle, contexts))
 
 
 def prospect(

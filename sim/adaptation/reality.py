@@ -3,8 +3,8 @@
 1. A *simulator* is the emulator at one set of parameters. Each trial weighs it: by its trajectory, by whether it
    succeeded, and by where a success ended.
 2. No parameters describe reality exactly. Its discrepancy in the chance of success and in the end state is a smooth
-function of the action (`Discrepancy`). It explains a residual that several trials share; only the
-unexplained rest weighs simulators.
+function of the action, and of a context that moves things (`Discrepancy`). It explains a residual that several trials
+share; only the unexplained rest weighs simulators.
 3. Many pairs of a simulator and such functions are drawn. Each predicts the reward of any action in any context;
 together they give the expected reward and its uncertainty.
 """
@@ -71,14 +71,14 @@ class Discrepancy:
     predictions. A smooth function of the action, a Gaussian process (Kennedy & O'Hagan 2001).
 
     A misaligned mount, a bent blade or a tilted table has the same effect on similar actions. So a residual of a trial
-    is expected of nearby actions too, and less so the farther away they are.
+    is expected of nearby actions too, and less so the farther away they are. See `Simulators.places`.
 
     Actions and noise of the trials are the same for every candidate simulator, so all are conditioned at once:
     Rasmussen & Williams 2006, eq. 2.30.
     """
 
     scale: DiscrepancyScale
-    at: Array  # (N, d) actions in fractions of their ranges
+    at: Array  # (N, d) `Simulators.places` of the trials
     noise: Array  # (N,) variance of each residual
 
     def evidence(self, residuals: Array) -> Array:
@@ -181,25 +181,40 @@ class Simulators:
         """(k,) standard deviation of the end states over Omega and all actions, weighted by the expected reward."""
         task, rng, n = self.task, np.random.default_rng(0), 2048
         drawn, truths = Disturbances.evenly(task, n, rng), cover(task.parameters, n, rng)
-        others = self.actions(truths[rng.permutation(n)], n)  # the best for a truth would always end alike
-        success, end = self.solver.outcomes(truths, others[np.arange(n) % len(others)], drawn.nuisance)
+        reference = np.asarray(task.reference_context)
+        others = self.actions(truths[rng.permutation(n)], n, reference)  # the best for a truth would always end alike
+        contexts = task.simulated_in(cover(task.context, n, rng))
+        success, end = self.solver.outcomes(truths, others[np.arange(n) % len(others)], drawn.nuisance, contexts)
         ends = end.mean(axis=0)
-        earned = success.mean(axis=0) * task.reward_of_success(ends, np.asarray(task.reference_context))
+        earned = success.mean(axis=0) * task.reward_of_success(ends, contexts)
         std = np.sqrt(np.cov(ends.T, aweights=earned, ddof=0).reshape(ends.shape[1], -1).diagonal()) + 1e-9
         return np.asarray(np.maximum(std, LEAST_UNIT * std.max()))
 
-    def actions(self, parameters: Array, n: int) -> Array:
+    def places(self, actions: Array, contexts: Array) -> Array:
+        """(N, a), (N, c) or (c,) -> (N, d): the points between which a discrepancy varies.
+
+        They are the actions, and the contexts where these move things, in fractions of their ranges.
+        """
+        moving = self.task.physical_context
+        at = np.broadcast_to(contexts[..., : len(moving)], (len(actions), len(moving)))
+        return np.concatenate([self.task.action.normalise(actions), moving.normalise(at)], axis=1)
+
+    @property
+    def place_size(self) -> int:
+        """The number of coordinates of `places`."""
+        return len(self.task.action) + len(self.task.physical_context)
+
+    def actions(self, parameters: Array, n: int, context: Array) -> Array:
         """(A, a) candidate actions: `n` that fill their ranges; the listed ones if there are no others; for an exact
-        task, the best ones for `parameters`.
+        task, the best ones for `parameters` in a context (c,).
         """
         task = self.task
         if isinstance(self.solver, ListedActionSolver):
             return self.solver.listed
         if task.exact is None:
             return cover(task.action, n, np.random.default_rng(0))
-        nowhere = np.asarray(task.reference_context)[None]
         policies = task.exact(task).policies(parameters[:, None], np.random.default_rng(0))
-        return np.concatenate([policy.actions(nowhere) for policy in policies])
+        return np.concatenate([policy.actions(task.simulated_in(context)[None]) for policy in policies])
 
     def on_grid(self, trials: Sequence[Trial]) -> _Predicted:
         """Predictions of all `truths` for trials; cached per trial."""
@@ -219,17 +234,16 @@ class Simulators:
         commanded = np.array([trial.action for trial in trials])[:, None, None]
         executed = np.broadcast_to(commanded + drawn.error, (*shape, len(task.action))).reshape(n * k * d, -1)
         nuisance = np.broadcast_to(drawn.nuisance, (*shape, len(task.nuisance))).reshape(n * k * d, -1)
-        success, end = self.solver.outcomes(where, executed, nuisance)
+        contexts = np.repeat([trial.context for trial in trials], k * d, axis=0)
+        success, end = self.solver.outcomes(where, executed, nuisance, contexts)
         chance = success.mean(axis=0).reshape(shape)
         ends = np.nan_to_num(end.mean(axis=0).reshape(*shape, -1) / self.end_unit)
         weight = (chance + 1e-6)[..., None]
         mean = (weight * ends).sum(axis=2) / weight.sum(axis=2)
         spread = (weight * (ends - mean[:, :, None]) ** 2).sum(axis=2) / weight.sum(axis=2)
-        paths = self.solver.trajectories(where, executed, nuisance).reshape(*shape, -1)
+        paths = self.solver.trajectories(where, executed, nuisance, contexts).reshape(*shape, -1)
         likely = [
-            log_likelihood(
-                squares(self.solver, trial.context, trial.observation, path), observed_share(trial.observation)
-            )
+            log_likelihood(squares(self.solver, trial.observation, path), observed_share(trial.observation))
             for trial, path in zip(trials, paths, strict=True)
         ]
         return _Predicted(np.array(likely), chance.mean(axis=2), mean, spread)
@@ -241,6 +255,7 @@ class Reality:
 
     simulators: Simulators
     trials: tuple[Trial, ...]
+    _answers: dict[bytes, Outcomes] = field(default_factory=dict, repr=False)  # by `Task.simulated_in`
 
     @cached_property
     def weights(self) -> Array:
@@ -263,24 +278,21 @@ class Reality:
         drawn = np.minimum(np.searchsorted(np.cumsum(self.weights), places), len(self.weights) - 1)
         return frozen_array(self.simulators.truths[drawn])
 
-    @cached_property
-    def actions(self) -> Array:
-        """(A, a) candidate actions, in units."""
-        best_for = np.concatenate([self.parameters, self.simulators.prospects.candidates])
-        return self.simulators.actions(best_for, ACTIONS)
+    def answers(self, context: Array) -> Outcomes:
+        """The outcomes of candidate actions in a context (c,). In every context there are equally many candidates."""
+        key = self.simulators.task.simulated_in(context).tobytes()
+        if key not in self._answers:
+            best_for = np.concatenate([self.parameters, self.simulators.prospects.candidates])
+            self._answers[key] = self.answers_to(self.simulators.actions(best_for, ACTIONS, context), context)
+        return self._answers[key]
 
-    @cached_property
-    def answers(self) -> Outcomes:
-        """The outcomes of these actions."""
-        return self.answers_to(self.actions)
-
-    def answers_to(self, actions: Array) -> Outcomes:
+    def answers_to(self, actions: Array, context: Array) -> Outcomes:
         """(A, a) in units -> their outcomes in every draw: success (A, KEPT, D), end state (A, KEPT, D, k)."""
         task, drawn, unit = self.simulators.task, self.simulators.disturbances, self.simulators.end_unit
         success, end = self.simulators.solver.outcomes(
-            self.parameters[None, :, None], actions[:, None, None] + drawn.error, drawn.nuisance
+            self.parameters[None, :, None], actions[:, None, None] + drawn.error, drawn.nuisance, context
         )
-        at = task.action.normalise(actions)
+        at = self.simulators.places(actions, context)
         added = [discrepancy.drawn(at, residuals, seed) for seed, (discrepancy, residuals) in enumerate(self._added)]
         chance = np.clip(success.mean(axis=0) + added[0][..., None], 0.0, 1.0)
         off = np.stack(added[1:], axis=-1) * unit
@@ -290,8 +302,8 @@ class Reality:
     def _added(self) -> list[tuple[Discrepancy, Array]]:
         """The conditioned discrepancies in the chance of success and in each end-state quantity."""
         if not self.trials:
-            a, k = len(self.simulators.task.action), len(self.simulators.end_unit)
-            nothing = [Discrepancy(scale, np.zeros((0, a)), np.zeros(0)) for scale in (SUCCESS, *[END] * k)]
+            d, k = self.simulators.place_size, len(self.simulators.end_unit)
+            nothing = [Discrepancy(scale, np.zeros((0, d)), np.zeros(0)) for scale in (SUCCESS, *[END] * k)]
             return [(unknown, np.zeros((0, KEPT))) for unknown in nothing]
         predicted = self.simulators.predict(self.trials, self.parameters)
         ends = zip(self._ends, self._off(predicted), strict=True)
@@ -342,7 +354,8 @@ class Reality:
 
     @cached_property
     def _at(self) -> Array:
-        return self.simulators.task.action.normalise(np.array([t.action for t in self.trials]))
+        actions, contexts = (np.array([getattr(t, name) for t in self.trials]) for name in ("action", "context"))
+        return self.simulators.places(actions, contexts)
 
     @cached_property
     def _succeeded(self) -> Array:
@@ -361,33 +374,37 @@ class RealityPolicy(CandidatePolicy):
     optimism: float = 0.0
     executable: Executable | None = None
     attempts: int = 64
-    _near: dict[int, Outcomes] = field(default_factory=dict, repr=False)
+    _near: dict[tuple[bytes, int], Outcomes] = field(default_factory=dict, repr=False)
+
+    @property
+    def task(self) -> Task:
+        """The task of the simulators."""
+        return self.reality.simulators.task
 
     def __call__(self, context: Array) -> Array:
         """(c,) in units -> (a,) in units. Raises NotExecutable if none of the best actions can be executed."""
         attempts = self.attempts if self.reality.simulators.refines else None
-        return first_executable(*self.ranked(context), context, self.executable, self.everywhere.task, attempts)
+        return first_executable(*self.ranked(context), context, self.executable, self.task, attempts)
 
     def predict(self, context: Array) -> tuple[float, float, float]:
         """Expected reward of the action at `context`: mean, and the 95 % interval over the draws."""
-        earned = self.outcomes(self(context)[None]).rewards(context)[0]
+        earned = self.outcomes(self(context)[None], context).rewards(context)[0]
         low, high = np.quantile(earned, [0.025, 0.975])
         return float(earned.mean()), float(low), float(high)
 
-    @property
-    def everywhere(self) -> Outcomes:
+    def everywhere(self, context: Array) -> Outcomes:
         """The outcomes of the candidate actions."""
-        return self.reality.answers
+        return self.reality.answers(context)
 
     def steps(self) -> Array:
         """(REFINED, a); none if there are no other actions."""
-        a = len(self.everywhere.task.action)
+        a = len(self.task.action)
         around = (2.0 * sobol(REFINED, a, np.random.default_rng(0)) - 1.0) * ACTIONS ** (-1.0 / a)
         return np.asarray(around if self.reality.simulators.refines else around[:0])
 
-    def outcomes(self, actions: Array) -> Outcomes:
+    def outcomes(self, actions: Array, context: Array) -> Outcomes:
         """The outcomes of actions (A, a) in every draw."""
-        return self.reality.answers_to(actions)
+        return self.reality.answers_to(actions, context)
 
     def worth(self, outcomes: Outcomes, context: Array) -> Array:
         """(A,) rounded, so that equal actions tie."""

@@ -55,21 +55,21 @@ class ImaginedWorld:
         task, solver, n = self.simulators.task, self.simulators.solver, len(contexts)
         executed = actions + rng.uniform(-1.0, 1.0, actions.shape) * task.action_noise
         nuisance, where = task.nuisance.sample(rng, n), np.tile(self.parameters, (n, 1))
-        success, end = (values.mean(axis=0) for values in solver.outcomes(where, executed, nuisance))
-        at, (missed, *off) = task.action.normalise(actions), self._discrepancies
+        success, end = (values.mean(axis=0) for values in solver.outcomes(where, executed, nuisance, contexts))
+        at, (missed, *off) = self.simulators.places(actions, contexts), self._discrepancies
         is_success = rng.uniform(size=n) < success + missed.drawn(at, np.zeros((0, 1)), self.seed)[:, 0]
         apart = [one.drawn(at, np.zeros((0, 1)), self.seed + i)[:, 0] for i, one in enumerate(off, start=1)]
         noise = LEAST_END_STD * rng.standard_normal((n, len(off)))
         ends = end + (np.stack(apart, axis=-1) + noise) * self.simulators.end_unit
         rewards = np.where(is_success, [task.reward_of_success(e, c) for e, c in zip(ends, contexts, strict=True)], 0.0)
-        paths = task.relocate(solver.trajectories(where, executed, nuisance), contexts)
+        paths = solver.trajectories(where, executed, nuisance, contexts)
         observations = task.observation.with_noise(paths, rng)
         shown = [one if ok else None for one, ok in zip(ends, is_success, strict=True)]
         return trials_of_rows(contexts, actions, observations, np.clip(rewards, 0.0, 1.0), shown)
 
     @cached_property
     def _discrepancies(self) -> list[Discrepancy]:
-        nothing, nowhere = np.zeros(0), np.zeros((0, len(self.simulators.task.action)))
+        nothing, nowhere = np.zeros(0), np.zeros((0, self.simulators.place_size))
         scales = (SUCCESS, *[END] * len(self.simulators.end_unit))
         return [Discrepancy(s.times(f), nowhere, nothing) for s, f in zip(scales, self.factors, strict=True)]
 

@@ -49,6 +49,11 @@ def in_physics(task: Task, physics: Physics) -> Task:
     return task if physics == "drake" else replace(task, simulate=simulate_of(task.name, physics), simulate_many=None)
 
 
+def physics_name(task: Task, physics: Physics) -> str:
+    """The simulator that a world runs in: the task's own, or a foreign one."""
+    return task.physics if physics == "drake" else physics
+
+
 def simulate_of(task_name: str, physics: Physics) -> Simulate:
     """`Task.simulate`, or the same in a foreign physics. Raises ExtraMissing if that is not installed."""
     if physics == "drake":

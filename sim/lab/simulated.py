@@ -17,7 +17,7 @@ from hw.workcell import Workcell
 from sim.lab.arm import LabArm
 from sim.lab.camera import LabCamera
 from sim.lab.kinect import moved_X_BC
-from sim.lab.physics import effects_in
+from sim.lab.physics import effects_in, physics_name
 from sim.lab.rng_streams import moved_stream
 from sim.lab.room import Room
 from sim.lab.world import World
@@ -108,7 +108,7 @@ def truth_of(task: Task, world: World) -> dict[str, Any]:
         "task": task.name,
         "world": world.name,
         "description": world.description,
-        "physics": world.physics,
+        "physics": physics_name(task, world.physics),
         "parameters": dict(zip(task.parameters.names, world.parameters.tolist(), strict=True)),
         "nuisance": dict(zip(task.nuisance.names, world.nuisance.tolist(), strict=True)),
         "unmodelled": effects_in(world.physics, world.unmodelled),

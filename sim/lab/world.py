@@ -26,7 +26,8 @@ from perception.types import ObjectTrack
 from sim.errors import NoHardware, OutOfRange, RolloutError, SimError, UnknownName, WorldError
 from sim.lab.physics import Physics, require_possible, simulate_of
 from sim.panda.tool import ToolCorrection
-from sim.tasks import files_of, task_names
+from sim.tasks import declared_worlds, files_of, task_names
+from sim.tasks.library import library_of
 from sim.tasks.task import Simulate, Task
 from sim.types import Dimension, Space
 
@@ -115,13 +116,13 @@ class World:
 
 
 def list_worlds(task: Task) -> tuple[str, ...]:
-    """Names of the worlds that ship with `task`, sorted."""
-    return _worlds(task.name)
+    """Names of the worlds that ship with `task` or that it declares, sorted."""
+    return tuple(sorted({*task.worlds, *_worlds(task.name)}))
 
 
 def _worlds(task: str) -> tuple[str, ...]:
     folder = files_of(task, "worlds")
-    return tuple(sorted(file.stem for file in folder.glob("*.toml")))
+    return tuple(sorted({*declared_worlds(task), *(file.stem for file in folder.glob("*.toml"))}))
 
 
 def shipped_worlds(task: Task, physics: Physics = "drake") -> tuple[World, ...]:
@@ -154,6 +155,9 @@ def load_world(name_or_path: str, task: Task) -> World:
         if not path.is_file():
             raise UnknownName(f"there is no world file {path}: check the path")
         return _parse(path.read_bytes(), path.stem, str(path), task)
+    if name_or_path in task.worlds:
+        raw = {"task": task.name, **task.worlds[name_or_path]}
+        return _world(raw, name_or_path, f"world {name_or_path} of {task.name}", task)
     names = list_worlds(task)
     if name_or_path not in names:
         tasks = tasks_of_world(name_or_path)
@@ -189,6 +193,10 @@ def _parse(data: bytes, name: str, source: str, task: Task) -> World:
         raw = parse_table(data, is_toml=True, finite=False)  # numbers are checked by name
     except Unreadable as error:
         raise WorldError(f"{source} {error}") from error
+    return _world(raw, name, source, task)
+
+
+def _world(raw: Mapping[str, Any], name: str, source: str, task: Task) -> World:
     file = _check(_File, raw, source, "")
     if file.task != task.name:
         raise WorldError(f"{source} is a world of {file.task!r}, not of {task.name!r}; name a world of this task")
@@ -261,14 +269,29 @@ def _parameters(raw: Mapping[str, Any], task: Task, source: str) -> Array:
 def _vector(raw: Mapping[str, Any], space: Space, source: str, table: str, *, required: bool) -> Array:
     """Values of `space` from a table. A missing one has its default; else, in an optional table, its middle."""
     types: dict[str, Any] = {
-        d.name: (int if d.scale == "integer" else float, _left_out(d, float(middle), required=required))
+        d.name: (
+            int | str if d.words else int if d.scale == "integer" else float,
+            _left_out(d, float(middle), required=required),
+        )
         for d, middle in zip(space.dimensions, space.middle, strict=True)
     }
     model = _check(create_model(table, __base__=HandWritten, **types), raw, source, table)
-    values = [getattr(model, d.name) for d in space.dimensions]
+    values = [_index(d, getattr(model, d.name), source, table) for d in space.dimensions]
     for dimension, value in zip(space.dimensions, values, strict=True):
         _possible(dimension, float(value), source, table)
     return frozen_array(values)
+
+
+def _index(dimension: Dimension, value: Any, source: str, table: str) -> float:
+    """A number; of a category, the index of its word."""
+    if not isinstance(value, str):
+        return float(value)
+    if value not in dimension.words:
+        near = did_you_mean(value, dimension.words)
+        raise WorldError(
+            f"{source}: {dimension.name} = {value!r} in [{table}]: it must be one of {', '.join(dimension.words)}{near}"
+        )
+    return float(dimension.words.index(value))
 
 
 def _left_out(dimension: Dimension, middle: float, *, required: bool) -> Any:
@@ -328,18 +351,27 @@ def _faults(raw: Mapping[str, Any], source: str) -> Faults:
     return faults
 
 
-def rollouts_in(world: World) -> Simulate:
+def rollouts_in(world: World, task: Task | None = None) -> Simulate:
     """A `Task.simulate` that uses only context and action: parameters, nuisance and effects are the world's.
+
+    `task` is the one of the checkpoint: where policies are trained, it knows them.
 
     It can be sent to another process. A call raises ExtraMissing if the world's physics is not installed.
     """
-    return partial(_simulate, world)
+    knows_policies = task is not None and library_of(task) is not None
+    return partial(_simulate, world, task if knows_policies else None)
 
 
 def _simulate(
-    world: World, parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None
+    world: World,
+    task: Task | None,
+    parameters: Array,
+    context: Array,
+    action: Array,
+    nuisance: Array,
+    unmodelled: Any = None,
 ) -> ObjectTrack:
-    simulate = simulate_of(world.task, world.physics)
+    simulate = simulate_of(world.task, world.physics) if task is None else task.simulate
     try:
         return simulate(world.parameters, context, action, world.nuisance, world.unmodelled)
     except SimError:

@@ -1,4 +1,5 @@
-"""The dataset of a task: rollouts over parameters, actions and nuisance, drawn once and used by all learning.
+"""The dataset of a task: rollouts over parameters, actions, nuisance and, where it moves things, the context; drawn
+once and used by all learning.
 
 A folder holds `dataset.toml` (the settings, and probe rollouts that detect a changed scene) and shards. Shard i holds
 rollouts from i*SHARD on of a scrambled Sobol sequence. So this part is a function of (task, seed, size), a larger one
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.errors import DatasetError
-from sim.rollouts.draws import at_reference, sobol
+from sim.rollouts.draws import physical_contexts, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate, run_many
 from sim.rollouts.shards import columns_digest, read_manifest, read_rollouts, simulate_missing, simulate_share, split
 from sim.rollouts.shares import Share
@@ -49,8 +50,8 @@ FLOOR = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Rollouts at the task's reference context, without camera noise; parameters lie over the task's margin, actions
-    over their space and the noise around it.
+    """Rollouts without camera noise: parameters lie over the task's margin, actions over their space and the noise
+    around it. The context is the reference, unless `Task.relocate` is None.
     """
 
     requests: Requests
@@ -62,8 +63,10 @@ class Dataset:
 
     @property
     def identity(self) -> str:
-        """A hash of everything but the context."""
-        columns = {name: getattr(self.requests, name) for name in ("parameters", "action", "nuisance")}
+        """A hash of everything but a context that all rollouts share."""
+        same = bool((self.requests.context == self.requests.context[:1]).all())
+        names = ("parameters", "action", "nuisance") if same else ("parameters", "context", "action", "nuisance")
+        columns = {name: getattr(self.requests, name) for name in names}
         return columns_digest(columns | {f.name: getattr(self.rollouts, f.name) for f in fields(Rollouts)})[:16]
 
     def select(self, rows: NDArray[np.intp]) -> tuple[Requests, Rollouts]:
@@ -92,15 +95,15 @@ def dataset_requests(task: Task, seed: int, size: int) -> Requests:
 
 
 def draw_requests(task: Task, size: int, rng: np.random.Generator) -> Requests:
-    """Requests from a scrambled Sobol sequence over margin, action with noise, and nuisance."""
-    p, a = len(task.margin), len(task.action)
-    unit = sobol(size, p + a + len(task.nuisance), rng)
+    """Requests from a scrambled Sobol sequence over margin, action with noise, nuisance, and `physical_context`."""
+    p, a, n = len(task.margin), len(task.action), len(task.nuisance)
+    unit = sobol(size, p + a + n + len(task.physical_context), rng)
     low, high = task.action.low - task.action_noise, task.action.high + task.action_noise
     return Requests(
         parameters=task.margin.spread(unit[:, :p]),
-        context=at_reference(task, size),
+        context=physical_contexts(task, unit[:, p + a + n :]),
         action=low + unit[:, p : p + a] * (high - low),
-        nuisance=task.nuisance.spread(unit[:, p + a :]),
+        nuisance=task.nuisance.spread(unit[:, p + a : p + a + n]),
     )
 
 
@@ -251,7 +254,8 @@ def _probe_requests(task: Task) -> Requests:
     third = np.array([[1 / 3], [2 / 3]])
     spaces = task.parameters, task.action, task.nuisance
     parameters, action, nuisance = (space.spread(np.tile(third, (1, len(space)))) for space in spaces)
-    return Requests(parameters, at_reference(task, 2), action, nuisance)
+    contexts = physical_contexts(task, np.tile(third, (1, len(task.physical_context))))
+    return Requests(parameters, contexts, action, nuisance)
 
 
 def _read_manifest(folder: Path) -> dict[str, Any] | None:

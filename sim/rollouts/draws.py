@@ -71,6 +71,11 @@ def trial_requests(task: Task, targets: Array, contexts: Array, actions: Array, 
     return Requests(targets, contexts, actions + drawn.error, drawn.nuisance)
 
 
-def at_reference(task: Task, n: int) -> Array:
-    """(n, c) the reference context, `n` times."""
-    return np.tile(np.asarray(task.reference_context, dtype=np.float64), (n, 1))
+def physical_contexts(task: Task, unit: Array) -> Array:
+    """Points (N, len(task.physical_context)) of the unit box -> the contexts (N, c) of rollouts for learning.
+
+    They are drawn ones where a rollout depends on them, else the reference context.
+    """
+    if len(task.physical_context):
+        return task.context.spread(unit)
+    return np.tile(np.asarray(task.reference_context, dtype=np.float64), (len(unit), 1))

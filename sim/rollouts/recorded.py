@@ -232,6 +232,8 @@ def start_m(task: Task, context: Array | None) -> Array | None:
 
 def scores_only(task: Task) -> bool:
     """Whether a context of the task only decides the reward, and not the motion."""
+    if task.relocate is None:
+        return not len(task.context)
     contexts = cover(task.context, 4, np.random.default_rng(0)) if len(task.context) else np.zeros((0, 0))
     observation = np.random.default_rng(0).random(task.observation.size)
     return all(np.array_equal(task.relocate(observation, context), observation) for context in contexts)

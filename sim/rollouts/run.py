@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import itertools
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
 from dataclasses import dataclass, fields
@@ -14,8 +15,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
-from sim.errors import ClusterUnavailable, RolloutError, SimError, UnknownName
-from sim.tasks import get_task
+from sim.errors import ClusterUnavailable, RolloutError, SimError, TaskError
 from sim.tasks.task import SimulateMany, Task
 
 OUTCOMES: tuple[Outcome, ...] = tuple(Outcome)
@@ -52,6 +52,18 @@ class Requests:
 
     def __getitem__(self, index: slice | NDArray[np.int64]) -> Requests:
         return Requests(*(getattr(self, field.name)[index] for field in fields(self)))
+
+    @classmethod
+    def broadcast(
+        cls, parameters: Array, context: Array, action: Array, nuisance: Array
+    ) -> tuple[Requests, tuple[int, ...]]:
+        """(..., p), (..., c), (..., a), (..., n) -> a row for each element of their common leading shape, and this
+        shape.
+        """
+        values = (parameters, context, action, nuisance)
+        lead = np.broadcast_shapes(*(value.shape[:-1] for value in values))
+        rows = (np.broadcast_to(v, (*lead, v.shape[-1])).reshape(math.prod(lead), v.shape[-1]) for v in values)
+        return cls(*rows), lead
 
     def followed_by(self, other: Requests) -> Requests:
         """These requests, then the other ones."""
@@ -128,7 +140,7 @@ def run_parts(
     another. `progress` counts the rollouts of all parts.
 
     Raises RolloutError naming the running requests if a rollout raises or a worker dies, ClusterUnavailable if the
-    scheduler of a cluster is lost. The caller keeps the executor.
+    scheduler of a cluster is lost, TaskError if the code of a task's file fails. The caller keeps the executor.
     A task that simulates stacks does so in this process, which is quicker than using the executor.
     """
     if not all(map(len, parts)):
@@ -136,7 +148,7 @@ def run_parts(
     simulate, total = task.simulate_many, sum(map(len, parts))
     if simulate is not None:
         return _stacked(task, simulate, parts, total, progress or _silent)
-    return _spread(_reference(task), parts, total, executor, progress or _silent)
+    return _spread(task, parts, total, executor, progress or _silent)
 
 
 @dataclass(frozen=True)
@@ -165,7 +177,7 @@ def _stacked(
 
 
 def _spread(
-    source: str | Task, parts: Sequence[Requests], total: int, executor: Executor, progress: Progress
+    task: Task, parts: Sequence[Requests], total: int, executor: Executor, progress: Progress
 ) -> Iterator[Rollouts]:
     waiting, running, done = _chunks(parts), dict[Future[Rollouts], _Chunk](), 0
     arrivals, arrived = SimpleQueue[Future[Rollouts]](), list[Future[Rollouts]]()
@@ -176,7 +188,7 @@ def _spread(
             while missing[number]:
                 for chunk in itertools.islice(waiting, IN_FLIGHT - len(running)):
                     try:
-                        future = executor.submit(_run_chunk, source, parts[chunk.part][chunk.start : chunk.end])
+                        future = executor.submit(_run_chunk, task, parts[chunk.part][chunk.start : chunk.end])
                     except BrokenExecutor as broken:
                         raise _failure(parts, [chunk], broken) from broken
                     running[future] = chunk
@@ -213,7 +225,7 @@ def _result(
 ) -> Rollouts:
     """The rollouts of a future that is done."""
     error = future.exception()
-    if isinstance(error, ClusterUnavailable):
+    if isinstance(error, (ClusterUnavailable, TaskError)):
         raise error
     if error is not None:
         chunk = running[future]
@@ -227,9 +239,8 @@ def _silent(done: int, total: int) -> None:
     """Show no progress."""
 
 
-def _run_chunk(source: str | Task, requests: Requests) -> Rollouts:
+def _run_chunk(task: Task, requests: Requests) -> Rollouts:
     """In a worker: simulate a few requests."""
-    task = _resolve(source)
     tracks = [
         task.simulate(p, c, a, n)
         for p, c, a, n in zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
@@ -246,20 +257,6 @@ def observed(task: Task, tracks: Sequence[ObjectTrack]) -> Rollouts:
         succeeded=np.array([bool(task.succeeded(track)) for track in tracks]),
         outcome=np.array([OUTCOMES.index(track.outcome) for track in tracks], dtype=np.int8),
     )
-
-
-def _reference(task: Task) -> str | Task:
-    """The name of a registered task, which a fresh process can look up; any other task itself."""
-    try:
-        return task.name if get_task(task.name) is task else task
-    except UnknownName:
-        return task
-
-
-def _resolve(source: str | Task) -> Task:
-    if not isinstance(source, str):
-        return source
-    return get_task(source)
 
 
 def _failure(parts: Sequence[Requests], lost: Sequence[_Chunk], error: BaseException) -> RolloutError:

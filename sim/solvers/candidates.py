@@ -1,13 +1,13 @@
 """Policies that choose among candidate actions by expected reward; and a solver for which only listed actions exist.
 
-Physics is context-free up to `Task.relocate`, so the outcomes of the candidates serve all contexts.
+The outcomes of the candidates are kept for each context that rollouts are simulated in (`Task.simulated_in`): with
+`Task.relocate` that is one, so they serve all contexts.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
@@ -56,20 +56,24 @@ def first_executable(
 class CandidatePolicy(ABC):
     """A `SolvedPolicy`: the candidate worth most, or a point around it that is worth more."""
 
-    _near: dict[int, Outcomes]  # a candidate and the points around it, for all contexts
+    _near: dict[tuple[bytes, int], Outcomes]  # a candidate and the points around it, by `simulated_in`
 
     @property
     @abstractmethod
-    def everywhere(self) -> Outcomes:
-        """The outcomes of all candidates."""
+    def task(self) -> Task:
+        """The task of the policy."""
+
+    @abstractmethod
+    def everywhere(self, context: Array) -> Outcomes:
+        """The outcomes of all candidates in a context (c,)."""
 
     @abstractmethod
     def steps(self) -> Array | None:
         """(L, a) from the best candidate to the points around it, in fractions of ranges; None: there is none."""
 
     @abstractmethod
-    def outcomes(self, actions: Array) -> Outcomes:
-        """The outcomes of actions (A, a)."""
+    def outcomes(self, actions: Array, context: Array) -> Outcomes:
+        """The outcomes of actions (A, a) in a context (c,)."""
 
     @abstractmethod
     def worth(self, outcomes: Outcomes, context: Array) -> Array:
@@ -77,12 +81,13 @@ class CandidatePolicy(ABC):
 
     def ranked(self, context: Array) -> tuple[Array, Array]:
         """The actions to choose from at `context` (c,), and their worth: the refined ones come first."""
-        worth = self.worth(self.everywhere, context)
-        near = self._around(int(np.argmax(worth)))
+        everywhere = self.everywhere(context)
+        worth = self.worth(everywhere, context)
+        near = self._around(int(np.argmax(worth)), context)
         if near is None:
-            return self.everywhere.actions, worth
+            return everywhere.actions, worth
         return (
-            np.concatenate([near.actions, self.everywhere.actions]),
+            np.concatenate([near.actions, everywhere.actions]),
             np.concatenate([self.worth(near, context), worth]),
         )
 
@@ -90,20 +95,22 @@ class CandidatePolicy(ABC):
         """(G, c) -> (G, a), without the executability check."""
         chosen = []
         for context in contexts:
-            best = int(np.argmax(self.worth(self.everywhere, context)))
-            near = self._around(best)
+            everywhere = self.everywhere(context)
+            best = int(np.argmax(self.worth(everywhere, context)))
+            near = self._around(best, context)
             if near is None:
-                chosen.append(self.everywhere.actions[best])
+                chosen.append(everywhere.actions[best])
             else:
                 chosen.append(near.actions[int(np.argmax(self.worth(near, context)))])
         return np.stack(chosen)
 
-    def _around(self, best: int) -> Outcomes | None:
-        if best not in self._near and (steps := self.steps()) is not None:
-            space, winner = self.everywhere.task.action, self.everywhere.actions[best]
+    def _around(self, best: int, context: Array) -> Outcomes | None:
+        key = (self.task.simulated_in(context).tobytes(), best)
+        if key not in self._near and (steps := self.steps()) is not None:
+            space, winner = self.task.action, self.everywhere(context).actions[best]
             near = space.denormalise(np.clip(space.normalise(winner) + steps, 0.0, 1.0))
-            self._near[best] = self.outcomes(np.concatenate([winner[None], near]))
-        return self._near.get(best)
+            self._near[key] = self.outcomes(np.concatenate([winner[None], near]), context)
+        return self._near.get(key)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +124,13 @@ class ScenarioPolicy(CandidatePolicy):
     candidates: Array  # (C, a) in units
     local: Array | None  # (L, a), see `steps`; None: only the candidates exist
     executable: Executable | None = None
-    _near: dict[int, Outcomes] = field(default_factory=dict, repr=False)
+    _near: dict[tuple[bytes, int], Outcomes] = field(default_factory=dict, repr=False)
+    _everywhere: dict[bytes, Outcomes] = field(default_factory=dict, repr=False)  # by `simulated_in`
+
+    @property
+    def task(self) -> Task:
+        """The task of its expectations."""
+        return self.expectations.task
 
     def __call__(self, context: Array) -> Array:
         """(c,) in units -> (a,) in units. Raises NotExecutable if no action is left, or none of the best ones can be
@@ -134,9 +147,9 @@ class ScenarioPolicy(CandidatePolicy):
         action = self(context)
         if self.local is None:
             at = int(np.flatnonzero((self.candidates == action).all(axis=1))[0])
-            rewards = self.everywhere.rewards(context)[:, at]
+            rewards = self.everywhere(context).rewards(context)[:, at]
         else:
-            rewards = self.outcomes(action[None]).rewards(context)[:, 0]
+            rewards = self.outcomes(action[None], context).rewards(context)[:, 0]
         mean, std = float(rewards.mean()), float(rewards.std())
         return mean, max(0.0, mean - 2.0 * std), min(1.0, mean + 2.0 * std)
 
@@ -144,15 +157,17 @@ class ScenarioPolicy(CandidatePolicy):
         """(L, a), or None."""
         return self.local
 
-    @cached_property
-    def everywhere(self) -> Outcomes:
+    def everywhere(self, context: Array) -> Outcomes:
         """Success (M, C, S) and end state (M, C, S, k) of the candidates."""
-        return self.outcomes(self.candidates)
+        key = self.task.simulated_in(context).tobytes()
+        if key not in self._everywhere:
+            self._everywhere[key] = self.outcomes(self.candidates, context)
+        return self._everywhere[key]
 
-    def outcomes(self, actions: Array) -> Outcomes:
+    def outcomes(self, actions: Array, context: Array) -> Outcomes:
         """Success (M, A, S) and end state (M, A, S, k)."""
         executed = actions[:, None, :] + self.drawn.error
-        values = self.expectations.outcomes(self.parameters, executed, self.drawn.nuisance)
+        values = self.expectations.outcomes(self.parameters, executed, self.drawn.nuisance, context)
         return Outcomes(self.expectations.task, actions, *values)
 
     def worth(self, outcomes: Outcomes, context: Array) -> Array:
@@ -193,7 +208,9 @@ class FromOutcomes(ABC):
     task: Task
 
     @abstractmethod
-    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
         """See `sim.tasks.task.Expectations`."""
 
     def expected_rewards(
@@ -203,13 +220,14 @@ class FromOutcomes(ABC):
         but B.
         """
         drawn = Disturbances.evenly(self.task, draws if varies(self.task) else 1, rng)
-        success, end = self.outcomes(targets[:, None, None, :], actions[:, :, None, :] + drawn.error, drawn.nuisance)
+        executed = actions[:, :, None, :] + drawn.error
+        success, end = self.outcomes(targets[:, None, None, :], executed, drawn.nuisance, contexts[..., None, :])
         rewards = success * self.task.reward_of_success(end, contexts[..., None, :])  # (M, B, G, draws)
         return np.asarray(rewards.mean(axis=(0, 2, 3)))
 
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
         """(N,) rewards of N executed trials, the mean of the ensemble."""
-        success, end = self.outcomes(parameters, action, nuisance)
+        success, end = self.outcomes(parameters, action, nuisance, contexts)
         return np.asarray((success * self.task.reward_of_success(end, contexts)).mean(axis=0))
 
 
@@ -234,13 +252,15 @@ class ListedActionSolver(FromOutcomes):
         """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all."""
         return search(self.behind, samples, rng, executable, settings, self.listed)
 
-    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
         """See `sim.tasks.task.Expectations`."""
-        return self.behind.trajectories(parameters, action, nuisance)
+        return self.behind.trajectories(parameters, action, nuisance, context)
 
-    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
         """See `sim.tasks.task.Expectations`."""
-        return self.behind.outcomes(parameters, action, nuisance)
+        return self.behind.outcomes(parameters, action, nuisance, context)
 
     @property
     def residual_std(self) -> Array:

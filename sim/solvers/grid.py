@@ -1,14 +1,13 @@
 """The exact solver of a task whose rollouts are cheap, and too irregular for an emulator.
 
 It answers with true rollouts at a grid of parameters that fills the margin: any parameters count as the nearest point
-of the grid. Each pair of a point and an action is simulated once, when it is first asked for. Name it as
-`Task.exact`.
+of the grid. Where the context moves things, a point has a context too. Each pair of a point and an action is simulated
+once, when it is first asked for. Name it as `Task.exact`.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -16,14 +15,20 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from hw.types import Array, frozen_array
-from sim.rollouts.draws import cover
-from sim.rollouts.run import Rollouts, observed
+from sim.errors import CheckpointError
+from sim.rollouts.draws import cover, physical_contexts, sobol, varies
+from sim.rollouts.run import Requests, Rollouts, observed
 from sim.solvers.candidates import FromOutcomes, ListedActionSolver
 from sim.solvers.misfit import tolerance
+from sim.solvers.solver import Solver
+from sim.storage.files import Tensors
 from sim.tasks.task import Task
 
 GRID, ACTIONS = 64, 64
 """Points of the grid, and actions that policies choose among: at most 4096 rollouts, each when it is needed."""
+
+MOVED_GRID = 256
+"""Points of a grid over parameters and contexts together."""
 
 PROBES = 8
 """Actions by which the error of the grid is measured."""
@@ -45,25 +50,28 @@ class GridSolver(FromOutcomes):
 
     task: Task
     points: Array  # (K, p) the grid, in units
-    probes: Array  # (PROBES, a) actions by which the error of the grid is measured
-    _known: dict[bytes, _Known] = field(default_factory=dict, repr=False)  # by action and nuisance
+    contexts: Array  # (K, c) in which each point is simulated
+    probes: Array  # (P, a) actions by which the error of the grid is measured
+    _known: dict[bytes, _Known] = field(default_factory=dict, repr=False)  # by context, action and nuisance
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", frozen_array(self.points, (None, len(self.task.parameters)), "points"))
-        object.__setattr__(self, "probes", frozen_array(self.probes, (PROBES, len(self.task.action)), "probes"))
+        shape = (len(self.points), len(self.task.context))
+        object.__setattr__(self, "contexts", frozen_array(self.contexts, shape, "contexts"))
+        object.__setattr__(self, "probes", frozen_array(self.probes, (None, len(self.task.action)), "probes"))
 
-    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
         """(N, size)"""
-        return self._looked_up(parameters, action, nuisance).observation
+        contexts = np.broadcast_to(self.task.simulated_in(context), (len(parameters), len(self.task.context)))
+        lookup = self._looked_up(Requests(parameters, contexts, action, nuisance))
+        return self.task.at_context(lookup.observation, context)
 
-    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
         """Success (1, ...), and the end state (1, ..., k), 0 after a failure."""
-        lead = np.broadcast_shapes(parameters.shape[:-1], action.shape[:-1], nuisance.shape[:-1])
-        rows = (
-            np.broadcast_to(a, (*lead, a.shape[-1])).reshape(math.prod(lead), -1 if a.shape[-1] else 0)
-            for a in (parameters, action, nuisance)
-        )
-        lookup = self._looked_up(*rows)
+        requests, lead = Requests.broadcast(parameters, self.task.simulated_in(context), action, nuisance)
+        lookup = self._looked_up(requests)
         return lookup.success.reshape(1, *lead), lookup.end.reshape(1, *lead, -1)
 
     @cached_property
@@ -89,12 +97,60 @@ class GridSolver(FromOutcomes):
             np.ones(len(self.points), dtype=bool), rollouts.succeeded.astype(np.float64), end, rollouts.observation
         )
 
-    def _looked_up(self, parameters: Array, action: Array, nuisance: Array) -> _Known:
+    def requests(self, actions: Array) -> Requests:
+        """The rollouts of actions (A, a) at every point, action by action; none if trials of an action differ."""
+        if varies(self.task):
+            actions = actions[:0]
+        k, count = len(self.points), len(actions)
+        return Requests(
+            np.tile(self.points, (count, 1)),
+            np.tile(self.contexts, (count, 1)),
+            np.repeat(actions, k, axis=0),
+            np.zeros((count * k, len(self.task.nuisance))),
+        )
+
+    def take(self, actions: Array, rollouts: Rollouts) -> None:
+        """Take the rollouts of `requests(actions)` as simulated."""
+        k = len(self.points)
+        for i, action in enumerate(actions):
+            self.remember(action, np.zeros(len(self.task.nuisance)), rollouts[i * k : (i + 1) * k])
+
+    @property
+    def tensors(self) -> dict[str, Array]:
+        """The rollouts of all actions that are known at every point, for a checkpoint; `restore` reads them."""
+        a = len(self.task.action)
+        whole = {key: one for key, one in self._known.items() if one.done.all()}
+        inputs = [(np.frombuffer(key[: 8 * a]), np.frombuffer(key[8 * a :])) for key in whole]
+        names = {f.name for f in fields(_Known)} - {"done"}
+        if not whole:
+            return {}
+        return {
+            "actions": np.stack([action for action, _ in inputs]),
+            "nuisance": np.stack([drawn for _, drawn in inputs]),
+        } | {name: np.stack([getattr(one, name) for one in whole.values()]) for name in sorted(names)}
+
+    def restore(self, tensors: Tensors) -> None:
+        """Take stored rollouts as simulated. Raises CheckpointError if they are not of this grid."""
+        try:
+            rows = [tensors[name] for name in ("actions", "nuisance", "success", "end", "observation")]
+            for action, nuisance, success, end, observation in zip(*rows, strict=True):
+                if len(success) != len(self.points):
+                    raise CheckpointError(
+                        f"the checkpoint's grid has {len(success)} points, and this version uses {len(self.points)}: "
+                        "pretrain again"
+                    )
+                done = np.ones(len(self.points), dtype=bool)
+                self._known[_key(action, nuisance)] = _Known(done, success, end, observation)
+        except (KeyError, ValueError) as error:
+            raise CheckpointError(f"the checkpoint's grid is incomplete ({error}): pretrain again") from error
+
+    def _looked_up(self, requests: Requests) -> _Known:
         """The rollouts of N rows; the missing ones are simulated."""
-        at = self._nearest(parameters)
-        pairs = np.ascontiguousarray(np.concatenate([action, nuisance], axis=1))
+        _, nearest = self._tree.query(self._place(requests.parameters, requests.context))
+        at = np.asarray(nearest, dtype=np.intp)
+        pairs = np.ascontiguousarray(np.concatenate([requests.action, requests.nuisance], axis=1))
         _, first, which = np.unique(pairs.view(f"V{pairs[0].nbytes}")[:, 0], return_index=True, return_inverse=True)
-        a, rows, order = action.shape[1], len(at), np.argsort(which, kind="stable")
+        a, rows, order = requests.action.shape[1], len(at), np.argsort(which, kind="stable")
         table: _Known | None = None
         for one, here in zip(first, np.split(order, np.cumsum(np.bincount(which))[:-1]), strict=True):
             entry = self._at(pairs[one, :a], pairs[one, a:], at[here])
@@ -114,8 +170,8 @@ class GridSolver(FromOutcomes):
         entry = self._known.get(key)
         missing = np.unique(points if entry is None else points[~entry.done[points]])
         if len(missing):
-            context = np.asarray(task.reference_context, dtype=np.float64)
-            rolled = observed(task, [task.simulate(p, context, action, nuisance) for p in self.points[missing]])
+            at = zip(self.points[missing], self.contexts[missing], strict=True)
+            rolled = observed(task, [task.simulate(p, context, action, nuisance) for p, context in at])
             if entry is None:
                 k, size = rolled.end_state.shape[1], rolled.observation.shape[1]
                 entry = _Known(
@@ -129,35 +185,53 @@ class GridSolver(FromOutcomes):
         assert entry is not None
         return entry
 
-    def _nearest(self, parameters: Array) -> NDArray[np.intp]:
-        _, at = self._tree.query(self.task.margin.normalise(parameters))
-        return np.asarray(at, dtype=np.intp)
+    def _place(self, parameters: Array, contexts: Array) -> Array:
+        """(N, p), (N, c) -> (N, d): the coordinates in which the nearest point of the grid is found."""
+        moving = self.task.physical_context
+        parts = [self.task.margin.normalise(parameters), moving.normalise(contexts[:, : len(moving)])]
+        return np.concatenate(parts, axis=1)
 
     @cached_property
     def _paths(self) -> Array:
-        """(PROBES, K, size) trajectories of the probes at every point."""
-        every, nuisance = np.arange(len(self.points)), cover(self.task.nuisance, PROBES, np.random.default_rng(0))
+        """(P, K, size) trajectories of the probes at every point."""
+        every, nuisance = (
+            np.arange(len(self.points)),
+            cover(self.task.nuisance, len(self.probes), np.random.default_rng(0)),
+        )
         pairs = zip(self.probes, nuisance, strict=True)
         return np.stack([self._at(action, drawn, every).observation for action, drawn in pairs])
 
     @cached_property
     def _apart(self) -> Array:
-        """(PROBES, K, size) differences of these trajectories between each point and the one nearest to it."""
-        _, near = self._tree.query(self.task.margin.normalise(self.points), k=2)
+        """(P, K, size) differences of these trajectories between each point and the one nearest to it."""
+        _, near = self._tree.query(self._place(self.points, self.contexts), k=2)
         return np.asarray(self._paths - self._paths[:, near[:, 1]])
 
     @cached_property
     def _tree(self) -> cKDTree:
-        return cKDTree(self.task.margin.normalise(self.points))
+        return cKDTree(self._place(self.points, self.contexts))
 
 
 def grid_solver(task: Task) -> ListedActionSolver:
-    """The solver with `GRID` points of the margin, whose policies choose among `ACTIONS` that fill their ranges."""
-    points, filling = (
-        cover(space, n, np.random.default_rng(0)) for space, n in ((task.margin, GRID), (task.action, ACTIONS))
-    )
-    return ListedActionSolver(task, GridSolver(task, points, filling[:PROBES]), filling)
+    """The solver with `GRID` points of the margin (`MOVED_GRID` where the context moves things), whose policies choose
+    among `ACTIONS` that fill their ranges.
+    """
+    filling = cover(task.action, ACTIONS, np.random.default_rng(0))
+    points = MOVED_GRID if len(task.physical_context) else GRID
+    return ListedActionSolver(task, grid_of(task, points, filling[:PROBES]), filling)
+
+
+def grid_of(task: Task, points: int, probes: Array) -> GridSolver:
+    """A grid of so many points, which fill the margin and the contexts that move things."""
+    p = len(task.margin)
+    unit = sobol(points, p + len(task.physical_context), np.random.default_rng(0))
+    return GridSolver(task, task.margin.spread(unit[:, :p]), physical_contexts(task, unit[:, p:]), probes)
+
+
+def grid_behind(solver: Solver) -> GridSolver | None:
+    """The grid that answers for a solver; None if something else does."""
+    return solver.behind if isinstance(solver, ListedActionSolver) and isinstance(solver.behind, GridSolver) else None
 
 
 def _key(action: Array, nuisance: Array) -> bytes:
-    return np.ascontiguousarray(action).tobytes() + b"/" + np.ascontiguousarray(nuisance).tobytes()
+    return np.ascontiguousarray(action).tobytes() + np.ascontiguousarray(nuisance).tobytes()

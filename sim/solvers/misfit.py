@@ -32,8 +32,9 @@ def misfit(expectations: Expectations, context: Array, action: Array, observatio
     p = len(task.parameters)
     unit = sobol(DRAWS, p + len(task.action) + len(task.nuisance), np.random.default_rng(0))
     parameters, drawn = task.parameters.spread(unit[:, :p]), Disturbances.from_unit(task, unit[:, p:])
-    paths = expectations.trajectories(parameters, action + drawn.error, drawn.nuisance)
-    return float(np.sqrt(squares(expectations, context, observation, paths).min()))
+    contexts = np.broadcast_to(context, (DRAWS, len(task.context)))
+    paths = expectations.trajectories(parameters, action + drawn.error, drawn.nuisance, contexts)
+    return float(np.sqrt(squares(expectations, observation, paths).min()))
 
 
 def observed_share(observation: Array) -> float:
@@ -41,14 +42,13 @@ def observed_share(observation: Array) -> float:
     return float(np.isfinite(observation).mean())
 
 
-def squares(expectations: Expectations, context: Array, observation: Array, paths: Array) -> Array:
-    """(...,) mean squares of that distance to expected trajectories (..., size) at the task's reference context.
+def squares(expectations: Expectations, observation: Array, paths: Array) -> Array:
+    """(...,) mean squares of that distance to expected trajectories (..., size) in the same context.
 
     Over the observed values alone: those that are missing (NaN) count for nothing; 0 if all are.
     """
-    task, sight = expectations.task, expectations.task.observation
-    local_paths = task.relocate(paths, np.broadcast_to(context, (*paths.shape[:-1], len(context))))
-    expected = sight.normalise(sight.denormalise(local_paths) + sight.noise_mean)
+    sight = expectations.task.observation
+    expected = sight.normalise(sight.denormalise(paths) + sight.noise_mean)
     shown = np.isfinite(observation)
     if not shown.any():
         return np.zeros(expected.shape[:-1])

@@ -21,6 +21,7 @@ from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import NoHardware
 from sim.panda.tool import Touchable
+from sim.tasks.training import TrainedPolicies
 from sim.types import Part, Space, Suspicion, ToolMotion, Visual
 
 if TYPE_CHECKING:
@@ -239,6 +240,14 @@ class LabReport:
     computed: tuple[str, ...] = ()  # columns that only the simulation can compute, so that no lab can report them
 
 
+@dataclass(frozen=True)
+class TaskFile:
+    """The file that declares a task, and its content."""
+
+    path: str  # absolute
+    sha256: str
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     """Everything that is specific to one task. Without `hardware` its trials need neither arm nor camera."""
@@ -255,12 +264,14 @@ class Task:
     adaptation: AdaptationSettings
     unmodelled: type[Any]  # frozen dataclass of a world's unmodelled effects; all have defaults
     simulate: Simulate
-    reference_context: Array  # (c,) context of all datasets; others differ from it only by `relocate`
-    relocate: Callable[[Array, Array], Array]  # observation (..., size) at the reference, context (..., c) -> there
+    reference_context: Array  # (c,) context of all datasets where others differ from it only by `relocate`
     succeeded: Callable[[ObjectTrack], bool]
     end_state: Callable[[ObjectTrack], Array]  # (k,) quantities that decide the reward of a success
     reward_of_success: Callable[[Array, Array], Array]  # end_state (..., k), context (..., c) -> (...)
     object_name: str  # its name for a person, e.g. "piece of food"
+    relocate: Callable[[Array, Array], Array] | None = None
+    """Observation (..., size) at the reference context, context (..., c) -> the observation there. None: the context
+    changes the motion itself, so it is an input of every rollout, as the parameters are (`physical_context`)."""
     simulate_many: SimulateMany | None = None  # None: one by one, on an executor
     reuse: ReuseRules | None = None  # rules of NAF policies (Table A1); None: no NAF
     mirror: Mirror | None = None
@@ -271,10 +282,53 @@ class Task:
     """Context (c,) -> wanted final place of the object on the table, (2,) m; None: the context is its first place."""
     plausible: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
     """The plausible range of each unmodelled effect, from which worlds are drawn."""
+    training: TrainedPolicies | None = None
+    """How it trains policies (`sim.tasks.library`): its `simulate` takes a policy as the action, and `action` names the
+    parameters that a policy was trained for. None: actions are numbers."""
     hardware: Hardware | None = None  # None: it runs in simulation only
     report: LabReport | None = None  # None: no robot of one's own can run it
     scene: Any = None
     """The effects of an own object that its scene always has (`sim.tasks.own_object`); None: the task's scene."""
+    worlds: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Worlds that the task declares itself: name -> tables of a world's file."""
+    physics: str = "drake"  # the simulator behind `simulate`, for a person
+    file: TaskFile | None = None  # that declares it; None: a module of ours, or of an installed package
+    scene_files: tuple[str, ...] = ()  # further files that its physics is made of
+    outcome_in_words: Callable[[ObjectTrack], str] | None = None
+    """The end of a trial in the task's own words; None: those of its outcome."""
+
+    def __post_init__(self) -> None:
+        if self.relocate is None and len(self.context) and self.mirror is not None:
+            raise ValueError(
+                f"the task {self.name} has a mirror, which does not say how its context is mirrored, and no relocate: "
+                "leave one of the two out"
+            )
+
+    @property
+    def physical_context(self) -> Space:
+        """The quantities of the context that a rollout depends on: all of them, or none with `relocate`.
+
+        This, `simulated_in` and `at_context` alone decide whether learning treats a context as an input.
+        """
+        return self.context if self.relocate is None else Space(())
+
+    def simulated_in(self, context: Array | None) -> Array:
+        """(..., c) -> (..., c): the context in which the rollouts of a trial are simulated; see `at_context`.
+
+        None: the reference context (c,). Raises ValueError if the context moves things, so that there is none.
+        """
+        if context is None:
+            if len(self.physical_context):
+                raise ValueError(f"a trial of {self.name} depends on its context, and none was given")
+            return np.asarray(self.reference_context, dtype=np.float64)
+        if self.relocate is None:
+            return np.asarray(context, dtype=np.float64)
+        reference = np.asarray(self.reference_context, dtype=np.float64)
+        return np.broadcast_to(reference, (*np.shape(context)[:-1], len(reference)))
+
+    def at_context(self, observation: Array, context: Array | None) -> Array:
+        """(..., size) simulated in `simulated_in(context)`, context (..., c) -> the observation in that context."""
+        return observation if self.relocate is None or context is None else self.relocate(observation, context)
 
     def require_hardware(self) -> Hardware:
         """The parts for an arm. Raises NoHardware for a task that runs in simulation only."""
@@ -368,11 +422,17 @@ class Expectations(Protocol):
     def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
         """(N,) expected rewards of N executed trials: (N, p), (N, c), (N, a), (N, n)."""
 
-    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
-        """(N, size) expected observations at the task's reference context, without camera noise."""
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
+        """(N, size) expected observations of N trials, without camera noise: (N, p), (N, a), (N, n), (N, c).
 
-    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
-        """(..., p), (..., a), (..., n), broadcast -> chance of success (M, ...) and end state of a success (M, ..., k).
+        Without a context they are those at the task's reference context. Raises ValueError if it moves things.
+        """
+
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
+        """(..., p), (..., a), (..., n), (..., c), broadcast -> chance of success (M, ...) and end state of a success
+        (M, ..., k); for the context see `trajectories`.
 
         M is the size of the ensemble, or 1.
         """

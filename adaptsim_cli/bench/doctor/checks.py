@@ -327,9 +327,12 @@ def _instruments(lab: Examined) -> Finding:
 @check(TASK, "checkpoint", "adaptsim pretrain --task {task}, or leave checkpoint out")
 def _checkpoint(lab: Examined) -> Finding:
     from adaptsim_cli.bench.checkpoints import checkpoint_of
+    from sim.adaptation.worth_in_words import worth_in_words
 
     checkpoint = checkpoint_of(lab.config)
-    return ok(f"{lab.config.task}/{checkpoint.path.name} fits, sha256 {checkpoint.sha256[:12]}")
+    worth = " ".join(worth_in_words(checkpoint.card.worth))
+    fits = f"{lab.config.task}/{checkpoint.path.name} fits, sha256 {checkpoint.sha256[:12]}"
+    return ok(f"{fits}. {worth}" if worth else fits)
 
 
 @check(TASK, "world", "adaptsim lab list --task {task}", lambda lab: "" if lab.config.lab_world else "trials need none")

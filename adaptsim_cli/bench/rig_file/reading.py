@@ -93,9 +93,9 @@ def of_current_folder(rig: RigDescription, path: Path) -> RigDescription:
 
 def tasks_with_tools() -> tuple[str, ...]:
     """The tasks that an arm can do."""
-    from sim.tasks import TASKS, get_task
+    from sim.tasks import get_task, task_names
 
-    return tuple(name for name in TASKS if get_task(name).hardware is not None)
+    return tuple(name for name in task_names() if get_task(name).hardware is not None)
 
 
 def read(path: Path, tools: Collection[str] = ()) -> RigDescription:

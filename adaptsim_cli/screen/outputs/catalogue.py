@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel
 
-from adaptsim_cli.screen.outputs import Output, described, learning, rig, sessions, trials, unit_of
+from adaptsim_cli.screen.outputs import Output, described, learning, rig, sessions, tasks, trials, unit_of
 from adaptsim_cli.screen.outputs.exchange import EXCHANGES
 from hw.records import Record
 
@@ -69,6 +69,9 @@ OUTPUTS: Mapping[str, type[Output]] = {
     "config path": rig.PlacesOutput,
     "lab list": learning.Worlds,
     "lab show": learning.WorldOutput,
+    "task new": tasks.TaskWritten,
+    "task check": tasks.TaskChecked,
+    "task show": tasks.TaskShown,
 }
 """The output of every command that takes `--json`."""
 

@@ -20,6 +20,13 @@ VERSION = 1
 Numbers = tuple[float, ...]
 
 
+class PolicyFile(Record):
+    """A trained policy that the robot runs in a trial."""
+
+    name: str = described("its name in the library")
+    file: str = described("the file or folder of the policy, as the task's `train` made it")
+
+
 class Question(Record):
     """A question to a robot: make this trial, or measure where the object lies."""
 
@@ -33,6 +40,9 @@ class Question(Record):
     attempt: int = described("number of the attempt, from 1")
     context: Quantities = described("as measured; to `place`: as wanted, in `units`")
     action: Quantities | None = described("what to do, in `units`; null: it is chosen after `place`")
+    policy: PolicyFile | None = Field(
+        default=None, description="the trained policy that acts; `action` says what it was trained for"
+    )
     goal_m: Numbers | None = described("(x, y) where the object should come to rest, for a task with such a goal")
     units: dict[str, str] = described(UNITS)
     times_s: Numbers = described("the moments that the task observes, from the start of the motion")

@@ -16,7 +16,7 @@ class WorldRow(Record):
     name: str = described("its name")
     task: str = described("which task")
     description: str = described("one sentence")
-    physics: str = described("drake or mujoco")
+    physics: str = described("the simulator that it runs in")
 
 
 class Described(Record):
@@ -74,7 +74,7 @@ class WorldOutput(Output):
     task: str = described("which task")
     world: str = described("which world")
     description: str = described("one sentence")
-    physics: str = described("drake or mujoco")
+    physics: str = described("the simulator that it runs in")
     units: dict[str, str] = described(UNITS)
     parameters: Quantities = described("true parameters, in `units`")
     nuisance: Quantities = described("values that differ from trial to trial, in `units`")

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from pydantic import Field
+
 from adaptsim_cli.screen.outputs import Output, Quantities, described
+from adaptsim_cli.screen.outputs.exchange import PolicyFile
 from adaptsim_cli.screen.outputs.trials import UNITS, BestRecord, PlayedTrial
 from hw.records import Record
 from sim.adaptation.verdict import Verdict
@@ -169,6 +172,9 @@ class Policy(Output):
     )
     contexts: list[list[float]] = described("contexts over the whole area, in units")
     actions: list[list[float]] = described("the policy's action at each, in units")
+    policies: list[PolicyFile] | None = Field(
+        default=None, description="the trained policy of each action, for a task that trains its policies"
+    )
 
 
 class Exported(Output):

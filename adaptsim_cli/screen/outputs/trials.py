@@ -35,6 +35,7 @@ class PlayedTrial(Record):
     action: Quantities = described("commanded action, in `units`")
     reward: float = described("between 0 and 1")
     outcome: Outcome = described("how it ended, a value of `perception.types.Outcome`")
+    ended: str = Field(default="", description="the end in the task's own words; empty: those of the outcome")
     observation: tuple[float | None, ...] = described(OBSERVED)
     attempt: int = described("which attempt at it counts, from 1")
     iteration: int = described("number of its iteration, from 1")

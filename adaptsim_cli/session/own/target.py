@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from adaptsim_cli.errors import AnswerRefused
-from adaptsim_cli.screen.outputs.exchange import Answer, Question
+from adaptsim_cli.screen.outputs.exchange import Answer, PolicyFile, Question
 from adaptsim_cli.screen.outputs.trials import TrackRecord, as_row, named
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
@@ -28,6 +28,7 @@ from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
 from sim.errors import ActionImpossible, MomentsMissing
 from sim.solvers.misfit import observed_share
+from sim.tasks.library import library_of, main_file
 from sim.tasks.task import Task
 
 NEAR = 0.05
@@ -165,6 +166,7 @@ class OwnTarget:
             attempt=key.attempt + 1,
             context=named(task.context.names, context),
             action=None if action is None else named(task.action.names, action),
+            policy=None if action is None else _policy_of(task, action),
             goal_m=None if task.goal_m is None else as_row(task.goal_m(context)),
             units={d.name: d.unit for space in spaces for d in space.dimensions},
             times_s=as_row(task.observation.times_s),
@@ -195,6 +197,14 @@ class OwnTarget:
         context = np.array([question.context[name] for name in self.task.context.names])
         action = np.array([(question.action or {})[name] for name in self.task.action.names])
         self._impossible.append(self._normalised(context, action))
+
+
+def _policy_of(task: Task, action: Array) -> PolicyFile | None:
+    library = library_of(task)
+    if library is None:
+        return None
+    member = library.nearest(task, action)
+    return PolicyFile(name=member.name, file=str(main_file(member).absolute()))
 
 
 @contextmanager

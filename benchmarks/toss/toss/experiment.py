@@ -95,7 +95,8 @@ class Half:
     @cached_property
     def outcomes(self) -> tuple[Array, Array]:
         """Success (A, K) and end states (A, K, k) of every toss at every point of the grid."""
-        success, end = self.solver.outcomes(self.grid.points[None], self.trials.actions[:, None], np.zeros(0))
+        points, contexts = self.grid.points[None], self.grid.contexts[:1]
+        success, end = self.solver.outcomes(points, self.trials.actions[:, None], np.zeros(0), contexts)
         return success[0], end[0]
 
 

@@ -115,6 +115,7 @@ class Belief:
             np.repeat(truths, draws, axis=0),
             np.tile(trial.action + drawn.error, (len(truths), 1)),
             np.tile(drawn.nuisance, (len(truths), 1)),
+            np.broadcast_to(trial.context, (len(truths) * draws, len(task.context))),
         )
-        squared = squares(self.expectations, trial.context, trial.observation, paths)
+        squared = squares(self.expectations, trial.observation, paths)
         return log_likelihood(squared.reshape(len(truths), draws), observed_share(trial.observation))

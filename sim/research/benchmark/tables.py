@@ -1,9 +1,10 @@
 """World tables: true rollouts of a world, run once, so that sessions look up trials instead of simulating them.
 
-The answer of a world depends only on the executed action, because contexts differ only by `Task.relocate`. So a table
-is a set of executed actions with their results. Half of the actions fill the action space; half are commands of
-policies of E at drawn contexts, with offsets and action error. Rows with even numbers are for sessions and choices,
-rows with odd numbers for scores, so no score uses a rollout that influenced a choice.
+The answer of a world depends only on the executed action, if contexts differ only by `Task.relocate`, else also on the
+context. So a table is a set of executed actions, in contexts that differ where these move things, with their results.
+Half of the actions fill the action space; half are commands of policies of E at drawn contexts, with offsets and action
+error. Rows with even numbers are for sessions and choices, rows with odd numbers for scores, so no score uses a rollout
+that influenced a choice.
 
 A table is a folder with `table.toml` (world, scene, policies) and shards with digests. An interrupted run can continue.
 """
@@ -13,7 +14,7 @@ from __future__ import annotations
 import hashlib
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from hw.types import Array
 from sim.errors import DatasetError
 from sim.lab.drawn import as_toml
 from sim.lab.world import World, rollouts_in
-from sim.rollouts.draws import cover, sobol
+from sim.rollouts.draws import cover, physical_contexts, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate
 from sim.rollouts.shards import read_manifest, read_shard, simulate_missing, simulate_share, split
 from sim.rollouts.shares import Share
@@ -52,14 +53,19 @@ class WorldTable:
     """True rollouts of one world."""
 
     world: str
-    actions: Array  # (N, a) executed, in units
-    rollouts: Rollouts  # at the task's reference context, without camera noise
+    requests: Requests  # with executed actions
+    rollouts: Rollouts  # without camera noise
     digest: str
 
-    def half(self, odd: bool) -> tuple[Array, Rollouts]:
+    @property
+    def actions(self) -> Array:
+        """(N, a) the executed actions, in units."""
+        return self.requests.action
+
+    def half(self, odd: bool) -> tuple[Requests, Rollouts]:
         """The rows for scores (odd) or those for everything else."""
         rows = slice(1 if odd else 0, None, 2)
-        return self.actions[rows], self.rollouts[rows]
+        return self.requests[rows], self.rollouts[rows]
 
 
 def build_table(
@@ -80,7 +86,7 @@ def build_table(
     plan = _agreed_plan(solver, policies_of, scene, world, folder, size)
     shards = split(table_requests(solver, world, size), SHARD, partial(_shard, folder))
     simulate_missing(_in_world(solver, world), shards, executor, progress)
-    table = _read(folder, world, size)
+    table = _read(solver.task, folder, world, size)
     write_toml(folder / MANIFEST, {**plan, "digest": table.digest})
     return table
 
@@ -128,7 +134,8 @@ def _agreed_plan(solver: Solver, policies_of: str, scene: str, world: World, fol
 
 
 def _in_world(solver: Solver, world: World) -> Task:
-    return replace(solver.task, simulate=rollouts_in(world))
+    """The task in the world. Its stacks, if it simulates any, know nothing of the world's effects."""
+    return replace(solver.task, simulate=rollouts_in(world, solver.task), simulate_many=None)
 
 
 def load_table(task: Task, world: World, scene: str, folder: Path) -> WorldTable:
@@ -142,7 +149,7 @@ def load_table(task: Task, world: World, scene: str, folder: Path) -> WorldTable
             f"the table in {folder} is of another version of world {world.name}, or of another scene: remove the "
             f"folder, then {again}"
         )
-    table = _read(folder, world, int(manifest["size"]))
+    table = _read(task, folder, world, int(manifest["size"]))
     if table.digest != manifest["digest"]:
         raise DatasetError(f"the shards in {folder} are not those of {MANIFEST}: remove the folder, then {again}")
     return table
@@ -154,7 +161,8 @@ def table_requests(solver: Solver, world: World, size: int) -> Requests:
     rng = np.random.default_rng(int.from_bytes(hashlib.sha256(world.name.encode()).digest()[:8], "big"))
     a, evenly = len(task.action), size // 2
     low, high = task.action.low - task.action_noise, task.action.high + task.action_noise
-    filling = low + sobol(evenly, a, rng) * (high - low)
+    unit = sobol(evenly, a + len(task.physical_context), rng)
+    filling = low + unit[:, :a] * (high - low)
     grid = cover(task.parameters, POLICIES, np.random.default_rng(0))
     policies = solver.policies(grid[:, None, :], np.random.default_rng(0))
     count = size - evenly
@@ -166,7 +174,7 @@ def table_requests(solver: Solver, world: World, size: int) -> Requests:
     order = rng.permutation(size)
     return Requests(
         parameters=np.tile(world.parameters, (size, 1)),
-        context=np.tile(np.asarray(task.reference_context, dtype=np.float64), (size, 1)),
+        context=np.concatenate([physical_contexts(task, unit[:, a:]), task.simulated_in(contexts)])[order],
         action=np.concatenate([filling, executed])[order],
         nuisance=np.tile(world.nuisance, (size, 1)),
     )
@@ -182,20 +190,21 @@ def _shard(folder: Path, number: int) -> Path:
     return folder / f"shard-{number:04d}.npz"
 
 
-def _read(folder: Path, world: World, size: int) -> WorldTable:
+def _read(task: Task, folder: Path, world: World, size: int) -> WorldTable:
     """Read all shards, and verify each digest."""
-    actions, parts, total = [], [], hashlib.sha256()
+    listed, parts, total = list[Requests](), list[Rollouts](), hashlib.sha256()
     for start in range(0, size, SHARD):
         path = _shard(folder, start // SHARD)
         contents = read_shard(path)
         if contents is None:
             raise DatasetError(f"{path} is missing or damaged: run `adaptsim world-tables` again, which makes it again")
         requests, results = contents
-        actions.append(requests.action)
+        listed.append(requests)
         parts.append(results)
-        for column in (requests.action, results.observation, results.end_state, results.succeeded):
+        context = requests.context[:, : len(task.physical_context)]
+        for column in (requests.action, context, results.observation, results.end_state, results.succeeded):
             total.update(np.ascontiguousarray(column).tobytes())
-    return WorldTable(world.name, np.concatenate(actions), concatenate(parts), total.hexdigest()[:16])
+    return WorldTable(world.name, reduce(Requests.followed_by, listed), concatenate(parts), total.hexdigest()[:16])
 
 
 def _manifest(folder: Path) -> dict[str, Any] | None:

@@ -20,7 +20,7 @@ from sim.lab.world import World, rollouts_in
 from sim.research.benchmark.tables import WorldTable
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.recorded import RecordedTrials
-from sim.rollouts.run import Rollouts
+from sim.rollouts.run import Requests, Rollouts
 from sim.solvers.solver import Executable, Solver
 from sim.tasks.task import Task
 
@@ -77,7 +77,10 @@ class SimulatedTrials:
 
     def _rolled(self, contexts: Array, actions: Array, rng: np.random.Generator) -> list[ObjectTrack]:
         where = np.tile(self.world.parameters, (len(contexts), 1))
-        requests, roll = trial_requests(self.solver.task, where, contexts, actions, rng), rollouts_in(self.world)
+        requests, roll = (
+            trial_requests(self.solver.task, where, contexts, actions, rng),
+            rollouts_in(self.world, self.solver.task),
+        )
         rows = zip(requests.parameters, requests.context, requests.action, requests.nuisance, strict=True)
         return [roll(*row) for row in rows]
 
@@ -87,7 +90,9 @@ class SimulatedTrials:
 
 @dataclass(frozen=True, eq=False)
 class TableTrials:
-    """A `TrialSource` that looks up the rollout of a table whose executed action is nearest, in fractions of ranges."""
+    """A `TrialSource` that looks up the rollout of a table whose executed action, and context where it moves things, is
+    nearest, in fractions of ranges.
+    """
 
     task: Task
     table: WorldTable
@@ -95,10 +100,9 @@ class TableTrials:
 
     def play(self, contexts: Array, actions: Array, rng: np.random.Generator) -> tuple[Trial, ...]:
         """See `TrialSource`: from the half of the table for trials."""
-        task, (_, results) = self.task, self._for_trials
-        rows = self._nearest(self._for_trials[0], self._executed(actions, rng))
-        rollouts = results[rows]
-        observations = task.observation.with_noise(task.relocate(rollouts.observation, contexts), rng)
+        task, (requests, results) = self.task, self._for_trials
+        rollouts = results[self._nearest(requests, contexts, self._executed(actions, rng))]
+        observations = task.observation.with_noise(task.at_context(rollouts.observation, contexts), rng)
         return trials_of_rows(contexts, actions, observations, rollouts.rewards(task, contexts), rollouts.ends())
 
     def take(self, action: Array) -> None:
@@ -106,35 +110,45 @@ class TableTrials:
 
     def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `TrialSource`: from the half of the table for scores."""
-        table_actions, results = self._for_scores
-        return results[self._nearest(table_actions, self._executed(actions, rng))].rewards(self.task, contexts)
+        requests, results = self._for_scores
+        return results[self._nearest(requests, contexts, self._executed(actions, rng))].rewards(self.task, contexts)
 
     def best_actions(self, contexts: Array) -> Array:
         """The best of the table's own actions, each valued by the mean over its nearest ones."""
-        table_actions, results = self._for_trials
-        unit = self.task.action.normalise(table_actions)
-        together = np.argsort(np.linalg.norm(unit[:, None] - unit[None], axis=-1), axis=1)[:, :SMOOTHED]
+        requests, results = self._for_trials
         best = []
         for context in contexts:
-            earned = results.rewards(self.task, np.tile(context, (len(table_actions), 1)))
+            everywhere = np.tile(context, (len(requests), 1))
+            gaps = self._gaps(requests, everywhere, requests.action)
+            together = np.argsort(np.linalg.norm(gaps, axis=-1), axis=1)[:, :SMOOTHED]
+            earned = results.rewards(self.task, everywhere)
             best.append(int(np.argmax(earned[together].mean(axis=1))))
-        return table_actions[best]
+        return requests.action[best]
 
     @cached_property
-    def _for_trials(self) -> tuple[Array, Rollouts]:
+    def _for_trials(self) -> tuple[Requests, Rollouts]:
         return self.table.half(odd=False)
 
     @cached_property
-    def _for_scores(self) -> tuple[Array, Rollouts]:
+    def _for_scores(self) -> tuple[Requests, Rollouts]:
         return self.table.half(odd=True)
 
     def _executed(self, actions: Array, rng: np.random.Generator) -> Array:
         return np.asarray(actions + rng.uniform(-1.0, 1.0, actions.shape) * self.task.action_noise)
 
-    def _nearest(self, table_actions: Array, executed: Array) -> NDArray[np.intp]:
-        space = self.task.action
-        gaps = space.normalise(executed)[:, None] - space.normalise(table_actions)[None]
-        return np.asarray(np.linalg.norm(gaps, axis=-1).argmin(axis=1), dtype=np.intp)
+    def _nearest(self, requests: Requests, contexts: Array, executed: Array) -> NDArray[np.intp]:
+        gaps = np.linalg.norm(self._gaps(requests, contexts, executed), axis=-1)
+        return np.asarray(gaps.argmin(axis=1), dtype=np.intp)
+
+    def _gaps(self, requests: Requests, contexts: Array, executed: Array) -> Array:
+        """(N, R, d) between N executed actions, in their contexts, and the R rows of a half of the table."""
+        moving = self.task.physical_context
+
+        def place(contexts: Array, actions: Array) -> Array:
+            parts = [self.task.action.normalise(actions), moving.normalise(contexts[:, : len(moving)])]
+            return np.concatenate(parts, axis=1)
+
+        return place(contexts, executed)[:, None] - place(requests.context, requests.action)[None]
 
 
 @dataclass(frozen=True, eq=False)

@@ -129,8 +129,8 @@ class SysId:
         task, n = self.solver.task, len(unit)
         executed = trial.action + rng.uniform(-1.0, 1.0, (n, len(trial.action))) * task.action_noise
         nuisance = task.nuisance.spread(rng.random((n, len(task.nuisance))))
-        paths = self.solver.trajectories(task.parameters.spread(unit), executed, nuisance)
-        paths = task.relocate(paths, np.tile(trial.context, (n, 1)))
+        contexts = np.tile(trial.context, (n, 1))
+        paths = self.solver.trajectories(task.parameters.spread(unit), executed, nuisance, contexts)
         std = np.sqrt(self.solver.residual_std**2 + LEAST_STD**2)
         shown = task.observation.with_noise(paths + std * rng.standard_normal(paths.shape), rng)
         return self._seen(shown)

@@ -21,7 +21,7 @@ from hw.types import Array
 from sim.errors import UnknownName
 from sim.research.naf.memory import NafMemory, TrainingPlan, features, plan_training, policy_key
 from sim.research.naf.policy import NafPolicy, NafSettings, Training, naf_training, train_together
-from sim.rollouts.draws import Disturbances, at_reference, trial_requests
+from sim.rollouts.draws import Disturbances, physical_contexts, trial_requests
 from sim.rollouts.executors import process_pool, serial_executor
 from sim.rollouts.run import Requests, Roll, run_many
 from sim.rollouts.shards import CachedRollouts
@@ -93,17 +93,18 @@ class NafSolver:
         """(N,) rewards of the same trials in the simulator; exact, not estimated."""
         return self.roll(Requests(parameters, contexts, action, nuisance)).rewards(self.task, contexts)
 
-    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
         """(N, size) of the same trials in the simulator."""
-        return self.roll(Requests(parameters, at_reference(self.task, len(parameters)), action, nuisance)).observation
+        contexts = np.broadcast_to(self.task.simulated_in(context), (len(parameters), len(self.task.context)))
+        rollouts = self.roll(Requests(parameters, contexts, action, nuisance))
+        return self.task.at_context(rollouts.observation, context)
 
-    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
         """Outcomes of the same trials in the simulator: (1, ...) and (1, ..., k); 0 for a failure."""
-        lead = np.broadcast_shapes(parameters.shape[:-1], action.shape[:-1], nuisance.shape[:-1])
-        where, executed, varied = (
-            np.broadcast_to(x, (*lead, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (parameters, action, nuisance)
-        )
-        done = self.roll(Requests(where, at_reference(self.task, len(where)), executed, varied))
+        requests, lead = Requests.broadcast(parameters, self.task.simulated_in(context), action, nuisance)
+        done = self.roll(requests)
         ends = np.where(done.succeeded[:, None], done.end_state, 0.0)
         return done.succeeded.astype(np.float64).reshape(1, *lead), ends.reshape(1, *lead, -1)
 
@@ -190,7 +191,7 @@ def measure_misfit_limit(solver: NafSolver, rng: np.random.Generator, trials: in
     """The misfit that 95 % of simulated trials inside the ranges do not exceed. Needs about `trials` x 500 rollouts."""
     task = solver.task
     parameters, actions = task.parameters.sample(rng, trials), task.action.sample(rng, trials)
-    contexts = at_reference(task, trials)
+    contexts = physical_contexts(task, rng.random((trials, len(task.physical_context))))
     requests = trial_requests(task, parameters, contexts, actions, rng)
     observations = task.observation.with_noise(solver.roll(requests).observation, rng)
     values = [misfit(solver, c, a, o) for c, a, o in zip(contexts, actions, observations, strict=True)]

@@ -104,8 +104,8 @@ class EmulatedRolls:
     def __call__(self, requests: Requests) -> Rollouts:
         """One possible outcome of each request, without the camera's noise."""
         task = self.emulator.task
-        drawn = self.emulator.draw(requests.parameters, requests.action, requests.nuisance, self.rng)
-        at_context = task.relocate(drawn.observation, requests.context)
+        drawn = self.emulator.draw(requests.parameters, requests.context, requests.action, requests.nuisance, self.rng)
+        at_context = task.at_context(drawn.observation, requests.context)
         succeeded = drawn.success > 0.5
         return Rollouts(
             observation=at_context,

@@ -11,6 +11,7 @@ truths), the report of each stage, `timings.toml` (wall times), and `checkpoint/
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, fields
@@ -23,6 +24,7 @@ import numpy as np
 from hw.bounded import Unreadable
 from hw.types import Array
 from sim.adaptation.checkpoint import CARD, save_checkpoint
+from sim.adaptation.checkpoint import GRID as GRID_TENSORS
 from sim.adaptation.method import Method
 from sim.adaptation.methods.belief import Belief
 from sim.adaptation.reward_table import ProspectSettings, RewardTable, look_ahead, restore_prospects
@@ -33,6 +35,7 @@ from sim.research.methods.search import RandomSearch
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.research.pretraining.budget import EVERYTHING, MEMORIES, NETWORKS, OptionalStages, PretrainBudget
+from sim.research.pretraining.cost import GROWN, enough_rollouts, measured_cost
 from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, SolverActing, fill_library
 from sim.research.pretraining.evaluation import evaluate
 from sim.research.pretraining.logs import StageTimer, curve_file
@@ -44,15 +47,22 @@ from sim.research.pretraining.meta_training import (
     train_adaptation,
 )
 from sim.research.pretraining.soundness import require_sound
+from sim.research.pretraining.worth import measured_worth
 from sim.rollouts.dataset import AdaptiveSampling, build_dataset, build_share
 from sim.rollouts.run import Roll, run_many
-from sim.rollouts.shards import CachedRollouts
+from sim.rollouts.shards import CachedRollouts, simulate_missing
+from sim.rollouts.shards import split as into_shards
 from sim.rollouts.shares import Share
+from sim.solvers.candidates import ListedActionSolver
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.training import outcome_variance, train_emulator
+from sim.solvers.emulator.training import outcome_variance, reward_error, split, train_emulator
+from sim.solvers.grid import grid_behind
+from sim.solvers.library import train_library, with_library
 from sim.solvers.solver import Solver
 from sim.storage.files import load_tensors, read_toml, save_tensors, write_toml
 from sim.tasks.fingerprint import fingerprint
+from sim.tasks.library import FOLDER as POLICIES
+from sim.tasks.library import digests_of, library_of
 from sim.tasks.task import Task
 
 StageProgress = Callable[[str, int, int], None]
@@ -62,6 +72,11 @@ BELIEF, RANDOM = "adaptsim-belief", "random"
 """The methods in the evaluation, by their names in `sim.adaptation.methods.METHODS`."""
 
 STAGES = ("dataset", "emulator", "prospects", "adaptation policies", "evaluation", "checkpoint")
+TRAINING, GRID, WORTH = "policies", "grid of rollouts", "worth of the result"
+
+GRID_SHARD = 64
+"""Rollouts per file of a grid: all that an interruption costs."""
+
 EXACT = "dataset and emulator: not needed, this task is solved exactly"
 """The file that replaces the first two stages with NAF."""
 
@@ -77,6 +92,7 @@ class _Means:
     roll: Roll
     simulated: Callable[[], int]  # number of rollouts so far
     facts: dict[str, Any]  # for the card
+    reward_error: Callable[[], float | None] = lambda: None  # of the emulator, on unseen rollouts
 
     @property
     def memories(self) -> tuple[MemoryName, ...]:
@@ -100,12 +116,22 @@ def pretrain(
     plan, RolloutError if the first rollouts show that the task is not sound. It may be stopped at any time; the same
     call continues.
     """
-    require_sound(task, np.random.default_rng(seed))
+    if task.training is None:
+        require_sound(task, np.random.default_rng(seed))
     _agree_on_plan(task, folder, budget, seed, solver)
     draws, progress = stage_seeds(seed), StageTimer(folder, progress)
+    facts: dict[str, Any] = {"seed": seed}
+    if task.training is not None:
+        library = train_library(task, folder / POLICIES, draws[0], executor, lambda i, n: progress(TRAINING, i, n))
+        facts["policies"] = digests_of(library.members)
+        task = with_library(task, library)
+        require_sound(task, np.random.default_rng(seed))
+    further: dict[str, Array] = {}
     if task.exact:
+        exact = task.exact(task)
+        further = _grid(folder, exact, executor, progress)
         progress(EXACT, 1, 1)
-        means = _exact(task, task.exact(task), budget, executor, stages)
+        means = _exact(task, exact, budget, executor, stages)
     elif solver == "naf":
         progress("dataset and emulator: not needed, NAF asks the simulator", 1, 1)
         means = _by_naf(task, folder, budget, draws[0], executor)
@@ -113,8 +139,9 @@ def pretrain(
         means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
     # None with NAF: without an emulator each entry would cost a simulation.
     ahead = _prospects(folder, means, budget.prospects, draws[2], progress) if task.exact or means.emulator else None
+    if ahead is not None:
+        facts["worth"] = _worth(folder, means, ahead, draws[2], progress)
     networks: dict[MemoryName, QNetwork] = {}
-    facts: dict[str, Any] = {"seed": seed}
     if stages.policies or ahead is None or policy_files(folder, MEMORIES[0])[1].exists():
         networks = _policies(folder, means, budget.meta, draws[2], progress)
         facts["policy"] = {memory: read_report(policy_files(folder, memory)[1]) for memory in networks}
@@ -125,7 +152,9 @@ def pretrain(
     stored = read_report(path / CARD) if (path / CARD).exists() else {}
     if any(stored.get(key) != value for key, value in facts.items()):
         facts["simulations"] = means.simulated()
-        save_checkpoint(task, path, means.emulator, tensors_of(networks), {**means.facts, **facts}, ahead)
+        if library_of(task) is not None:
+            shutil.copytree(folder / POLICIES, path / POLICIES, dirs_exist_ok=True)
+        save_checkpoint(task, path, means.emulator, tensors_of(networks) | further, {**means.facts, **facts}, ahead)
     progress(STAGES[5], 1, 1)
     return path
 
@@ -167,6 +196,21 @@ def stage_seeds(seed: int) -> tuple[int, ...]:
     return tuple(int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4))
 
 
+def _grid(folder: Path, solver: Solver, executor: Executor, progress: StageProgress) -> dict[str, Array]:
+    """Simulate the grid of a solver that has one, and give its tensors for the checkpoint."""
+    grid = grid_behind(solver)
+    if grid is None:
+        return {}
+    assert isinstance(solver, ListedActionSolver)
+    requests = grid.requests(solver.listed)
+    if len(requests):
+        progress(measured_cost(solver.task, 0).in_words(len(requests)), 1, 1)
+        shards = into_shards(requests, GRID_SHARD, lambda number: folder / "grid" / f"shard-{number:05d}.npz")
+        rollouts = simulate_missing(solver.task, shards, executor, lambda i, n: progress(GRID, i, n))
+        grid.take(solver.listed, rollouts)
+    return {f"{GRID_TENSORS}{name}": tensor for name, tensor in grid.tensors.items()}
+
+
 def _exact(task: Task, solver: Solver, budget: PretrainBudget, executor: Executor, stages: OptionalStages) -> _Means:
     facts = {"budget": {"meta": asdict(budget.meta), "evaluation": asdict(budget.evaluation)}}
     roll = partial(run_many, task, executor=executor)
@@ -196,14 +240,15 @@ def _learnt(
     executor: Executor,
     progress: StageProgress,
 ) -> _Means:
+    cost, size, denser = measured_cost(task, seeds[0]), budget.rollouts, _denser(task, budget, seeds[1])
+    progress(cost.in_words(budget.rollouts + budget.denser), 1, 1)
+    if cost.is_slow or (folder / "dataset" / GROWN).exists():
+        size = enough_rollouts(
+            task, folder / "dataset", size, seeds[0], budget.emulator, executor, lambda i, n: progress(STAGES[0], i, n)
+        )
+        denser = denser if size == budget.rollouts else None
     dataset = build_dataset(
-        task,
-        folder / "dataset",
-        budget.rollouts,
-        seeds[0],
-        executor,
-        lambda i, n: progress(STAGES[0], i, n),
-        _denser(task, budget, seeds[1]),
+        task, folder / "dataset", size, seeds[0], executor, lambda i, n: progress(STAGES[0], i, n), denser
     )
     path, report = folder / "emulator.safetensors", folder / "emulator.toml"
     if not (path.exists() and report.exists()):
@@ -216,7 +261,12 @@ def _learnt(
     emulator = Emulator(task, load_tensors(path))
     facts = {"data": dataset.identity, "budget": asdict(budget), "emulator": read_report(report)}
     roll = CachedRollouts(task, folder / "rollouts", executor)
-    return _Means(task, lambda: emulator, emulator, roll, lambda: len(dataset) + roll.count(), facts)
+
+    def unseen_error() -> float:
+        _, unseen, _ = split(dataset, np.random.default_rng(seeds[1]), budget.emulator)
+        return reward_error(emulator, *dataset.select(unseen))
+
+    return _Means(task, lambda: emulator, emulator, roll, lambda: len(dataset) + roll.count(), facts, unseen_error)
 
 
 def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, solver: str) -> None:
@@ -301,6 +351,16 @@ def _prospects(
         save_tensors(path, ahead.tensors)
     progress(STAGES[2], 1, 1)
     return restore_prospects(means.task, load_tensors(path))
+
+
+def _worth(folder: Path, means: _Means, ahead: RewardTable, seed: int, progress: StageProgress) -> dict[str, Any]:
+    path = folder / "worth.toml"
+    if not path.exists():
+        progress(WORTH, 0, 1)
+        worth = asdict(measured_worth(means.new_solver(), ahead, means.reward_error(), seed))
+        write_toml(path, {key: value for key, value in worth.items() if value is not None})
+    progress(WORTH, 1, 1)
+    return read_report(path)
 
 
 def _evaluation(

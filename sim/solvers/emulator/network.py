@@ -1,4 +1,5 @@
-"""The emulator: parameters, action and nuisance -> trajectory, outcome, and their uncertainty.
+"""The emulator: parameters, action, nuisance and a context that moves things -> trajectory, outcome, and their
+uncertainty.
 
 An ensemble of small networks, evaluated as one batched product, so that thousands of inputs take
 milliseconds. Each member carries a fixed random network beside the trained one (a randomised prior, Osband et
@@ -38,14 +39,19 @@ TOLERANCE = 1e-3
 """Between processors, float32 differs by 1e-6; a changed weight by more."""
 
 
-def encode(task: Task, parameters: Array, action: Array, nuisance: Array) -> Array32:
-    """(..., p), (..., a), (..., n) in units -> (..., f): each in about [-1, 1], whole numbers one-hot.
+def inputs(task: Task) -> tuple[Space, ...]:
+    """The spaces whose quantities are the emulator's inputs, in their order."""
+    return task.margin, task.action, task.nuisance, task.physical_context
+
+
+def encode(task: Task, parameters: Array, context: Array, action: Array, nuisance: Array) -> Array32:
+    """(..., p), (..., c), (..., a), (..., n) in units -> (..., f): each in about [-1, 1], whole numbers one-hot.
 
     The leading shapes broadcast.
     """
-    lead = np.broadcast_shapes(parameters.shape[:-1], action.shape[:-1], nuisance.shape[:-1])
-    columns = [_encode_space(task.margin, parameters), _encode_space(task.action, action)]
-    columns.append(_encode_space(task.nuisance, nuisance))
+    values = (parameters, action, nuisance, context[..., : len(task.physical_context)])
+    lead = np.broadcast_shapes(*(value.shape[:-1] for value in values))
+    columns = [_encode_space(space, value) for space, value in zip(inputs(task), values, strict=True)]
     return np.concatenate([np.broadcast_to(c, (*lead, c.shape[-1])) for c in columns], axis=-1)
 
 
@@ -65,7 +71,7 @@ def _encode_space(space: Space, value: Array) -> Array32:
 
 @dataclass(frozen=True, eq=False)
 class EmulatedTrials:
-    """The emulator's predictions, at the task's reference context."""
+    """The emulator's predictions, as rollouts are simulated: see `Task.simulated_in`."""
 
     observation: Array  # (N, size) normalised, without camera noise
     success: Array  # (N,) probability
@@ -99,7 +105,8 @@ class Emulator(FromOutcomes):
         missing = {"depth", "y_mean", "y_std", "temperature", "residual_std", "misfit_limit", "w0"} - tensors.keys()
         if missing:
             raise CheckpointError(f"the emulator has no {', '.join(sorted(missing))}: pretrain again")
-        features = encode(task, *(np.zeros((1, len(s))) for s in (task.margin, task.action, task.nuisance))).shape[-1]
+        spaces = (task.margin, task.context, task.action, task.nuisance)
+        features = encode(task, *(np.zeros((1, len(s))) for s in spaces)).shape[-1]
         if tensors["w0"].shape[1] != features:
             raise CheckpointError(
                 f"an emulator of {tensors['w0'].shape[1]} inputs does not fit {task.name}, which has {features}: "
@@ -127,10 +134,10 @@ class Emulator(FromOutcomes):
         """The misfit that 95 % of held-out rollouts inside the ranges do not exceed (see `sim.solvers.misfit`)."""
         return float(self._tensors["misfit_limit"])
 
-    def predict(self, parameters: Array, action: Array, nuisance: Array) -> EmulatedTrials:
-        """(N, p), (N, a), (N, n) in units -> predictions."""
+    def predict(self, parameters: Array, context: Array, action: Array, nuisance: Array) -> EmulatedTrials:
+        """(N, p), (N, c), (N, a), (N, n) in units -> predictions."""
         size = self.task.observation.size
-        raw = self._forward(encode(self.task, parameters, action, nuisance), slice(None))
+        raw = self._forward(encode(self.task, parameters, context, action, nuisance), slice(None))
         success = self._probability(raw[..., -1])
         return EmulatedTrials(
             observation=raw[..., :size].mean(axis=0),
@@ -148,26 +155,33 @@ class Emulator(FromOutcomes):
         """One policy for each of B distributions, samples (B, m, p) in units; the same draws for all."""
         return search(self, samples, rng, executable, settings)
 
-    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
         """(N, size), the mean of the ensemble."""
-        return self.predict(parameters, action, nuisance).observation
+        simulated = self.predict(parameters, self.task.simulated_in(context), action, nuisance).observation
+        return self.task.at_context(simulated, context)
 
-    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
-        """(..., p), (..., a), (..., n), broadcast -> success probability (M, ...) and end state (M, ..., k)."""
-        features = encode(self.task, parameters, action, nuisance)
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Success probability (M, ...) and end state (M, ..., k); see `sim.tasks.task.Expectations`."""
+        features = encode(self.task, parameters, self.task.simulated_in(context), action, nuisance)
         lead = features.shape[:-1]
         raw = self._forward(features.reshape(-1, features.shape[-1]), slice(self.task.observation.size, None))
         raw = raw.reshape(self.members, *lead, raw.shape[-1])
         return self._probability(raw[..., -1]), raw[..., :-1]
 
-    def draw(self, parameters: Array, action: Array, nuisance: Array, rng: np.random.Generator) -> EmulatedTrials:
-        """One random outcome for each of (N, p), (N, a), (N, n): the prediction of one member plus a residual error.
+    def draw(
+        self, parameters: Array, context: Array, action: Array, nuisance: Array, rng: np.random.Generator
+    ) -> EmulatedTrials:
+        """One random outcome for each of (N, p), (N, c), (N, a), (N, n): the prediction of one member plus a residual
+        error.
 
         `success` is 0 or 1.
         """
         size, n = self.task.observation.size, len(parameters)
         member = rng.integers(self.members, size=n)
-        raw = self._forward(encode(self.task, parameters, action, nuisance), slice(None))[member, np.arange(n)]
+        features = encode(self.task, parameters, context, action, nuisance)
+        raw = self._forward(features, slice(None))[member, np.arange(n)]
         observation = raw[:, :size] + rng.standard_normal((n, size)) * self.residual_std
         succeeded = rng.random(n) < self._probability(raw[:, -1])
         return EmulatedTrials(observation, succeeded.astype(np.float64), raw[:, size:-1])
@@ -203,10 +217,10 @@ class Emulator(FromOutcomes):
 def predictions(emulator: Emulator) -> list[float]:
     """The self-test: observation, success and end state predicted for a few drawn trials, one after another."""
     task, rng = emulator.task, np.random.default_rng(SEED)
-    spaces = (task.margin, task.action, task.nuisance)
-    drawn = [space.denormalise(rng.uniform(0.0, 1.0, (INPUTS, len(space)))) for space in spaces]
+    drawn = [space.denormalise(rng.uniform(0.0, 1.0, (INPUTS, len(space)))) for space in inputs(task)]
+    parameters, action, nuisance, context = drawn
     try:
-        prediction = emulator.predict(*drawn)
+        prediction = emulator.predict(parameters, context, action, nuisance)
     except (ValueError, IndexError, KeyError) as error:
         raise CheckpointError(f"the emulator's weights do not fit one another ({error}): pretrain again") from error
     parts = (prediction.observation, prediction.success, prediction.end_state)
@@ -238,15 +252,16 @@ def rescaled_to(emulator: Emulator, task: Task) -> Emulator:
 
     Inputs are scaled by the ranges. Between two ranges that is an affine map, which the first layer takes over.
     """
-    theirs, ours = ((t.margin, t.action, t.nuisance) for t in (emulator.task, task))
+    theirs, ours = inputs(emulator.task), inputs(task)
     for old, new in zip(theirs, ours, strict=True):
         if _levels(old) != _levels(new):
             raise CheckpointError(f"the emulator of {task.name} knows other whole numbers than this object: pretrain")
+    ends = ([space.low[None] for space in ours], [space.high[None] for space in ours])
     low, high = (
-        encode(emulator.task, *(np.array(values, dtype=np.float64)[None] for values in ends))[0].astype(np.float64)
-        for ends in zip(*((space.low, space.high) for space in ours), strict=True)
+        encode(emulator.task, parameters, context, action, nuisance)[0].astype(np.float64)
+        for parameters, action, nuisance, context in ends
     )
-    whole = np.concatenate([_is_whole(space) for space in ours])
+    whole = np.concatenate([_is_whole(space) for space in ours if len(space)])
     scale, shift = np.where(whole, 1.0, (high - low) / 2.0), np.where(whole, 0.0, (high + low) / 2.0)
     tensors = emulator.tensors
     for w, b in (("w0", "b0"), ("pw0", "pb0")):

@@ -242,13 +242,17 @@ def _loss(tensors: dict[str, Tensor], depth: int, data: _Data, rows: Tensor) -> 
     return squared + binary_cross_entropy_with_logits(raw[..., -1], data.success[rows])
 
 
-def _inputs(requests: Requests) -> tuple[Array, Array, Array]:
-    return requests.parameters, requests.action, requests.nuisance
+def _inputs(requests: Requests) -> tuple[Array, Array, Array, Array]:
+    return requests.parameters, requests.context, requests.action, requests.nuisance
+
+
+def _outcomes(emulator: Emulator, requests: Requests) -> tuple[Array, Array]:
+    return emulator.outcomes(requests.parameters, requests.action, requests.nuisance, requests.context)
 
 
 def _temperature(emulator: Emulator, dataset: Dataset, rows: Rows) -> float:
     """The softening of the logits that is most probable, given the held-out outcomes and a prior about 1."""
-    success, _ = emulator.outcomes(*_inputs(dataset.requests[rows]))
+    success, _ = _outcomes(emulator, dataset.requests[rows])
     clipped = np.clip(success, 1e-12, 1.0 - 1e-12)
     logit = np.log(clipped / (1.0 - clipped))
     candidates = np.geomspace(0.1, 8.0, 81)
@@ -264,9 +268,11 @@ def _misfit_limit(emulator: Emulator, task: Task, dataset: Dataset, rows: Rows, 
     inside = [i for i in rows if task.parameters.contains(dataset.requests.parameters[i])][:200]
     if len(inside) < 10:
         return 3.0
-    context = np.asarray(task.reference_context, dtype=np.float64)
-    actions, observations = dataset.requests.action, dataset.rollouts.observation
-    values = [misfit(emulator, context, actions[i], task.observation.with_noise(observations[i], rng)) for i in inside]
+    requests, shown = dataset.requests, dataset.rollouts.observation
+    values = [
+        misfit(emulator, requests.context[i], requests.action[i], task.observation.with_noise(shown[i], rng))
+        for i in inside
+    ]
     return float(np.quantile(values, 0.95))
 
 
@@ -285,6 +291,15 @@ def held_out_errors(emulator: Emulator, requests: Requests, true: Rollouts) -> d
         "position_error_median": np.linalg.norm(apart, axis=-1)[solved],
         "end_state_error_median": np.linalg.norm((prediction.end_state - true.end_state)[true.succeeded], axis=-1),
     }
+
+
+def reward_error(emulator: Emulator, requests: Requests, true: Rollouts) -> float:
+    """The mean error of the expected reward of rollouts, in the unit of the reward, in contexts drawn evenly."""
+    task, n = emulator.task, len(requests)
+    drawn = task.context.sample(np.random.default_rng(0), n)
+    contexts = requests.context if len(task.physical_context) else drawn
+    expected = emulator.trial_rewards(requests.parameters, contexts, requests.action, requests.nuisance)
+    return float(np.abs(expected - true.rewards(task, contexts)).mean())
 
 
 def _judge(emulator: Emulator, dataset: Dataset, rows: Rows, trained: int) -> EmulatorReport:

@@ -62,11 +62,13 @@ class LqrSolver:
         """(N,)"""
         return rewards(parameters, action)
 
-    def trajectories(self, parameters: Array, action: Array, nuisance: Array) -> Array:
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
         """(N, 24)"""
         return observed_many(parameters, np.broadcast_to(action, (len(parameters), 8)))
 
-    def outcomes(self, parameters: Array, action: Array, nuisance: Array) -> tuple[Array, Array]:
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
         """Whether the loop is stable (1, ...), and the end state (1, ..., 1), 0 if unstable."""
         spent = _excess(parameters, action)
         stable = np.isfinite(spent)

@@ -55,7 +55,7 @@ def test_it_comes_back_as_it_was(stored):
     checkpoint = load_checkpoint(TOY, str(stored))
     emulator, _ = trained()
     rng = np.random.default_rng(0)
-    draws = TOY.margin.sample(rng, 5), TOY.action.sample(rng, 5), TOY.nuisance.sample(rng, 5)
+    draws = tuple(space.sample(rng, 5) for space in (TOY.margin, TOY.context, TOY.action, TOY.nuisance))
     assert checkpoint.emulator is checkpoint.solver is not None
     assert np.array_equal(checkpoint.emulator.predict(*draws).success, emulator.predict(*draws).success)
     original = new_policy(TOY, "iteration", 5)

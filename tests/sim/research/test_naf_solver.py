@@ -125,7 +125,8 @@ def test_its_trajectories_are_the_simulators_and_tell_what_it_cannot_express():
     parameters, action, nuisance = PARAMETERS.sample(rng(), 5), TOY.action.sample(rng(), 5), np.zeros((5, 1))
     reference = np.tile(TOY.reference_context, (5, 1))
     wanted = roll(Requests(parameters, reference, action, nuisance)).observation
-    assert np.array_equal(solver.trajectories(parameters, action, nuisance), wanted)
+    paths = solver.trajectories(parameters, action, nuisance, reference)
+    assert np.array_equal(paths, TOY.relocate(wanted, reference))
     assert not solver.residual_std.any()
     limit = measure_misfit_limit(solver, rng(), trials=12)
     seen = TOY.observation.with_noise(wanted[0], rng())

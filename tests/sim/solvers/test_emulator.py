@@ -21,7 +21,8 @@ from sim.types import Dimension, Space
 
 def draws(n, seed=0):
     rng = np.random.default_rng(seed)
-    return TOY.margin.sample(rng, n), TOY.action.sample(rng, n), TOY.nuisance.sample(rng, n)
+    parameters, action, nuisance = TOY.margin.sample(rng, n), TOY.action.sample(rng, n), TOY.nuisance.sample(rng, n)
+    return parameters, np.tile(TOY.reference_context, (n, 1)), action, nuisance
 
 
 def test_it_learns_the_toy_and_says_how_well():
@@ -37,27 +38,27 @@ def test_few_held_out_rollouts_do_not_make_it_certain():
     """All of them may happen to be predicted well: the likelihood alone then asks for the sharpest temperature."""
     emulator, _ = trained()
     asked = dataset().requests
-    said = emulator.predict(asked.parameters, asked.action, asked.nuisance).success
+    said = emulator.predict(asked.parameters, asked.context, asked.action, asked.nuisance).success
     well = np.flatnonzero(np.abs(said - dataset().rollouts.succeeded) < 0.2)[:150]
     assert 0.3 < _temperature(emulator, dataset(), well) < 1.0
 
 
 def test_disagreement_grows_outside_of_the_data():
     emulator, _ = trained()
-    parameters, action, nuisance = draws(300)
+    parameters, context, action, nuisance = draws(300)
     far = parameters.copy()
     far[:, [0, 3]] += 1.5 * (TOY.margin.high - TOY.margin.low)[[0, 3]]
-    inside, outside = (emulator.outcomes(p, action, nuisance)[1].std(axis=0).mean() for p in (parameters, far))
+    inside, outside = (emulator.outcomes(p, action, nuisance, context)[1].std(axis=0).mean() for p in (parameters, far))
     assert outside > 3.0 * inside
 
 
 def test_outcomes_broadcast_and_agree_with_predict():
     emulator, _ = trained()
-    parameters, action, nuisance = draws(6)
-    success, end_state = emulator.outcomes(parameters, action[:3, None, :], nuisance)
+    parameters, context, action, nuisance = draws(6)
+    success, end_state = emulator.outcomes(parameters, action[:3, None, :], nuisance, context)
     assert success.shape == (5, 3, 6)
     assert end_state.shape == (5, 3, 6, 1)
-    single = emulator.predict(parameters[4:5], action[2:3], nuisance[4:5])
+    single = emulator.predict(parameters[4:5], context[4:5], action[2:3], nuisance[4:5])
     assert success[:, 2, 4].mean() == pytest.approx(single.success[0], abs=1e-5)
     assert end_state[:, 2, 4].mean() == pytest.approx(single.end_state[0, 0], abs=1e-5)
 
@@ -77,11 +78,11 @@ def test_the_same_seed_gives_the_same_weights_whatever_the_threads():
 
 def test_predictions_are_those_of_the_network_that_was_trained():
     emulator, _ = trained()
-    parameters, action, nuisance = draws(700)  # more than are evaluated at once
+    parameters, context, action, nuisance = draws(700)  # more than are evaluated at once
     tensors = {name: torch.from_numpy(t) for name, t in emulator.tensors.items()}
-    x = torch.from_numpy(encode(TOY, parameters, action, nuisance)).expand(emulator.members, -1, -1)
+    x = torch.from_numpy(encode(TOY, parameters, context, action, nuisance)).expand(emulator.members, -1, -1)
     raw = forward(tensors, int(tensors["depth"]), x) * tensors["y_std"] + tensors["y_mean"]
-    _, end_state = emulator.outcomes(parameters, action, nuisance)
+    _, end_state = emulator.outcomes(parameters, action, nuisance, context)
     assert end_state == pytest.approx(raw[..., TOY.observation.size : -1].numpy(), abs=1e-5)
 
 
@@ -98,7 +99,7 @@ def test_stored_tensors_restore_it_exactly_and_foreign_ones_are_refused():
 
 def test_whole_parameters_are_one_hot_and_blend_in_between():
     parameters = np.array([[0.3, 1e5, 1.0, 2.0], [0.3, 1e5, 0.5, 2.0]])
-    features = encode(TOY, parameters, TOY.action.low, TOY.nuisance.low)
+    features = encode(TOY, parameters, TOY.reference_context, TOY.action.low, TOY.nuisance.low)
     assert features.shape == (2, 3 + 3 + 2 + 1)
     assert features[0, 2:5].tolist() == [0.0, 1.0, 0.0]
     assert features[1, 2:5].tolist() == [0.5, 0.5, 0.0]
@@ -127,7 +128,7 @@ def emulator_of(name: str) -> Emulator:
 def test_the_networks_of_an_object_predict_what_they_predicted_for_the_task(name: str) -> None:
     shipped, task = emulator_of(name), with_ranges(get_task(name), OBJECTS[name])
     own, rng = rescaled_to(shipped, task), np.random.default_rng(0)
-    given = [space.sample(rng, 200) for space in (task.margin, task.action, task.nuisance)]
+    given = [space.sample(rng, 200) for space in (task.margin, task.context, task.action, task.nuisance)]
     before, after = shipped.predict(*given), own.predict(*given)
     assert own.task is task
     assert np.allclose(after.observation, before.observation, atol=2e-5)
@@ -201,7 +202,8 @@ def test_an_emulator_knows_the_other_side_from_one_side_alone():
         emulator, report = train_emulator(task, half, 0, quick)
         assert report.rollouts < len(half)  # mirror images are not counted
         right = ~left
-        said = emulator.predict(asked.parameters[right], asked.action[right], asked.nuisance[right]).observation
+        of_right = asked[np.flatnonzero(right)]
+        said = emulator.predict(of_right.parameters, of_right.context, of_right.action, of_right.nuisance).observation
         return np.abs(said - done.observation[right]).mean()
 
     assert error(task) < 0.4 * error(dataclasses.replace(task, mirror=None))

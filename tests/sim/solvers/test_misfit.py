@@ -23,7 +23,9 @@ def trial(moments: slice) -> Trial:
     """A push of the simulator with the middle parameters, seen at some moments alone."""
     solver = load_checkpoint(TASK, "default").solver
     action = TASK.action.middle
-    there = solver.trajectories(TASK.parameters.middle[None], action[None], TASK.nuisance.middle[None])[0]
+    there = solver.trajectories(
+        TASK.parameters.middle[None], action[None], TASK.nuisance.middle[None], TASK.reference_context[None]
+    )[0]
     seen = np.full((len(TASK.observation.times_s), 2), np.nan)
     seen[moments] = there.reshape(-1, 2)[moments]
     return Trial(np.asarray(TASK.reference_context), action, seen.ravel(), 0.9, np.array([0.9, 0.0]))
@@ -37,8 +39,8 @@ def test_missing_values_are_left_out_of_the_misfit_and_of_the_likelihoods_values
     shifted = whole.observation + 0.1
     hidden = np.where(np.isnan(late.observation), np.nan, shifted)
     path = whole.observation[None]
-    off = np.abs(0.1 / np.sqrt(squares(checkpoint.solver, whole.context, shifted, path)))
-    assert squares(checkpoint.solver, whole.context, hidden, path) > 0.0
+    off = np.abs(0.1 / np.sqrt(squares(checkpoint.solver, shifted, path)))
+    assert squares(checkpoint.solver, hidden, path) > 0.0
     assert off > 0.0
     assert log_likelihood(np.array([[9.0]]), 0.0) == 0.0
     assert log_likelihood(np.array([[9.0]]), 0.5) > log_likelihood(np.array([[9.0]]), 1.0), "fewer values, less said"

@@ -117,7 +117,7 @@ def test_a_feedback_that_does_not_hold_it_earns_nothing_and_stays_finite():
     assert TASK.score(track, NOTHING) == 0.0
     assert np.isfinite(track.state).all()
     assert rewards(TASK.parameters.low, np.zeros(8)) == 0.0
-    seen = SOLVER.trajectories(TASK.parameters.low[None], np.zeros((1, 8)), np.zeros((1, 0)))[0]
+    seen = SOLVER.trajectories(TASK.parameters.low[None], np.zeros((1, 8)), np.zeros((1, 0)), np.zeros((1, 0)))[0]
     assert np.allclose(seen, TASK.observation(track), rtol=0.0, atol=1e-12)
 
 

@@ -18,6 +18,7 @@ from sim.research.benchmark.sessions import Conditions, choose_oracle, judge, ru
 from sim.research.benchmark.tables import WorldTable
 from sim.research.benchmark.trial_sources import SimulatedTrials, TableTrials
 from sim.rollouts import serial_executor
+from sim.rollouts.dataset import draw_requests
 from sim.rollouts.run import Rollouts
 from sim.tasks import get_task
 
@@ -100,7 +101,7 @@ def test_final_policies_may_be_scored_by_true_rollouts_of_their_own_number():
 def test_with_fresh_rollouts_no_trial_is_looked_up(monkeypatch):
     task = get_task("pushing")
     nothing = Rollouts(np.zeros((8, task.observation.size)), np.zeros((8, 2)), np.zeros(8, bool), np.zeros(8, np.int8))
-    table = WorldTable("wd", task.action.sample(np.random.default_rng(0), 8), nothing, "0" * 16)
+    table = WorldTable("wd", draw_requests(task, 8, np.random.default_rng(0)), nothing, "0" * 16)
     looked_up: list[int] = []
     monkeypatch.setattr(TableTrials, "play", lambda self, contexts, *rest: looked_up.append(len(contexts)))
     contact = Job(

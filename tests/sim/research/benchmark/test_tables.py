@@ -28,7 +28,7 @@ def _toy(monkeypatch):
 
 
 class _InWorld:
-    def __init__(self, world):
+    def __init__(self, world, task):
         self.world = world
 
     def __call__(self, parameters, context, action, nuisance, unmodelled=None):
@@ -66,7 +66,7 @@ def test_a_table_holds_true_rollouts_of_policies_and_of_all_actions(tmp_path):
     assert (hit > 0).all()
     even, odd = table.half(odd=False), table.half(odd=True)
     assert len(even[0]) == len(odd[0]) == SIZE // 2
-    assert not {a.tobytes() for a in even[0]} & {a.tobytes() for a in odd[0]}
+    assert not {a.tobytes() for a in even[0].action} & {a.tobytes() for a in odd[0].action}
 
 
 def test_a_killed_run_goes_on_and_a_damaged_shard_alone_is_made_again(tmp_path):
@@ -129,7 +129,7 @@ def test_a_looked_up_trial_is_the_true_one_nearby_and_scores_come_from_other_rol
     judged = place.judge(contexts, actions, rng)
     assert judged.mean() == pytest.approx(true.mean(), abs=0.05)
     assert not np.array_equal(judged, rewards)
-    known = place.table.half(odd=False)[0]
+    known = place.table.half(odd=False)[0].action
     exact = TableTrials(replace(TOY, action_noise=np.zeros(2)), table).play(contexts[:50], known[:50], rng)
     true = table.half(odd=False)[1].rewards(TOY, TOY.reference_context[None])[:50]
     assert np.array_equal([trial.reward for trial in exact], true)

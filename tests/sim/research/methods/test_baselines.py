@@ -92,8 +92,8 @@ def test_what_is_simulated_for_a_trial_is_what_that_trial_shows():
     rng = np.random.default_rng(0)
     unit = np.tile(PARAMETERS.normalise(TARGET), (200, 1))
     shown = method._simulated(unit, seen, rng)
-    path = solver().trajectories(TARGET[None], MIDDLE[None], np.zeros((1, 1)))
-    distance = squares(solver(), seen.context, shown.mean(axis=0), path)
+    path = solver().trajectories(TARGET[None], MIDDLE[None], np.zeros((1, 1)), seen.context[None])
+    distance = squares(solver(), shown.mean(axis=0), path)
     assert shown.shape == (200, TOY.observation.size)
     assert distance[0] < 1.0
     wrong = method._simulated(np.tile(PARAMETERS.normalise(PARAMETERS.low), (200, 1)), seen, rng)

@@ -7,6 +7,8 @@ from itertools import count
 
 import numpy as np
 import pytest
+from moving_task import TASK as ROLLING
+from toy_task import TOY
 
 from sim.errors import RolloutError
 from sim.research.pretraining.soundness import require_sound
@@ -47,3 +49,14 @@ def test_an_exception_in_simulate_is_said_with_the_action():
         require_sound(one_by_one(simulate=simulate), RNG(0))
     with pytest.raises(RolloutError, match="returns int, not an ObjectTrack"):
         require_sound(one_by_one(simulate=lambda *values: 3), RNG(0))
+
+
+def test_a_relocate_that_is_false_is_refused_and_one_that_is_left_out_is_not():
+    """A context that changes the motion, with the identity as `relocate`: a usual mistake."""
+    with pytest.raises(RolloutError, match="relocate"):
+        require_sound(replace(ROLLING, relocate=lambda observation, context: observation), RNG(0))
+    require_sound(ROLLING, RNG(0))
+
+
+def test_a_relocate_that_is_true_is_accepted():
+    require_sound(TOY, RNG(0))

@@ -1,0 +1,85 @@
+"""What the code of a task's file does besides computing: it prints, sleeps, or starts processes."""
+
+from __future__ import annotations
+
+import builtins
+import io
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass, field
+from typing import Any
+
+from sim.tasks.files import caller_line, confined, patched
+
+_LONGEST_S = 0.05
+"""A sleep is cut to this while it is watched."""
+
+
+@dataclass(frozen=True)
+class Watched:
+    """The lines of a file that did something else than computing."""
+
+    path: str
+    lines: dict[str, list[int]] = field(default_factory=dict)  # what -> lines
+
+    def note(self, what: str) -> None:
+        """Note the line of the file that runs now; nothing if none does."""
+        line = caller_line(self.path)
+        if line is not None and line not in self.lines.setdefault(what, []):
+            self.lines[what].append(line)
+
+    def sentences(self) -> Iterator[tuple[str, str]]:
+        """(what, sentence with the lines) for each thing that was noted."""
+        for what, lines in self.lines.items():
+            where = ", ".join(map(str, sorted(lines)[:5]))
+            yield what, f"{self.path}, line{'s' * (len(lines) > 1)} {where} {what}"
+
+
+PRINTS = "prints"
+SLEEPS = "sleeps"
+STARTS = "starts a process"
+
+
+@contextmanager
+def watched(path: str) -> Iterator[Watched]:
+    """Note what the file does in a block. It cannot end or double this process then, and its output goes to stderr."""
+    notes = Watched(path)
+
+    class Aside(io.TextIOBase):
+        def write(self, text: str) -> int:
+            notes.note(PRINTS)
+            return sys.stderr.write(text)
+
+    def printing(*words: object, _original: Callable[..., None] = builtins.print, **options: Any) -> None:
+        notes.note(PRINTS)
+        _original(*words, **options)
+
+    def sleep(seconds: float, _original: Callable[[float], None] = time.sleep) -> None:
+        if sys._getframe(1).f_code.co_filename == path:
+            notes.note(SLEEPS)
+            seconds = min(seconds, _LONGEST_S)
+        _original(seconds)
+
+    def starting(original: Callable[..., Any]) -> Callable[..., Any]:
+        def started(*arguments: Any, **options: Any) -> Any:
+            if sys._getframe(1).f_code.co_filename == path:
+                notes.note(STARTS)
+            return original(*arguments, **options)
+
+        return started
+
+    starts = {name: starting(getattr(subprocess, name)) for name in ("run", "check_output", "call", "check_call")}
+    with (
+        confined(path),
+        patched(builtins, {"print": printing}),
+        patched(time, {"sleep": sleep}),
+        patched(subprocess, starts),
+        patched(subprocess.Popen, {"__init__": starting(subprocess.Popen.__init__)}),
+        patched(os, {"system": starting(os.system)}),
+        redirect_stdout(Aside()),
+    ):
+        yield notes

@@ -1,0 +1,235 @@
+"""Tasks that a Python file declares (`adaptsim.task`): loading the file, and finding its tasks by name afterwards.
+
+A file is executed once per content. Its tasks are registered in the user's data folder, by name, with the absolute path
+of the file; so a worker process, or a later command, finds a task by its name alone.
+"""
+
+from __future__ import annotations
+
+import builtins
+import hashlib
+import os
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from functools import cache
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from hw.bounded import Unreadable, read_bytes, read_table
+from sim.errors import TaskError, UnknownName
+from sim.storage.files import write_toml
+from sim.storage.places import data_folder
+from sim.tasks.task import Task, TaskFile
+
+MOST_BYTES = 2**20
+SUFFIX = ".py"
+
+
+@dataclass(frozen=True)
+class Registered:
+    """The stored facts of a task of a file."""
+
+    file: str
+    sha256: str
+    worlds: tuple[str, ...]
+
+
+def is_file(text: str) -> bool:
+    """Whether the name of a task is the path of a file."""
+    return text.partition(":")[0].endswith(SUFFIX)
+
+
+def registered() -> Mapping[str, Registered]:
+    """The tasks of files by name; damaged entries are left out."""
+    return {path.stem: entry for path in sorted(_folder().glob("*.toml")) if (entry := _entry(path)) is not None}
+
+
+def chosen(text: str) -> Task:
+    """The task of `FILE.py`, or of `FILE.py:NAME` if it declares several. Raises TaskError, UnknownName."""
+    path, _, name = text.partition(":")
+    return _chosen(load(Path(path)), Path(path), name)
+
+
+def register(text: str) -> Task:
+    """The same as `chosen`, and its name finds it from now on. Raises TaskError, UnknownName."""
+    task = chosen(text)
+    assert task.file is not None, "a task of a file"
+    entry, place = Registered(task.file.path, task.file.sha256, tuple(task.worlds)), _folder() / f"{task.name}.toml"
+    if _entry(place) != entry:
+        write_toml(place, asdict(entry))
+    return task
+
+
+def named(name: str) -> Task | None:
+    """The task of that name of a file that was loaded or registered before; None without one.
+
+    Raises TaskError if its file is gone or does not declare it any more.
+    """
+    entry = _entry(_folder() / f"{name}.toml")
+    if entry is None:
+        return _loaded().get(name)
+    if not Path(entry.file).is_file():
+        raise TaskError(
+            f"the task {name} was declared by {entry.file}, and there is no such file any more: give its new place "
+            "with --task FILE.py"
+        )
+    return _chosen(load(Path(entry.file)), Path(entry.file), name)
+
+
+def of_file(file: TaskFile, name: str) -> Task:
+    """The task as declared by that content of the file. Raises TaskError if the file has changed since."""
+    path = Path(file.path)
+    if (digest := _digest(path)) != file.sha256:
+        raise TaskError(
+            f"{path} has changed since this command began ({file.sha256[:12]}, now {digest[:12]}): run it again"
+        )
+    return _chosen(load(path), path, name)
+
+
+def load(path: Path) -> tuple[Task, ...]:
+    """The tasks that a file declares, in its order. Raises TaskError naming the line that fails."""
+    place = path.expanduser().absolute()
+    tasks = _executed(place, _digest(place))
+    _loaded().update({task.name: task for task in tasks})
+    return tasks
+
+
+def line_of(error: BaseException, path: str) -> str:
+    """The place of an error in the file: `FILE, line 7`, or the file alone."""
+    if isinstance(error, SyntaxError) and error.filename == path:
+        return f"{path}, line {error.lineno}"
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == path]
+    return f"{path}, line {lines[-1]}" if lines else path
+
+
+def caller_line(path: str) -> int | None:
+    """The line of the file that is being executed; None outside of it."""
+    frame = sys._getframe(1)
+    while frame is not None:
+        if frame.f_code.co_filename == path:
+            return frame.f_lineno
+        frame = frame.f_back  # type: ignore[assignment]
+    return None
+
+
+@contextmanager
+def confined(path: str) -> Iterator[None]:
+    """Code of the file can neither end nor double this process. A TaskError names the line that tries to."""
+
+    def refuse(name: str) -> Callable[..., Any]:
+        def refused(*_: object) -> Any:
+            line = caller_line(path)
+            raise TaskError(f"{path}, line {line} calls os.{name}: a task may neither end nor double the process")
+
+        return refused
+
+    with patched(os, {n: refuse(n) for n in ("_exit", "abort", "fork", "forkpty") if hasattr(os, n)}):
+        yield
+
+
+@contextmanager
+def patched(module: Any, functions: Mapping[str, Callable[..., Any]]) -> Iterator[None]:
+    """Other functions in a module, for the time of a block."""
+    before = {name: getattr(module, name) for name in functions}
+    try:
+        for name, function in functions.items():
+            setattr(module, name, function)
+        yield
+    finally:
+        for name, function in before.items():
+            setattr(module, name, function)
+
+
+def _awake(path: str) -> Mapping[str, Callable[..., Any]]:
+    """A `time.sleep` that the file itself may not call while it is loaded."""
+
+    def sleep(seconds: float, _original: Callable[[float], None] = time.sleep) -> None:
+        frame = sys._getframe(1)
+        if frame.f_code.co_filename == path:
+            raise TaskError(f"{path}, line {frame.f_lineno} sleeps for {seconds:g} s: every command would wait for it")
+        _original(seconds)
+
+    return {"sleep": sleep}
+
+
+@cache
+def _executed(path: Path, digest: str) -> tuple[Task, ...]:
+    module = _module(path, digest)
+    try:
+        with confined(str(path)), patched(time, _awake(str(path))):
+            exec(compile(read_bytes(path, MOST_BYTES), str(path), "exec"), module.__dict__)
+    except TaskError as error:
+        del sys.modules[module.__name__]
+        where = line_of(error, str(path))
+        raise TaskError(str(error) if str(path) in str(error) else f"{where}: {error}") from error
+    except (Exception, SystemExit) as error:  # a file of others may do anything
+        del sys.modules[module.__name__]
+        what = "it exits" if isinstance(error, SystemExit) else f"{type(error).__name__}: {error}"
+        raise TaskError(f"{line_of(error, str(path))}: {what}") from error
+    tasks = [value for value in vars(module).values() if isinstance(value, Task) and value.file is not None]
+    declared = {task.name: task for task in tasks if task.file == TaskFile(str(path), digest)}
+    if not declared:
+        raise TaskError(f"{path} declares no task: put @adaptsim.task(...) above a function of it")
+    return tuple(declared.values())
+
+
+def _module(path: Path, digest: str) -> ModuleType:
+    """An empty module for a file. What it prints goes to stderr, because stdout may carry JSON."""
+    spec = spec_from_loader(f"adaptsim_task_{path.stem}_{digest[:12]}", loader=None, origin=str(path))
+    assert spec is not None
+    module = module_from_spec(spec)
+    module.__file__ = str(path)
+
+    def aside(*words: object, **options: Any) -> None:
+        builtins.print(*words, **{"file": sys.stderr, **options})  # noqa: T201 - the user's own
+
+    module.__dict__["print"] = aside
+    sys.modules[module.__name__] = module
+    if str(path.parent) not in sys.path:  # modules beside it, also those that it imports later
+        sys.path.append(str(path.parent))
+    return module
+
+
+@cache
+def _loaded() -> dict[str, Task]:
+    """The tasks of files that this process has executed, by name."""
+    return {}
+
+
+def _chosen(tasks: tuple[Task, ...], path: Path, name: str) -> Task:
+    names = ", ".join(task.name for task in tasks)
+    if not name and len(tasks) > 1:
+        raise TaskError(
+            f"{path} declares {len(tasks)} tasks: choose one, as {path}:{tasks[0].name} (there are {names})"
+        )
+    for task in tasks:
+        if name in ("", task.name):
+            return task
+    raise TaskError(f"{path} declares no task {name}: there is {names}")
+
+
+def _folder() -> Path:
+    return data_folder() / "tasks"
+
+
+def _entry(path: Path) -> Registered | None:
+    try:
+        table = read_table(path)
+        return Registered(str(table["file"]), str(table["sha256"]), tuple(map(str, table["worlds"])))
+    except (OSError, Unreadable, KeyError, TypeError):
+        return None
+
+
+def _digest(path: Path) -> str:
+    try:
+        return hashlib.sha256(read_bytes(path, MOST_BYTES)).hexdigest()
+    except FileNotFoundError as error:
+        raise UnknownName(f"there is no task file {path}: check the path") from error
+    except (OSError, Unreadable) as error:
+        raise TaskError(f"the task file {path} cannot be read: {error}") from error

@@ -25,7 +25,7 @@ from adaptsim_cli.session.records import RIG, to_json
 from adaptsim_cli.session.rig_tracking import come_home, shown_at_home, track_request
 from adaptsim_cli.session.topics import joints_at
 from hw.braking import FULL
-from hw.errors import ArmFault, HardwareError, Rehearsed
+from hw.errors import ArmFault, HardwareError, MotionRefused, Rehearsed
 from hw.kinematics import FLANGE, link_poses
 from hw.poses import inverse
 from hw.types import Array, Execution, Frame, JointPath
@@ -35,6 +35,7 @@ from perception.sightings import OutcomeUnseen
 from perception.types import SETTLE_S, ObjectTrack, Outcome
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
+from sim.errors import NotExecutable
 from sim.tasks.task import Hardware, Task
 
 Followed = tuple[Detection, ObjectTrack]
@@ -108,6 +109,15 @@ class RigTarget:
     def outcomes(self) -> tuple[Outcome, ...]:
         """The outcomes that a person may choose between."""
         return self.tracker.outcomes
+
+    def executable(self, context: Array, action: Array) -> bool:
+        """Whether the motion passes every limit of the arm; an `Executable` of solvers."""
+        try:
+            for path in self.planner.paths(self.hardware.plan(context, action)):
+                self.planner.check(path)
+        except (NotExecutable, MotionRefused):
+            return False
+        return True
 
     def checks(self) -> tuple[Readiness, ...]:
         """Check calibration, arm and camera; before that, an operator may clear a fault of the arm."""

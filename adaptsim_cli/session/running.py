@@ -46,7 +46,7 @@ from hw.memory import return_pictures
 from hw.plugins import did_you_mean
 from sim.errors import MomentsMissing
 
-OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
+OpenSessionParts = Callable[[Config, Path], AbstractContextManager[Parts]]
 """(settings, folder for a solver's policies) -> the connected parts."""
 
 OpenView = Callable[[Screen, SessionStore, Parts], AbstractContextManager[Watcher]]
@@ -83,7 +83,7 @@ def terminal_alone(screen: Screen, store: SessionStore, parts: Parts) -> Abstrac
 def run_session(
     resolved: Resolved,
     request: SessionRequest,
-    open_parts: OpenParts,
+    open_parts: OpenSessionParts,
     draw: Callable[[SessionStore], Path],
     screen: Screen | None = None,
     open_view: OpenView = terminal_alone,

@@ -7,6 +7,7 @@ HardwareError
 ├── Rehearsed            a motion came to its end at a slower pace, and counts for nothing
 ├── NoContact            a guarded motion touched nothing: the arm is back at its start
 ├── HandError            the hand did not carry out its command
+│   └── FingersMoved     it accepted a stop, and its fingers went on or cannot be watched
 ├── CameraError          no frame, or not in time
 ├── BalanceError         the balance gives no stable mass
 └── DeviceUnavailable    a device is not there or not answering
@@ -39,6 +40,10 @@ class NoContact(HardwareError):
 
 class HandError(HardwareError):
     """The hand could not do its task: not homed, nothing between the fingers, or the tool lost."""
+
+
+class FingersMoved(HandError):
+    """A stop of the hand was accepted, and the fingers moved on, or nobody knows; no motion without a recovery."""
 
 
 class CameraError(HardwareError):

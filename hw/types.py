@@ -8,11 +8,14 @@ frame B in frame A; `p_AB_m` is a position in metres.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from hw.quantities import QUANTITIES
 
 Array = NDArray[np.float64]
 
@@ -163,10 +166,15 @@ class Execution:
     q_commanded_rad: Array  # (M, 7)
     q_measured_rad: Array  # (M, 7)
     control_success_rate: float  # share of 1 kHz cycles answered in time, 0 to 1
+    measured: Mapping[str, Array] = field(default_factory=dict)
+    """(M, K) by the names of `hw.quantities.QUANTITIES`: those that the arm reported, and no others."""
 
     def __post_init__(self) -> None:
         t_s = frozen_array(self.t_s, (None,), "t_s")
         object.__setattr__(self, "t_s", t_s)
+        sizes = {quantity.name: quantity.size for quantity in QUANTITIES}
+        values = {name: frozen_array(log, (len(t_s), sizes[name]), name) for name, log in self.measured.items()}
+        object.__setattr__(self, "measured", values)
         for name in ("q_commanded_rad", "q_measured_rad"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), (len(t_s), 7), name))
         number(self.control_success_rate, "control success rate", 0.0, 1.0)

@@ -97,6 +97,12 @@ def _mcap(request: Export) -> list[Path]:
     return [*request.recordings("mcap", replaying.encode), written(request.out / LAYOUT, layout())]
 
 
+def _motion(request: Export) -> list[Path]:
+    from adaptsim_cli.session import motion_table
+
+    return request.recordings("csv", motion_table.as_table)
+
+
 def _rerun(request: Export) -> list[Path]:
     from adaptsim_cli.session import replaying
 
@@ -149,6 +155,11 @@ FORMATS: dict[str, ExportFormat] = {
         "-mjcf",
         lambda request: request.scene("mjcf", "scene.xml"),
         lambda first, out: (f"{_PYTHON} -m mujoco.viewer --mjcf={first}", "the scene, in MuJoCo's viewer"),
+    ),
+    "motion": ExportFormat(
+        "-motion",
+        _motion,
+        lambda first, out: (f"column -s, -t {first} | less -S", "the first motion's joints, torques and forces"),
     ),
 }
 """Every format by its name: the option, its completion, the default name and the next step derive from here."""

@@ -122,10 +122,11 @@ def begin(
         *_pictures(frames, _COLOUR, _DEPTH),
         *topics.cameras(model, start_ns),
         topics.description(arm, start_ns),
-        *topics.joints(arm, execution),
+        *topics.joints(execution),
         *topics.transforms(times_s or [before.frame.t_s], execution, X_BT_at, model, X_BC),
     ]
-    file = _Mcap(TOPICS, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})
+    types = topics.quantity_types(execution.measured) | TOPICS
+    file = _Mcap(types, {"camera.json": _camera_json(model, X_BC, execution, camera_late_s)})
     file.add(messages)
     t_s = np.array([_s(topics.ns(execution.t_start_s + t_s)) - execution.t_start_s for t_s in execution.t_s])
     played = replace(execution, t_s=t_s)
@@ -239,6 +240,8 @@ def _read(reader: McapReader) -> Recording:
         raise SessionError("the recording has no camera.json")
     images: dict[str, dict[int, Future[Any]]] = {topic: {} for topic in _IMAGES}
     joints: dict[str, list[tuple[int, tuple[float, ...]]]] = {topics.MEASURED: [], topics.COMMANDED: []}
+    reported = topics.reported(camera.get("measured", ()))  # older recordings have a modelled effort
+    types, measured = topics.quantity_types(camera.get("measured", ())), {one.name: list[Any]() for one in reported}
     with ThreadPoolExecutor(max_workers=2) as pool:  # OpenCV releases the interpreter while it decodes
         for _, channel, message in reader.iter_messages():
             topic = channel.topic
@@ -249,6 +252,11 @@ def _read(reader: McapReader) -> Recording:
             elif topic in joints:
                 state = topics.decode(topics.JOINTS, message.data)
                 joints[topic].append((topics.stamp_ns(state.header), tuple(state.position)))
+            if topic in types:
+                values = topics.decode(types[topic], message.data)
+                for one in reported:
+                    if one.topic == topic:
+                        measured[one.name].append(topics.quantity_values(one, values))
     (before,) = _frames(images[_BEFORE_COLOUR], images[_BEFORE_DEPTH])
     start_s = float(camera["t_start_s"])
     execution = Execution(
@@ -257,6 +265,7 @@ def _read(reader: McapReader) -> Recording:
         q_commanded_rad=np.array([q for _, q in joints[topics.COMMANDED]]).reshape(-1, 7),
         q_measured_rad=np.array([q for _, q in joints[topics.MEASURED]]).reshape(-1, 7),
         control_success_rate=float(camera["control_success_rate"]),
+        measured={one.name: np.array(measured[one.name]).reshape(-1, one.size) for one in reported},
     )
     frames = _frames(images[_COLOUR], images[_DEPTH])
     after = _frames(images[_AFTER_COLOUR], images[_AFTER_DEPTH])
@@ -316,6 +325,7 @@ def _camera_json(model: CameraModel, X_BC: Array, execution: Execution, camera_l
         "camera_late_s": camera_late_s,
         "t_start_s": execution.t_start_s,
         "control_success_rate": execution.control_success_rate,
+        "measured": list(execution.measured),
     }
     return json.dumps(content).encode()
 

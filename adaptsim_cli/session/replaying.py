@@ -98,7 +98,7 @@ class WholeTrial:
             "started": record.started,
             "units": ", ".join(f"{name} in {unit}" for name, unit in units.items()),
             "velocity": "differentiated from the positions",
-            "effort": "of the arm's rigid-body model with its hand, without tool and contact",
+            **{one.name: one.meaning for one in topics.reported(self.stored.execution.measured)},
         }
 
 
@@ -118,13 +118,14 @@ def encode(trial: WholeTrial) -> bytes:
         *recording.depths(stored),
         *topics.cameras(stored.model, start_ns),
         topics.description(trial.arm, start_ns),
-        *topics.joints(trial.arm, played),
+        *topics.joints(played),
         *topics.transforms(times_s, played, tool_poses(trial.file), stored.model, stored.X_BC),
         *recording.track_messages(track, played.t_start_s),
         *(topics.event(t_s, text, is_warning=warns) for t_s, text, warns in trial.events()),
         topics.outcome(played.t_start_s + float(track.t_s[-1]), trial.outcome()),
     ]
-    return recording.as_mcap({**recording.TOPICS, **topics.AFTERWARDS}, messages, {}, trial.metadata())
+    types = {**topics.quantity_types(played.measured), **recording.TOPICS, **topics.AFTERWARDS}
+    return recording.as_mcap(types, messages, {}, trial.metadata())
 
 
 def jpegs(trial: WholeTrial) -> list[tuple[float, bytes]]:
@@ -207,6 +208,8 @@ def _motion(rr: Any, stream: Any, trial: WholeTrial) -> None:
     for i in range(0, len(played.t_s), 10):
         _at(stream, played.t_start_s + float(played.t_s[i]))
         stream.log("joints/measured", rr.Scalars(played.q_measured_rad[i]))
+        for quantity in topics.reported(played.measured):
+            stream.log(quantity.name, rr.Scalars(played.measured[quantity.name][i]))
 
 
 def _story(rr: Any, stream: Any, trial: WholeTrial) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -11,9 +11,8 @@ import numpy as np
 from mcap_ros2._dynamic import generate_dynamic, serialize_dynamic  # its public writer makes whole files only
 from numpy.typing import NDArray
 
-from hw.collision import HAND_MASS
-from hw.dynamics import torque_Nm
 from hw.kinematics import FLANGE, link_poses
+from hw.quantities import QUANTITIES, Quantity
 from hw.types import Array, CameraModel, Execution, Intrinsics
 from hw.wrist import X_FH
 from sim.panda.model import FLANGE_NAME, HAND_NAME, JOINT_NAMES, urdf
@@ -37,6 +36,7 @@ _TRANSFORM = "\n".join(
 )
 
 PICTURE, DEPTH = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"
+WRENCH = "geometry_msgs/msg/WrenchStamped"
 JOINTS, TRANSFORM, POINT = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage", "geometry_msgs/msg/PointStamped"
 SCHEMAS = {
     PICTURE: f"{_HEADER}string format\nuint8[] data\n{_STAMP}",
@@ -52,6 +52,9 @@ SCHEMAS = {
     f"string function\nuint32 line\n{_SEPARATOR}\n{_TIME}",
     POINT: f"{_HEADER}geometry_msgs/Point point\n{_STAMP}"
     f"{_SEPARATOR}\nMSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n",
+    WRENCH: f"{_HEADER}geometry_msgs/Wrench wrench\n{_STAMP}{_SEPARATOR}\nMSG: geometry_msgs/Wrench\n"
+    f"geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n{_SEPARATOR}\nMSG: geometry_msgs/Vector3\n"
+    "float64 x\nfloat64 y\nfloat64 z\n",
     TRANSFORM: f"geometry_msgs/TransformStamped[] transforms\n{_TRANSFORM}{_STAMP}",
 }
 """Message definitions in MCAP's `ros2msg` encoding."""
@@ -143,6 +146,12 @@ def joint_state(
     return encode(JOINTS, {"header": _header(t_ns, ""), "name": list(names), **values})
 
 
+def wrench(t_ns: int, frame: str, values: Sequence[float]) -> bytes:
+    """A ROS 2 WrenchStamped: force (N) and torque (Nm), three values each, in `frame`."""
+    parts = {"force": dict(zip("xyz", values[:3], strict=True)), "torque": dict(zip("xyz", values[3:], strict=True))}
+    return encode(WRENCH, {"header": _header(t_ns, frame), "wrench": parts})
+
+
 def point(t_ns: int, frame: str, xyz: Sequence[float]) -> bytes:
     """A ROS 2 PointStamped; `xyz` in metres in `frame`."""
     return encode(POINT, {"header": _header(t_ns, frame), "point": dict(zip("xyz", xyz, strict=True))})
@@ -196,21 +205,50 @@ def description(arm: str, t_ns: int) -> Message:
     return t_ns, DESCRIPTION, text(urdf(arm))
 
 
-def joints(arm: str, played: Execution) -> Iterator[Message]:
-    """Measured and commanded joints, each with velocity and the torque of the motion.
+def joints(played: Execution) -> Iterator[Message]:
+    """Measured and commanded joints, each with its velocity, and every quantity that the arm reported.
 
-    Velocities are derivatives of the positions. Torques are those of the rigid-body model of `arm` with its
-    hand ("panda" or "fr3"), for the measured motion in the air; the tool's weight and its contacts are not included.
+    Velocities are derivatives of the positions. Effort is the measured torque; empty if the arm reported none.
     """
     if not len(played.t_s):
         return
-    dq_rad_s, ddq_rad_s2 = (derivative(played.t_s, played.q_measured_rad, order) for order in (1, 2))
-    commanded_rad_s = derivative(played.t_s, played.q_commanded_rad, 1)
-    torque = torque_Nm(arm, played.q_measured_rad, dq_rad_s, ddq_rad_s2, HAND_MASS.placed(X_FH))
+    dq_rad_s, commanded_rad_s = (
+        derivative(played.t_s, q_rad, 1) for q_rad in (played.q_measured_rad, played.q_commanded_rad)
+    )
+    logs = [(quantity, played.measured[quantity.name]) for quantity in reported(played.measured)]
+    efforts = [log for quantity, log in logs if quantity.topic == MEASURED]
+    others = [(quantity, log) for quantity, log in logs if quantity.topic != MEASURED]
     for i, t_s in enumerate(played.t_s):
         t_ns = ns(played.t_start_s + t_s)
-        yield t_ns, MEASURED, joint_state(t_ns, JOINT_NAMES, played.q_measured_rad[i], dq_rad_s[i], torque[i])
+        effort = efforts[0][i] if efforts else ()
+        yield t_ns, MEASURED, joint_state(t_ns, JOINT_NAMES, played.q_measured_rad[i], dq_rad_s[i], effort)
         yield t_ns, COMMANDED, joint_state(t_ns, JOINT_NAMES, played.q_commanded_rad[i], commanded_rad_s[i], ())
+        for quantity, log in others:
+            yield t_ns, quantity.topic, _quantity(t_ns, quantity, log[i].tolist())
+
+
+def reported(names: Container[str]) -> tuple[Quantity, ...]:
+    """The quantities with these names; a name that only a newer version knows is none."""
+    return tuple(quantity for quantity in QUANTITIES if quantity.name in names)
+
+
+def quantity_types(names: Container[str]) -> dict[str, str]:
+    """Topic -> message type of the quantities with these names."""
+    return {quantity.topic: WRENCH if quantity.field == "wrench" else JOINTS for quantity in reported(names)}
+
+
+def quantity_values(quantity: Quantity, message: Any) -> tuple[float, ...]:
+    """The values of a quantity in a decoded message of its topic."""
+    if quantity.field == "wrench":
+        return tuple(getattr(getattr(message.wrench, part), axis) for part in ("force", "torque") for axis in "xyz")
+    return tuple(getattr(message, quantity.field))
+
+
+def _quantity(t_ns: int, quantity: Quantity, values: list[float]) -> bytes:
+    if quantity.field == "wrench":
+        return wrench(t_ns, "base", values)
+    fields: dict[str, Sequence[float]] = {"position": (), quantity.field: values}
+    return joint_state(t_ns, JOINT_NAMES, **fields)
 
 
 def joints_at(played: Execution) -> Callable[[float], Array]:

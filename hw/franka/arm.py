@@ -45,6 +45,7 @@ from hw.workcell import Workcell, refuse_while_stopped
 __all__ = ["FrankaArm", "Pedal", "Player", "franka", "open_franka"]
 
 _THEN = "look at the arm and recover it, then redo the trial"
+_LATCHED = "no motion begins before a recovery, to which the same command leads you"
 
 
 class FrankaArm:
@@ -250,13 +251,15 @@ class FrankaArm:
             raise
         played = outcome.played
         t_start_s = float(played.clock_s[0]) if len(played.t_s) else time.monotonic()
-        execution = Execution(t_start_s, played.t_s, played.q_commanded_rad, played.q_measured_rad, played.success_rate)
+        measured = {name: log for name, log in played.measured.items() if np.isfinite(log).all()}
+        joints = played.q_commanded_rad, played.q_measured_rad
+        execution = Execution(t_start_s, played.t_s, *joints, played.success_rate, measured)
         self.last_execution, self.last_stop = execution, stop_report(played)
         if outcome.failure is not None:
             self.last_stop = arm_stop(played, outcome.rest) or self.last_stop
             self._fault = outcome.failure.text  # also if the arm refused to begin: its stop button may be released now
             after_s = float(played.t_s[-1]) if len(played.t_s) else None
-            raise self._error(outcome.failure, moving=after_s is not None, after_s=after_s)
+            raise self._error(outcome.failure, moving=after_s is not None, after_s=after_s, latched=True)
         if self.last_stop is not None and self.last_stop.why != TOUCH:
             kind = StoppedByPedal if self.last_stop.why == "pedal" else ArmFault
             raise self._stopped(kind, WHY[self.last_stop.why], f" {self.last_stop}{self._pedal_now(kind)}")
@@ -315,7 +318,9 @@ class FrankaArm:
                 raise DeviceUnavailable(failure.text) from failure
         return self._player
 
-    def _error(self, failure: Failure, *, moving: bool = False, after_s: float | None = None) -> Exception:
+    def _error(
+        self, failure: Failure, *, moving: bool = False, after_s: float | None = None, latched: bool = False
+    ) -> Exception:
         """The error to raise for a failure; during a motion it is a fault that lasts until `recover`."""
         if failure.kind in (LOST, UNAVAILABLE):
             self._drop_player()  # a broken connection stays broken: the next call makes a new one
@@ -323,7 +328,8 @@ class FrankaArm:
             self._fault = failure.text
         if not moving:
             kind = DeviceUnavailable if failure.kind in (LOST, UNAVAILABLE) else ArmFault
-            return kind(f"{self._model}: {failure.text}")
+            text = failure.text if failure.text.startswith(self._model) else f"{self._model}: {failure.text}"
+            return kind(f"{text}; {_LATCHED}" if latched or failure.kind == UNMOVED else text)
         self._fault = failure.text
         when = "during the motion" if after_s is None else f"{after_s:.3f} s into the path"
         return ArmFault(f"{self._model} stopped {when}: {failure.text}; {_THEN}")

@@ -12,8 +12,23 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from hw.errors import DeviceUnavailable
+from hw.franka import realtime as real_time
 from hw.franka import reflexes
-from hw.franka.driver import LOST, UNMOVED, Failure, Reading, SdkState, Step, error_names, failure, mode_name
+from hw.franka.driver import (
+    FAULT,
+    LOST,
+    UNAVAILABLE,
+    UNMOVED,
+    Failure,
+    Reading,
+    SdkState,
+    Step,
+    error_names,
+    failure,
+    mode_name,
+)
+from hw.franka.explanations import AT_REST, CONNECTING, MOVING, STARTING, Phase
 from hw.franka.playback import Rhythm
 from hw.franka.readback import hand_mismatch, load_mismatch
 from hw.franka.settings import FrankaSettings, Payload
@@ -92,8 +107,11 @@ class Connection:
         realtime: bool,
         unwatched_s: float = UNWATCHED_S,
         clock: Callable[[], float] = time.monotonic,
+        take_priority: Callable[[], None] = lambda: None,
     ) -> None:
-        """Raises Failure."""
+        """`realtime`: libfranka also demands a real-time kernel. `take_priority` gives this thread its priority back
+        each time after libfranka may have raised it. Raises Failure.
+        """
         self._model, self._sdk, self._drive, self._host = model, sdk, drive, settings.host
         self._settings, self._payload = settings, settings.payload
         self.notes: tuple[str, ...] = ()  # what the computer denies this process (`hw.franka.realtime.settle`)
@@ -104,7 +122,9 @@ class Connection:
         try:
             self._robot = sdk.Robot(settings.host, config)
         except self._errors as error:
-            raise self._failure(error) from error
+            raise self._failure(error, CONNECTING) from error
+        self._take_priority = take_priority
+        self._lower_priority(UNAVAILABLE)
         self._clock, self._states = clock, States(self._robot, clock, unwatched_s)
 
     def reading(self) -> Reading:
@@ -141,7 +161,8 @@ class Connection:
             version = int(robot.server_version()) if hasattr(robot, "server_version") else None
         except self._errors as error:
             raise self._failure(error) from error
-        return Rhythm(states, max(round(1e3 * (last_s - first_s)) - (states - 1), 0), gap_s, version)
+        missed = max(round(1e3 * (last_s - first_s)) - (states - 1), 0)
+        return Rhythm(states, missed, gap_s, version, real_time.priority())
 
     def prepare(self, checked_s: float) -> None:
         """Give the arm its settings, before every motion, and see that it took them; nothing has moved.
@@ -160,10 +181,19 @@ class Connection:
 
     def drive(self, step: Step) -> None:
         """Call `step` every millisecond until it says that its joints are the last. A Failure of it ends the motion."""
+        phase: Phase = STARTING
+
+        def cycle(state: SdkState, since_s: float) -> tuple[list[float], bool]:
+            nonlocal phase
+            if phase is STARTING:
+                phase = MOVING
+                self._lower_priority(FAULT)
+            return step(state, since_s)
+
         try:
-            self._drive(self._sdk, self._robot, step)
+            self._drive(self._sdk, self._robot, cycle)
         except self._errors as error:
-            raise self._stopped(error) from error
+            raise self._stopped(error, phase) from error
 
     def recover(self) -> None:
         """Clear reflexes. Never moves."""
@@ -188,6 +218,13 @@ class Connection:
             self._require_taken()
         except self._errors as error:
             raise self._failure(error) from error
+
+    def _lower_priority(self, kind: str) -> None:
+        """After libfranka took the highest one. Raises Failure of this kind."""
+        try:
+            self._take_priority()
+        except DeviceUnavailable as error:
+            raise Failure(kind, str(error)) from error
 
     def _require_idle(self, checked_s: float) -> None:
         reading = self._settled()
@@ -234,18 +271,18 @@ class Connection:
             reading = self.reading()
         return reading
 
-    def _stopped(self, error: Exception) -> Failure:
-        outcome = self._failure(error)
+    def _stopped(self, error: Exception, phase: Phase) -> Failure:
+        outcome = self._failure(error, phase)
         if outcome.kind == LOST:
             return outcome
         try:
             reasons = self._read(self._states.present()).reasons
         except self._errors:  # it no longer answers: use its last state
             return outcome
-        return self._failure(error, reasons)
+        return self._failure(error, phase, reasons)
 
-    def _failure(self, error: Exception, reasons: tuple[str, ...] = ()) -> Failure:
-        return failure(error, self._model, self._host, reasons)
+    def _failure(self, error: Exception, phase: Phase = AT_REST, reasons: tuple[str, ...] = ()) -> Failure:
+        return failure(error, self._model, self._host, reasons, phase)
 
 
 def _configure(robot: Any, settings: FrankaSettings, payload: Payload) -> None:

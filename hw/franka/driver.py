@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from hw.franka import reflexes, versions
+from hw.franka import explanations, reflexes, versions
+from hw.franka.explanations import CONNECTING
 from hw.kinematics import JOINTS
 from hw.types import frozen_array
 
@@ -44,7 +44,8 @@ class Reading:
 
 SdkState = Any
 """Either SDK's RobotState. A cycle reads: q and q_d (held by the controller) in rad, dq in rad/s, tau_ext_hat_filtered
-in Nm, (7,) each, and control_command_success_rate, the share of the last 100 commands that arrived in time. At rest
+in Nm, (7,) each, and control_command_success_rate, the share of the last 100 commands that arrived in time; also those
+of `hw.quantities.QUANTITIES` that it has. At rest
 also time, robot_mode, errors, and mass (m_), centre of mass (F_x_C) and inertia (I_) of load and end effector (ee).
 """
 
@@ -67,20 +68,9 @@ class Failure(Exception):
         self.kind, self.text = kind, text
 
 
-_MODE = re.compile(r'not possible in the current mode \("([A-Za-z ]+)"\)')
-_WORDS = {
-    "User Stop pressed": "the stop button was pressed: release it, then recover",
-    "activated safety function": ("a safety function of the arm is active: open Safety in Desk and end it there"),
-    "manual error recovery required": (
-        "the arm does not recover by itself: a joint is outside its range. Unlock the joints in Desk, follow the "
-        "recovery of joint limits there, guide the arm to the middle of its range, then recover"
-    ),
-}
-_FCI_OFF = "Connection to FCI refused"
-_NETWORK = re.compile(r"UDP|TCP|Net Exception|closed connection|Connection|Protocol error", re.IGNORECASE)
-
-
-def failure(error: Exception, model: str, host: str, reasons: tuple[str, ...] = ()) -> Failure:
+def failure(
+    error: Exception, model: str, host: str, reasons: tuple[str, ...] = (), phase: explanations.Phase = CONNECTING
+) -> Failure:
     """An SDK's exception in words. `reasons` are the reflexes that the arm reports, if it still answers."""
     text = str(error).removeprefix("libfranka: ").strip() or type(error).__name__
     who = f"{model} at {host}"
@@ -89,27 +79,9 @@ def failure(error: Exception, model: str, host: str, reasons: tuple[str, ...] = 
         return Failure(UNAVAILABLE, f"{who}: {mismatch}")
     if "realtime" in text.lower():
         return Failure(UNAVAILABLE, f"{who}: {text}; see the real-time set-up in docs/guide/arms.md")
-    if not reasons and (type(error).__name__ == "NetworkException" or _NETWORK.search(text)):
-        return Failure(LOST, _unreachable(who, text))
-    return Failure(FAULT, reflexes.in_words(reasons) or _refused(text))
-
-
-def _unreachable(who: str, text: str) -> str:
-    if _FCI_OFF in text:
-        return (
-            f"{who} answers but refuses the connection: unlock the joints and activate FCI in Desk (on a new arm: "
-            f"install the FCI feature) ({text})"
-        )
-    return f"{who} does not answer ({text}): check cable, address and power, unlock the joints and activate FCI in Desk"
-
-
-def _refused(text: str) -> str:
-    """libfranka's words for a command that an arm does not take, or does not go on with."""
-    if (mode_match := _MODE.search(text)) is not None:
-        mode = "".join(word.capitalize() for word in mode_match[1].split()) if " " in mode_match[1] else mode_match[1]
-        return reflexes.of_mode(mode, busy=True) or f"the arm says: {text}"
-    words = next((words for part, words in _WORDS.items() if part in text), None)
-    return f"the arm says: {text}" if words is None else f"{words} ({text})"
+    if not reasons and (type(error).__name__ == "NetworkException" or explanations.is_network(text)):
+        return Failure(LOST, explanations.unreachable(who, host, text, phase))
+    return Failure(FAULT, reflexes.in_words(reasons) or explanations.refused(text))
 
 
 def mode_name(mode: Any) -> str:

@@ -8,15 +8,16 @@ the system ends it with its keeper.
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any, Self
 
 from hw.child import Call
 from hw.errors import DeviceUnavailable, HandError
+from hw.franka.hand_stop import Stopped, Widths
 from hw.franka.versions import PACKAGES, load
 from hw.grasping import TOLERANCE_M, narrower_m
 from hw.types import HandState
@@ -33,7 +34,7 @@ Sdk = Callable[[], Any]
 """Imports the module of an SDK; raises DeviceUnavailable where it is not installed."""
 
 
-OPEN, STATE, NARROWEST, GRASP = "open", "state", "narrowest", "grasp"
+OPEN, STATE, WIDTHS, GRASP = "open", "state", "widths", "grasp"
 """The first three calls move nothing; the others are `home` and `move` of `hw.ports.Hand`, and `stop`."""
 
 
@@ -44,16 +45,8 @@ class NothingGrasped(HandError):
     """
 
 
-@dataclass(frozen=True)
-class Stopped:
-    """The answer to a command that was stopped."""
-
-    why: str  # a key of `hw.watchdog.IN_WORDS`
-    after_s: float  # from the request to stop until the hand accepted it
-
-
-Answer = HandState | HandError | DeviceUnavailable | Stopped
-"""Answer to every call; HandError: it was not carried out, DeviceUnavailable: the hand is lost."""
+Answer = HandState | HandError | DeviceUnavailable | Stopped | Widths
+"""Answer to every call, rows to `WIDTHS`; HandError: it was not carried out, DeviceUnavailable: the hand is lost."""
 
 
 class FrankaHand:
@@ -124,13 +117,17 @@ class FrankaHand:
         if not self._read().is_grasped:
             raise HandError("the hand closed, but reports that it holds nothing; hand the tool over again")
 
-    def narrowest(self, over: Callable[[], bool]) -> HandState:
-        """Read states until it is over: the state with the fingers closest together."""
-        least, ends = self.state(), False
+    def widths(self, over: Callable[[], bool]) -> Widths:
+        """Read the width until it is over, with the times (`time.monotonic`) at which it came."""
+        rows, ends = [self._timed_width()], False
         while not ends:
-            ends = over()  # before the last state, which shows fingers that stayed where they had closed
-            least = min(least, self.state(), key=lambda state: state.width_m)
-        return least
+            ends = over()  # before the last row, which shows fingers that stayed where they had closed
+            rows.append(self._timed_width())
+        return rows
+
+    def _timed_width(self) -> tuple[float, float]:
+        width_m = self.state().width_m
+        return time.monotonic(), width_m
 
     def stop(self) -> None:
         """End what another connection has the fingers do. Raises DeviceUnavailable."""
@@ -179,8 +176,8 @@ def serve(keeper: Connection) -> None:
                     hand = FrankaHand(host, partial(load, PACKAGES[model]))
                     hand.__enter__()
                 assert hand is not None, "it is opened first"
-                if call.method == NARROWEST:
-                    answer = hand.narrowest(keeper.poll)
+                if call.method == WIDTHS:
+                    answer = hand.widths(keeper.poll)
                 else:
                     if call.method not in (OPEN, STATE):
                         getattr(hand, call.method)(*call.arguments)

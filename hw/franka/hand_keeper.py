@@ -4,8 +4,9 @@ A worker moves the fingers, because an SDK may block its process until they stan
 the program. It stops the hand through a second worker with a connection of its own (`Gripper.stop`) if the program asks
 for it, is silent for 60 ms, or has ended. A worker that goes on nevertheless is killed with its connection.
 
-A third worker, if the hand takes a third connection, reads the width while the fingers close: after a grasp that failed
-they may have opened again.
+A third worker, if the hand takes a third connection, reads the width while the fingers move: a stop may be accepted and
+ignored (`hw.franka.hand_stop`), and after a grasp that failed they may have opened again. Without it the second one
+reads the width after a stop.
 """
 
 from __future__ import annotations
@@ -13,13 +14,15 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from multiprocessing.connection import Connection
 
 from hw.child import Call, Child, ChildGone
 from hw.errors import DeviceUnavailable, HandError
-from hw.franka.hand import GRASP, NARROWEST, OPEN, STATE, Answer, NothingGrasped, Stopped
+from hw.franka.hand import OPEN, STATE, WIDTHS, Answer, NothingGrasped
+from hw.franka.hand_stop import Reader, Widths, stopped
 from hw.types import HandState
 from hw.watchdog import WORD_EVERY_S, Watchdog
 
@@ -39,15 +42,85 @@ STOP_S = 1.0
 """The longest wait for the answer to a stop."""
 
 
+class Watcher:
+    """`hw.franka.hand_stop.Reader`: a worker that reads widths with a connection of its own, meanwhile."""
+
+    def __init__(self, worker: Child) -> None:
+        """Begins to read."""
+        self._worker: Child | None = worker
+        self._ask(WIDTHS)
+
+    def read(self, for_s: float) -> Widths:
+        """See `Reader`."""
+        if self._worker is None:
+            return ()
+        self._worker.answers(for_s)  # it answers before it is asked only if it has ended, or lost the hand
+        self._ask(WIDTHS)
+        return self._rows()
+
+    def end(self) -> Widths:
+        """The widths since the last call; then it reads no more."""
+        self._ask(STATE)  # whatever call comes next ends it
+        rows = self._rows()
+        return rows if isinstance(self._answer(), HandState) else ()
+
+    def _ask(self, method: str) -> None:
+        try:
+            if self._worker is not None:
+                self._worker.send(Call(method))
+        except ChildGone:
+            self._worker = None
+
+    def _rows(self) -> Widths:
+        answer = self._answer()
+        return answer if isinstance(answer, Sequence) else ()
+
+    def _answer(self) -> Answer | None:
+        try:
+            if self._worker is not None:
+                if self._worker.answers(READ_S):
+                    return _answer(self._worker)
+                self._worker.kill()  # a late answer would be taken for that to a later question
+        except ChildGone:
+            pass
+        self._worker = None
+        return None
+
+
+class Poller:
+    """`hw.franka.hand_stop.Reader`: asks a worker for the width again and again."""
+
+    def __init__(self, worker: Child) -> None:
+        self._worker = worker
+
+    def read(self, for_s: float) -> Widths:
+        """See `Reader`; widths of the time before are not known."""
+        rows, until_s = list[tuple[float, float]](), time.monotonic() + for_s
+        with suppress(ChildGone):
+            while not rows or rows[-1][0] < until_s:
+                self._worker.send(Call(STATE))
+                answer = _answer(self._worker) if self._worker.answers(READ_S) else None
+                if not isinstance(answer, HandState):
+                    return ()
+                rows.append((time.monotonic(), answer.width_m))
+        return rows
+
+
 class Keeper:
     """One hand: its worker, and the connection that stops it."""
 
     def __init__(
-        self, host: str, listener: Watchdog, worker: Child, stop: Callable[[], object], watcher: Child | None = None
+        self,
+        host: str,
+        listener: Watchdog,
+        worker: Child,
+        stop: Callable[[], object],
+        watch: Callable[[], Reader | None] = lambda: None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`watcher` reads the width meanwhile."""
+        """`watch` begins to read the width of a hand that begins to move."""
         self._host, self._listener, self._worker, self._stop = host, listener, worker, stop
-        self._watcher = watcher
+        self._watch, self._clock = watch, clock
         self._ended = False
 
     def ask(self, call: Call) -> Answer:
@@ -55,28 +128,29 @@ class Keeper:
         if self._ended:
             return DeviceUnavailable("the hand was stopped in the middle of a command: connect again, and home it")
         try:
-            if call.method == GRASP:
-                return self._grasp(call)
-            self._worker.send(call)
-            return self._wait(READ_S) if call.method == STATE else self._watch()
+            if call.method == STATE:
+                self._worker.send(call)
+                return self._wait(READ_S)
+            return self._move(call)
         except ChildGone as how:
             self._ended = True
             with suppress(Exception):  # the fingers must stop, whatever the SDK raises
                 self._stop()
             return DeviceUnavailable(f"the process that moves the hand was {how}; a stop was sent to the hand")
 
-    def _grasp(self, call: Call) -> Answer:
-        """If it finds nothing, the error names the width to which the fingers had closed."""
-        watcher, narrowest = self._watcher, None
-        with suppress(ChildGone):
-            if watcher is not None:
-                watcher.send(Call(NARROWEST))
-        self._worker.send(call)
-        answer = self._watch()
-        if watcher is not None:
-            narrowest = _narrowest(watcher)
-            self._watcher = None if narrowest is None else watcher
-        return HandError(f"{answer}; {_closed(narrowest)}") if isinstance(answer, NothingGrasped) else answer
+    def _move(self, call: Call) -> Answer:
+        """If a grasp finds nothing, the error names the width to which the fingers had closed."""
+        reader = self._watch()
+        try:
+            self._worker.send(call)
+            self._listener.begin()
+            while not self._worker.answers(WORD_EVERY_S):
+                if why := self._listener.stop_reason():
+                    return self._halt(why, reader)
+            answer = _answer(self._worker)
+        finally:
+            widths = reader.end() if isinstance(reader, Watcher) else ()
+        return HandError(f"{answer}; {_closed(widths)}") if isinstance(answer, NothingGrasped) else answer
 
     def _wait(self, within_s: float) -> Answer:
         if self._worker.answers(within_s):
@@ -84,27 +158,23 @@ class Keeper:
         self._end()
         return DeviceUnavailable(f"the hand at {self._host} does not answer within {within_s:g} s")
 
-    def _watch(self) -> Answer:
-        self._listener.begin()
-        while not self._worker.answers(WORD_EVERY_S):
-            if why := self._listener.stop_reason():
-                return self._halt(why)
-        return _answer(self._worker)
+    def _halt(self, why: str, reader: Reader | None) -> Answer:
+        def last_answer() -> None:
+            if self._worker.answers(WORKER_S):
+                with suppress(ChildGone):
+                    self._worker.receive()
+                    return
+            self._end()
 
-    def _halt(self, why: str) -> Answer:
-        began_s = time.monotonic()
         try:
-            self._stop()
+            return stopped(why, self._stop, reader, self._clock, last_answer)
         except Exception as error:  # noqa: BLE001 each SDK has its own errors, and the worker must end in any case
             self._end()
-            return DeviceUnavailable(f"the hand could not be stopped ({error}); its connection was closed")
-        after_s = time.monotonic() - began_s
-        if self._worker.answers(WORKER_S):
-            with suppress(ChildGone):
-                self._worker.receive()
-                return Stopped(why, after_s)
-        self._end()
-        return Stopped(why, after_s)
+            return DeviceUnavailable(
+                f"the hand could not be stopped ({error}); its connection was closed, and the fingers may still move. "
+                "Keep clear of them, switch the arm off at its control box if they hold what they must not, and look "
+                "at the hand before you run the command again"
+            )
 
     def _end(self) -> None:
         self._ended = True
@@ -142,7 +212,8 @@ def opened(call: Call, listener: Watchdog) -> tuple[Keeper | None, Answer]:
             "could stop it: end other programs that use it, or screw the tool on (docs/guide/rig.md#waivers)"
         )
     watcher, _ = _connected(call, THIRD_S)
-    return Keeper(call.arguments[1], listener, worker, lambda: _stopped(stopper), watcher), answer
+    watch: Callable[[], Reader] = partial(Poller, stopper) if watcher is None else partial(Watcher, watcher)
+    return Keeper(call.arguments[1], listener, worker, lambda: _stopped(stopper), watch), answer
 
 
 def _connected(call: Call, within_s: float) -> tuple[Child | None, Answer]:
@@ -160,26 +231,14 @@ def _connected(call: Call, within_s: float) -> tuple[Child | None, Answer]:
     return (worker if isinstance(answer, HandState) else None), answer
 
 
-def _narrowest(watcher: Child) -> HandState | None:
-    """End a watcher's reading: the state with the fingers closest together; None if it does not answer."""
-    try:
-        watcher.send(Call(STATE))  # whatever call comes next ends it
-        answers = [_answer(watcher) for _ in range(2) if watcher.answers(READ_S)]
-    except ChildGone:
-        return None
-    if len(answers) == 2 and isinstance(answers[0], HandState):
-        return answers[0]
-    watcher.kill()
-    return None
-
-
-def _closed(narrowest: HandState | None) -> str:
+def _closed(widths: Widths) -> str:
     """The width at which a failed grasp ended, for a person."""
-    if narrowest is None:
+    if not widths:
         return "if it was there, measure its width and correct it"
-    if narrowest.width_m <= EMPTY_M:
-        return f"they closed to {1e3 * narrowest.width_m:.1f} mm, on nothing"
-    width = f"{1e3 * narrowest.width_m:.1f} mm"
+    narrowest_mm = 1e3 * min(width_m for _, width_m in widths)
+    if narrowest_mm <= 1e3 * EMPTY_M:
+        return f"they closed to {narrowest_mm:.1f} mm, on nothing"
+    width = f"{narrowest_mm:.1f} mm"
     return f"they closed to {width}: if that was the handle, correct its width to {width}"
 
 

@@ -7,24 +7,25 @@ from typing import Any, Self
 
 from hw.child import Call, Child, ChildGone
 from hw.errors import DeviceUnavailable, HandError
-from hw.franka.hand import OPEN, STATE, Stopped
-from hw.franka.hand_keeper import OPEN_S, READ_S, SECOND_S
+from hw.franka.hand import OPEN, STATE
+from hw.franka.hand_keeper import OPEN_S, READ_S, SECOND_S, STOP_S, WORKER_S
+from hw.franka.hand_stop import STILL_S, WATCH_S, Stopped
 from hw.ports import Pedal
 from hw.types import HandState
-from hw.watchdog import ALIVE, IN_WORDS, PEDAL, REQUESTED, SILENCE_S, WORD_EVERY_S
+from hw.watchdog import ALIVE, PEDAL, REQUESTED, SILENCE_S, WORD_EVERY_S
 
 LONGEST_S = 30.0
 """The longest time for a command: the fingers need three seconds for their whole travel."""
-_STOPPED_S = 2.0
-"""How long the hand's process may take to report that the hand was stopped."""
-_THEN = "look at it, then run the command again: it homes the hand again"
+_STOPPED_S = STOP_S + WORKER_S + WATCH_S + 2.0 * STILL_S + READ_S
+"""How long the hand's process may take to stop the fingers, and to see that they stand."""
 
 
 class HandProcess:
     """Entering connects. With a pedal the fingers move only while it is held.
 
-    The hand is stopped (`Gripper.stop`) within 80 ms if the pedal is released, on Ctrl-C, and if the program hangs or
-    is killed. After a stop it is disconnected: enter it again, and home it.
+    The hand is sent a stop (`Gripper.stop`) within 80 ms if the pedal is released, on Ctrl-C, and if the program hangs
+    or is killed. Then its width is read: a hand may accept a stop and go on (`hw.errors.FingersMoved`). After a stop it
+    is disconnected: enter it again, and home it.
     """
 
     def __init__(self, model: str, host: str, *, pedal: Pedal | None = None, silence_s: float = SILENCE_S) -> None:
@@ -97,16 +98,26 @@ class HandProcess:
             raise self._gone(how) from how
         except BaseException as error:  # Ctrl-C: the hand's process is informed and stops the hand
             if not isinstance(error, HandError | DeviceUnavailable):
-                self._interrupted(child)
+                error.add_note(self._interrupted(child))
             raise
 
     def _word(self) -> bytes:
         return PEDAL if self._pedal is not None and not self._pedal.enabled() else ALIVE
 
-    def _interrupted(self, child: Child) -> None:
-        child.tell(REQUESTED)
-        child.answers(_STOPPED_S)
-        self.__exit__()
+    def _interrupted(self, child: Child) -> str:
+        """Stop the fingers; what they did, for a person."""
+        try:
+            child.tell(REQUESTED)
+            answer = child.receive() if child.answers(_STOPPED_S) else None
+        except ChildGone:
+            answer = None
+        finally:
+            self.__exit__()
+        if isinstance(answer, HandState):
+            return "the hand had ended its command"
+        if isinstance(answer, Stopped | HandError):
+            return str(answer.error() if isinstance(answer, Stopped) else answer)
+        return f"nobody knows whether the fingers of the hand stand ({answer or 'no answer'}): look at it"
 
     def _told(self, answer: Any) -> HandState:
         if isinstance(answer, HandState):
@@ -114,7 +125,7 @@ class HandProcess:
         if isinstance(answer, Stopped):
             self.stopped_after_s = answer.after_s
             self.__exit__()
-            raise HandError(f"the hand was stopped: {IN_WORDS[answer.why]}; {_THEN}")
+            raise answer.error()
         if isinstance(answer, HandError):
             raise answer
         raise self._lost(str(answer))

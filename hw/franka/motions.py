@@ -18,6 +18,7 @@ from hw.franka.playback import NONSENSE, STILL_RAD_S, TOUCH, PlayableMotion, Pla
 from hw.kinematics import forward, jacobian
 from hw.limits import START_TOLERANCE_RAD, refuse_beyond
 from hw.motion_limits import MotionLimits
+from hw.quantities import EXTERNAL_TORQUE
 from hw.types import PATH_RATE_HZ, Array, Contact, Guard, JointPath
 from hw.watchdog import IN_WORDS
 from hw.workcell import Workcell, check_guarded, require_guarded, withdrawal
@@ -168,7 +169,7 @@ def contact_of(played: Played, path: JointPath) -> Contact | None:
 
     measured = every_ms(played.q_measured_rad)
     commanded = path.q_rad[np.minimum(ticks, len(path.t_s) - 1)]
-    torque_Nm = every_ms(played.torque_Nm)
+    torque_Nm = every_ms(played.measured[EXTERNAL_TORQUE.name])
     return Contact(
         float(t_s[-1]), measured[-1], played.largest_N, t_s, commanded, measured, torque_Nm, played.success_rate
     )

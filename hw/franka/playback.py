@@ -26,6 +26,7 @@ from hw.franka.states import UNWATCHED_S
 from hw.joint_limits import JointLimits
 from hw.limits import START_TOLERANCE_RAD
 from hw.motion_limits import MotionLimits
+from hw.quantities import QUANTITIES
 from hw.types import PATH_RATE_HZ, Array, JointPath
 from hw.watchdog import SILENCE_S, since_boot_s
 
@@ -94,8 +95,9 @@ class Played:
     wanted_at: int = -1  # row at which the stop was requested
     braked_at: int = -1  # row of the first slowed sample
     braked_from: int = -1  # sample of the path where braking began; -1: played to its end
-    torque_Nm: Array = field(default_factory=lambda: np.zeros((0, 7)))  # (M, 7) external; guarded motions only
-    largest_N: float = 0.0  # the largest force felt by its detector
+    largest_N: float = 0.0  # the largest force felt by the detector of a guarded motion
+    measured: dict[str, Array] = field(default_factory=dict)
+    """(M, K) by the names of `hw.quantities.QUANTITIES`: what the arm reported. NaN where it reported nonsense."""
 
     @property
     def success_rate(self) -> float:
@@ -136,7 +138,9 @@ class Playback:
         self._all_slowed, self._slowed = PATH_RATE_HZ * motion.slowed_s, list[float]()  # in samples
         longest = len(self._samples) + round((HOLD_S + motion.stop_s.max()) * PATH_RATE_HZ) + 2
         self._t, self._clock_s = np.zeros(longest), np.zeros(longest)
-        self._q_c, self._q, self._dq, self._torque = (np.zeros((longest, 7)) for _ in range(4))
+        self._q_c, self._q, self._dq = (np.zeros((longest, 7)) for _ in range(3))
+        self._measured = {quantity: np.zeros((longest, quantity.size)) for quantity in QUANTITIES}
+        self._reported: list[tuple[str, Array]] | None = None  # field of a state, log; None: no state has come
         self._tick = self._rows = self._still = 0
         self._rate_sum, self._rate_count = 0.0, 0
         self._reason, self._wanted_at, self._braked_at, self._stop_tick = "", -1, -1, -1
@@ -153,7 +157,7 @@ class Playback:
         if row:
             self._tick += _elapsed(dt_s)
         tick = self._tick
-        felt = self._felt(tick, row, state)
+        felt = self._felt(tick, state)
         if not self._reason:
             self._reason = (self._wanted() if tick < self._last else "") or felt
             if self._reason:
@@ -171,6 +175,11 @@ class Playback:
         self._commanded = q
         self._t[row], self._clock_s[row], self._q_c[row] = tick / PATH_RATE_HZ, self._clock(), q
         self._q[row], self._dq[row] = state.q, state.dq
+        if self._reported is None:
+            self._measured = {one: log for one, log in self._measured.items() if hasattr(state, one.state)}
+            self._reported = [(one.state, log) for one, log in self._measured.items()]
+        for name, log in self._reported:
+            log[row] = getattr(state, name)
         self._rows = row + 1
         if row >= RATE_WINDOW:
             self._rate_sum += state.control_command_success_rate
@@ -187,9 +196,9 @@ class Playback:
         measured = np.where(real, measured, commanded)  # it braked where the arm reported nonsense
         logs = (self._t[:n], self._clock_s[:n], commanded, measured, speeds)
         stop = (self._reason, self._wanted_at, self._braked_at, self._stop_tick)
-        if self._detector is None:
-            return Played(*logs, n / elapsed, reported, *stop)
-        return Played(*logs, n / elapsed, reported, *stop, self._torque[:n], self._detector.largest_N)
+        largest_N = 0.0 if self._detector is None else self._detector.largest_N
+        values = {quantity.name: log[:n] for quantity, log in self._measured.items()} if n else {}
+        return Played(*logs, n / elapsed, reported, *stop, largest_N, values)
 
     def _stale(self, state: SdkState) -> str:
         """Why the motion may not begin in this first cycle, or ""."""
@@ -211,7 +220,7 @@ class Playback:
                 )
         return ""
 
-    def _felt(self, tick: int, row: int, state: SdkState) -> str:
+    def _felt(self, tick: int, state: SdkState) -> str:
         """Why to stop by the arm's own readings, or ""."""
         if not isfinite(sum(state.dq)):
             return NONSENSE
@@ -223,7 +232,6 @@ class Playback:
         torque_Nm = state.tau_ext_hat_filtered
         if not isfinite(sum(torque_Nm)):
             return NONSENSE
-        self._torque[row] = torque_Nm
         return TOUCH if self._detector.feel(tick / PATH_RATE_HZ, state.q, torque_Nm) else ""
 
     def _refuse_jump(self, q_rad: list[float], dt_s: float) -> None:
@@ -318,6 +326,7 @@ class Rhythm:
     interface: (
         int | None
     )  # version of the arm's server; None: the SDK does not report it, and has refused any but its own
+    priority: int  # real-time priority of the process that took them; 0: none
 
 
 @dataclass(frozen=True, eq=False)

@@ -143,7 +143,13 @@ def connect(model: str, settings: FrankaSettings, timing: Timing) -> connection.
     import scipy.interpolate  # noqa: PLC0415, F401 the first motion must not wait for it
 
     driver = connection.Connection(
-        model, sdk, DRIVES[model], settings, realtime=timing.realtime, unwatched_s=timing.unwatched_s
+        model,
+        sdk,
+        DRIVES[model],
+        settings,
+        realtime=timing.realtime and realtime.kernel_has_flag(),  # without that file libfranka would refuse
+        unwatched_s=timing.unwatched_s,
+        take_priority=realtime.take_priority if timing.realtime else lambda: None,
     )
     driver.alone = alone
     if timing.realtime:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import resource
 from pathlib import Path
 
@@ -11,25 +12,47 @@ from hw.errors import DeviceUnavailable
 
 PRIORITY = 80
 """Above the network card's interrupt threads (50), below the kernel's watchdogs (99)."""
+HIGHEST = 99
+"""The priority that libfranka takes by itself: pylibfranka's as it connects, the Panda's as it starts every control."""
 
 KERNEL_FLAG = Path("/sys/kernel/realtime")
+_PREEMPT_RT = re.compile(r"\bPREEMPT[_ ]RT\b")
 
 
-def kernel_is_real_time(flag: Path = KERNEL_FLAG) -> bool:
-    """Whether the running kernel is PREEMPT_RT, by the file under /sys that libfranka reads as well."""
+def kernel_has_flag(flag: Path = KERNEL_FLAG) -> bool:
+    """Whether the file under /sys says that the kernel is PREEMPT_RT. It is all that libfranka looks at."""
     try:
         return flag.read_text().strip() == "1"
     except OSError:
         return False
 
 
+def kernel_is_real_time(flag: Path = KERNEL_FLAG, version: str | None = None) -> bool:
+    """Whether the running kernel is PREEMPT_RT, by that file or by its `version` (None: of this computer, `uname -v`).
+
+    The file came with the patches. Kernels since 6.12 may be PREEMPT_RT without them, and then have no such file.
+    """
+    return kernel_has_flag(flag) or bool(_PREEMPT_RT.search(os.uname().version if version is None else version))
+
+
+def priority() -> int:
+    """The real-time priority of the thread that asks; 0 if it has none."""
+    return os.sched_getparam(0).sched_priority
+
+
 def claim(flag: Path = KERNEL_FLAG) -> None:
     """Give this process real-time priority. Raises DeviceUnavailable naming the missing kernel or permission."""
     if not kernel_is_real_time(flag):
         raise DeviceUnavailable(
-            f"the running kernel {os.uname().release} is not a real-time one, and late cycles abort motions; "
-            "install one (on Debian: apt install linux-image-rt-amd64), start the computer with it (docs/guide/arms.md)"
+            f"the running kernel {os.uname().release} is not a real-time one, and late cycles abort motions: neither "
+            f"{flag} nor `uname -v` ({os.uname().version}) says PREEMPT_RT; install one (on Debian: apt install "
+            "linux-image-rt-amd64), start the computer with it (docs/guide/arms.md)"
         )
+    take_priority()
+
+
+def take_priority() -> None:
+    """Give the thread that asks `PRIORITY`, from below or from above. Raises DeviceUnavailable without permission."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except PermissionError as error:

@@ -18,7 +18,7 @@ from fr3_process import HandPedal
 from gripper_server import GripperServer, gripper
 from serial_lines import until
 
-from hw.errors import DeviceUnavailable, HandError
+from hw.errors import DeviceUnavailable, FingersMoved, HandError
 from hw.franka.hand_process import HandProcess
 
 PROGRAM = Path(__file__).parents[1] / "support" / "hand_program.py"
@@ -123,6 +123,34 @@ def test_a_released_pedal_stops_fingers_that_move(deaf: bool) -> None:
         assert not server.moves
         assert server.width_m > 0.02
         assert server.stops_s[0] - pedal.released_s < PATIENT_S
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("model", "clients"), [("panda", 8), ("fr3", 8), ("fr3", 2)])
+def test_a_stop_that_the_hand_accepts_and_ignores_is_never_called_a_stop(model: str, clients: int) -> None:
+    pedal = HandPedal()
+    with gripper(slower=0.1, most_clients=clients) as server:
+        with HandProcess(model, server.host, pedal=pedal, silence_s=PATIENT_S) as hand:
+            hand.home()
+            server.slower, server.ignores, before = 0.5, True, len(server.begun_s)
+
+            def let_go() -> None:
+                until(lambda: len(server.begun_s) > before)
+                pedal.release()
+
+            release = threading.Thread(target=let_go)
+            release.start()
+            with pytest.raises(
+                FingersMoved, match=r"accepted but the fingers still moved?: .* mm, then .* mm"
+            ) as raised:
+                hand.move(0.0)
+            release.join()
+            assert "was stopped" not in str(raised.value)
+            assert "pedal was released" in str(raised.value)
+            with pytest.raises(DeviceUnavailable, match="not connected"):
+                hand.home()
+        until(lambda: server.width_m == 0.0)
+        assert len(server.stops_s) >= 2, "it is told again while it moves"
 
 
 SOON_S, TRIES = 0.08, 8

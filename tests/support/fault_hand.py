@@ -22,18 +22,24 @@ from adaptsim_cli.bench.devices.released import ReleasedHand
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.screen.console import Screen
 from hw.child import Call, Child, ChildGone
-from hw.errors import HardwareError
+from hw.errors import ArmFault, FingersMoved, HardwareError
 from hw.fake import FakeArm, FakeClock
 from hw.franka.hand_keeper import Keeper
 from hw.franka.hand_process import HandProcess
+from hw.franka.hand_stop import Widths
 from hw.ports import Pedal
 from hw.serial.pedal_protocol import line_for
-from hw.types import HandState
+from hw.types import HandState, JointPath
 from hw.watchdog import SILENCE_S, Watchdog
 
 FINGERS_M_S = 0.03
 STILL_S = 0.09
 """From a fault to fingers that stand still: what the documents promise (80 ms), and what the pedal's line may take."""
+COASTED_M = 0.0035
+"""A hand that moved farther after its stop was not stopped by it: 0.1 s at its speed, and a reading."""
+WATCHED_S = 0.4
+"""The longest time until a hand that goes on is told again."""
+STILL = JointPath(np.arange(5) / 1000, np.tile(READY, (5, 1)))
 
 
 @dataclass
@@ -47,8 +53,12 @@ class Fingers:
     gone: bool = False  # the process has ended
     deaf: bool = False  # the SDK refuses the stop
     stuck: bool = False  # the worker does not end with the stop
+    ignores: bool = False  # the hand accepts the stop, and its fingers go on
     moved_at_ms: int = 0
     cycles: int = 0
+    stops: int = 0
+    asked_m: float = 0.0  # the width at the first stop
+    widths: list[tuple[float, float]] = field(default_factory=list)  # since they were last read
 
     def send(self, call: Call) -> None:
         self.wanted_m = float(call.arguments[0]) if call.arguments else self.width_m
@@ -56,28 +66,43 @@ class Fingers:
 
     def answers(self, within_s: float) -> bool:
         for _ in range(max(round(1e3 * within_s), 1)):
-            self.cycles += 1
-            self.world.cycle(self.cycles)
+            moving = self.step()
             if self.gone:
                 raise ChildGone("killed by signal 9")
-            moving = not self.stopped and abs(self.wanted_m - self.width_m) > 1e-9
-            if moving:
-                step_m = np.clip(self.wanted_m - self.width_m, -1e-3 * FINGERS_M_S, 1e-3 * FINGERS_M_S)
-                self.width_m, self.moved_at_ms = self.width_m + float(step_m), self.world.t_ms
-            elif not self.stuck or not self.stopped:
+            if not moving and (not self.stuck or not self.stopped):
                 return True
         return False
+
+    def step(self) -> bool:
+        """A millisecond; whether the fingers moved in it."""
+        self.cycles += 1
+        self.world.cycle(self.cycles)
+        moving = not self.stopped and not self.gone and abs(self.wanted_m - self.width_m) > 1e-9
+        if moving:
+            step_m = np.clip(self.wanted_m - self.width_m, -1e-3 * FINGERS_M_S, 1e-3 * FINGERS_M_S)
+            self.width_m, self.moved_at_ms = self.width_m + float(step_m), self.world.t_ms
+        self.widths.append((self.world.now_s(), self.width_m))
+        return moving
+
+    def read(self, for_s: float) -> Widths:
+        """`hw.franka.hand_stop.Reader`."""
+        for _ in range(round(1e3 * for_s)):
+            self.step()
+        rows, self.widths = self.widths, []
+        return rows
 
     def receive(self) -> HandState:
         return HandState(self.width_m, holds=False, homed=True)
 
     def kill(self) -> None:
-        self.stopped = True
+        self.stopped = not self.ignores
 
     def stop(self) -> None:
         if self.deaf:
             raise RuntimeError("libfranka gripper: command failed!")
-        self.stopped = True
+        self.stops += 1
+        self.asked_m = self.width_m if self.stops == 1 else self.asked_m
+        self.stopped = not self.ignores
 
 
 @dataclass
@@ -109,7 +134,7 @@ def connected(world: World, fingers: Fingers) -> Iterator[HandProcess]:
     ends = os.pipe()
     world.pipe, world.word = ends, hand._word
     listener = Watchdog(ends[0], SILENCE_S, world.now_s)
-    keeper = Keeper("hand.test", listener, cast(Child, fingers), fingers.stop)
+    keeper = Keeper("hand.test", listener, cast(Child, fingers), fingers.stop, lambda: fingers, world.now_s)
     hand._child = cast(Child, KeeperChild(keeper))
     try:
         yield hand
@@ -133,6 +158,12 @@ def sticking(world: World) -> None:
     release(world)
 
 
+def ignoring(world: World) -> None:
+    world.sdk.ignores = True
+    release(world)
+
+
+IGNORED = "fingers: stop ignored"
 HAND_FAULTS: dict[str, Fault] = {
     "fingers: pedal released": release,
     "fingers: pedal silent": silent_pedal,
@@ -142,6 +173,7 @@ HAND_FAULTS: dict[str, Fault] = {
     "fingers: worker ends": ended,
     "fingers: stop refused": refusing,
     "fingers: worker hangs": sticking,
+    IGNORED: ignoring,
     "fingers: pedal up before": release,
     "fingers: no consent": lambda world: None,
 }
@@ -170,18 +202,21 @@ def one_hand(kind: str, rng: np.random.Generator) -> Outcome:
     notes: list[str] = []
     try:
         with confirmed, connected(world, fingers) as bare:
-            hand = ReleasedHand(bare, confirmed.release, confirmed.await_pedal)
+            hand = ReleasedHand(bare, confirmed.release, confirmed.await_pedal, confirmed.hand_moving)
             world.fire(lambda due: due < 0)
             world.pass_ms(100 * before)
             start_ms = world.t_ms
-            error = raised(lambda: hand.move(0.002 if rng.random() < 0.5 else 0.01))
+            wanted_m = 0.002 if rng.random() < 0.5 else 0.01
+            error = raised(lambda: hand.move(wanted_m))
             if before and fingers.width_m < 0.08:
                 notes.append("the fingers moved")
             fault_ms = start_ms + at if at > 0 else start_ms
             still_s = max(fingers.moved_at_ms - fault_ms, 0) / 1e3 if error is not None else 0.0
-            if still_s > STILL_S:
+            if kind == IGNORED:
+                notes += misjudged(fingers, error, wanted_m, confirmed)
+            elif still_s > STILL_S:
                 notes.append(f"the fingers moved for {still_s:.3f} s after the fault")
-            if error is not None and not before and not fingers.stopped:
+            if error is not None and not before and not fingers.stopped and kind != IGNORED:
                 notes.append("nobody stopped the fingers")
             if error is not None and not before and kind != "fingers: program killed":
                 width_m = fingers.width_m
@@ -193,6 +228,23 @@ def one_hand(kind: str, rng: np.random.Generator) -> Outcome:
     finally:
         sys.stdin = stdin
     return Outcome(kind, error is not None, notes, still_s, "hand")
+
+
+def misjudged(fingers: Fingers, error: BaseException | None, wanted_m: float, arm: ConfirmedArm) -> list[str]:
+    """What is wrong with what was said and done of a hand that goes on after its stop."""
+    if error is None or not fingers.stops:
+        return []  # it had arrived before
+    said, way_m = str(error), fingers.asked_m - fingers.width_m
+    notes = ["a hand that went on is said to have stopped"] if "was stopped" in said and way_m > COASTED_M else []
+    if isinstance(error, FingersMoved):
+        notes += [] if f"then {1e3 * wanted_m:.1f} mm" in said else [f"the last width is not said: {said}"]
+        arrived = way_m <= FINGERS_M_S * WATCHED_S  # within the first look, so nothing was left to stop
+        notes += [] if fingers.stops > 1 or arrived else ["it was not stopped again"]
+        notes += [] if arm.state().fault else ["the arm is not latched"]
+        notes += [] if isinstance(raised(lambda: arm.execute(STILL)), ArmFault) else ["the arm moved after it"]
+        arm.recover()
+        notes += [] if arm.state().fault is None else ["the recovery did not end the latch"]
+    return notes
 
 
 def raised(act: Callable[[], None]) -> BaseException | None:

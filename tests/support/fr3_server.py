@@ -265,7 +265,10 @@ class Fr3Server(FrankaRobotServer):
         mode = RobotMode(MODES.index(self.modes.mode))
         flags = tuple(i in self.shown_flags or name in self.modes.reasons for i, name in enumerate(FLAGS))
         rate = float(np.mean(self.recent)) if self.current_motion_id and self.recent else 0.0
-        felt = {"tau_ext_hat_filtered": tuple(self.plane.reported_Nm.tolist())}
+        felt = {
+            "tau_ext_hat_filtered": tuple(self.plane.reported_Nm.tolist()),
+            "O_F_ext_hat_K": (0.0, 0.0, float(self.plane.force_N), 0.0, 0.0, 0.0),
+        }
         return state.replace(
             robot_mode=mode,
             errors=flags,

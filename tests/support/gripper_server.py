@@ -1,7 +1,8 @@
 """A Franka Hand that speaks the maker's network protocol (port 1338, version 3), at a loopback address of its own.
 
 Several programs may be connected. Fingers move in real time. A stop aborts the command that runs, as libfranka's words
-for it say; `deaf` leaves that command without an answer, as users report of hands.
+for it say; `deaf` leaves that command without an answer, as users report of hands, and `ignores` accepts stops and goes
+on (libfranka's issues 18, 28, 52, 111).
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ class GripperServer:
     host: str = field(default_factory=own_host)
     between_m: float | None = None
     deaf: bool = False
+    ignores: bool = False
     reopens: bool = False  # after a grasp that found nothing
     slower: float = 1.0  # than commanded
     most_clients: int = 8
@@ -103,6 +105,9 @@ class GripperServer:
                 states.append((address, port))
                 self._states.append(states[-1])
                 _answer(client, command, number, struct.pack("<HH", SUCCESS, VERSION))
+            elif command == STOP and self.ignores:
+                self.stops_s.append(time.monotonic())
+                _answer(client, command, number, struct.pack("<H", SUCCESS))
             elif command == STOP:
                 self._halt.set()
                 with self._moving:  # what moved has ended

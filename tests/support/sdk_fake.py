@@ -24,6 +24,9 @@ KEPT_STATES = 64
 """How many states a socket keeps that nobody reads; libfranka's was seen to keep 48 to 92."""
 HAND = (0.73, [-0.01, 0.0, 0.03], [0.001, 0.0, 0.0, 0.0, 0.0025, 0.0, 0.0, 0.0, 0.0017])
 """Mass, centre of mass and inertia of the Franka Hand, as Desk sets them."""
+WEIGHT_NM = [0.0, -35.0, 0.0, 21.0, 0.5, 2.5, 0.0]
+"""What the joints' sensors report beside the external torques, of an arm at rest."""
+WRENCH = [0.4, -0.2, 1.1, 0.03, 0.02, -0.01]
 Q_RAD = [0.0, -0.7, 0.0, -2.3, 0.0, 1.6, 0.7]
 
 
@@ -190,6 +193,7 @@ class FakeRobot:
         modes.recovering = modes.recovering and self._recovering > 0
         known = FLAGS[:PANDA_FLAGS] if self.sdk.k else FLAGS
         errors = Errors(**{name: name in modes.reasons for name in known})
+        felt_Nm = self.sdk.feels(self._q)
         load, hand = ([np.asarray(part, dtype=np.float32) for part in body] for body in (self._load, self.sdk.hand))
         return SimpleNamespace(
             time=Duration(self.sdk.now_s),
@@ -202,7 +206,9 @@ class FakeRobot:
             q=list(self._q),
             q_d=list(self._q),
             dq=[0.0] * 7,
-            tau_ext_hat_filtered=self.sdk.feels(self._q),
+            tau_ext_hat_filtered=felt_Nm,
+            tau_J=[weight + felt for weight, felt in zip(WEIGHT_NM, felt_Nm, strict=True)],
+            O_F_ext_hat_K=list(WRENCH),
             control_command_success_rate=0.9,
             robot_mode=SimpleNamespace(name=("k" if self.sdk.k else "") + modes.mode),
             current_errors=errors,

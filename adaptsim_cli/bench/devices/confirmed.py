@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, Self
 
 from adaptsim_cli.bench.devices.consent import Consent
 from adaptsim_cli.bench.devices.lab import RealArm
 from adaptsim_cli.screen.release import Release
 from hw.collision import Tool
-from hw.errors import MotionRefused
+from hw.errors import FingersMoved, HandError, MotionRefused
 from hw.ports import ArmWrapper, Pedal
-from hw.types import Contact, Execution, Guard, JointPath
+from hw.types import ArmState, Contact, Execution, Guard, JointPath
+from hw.workcell import refuse_while_stopped
 
 if TYPE_CHECKING:
     from hw.franka.motions import StopReport
@@ -45,6 +47,7 @@ class ConfirmedArm(ArmWrapper[RealArm]):
         self._screen, self._pedal = consent.screen, pedal
         self.release = Release(consent.screen, arm.model, True, consent.each, self.confirm, consent.completed)
         self._now_s, self._pause = now_s, pause
+        self._hand_fault: str | None = None  # fingers that a stop may not have stopped
 
     @property
     def pedal(self) -> Literal["held", "waived"]:
@@ -107,16 +110,45 @@ class ConfirmedArm(ArmWrapper[RealArm]):
                 )
             self._pause(_LOOK_S)
 
+    def state(self) -> ArmState:
+        """See `hw.ports.Arm`; its fault may be one of the hand's."""
+        state = super().state()
+        return replace(state, fault=state.fault or self._hand_fault, by_hand=state.by_hand and bool(state.fault))
+
+    def recover(self) -> None:
+        """See `hw.ports.Arm`; somebody has looked at the hand."""
+        super().recover()
+        self._hand_fault = None
+
+    @contextmanager
+    def hand_moving(self) -> Iterator[None]:
+        """Around one motion of the hand: a note on the disk until its fingers stand.
+
+        Unless they surely do, neither arm nor hand moves before `recover`: raises ArmFault.
+        """
+        refuse_while_stopped(self._hand_fault)
+        try:
+            with self._noted():
+                yield
+        except BaseException as error:
+            if not isinstance(error, HandError) or isinstance(error, FingersMoved):
+                self._hand_fault = str(error) or type(error).__name__
+            raise
+
+    def _noted(self) -> AbstractContextManager[None]:
+        known_arm = self.consent.known_arm
+        return nullcontext() if known_arm is None else known_arm.moving()
+
     @contextmanager
     def _allowed(self, path: JointPath) -> Iterator[None]:
         """Around one motion: consent, pedal, a note on the disk until it has come to its end."""
+        refuse_while_stopped(self._hand_fault)
         self.confirm()
         self.release.motion(duration_s=path.duration_s)
         self.await_pedal()
         self._before()
         self.release.begun()
-        known_arm = self.consent.known_arm
-        with nullcontext() if known_arm is None else known_arm.moving():
+        with self._noted():
             yield
 
     def _say_rate(self, rate: float) -> None:

@@ -18,7 +18,7 @@ from adaptsim_cli.bench.rig_file.description import RigDescription
 from adaptsim_cli.config import Places
 from adaptsim_cli.storage import durable
 from hw.bounded import Unreadable, read_table
-from hw.errors import MotionRefused
+from hw.errors import FingersMoved, HandError, MotionRefused
 from hw.types import Array
 from hw.workcell import Workcell
 
@@ -155,16 +155,18 @@ class KnownArm:
     def moving(self) -> Iterator[None]:
         """Around one motion: a file exists from before it until after its end; a stop writes its reason into it.
 
+        The hand's end is that its fingers stand, also where it did not do what it was told.
+
         Raises DiskFull or SessionError before it begins."""
         durable.make_folder(self.folder)
         began = _now()
         self._note_motion(began, "")
         try:
             yield
-        except MotionRefused:
-            self._forget()
-            raise
         except BaseException as error:
+            if isinstance(error, MotionRefused | HandError) and not isinstance(error, FingersMoved):
+                self._forget()
+                raise
             with suppress(Exception):  # the file exists already, and this must not hide the first error
                 self._note_motion(began, str(error) or type(error).__name__)
             raise

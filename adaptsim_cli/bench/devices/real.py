@@ -107,7 +107,7 @@ class RealLab:
                 "tool. For a tool that is screwed on: adaptsim touch-off --guide"
             )
         arm = self._arm(cell, self._task.name, "nothing on the table", "touch-off")
-        hand = ReleasedHand(self._hand(), arm.release, arm.await_pedal)
+        hand = ReleasedHand(self._hand(), arm.release, arm.await_pedal, arm.hand_moving)
 
         def tool_there(in_hand: bool) -> None:
             arm.carry(loaded if in_hand else cell.tool, self.rig.tool(self._task.name).held() if in_hand else Payload())

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TypeVar
 
 from adaptsim_cli.screen.release import Release
@@ -38,9 +39,18 @@ class ReleasedArm(ArmWrapper[Inner]):
 class ReleasedHand:
     """`hw.ports.Hand`: its fingers move only as `release` lets them. Each motion may raise StoppedByOperator."""
 
-    def __init__(self, hand: Hand, release: Release, enabled: Callable[[str], None] = lambda _: None) -> None:
-        """`enabled` waits for the pedal of a real one, "hand" in its words. Raises MotionRefused."""
-        self._hand, self._release, self._enabled = hand, release, enabled
+    def __init__(
+        self,
+        hand: Hand,
+        release: Release,
+        enabled: Callable[[str], None] = lambda _: None,
+        moving: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
+        """`enabled` waits for the pedal of a real one, "hand" in its words. Raises MotionRefused.
+
+        `moving` is entered for every motion of the fingers.
+        """
+        self._hand, self._release, self._enabled, self._moving = hand, release, enabled, moving
 
     def __enter__(self) -> ReleasedHand:
         self._hand.__enter__()
@@ -55,20 +65,23 @@ class ReleasedHand:
 
     def home(self) -> None:
         """See `hw.ports.Hand`."""
-        self._begin("homes its hand: the fingers open and close")
-        self._hand.home()
+        with self._begun("homes its hand: the fingers open and close"):
+            self._hand.home()
 
     def move(self, width_m: float) -> None:
         """See `hw.ports.Hand`."""
-        self._begin(f"moves its fingers to {1e3 * width_m:.0f} mm")
-        self._hand.move(width_m)
+        with self._begun(f"moves its fingers to {1e3 * width_m:.0f} mm"):
+            self._hand.move(width_m)
 
     def grasp(self, width_m: float, force_N: float) -> None:
         """See `hw.ports.Hand`."""
-        self._begin(f"closes its hand with {force_N:.0f} N")
-        self._hand.grasp(width_m, force_N)
+        with self._begun(f"closes its hand with {force_N:.0f} N"):
+            self._hand.grasp(width_m, force_N)
 
-    def _begin(self, what: str) -> None:
+    @contextmanager
+    def _begun(self, what: str) -> Iterator[None]:
         self._release.motion(what)
         self._enabled("hand")
         self._release.begun()
+        with self._moving():
+            yield

@@ -40,6 +40,7 @@ from adaptsim_cli.bench.rig_file.devices import DeviceKind
 from adaptsim_cli.bench.rig_file.reading import gaps
 from adaptsim_cli.config import Resolved
 from hw.collision import BARE_HAND
+from hw.franka.realtime import PRIORITY
 from hw.stopping import WORST_STOP_S, worst_stop
 
 CHECKS: dict[str, DoctorCheck] = dict(computer.CHECKS)
@@ -143,7 +144,8 @@ def _arm(lab: Examined) -> Finding:
     joints = " ".join(f"{q:.2f}" for q in reading.q_rad)
     message = (
         f"{lab.rig.arm.model} answers over FCI{served}, mode {reading.mode}, joints {joints} rad, external torques of "
-        f"up to {max(map(abs, reading.external_Nm)):.1f} Nm at rest; {rhythm.states} states at 1 kHz, "
+        f"up to {max(map(abs, reading.external_Nm)):.1f} Nm at rest; the player runs at real-time priority "
+        f"{rhythm.priority}; {rhythm.states} states at 1 kHz, "
         f"{rhythm.missed} missed, longest gap {1e3 * rhythm.longest_gap_s:.1f} ms"
     )
     if reading.unwilling is not None:
@@ -152,6 +154,9 @@ def _arm(lab: Examined) -> Finding:
     if rhythm.missed > MOST_MISSED * rhythm.states or rhythm.longest_gap_s > LONGEST_GAP_S:
         fix = "use one cable without a switch, a real-time kernel, governor performance, and end other programs"
         return advice(f"{message} (at most {100 * MOST_MISSED:g} % and {1e3 * LONGEST_GAP_S:g} ms)", fix)
+    if readings.kernel()[1] and rhythm.priority != PRIORITY:
+        fix = "report it with this line: libfranka raised the player's priority and the program did not lower it again"
+        return missing(f"{message}; a priority of {PRIORITY} is needed, below the kernel's watchdogs", fix)
     return advice(message, "; ".join(notes)) if notes else ok(message)
 
 

@@ -28,7 +28,7 @@ from adaptsim_cli.bench.doctor.table import (
 from adaptsim_cli.bench.rig_file import devices
 from hw.camera import kinds
 from hw.errors import DeviceUnavailable
-from hw.franka.realtime import PRIORITY
+from hw.franka.realtime import HIGHEST
 from hw.franka.versions import MATRIX, PACKAGES
 from hw.plugins import Offer, Registry, offers
 from hw.serial import balance
@@ -183,9 +183,9 @@ _RT_LIMITS = (
 @check(MACHINE, "priorities", _RT_LIMITS, real)
 def _priorities(lab: Examined) -> Finding:
     rtprio, memlock_MB, privileged = readings.limits()
-    if privileged or (rtprio >= PRIORITY and memlock_MB >= LOCKED_MB):
+    if privileged or (rtprio >= HIGHEST and memlock_MB >= LOCKED_MB):
         return ok("this user may ask for real-time priority and locked memory")
-    return missing(f"rtprio {rtprio:g}, {PRIORITY} needed; memlock {memlock_MB:.0f} MB, {LOCKED_MB} needed")
+    return missing(f"rtprio {rtprio:g}, {HIGHEST} needed; memlock {memlock_MB:.0f} MB, {LOCKED_MB} needed")
 
 
 @check(MACHINE, "clock frequency", "sudo cpupower frequency-set -g performance", real)

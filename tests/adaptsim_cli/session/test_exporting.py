@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -12,8 +13,9 @@ from pages import files
 from toy_session import NAME
 
 from adaptsim_cli.commands import app
-from adaptsim_cli.session import exporting, formats, recording, replaying, topics
+from adaptsim_cli.session import exporting, formats, motion_table, recording, replaying, topics
 from adaptsim_cli.session.best import scene_files
+from hw.quantities import QUANTITIES
 
 
 def messages(file: Path) -> dict[str, list[bytes]]:
@@ -67,7 +69,7 @@ def test_every_channel_has_a_standard_schema_and_every_frame_its_transform(expor
     transforms = b"".join(found["/tf"])
     for frame in ("base", "tool", "camera_colour", "camera_depth", *topics.FRAMES):
         assert frame.encode() + b"\0" in transforms, frame
-    for topic, holds in (("/joints/measured", (7, 7, 7)), ("/joints/commanded", (7, 7, 0))):
+    for topic, holds in (("/joints/measured", (7, 7, 0)), ("/joints/commanded", (7, 7, 0))):
         state = topics.decode(topics.JOINTS, found[topic][0])
         assert state.name[0] == "panda_joint1"
         assert (len(state.position), len(state.velocity), len(state.effort)) == holds
@@ -115,3 +117,31 @@ def test_a_replay_is_a_video_with_every_frame(store, tmp_path, capfd):
 )
 def test_what_cannot_be_exported_is_refused(store, arguments, message, refused):
     assert message in refused(2, *arguments)
+
+
+def test_a_motion_is_a_row_for_each_cycle_with_everything_that_the_arm_measured(store):
+    trial = replaying.open_trial(store, store.trials(0)[0])
+    played = trial.stored.execution
+    assert played.measured == {}, "the simulated lab measures no torque"
+    (first, *rows) = csv.reader(motion_table.as_table(trial).decode().splitlines())
+    assert first == ["t_s", *(f"q_{kind}_{n}_rad" for kind in ("commanded", "measured") for n in range(1, 8))]
+    assert np.array_equal(np.array(rows, dtype=float)[:, 8:], played.q_measured_rad)
+    values = {q.name: np.arange(len(played.t_s) * q.size, dtype=float).reshape(-1, q.size) for q in QUANTITIES}
+    whole = replace(trial, stored=replace(trial.stored, execution=replace(played, measured=values)))
+    (first, *rows) = csv.reader(motion_table.as_table(whole).decode().splitlines())
+    assert first[15:] == [label for q in QUANTITIES for label in q.labels]
+    assert {"joint_torque_7_Nm", "external_torque_1_Nm", "external_force_z_N", "external_torque_z_Nm"} <= set(first)
+    assert np.array_equal(np.array(rows, dtype=float)[:, 15:22], values["joint_torque_Nm"])
+
+
+def test_the_exported_file_has_the_quantities_on_their_topics(store, tmp_path):
+    trial = replaying.open_trial(store, store.trials(0)[0])
+    played = trial.stored.execution
+    values = {q.name: np.full((len(played.t_s), q.size), 0.5) for q in QUANTITIES}
+    whole = replace(trial, stored=replace(trial.stored, execution=replace(played, measured=values)))
+    (file := tmp_path / "whole.mcap").write_bytes(replaying.encode(whole))
+    found = messages(file)
+    assert list(topics.decode(topics.JOINTS, found["/joints/measured"][0]).effort) == [0.5] * 7
+    assert list(topics.decode(topics.JOINTS, found["/joints/external"][0]).effort) == [0.5] * 7
+    assert topics.decode(topics.WRENCH, found["/wrench/external"][0]).wrench.torque.z == 0.5
+    assert all(q.meaning == whole.metadata()[q.name] for q in QUANTITIES)

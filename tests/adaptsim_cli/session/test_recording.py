@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from adaptsim_cli.session.film import COLUMNS, FILM, MOST_BYTES, ROWS, Filmed
 from adaptsim_cli.session.store import SessionStore
 from hw.bounded import decode_image
 from hw.poses import inverse
+from hw.quantities import QUANTITIES, Quantity
 from hw.types import Execution, Frame
 from perception.geometry import project
 from perception.types import ObjectTrack, Outcome
@@ -39,6 +42,15 @@ def execution() -> Execution:
     t_s = np.linspace(0.0, 0.119, 120)
     q = np.outer(np.linspace(0.0, 1.0, 120), np.arange(1.0, 8.0))
     return Execution(12.0, t_s, q, q + 1e-3, 0.98)
+
+
+def measuring(names: Sequence[str] = tuple(quantity.name for quantity in QUANTITIES)) -> Execution:
+    """An execution with quantities that the arm reported."""
+    rng, played = np.random.default_rng(3), execution()
+    sizes = {quantity.name: quantity.size for quantity in QUANTITIES}
+    return dataclasses.replace(
+        played, measured={name: rng.normal(size=(len(played.t_s), sizes[name])) for name in names}
+    )
 
 
 def encoded(played: Execution, after: Frame | None = None) -> tuple[bytes, recording.Recording]:
@@ -206,3 +218,53 @@ def test_even_noise_fits_a_page(filmed):
     frames = [replace(f, colour=rng.integers(0, 256, f.colour.shape, np.uint8)) for f in filmed.frames]
     _, files = replace(filmed, frames=frames).sheet()
     assert len(files[FILM]) <= MOST_BYTES
+
+
+@pytest.mark.parametrize("names", [[], ["joint_torque_Nm"], ["external_wrench"], [q.name for q in QUANTITIES]])
+def test_what_the_arm_measured_is_kept_bit_for_bit_and_nothing_else(tmp_path, names):
+    path = tmp_path / recording.FILE
+    path.write_bytes(encoded(measuring(names))[0])
+    back = recording.read(path).execution
+    assert set(back.measured) == set(names)
+    for name in names:
+        assert np.array_equal(back.measured[name], measuring(names).measured[name])
+    with path.open("rb") as stream:
+        states = {
+            channel.topic: topics.decode(topics.JOINTS, message.data)
+            for _, channel, message in make_reader(stream).iter_messages(topics=[topics.MEASURED, "/joints/external"])
+        }
+    assert len(states[topics.MEASURED].effort) == (7 if "joint_torque_Nm" in names else 0), "never a modelled one"
+    assert ("/joints/external" in states) == ("external_torque_Nm" in names)
+
+
+def test_an_older_recordings_modelled_effort_is_not_taken_for_a_measured_one(tmp_path, monkeypatch):
+    """Its camera.json does not say what was measured, and `effort` was computed."""
+    whole = recording._camera_json
+
+    def older(*values):
+        content = json.loads(whole(*values))
+        del content["measured"]
+        return json.dumps(content).encode()
+
+    monkeypatch.setattr(recording, "_camera_json", older)
+    path = tmp_path / recording.FILE
+    path.write_bytes(encoded(measuring(["joint_torque_Nm"]))[0])
+    back = recording.read(path)
+    assert back.execution.measured == {}
+    assert np.array_equal(back.execution.q_measured_rad, execution().q_measured_rad)
+
+
+def test_a_quantity_of_a_newer_version_is_left_out_and_the_recording_opens(tmp_path, monkeypatch):
+    newer = Quantity("motor_position_rad", "theta", ("a",) * 7, "/joints/motor", "position", "of the motors")
+    types_of, reported = topics.quantity_types, topics.reported
+    monkeypatch.setattr(topics, "QUANTITIES", (*QUANTITIES, newer))
+    monkeypatch.setattr("hw.types.QUANTITIES", (*QUANTITIES, newer))
+    assert types_of(["motor_position_rad"]) == {"/joints/motor": topics.JOINTS}
+    assert reported(["motor_position_rad"]) == (newer,)
+    path = tmp_path / recording.FILE
+    q_rad = execution().q_measured_rad
+    played = dataclasses.replace(measuring(), measured=measuring().measured | {"motor_position_rad": 2.0 * q_rad})
+    path.write_bytes(encoded(played)[0])
+    assert np.array_equal(recording.read(path).execution.measured["motor_position_rad"], 2.0 * q_rad)
+    monkeypatch.undo()
+    assert set(recording.read(path).execution.measured) == {quantity.name for quantity in QUANTITIES}

@@ -7,12 +7,13 @@ from pathlib import Path
 import faults
 import numpy as np
 import pytest
-from fault_hand import HAND_FAULTS, Fingers, one_hand
+from fault_hand import HAND_FAULTS, IGNORED, Fingers, one_hand
 from fault_lab import drawn, one_motion
 from fault_world import IN_MOTION, World, release
 from kept import Kept
 
 from hw.franka import playback
+from hw.franka.hand_stop import Stopped
 from hw.watchdog import Watchdog
 
 SEED = 11
@@ -78,3 +79,9 @@ def test_the_campaign_goes_on_and_counts_every_kind(tmp_path: Path) -> None:
     again = [list(faults.campaign(2, 2, SEED, kept, (i, 2))) for i, kept in enumerate(rows, start=1)]
     effective = [one.kind for part in again for one in part if one.effective]
     assert all(effective.count(kind) >= 2 for kind in faults.KINDS)
+
+
+def test_a_stop_that_is_believed_without_its_widths_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Stopped, "is_certain", property(lambda self: True))
+    notes = [note for number in range(3) for note in one_hand(IGNORED, np.random.default_rng([SEED, number])).wrong]
+    assert "a hand that went on is said to have stopped" in notes

@@ -99,7 +99,7 @@ class Follower:
         return ""
 
     def listen(self, states: int) -> Rhythm:
-        return Rhythm(states, states // 100, 0.0012, 5)
+        return Rhythm(states, states // 100, 0.0012, 5, 80)
 
     def recover(self) -> None:
         self.mode = "Idle"
@@ -182,7 +182,7 @@ def test_states_are_counted_without_a_motion(pipe: list[int]) -> None:
     driver = Follower()
     before = driver.q.copy()
     _, rhythm = answers(driver, pipe, CONNECT, Call("listen", (1000,)))
-    assert rhythm == Rhythm(1000, 10, 0.0012, 5)
+    assert rhythm == Rhythm(1000, 10, 0.0012, 5, 80)
     assert driver.q == before
 
 

@@ -25,7 +25,7 @@ from adaptsim_cli.bench.devices.known_arm import KnownArm
 from adaptsim_cli.bench.devices.recovery import offer_recovery
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
-from hw.errors import ArmFault, MotionRefused
+from hw.errors import ArmFault, DeviceUnavailable, FingersMoved, HandError, MotionRefused
 from hw.fake import FakeArm, FakeClock
 from hw.types import Execution, JointPath
 
@@ -187,3 +187,31 @@ def test_a_refused_motion_is_no_stop(tmp_path, monkeypatch):
 def test_a_damaged_note_of_the_last_motion_counts_as_a_stop(tmp_path):
     (tmp_path / "last-motion.json").write_text("{")
     assert KnownArm(tmp_path).unended() is not None
+
+
+@pytest.mark.parametrize(
+    ("error", "latches"),
+    [
+        (FingersMoved("3 stops were accepted but the fingers still move"), True),
+        (DeviceUnavailable("the hand could not be stopped"), True),
+        (KeyboardInterrupt(), True),
+        (HandError("the hand was stopped: the enabling pedal was released"), False),
+        (HandError("the hand did not find anything 12.0 mm wide"), False),
+    ],
+)
+def test_fingers_that_may_still_move_latch_the_arm_until_a_recovery(error, latches, tmp_path, monkeypatch):
+    typing(monkeypatch, "panda")
+    known = KnownArm(tmp_path)
+    with ConfirmedArm(FakeArm(READY_RAD, FakeClock(), cell()), remembering(quiet(), known), None) as arm:
+        with pytest.raises(type(error)), arm.hand_moving():
+            raise error
+        assert (known.unended() is not None) is latches
+        assert (arm.state().fault is not None) is latches
+        if latches:
+            with pytest.raises(ArmFault, match="recover it before the next motion"):
+                arm.execute(STILL)
+            with pytest.raises(ArmFault, match="recover it"), arm.hand_moving():
+                raise AssertionError("the hand moved")
+            arm.recover()
+        arm.execute(STILL)
+        assert arm.state().fault is None

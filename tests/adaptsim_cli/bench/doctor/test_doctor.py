@@ -52,9 +52,11 @@ def bolt(firmware: str) -> ProbeReport:
     return ProbeReport("libk4a.so.1.4", "2.0.11", "Orbbec", True, devices, None, None)
 
 
-def seen(mode: str = "Idle", missed: int = 0, gap_s: float = 0.0012, notes: tuple[str, ...] = ()) -> Inspection:
+def seen(
+    mode: str = "Idle", missed: int = 0, gap_s: float = 0.0012, notes: tuple[str, ...] = (), priority: int = 80
+) -> Inspection:
     q_rad = tuple(READY_RAD)
-    return Reading(q_rad, q_rad, (0.0,) * 7, mode), Rhythm(1000, missed, gap_s, 5), notes
+    return Reading(q_rad, q_rad, (0.0,) * 7, mode), Rhythm(1000, missed, gap_s, 5, priority), notes
 
 
 HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-python": "1.0.0"}
@@ -110,8 +112,9 @@ def aged(days: int) -> SavedCalibration:
         ("real-time kernel", {"kernel": always(("6.1", False))}, MISSING, "communication_constraints_violation"),
         ("priorities", {"limits": always((99, float("inf"), False))}, OK, "may ask"),
         ("priorities", {"limits": always((0, 8.0, True))}, OK, "may ask"),
-        ("priorities", {"limits": always((0, 8.0, False))}, MISSING, "rtprio 0, 80 needed; memlock 8 MB, 100 ne"),
+        ("priorities", {"limits": always((0, 8.0, False))}, MISSING, "rtprio 0, 99 needed; memlock 8 MB, 100 ne"),
         ("priorities", {"limits": always((99, 8.0, False))}, MISSING, "memlock 8 MB"),
+        ("priorities", {"limits": always((80, 1e3, False))}, MISSING, "rtprio 80, 99 needed"),
         ("clock frequency", {"governors": always(())}, OK, "no frequency governor"),
         ("clock frequency", {"governors": always(("performance",) * 2)}, OK, "every core"),
         ("clock frequency", {"governors": always(("performance", "powersave"))}, ADVICE, "powersave on 1 of 2 cores"),
@@ -124,6 +127,10 @@ def aged(days: int) -> SavedCalibration:
         ("arm", {"arm": always(seen(missed=80))}, ADVICE, "80 missed, longest gap 1.2 ms (at most 5 % and 20 ms)"),
         ("arm", {"arm": always(seen(gap_s=0.03))}, ADVICE, "longest gap 30.0 ms (at most"),
         ("arm", {"arm": always(seen(notes=("memory is not locked",)))}, ADVICE, "0 missed"),
+        ("arm", {"arm": always(seen())}, OK, "the player runs at real-time priority 80"),
+        ("arm", {"arm": always(seen(priority=99)), "kernel": always(("6.1-rt", True))}, MISSING,
+         "longest gap 1.2 ms; a priority of 80 is needed"),
+        ("arm", {"arm": always(seen(priority=0)), "kernel": always(("6.1", False))}, OK, "real-time priority 0"),
         ("arm", {"arm": always(seen(mode="UserStopped"))}, MISSING, "would not move: the stop button is pressed"),
         ("camera", {"cameras": always(kinect("12"))}, OK, "12, firmware colour 1.6, Microsoft library 1.4.1"),
         ("camera", {"cameras": always(bolt("1.1.1"))}, MISSING, "its maker withdrew 1.1.1, whose time stamps overflow"),

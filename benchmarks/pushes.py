@@ -166,7 +166,7 @@ class DepthEye:
         before = Frame(start_s - 1.0, self._colour, self._shot([(self._bottle, push.bottle(start_s))], noise, rng))
         frames = []
         for t_s in times:
-            poses = link_poses(push.q_at(t_s))
+            poses = link_poses(push.execution.q_at(t_s))
             moving = [(body, _link(poses, name)) for name, body in self._links.items() if name != "world"]
             moving += [(self._tool, push.tool(t_s)), (self._bottle, push.bottle(t_s)), (self._hand, hand_at(t_s))]
             frames.append(Frame(float(t_s), self._colour, self._shot(moving, noise, rng)))

@@ -98,6 +98,7 @@ check: $(STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	! $(BIN)/vulture | grep -E 'unused (class|function|import|method|property)|unreachable code'
 
 # Every method in every set of worlds, and the page that shows it: hours; stop it at any time, it goes on where it was.
 # SCHEDULER=tcp://ADDRESS: on the workers of a Dask cluster (docs/guide/beyond-one-computer.md).

@@ -18,7 +18,7 @@ from adaptsim_cli.errors import UsageError, place, plain, unknown
 from hw.bounded import Unreadable, read_table
 from hw.records import Record
 
-Hardware = Literal["fake", "panda", "fr3", "own"]
+Hardware = Literal["fake", "panda", "fr3", "fr3v2", "own"]
 SIMULATED: Hardware = "fake"
 OWN: Hardware = "own"
 """A robot of one's own, which answers questions (docs/guide/own-robot.md)."""
@@ -63,9 +63,9 @@ _OF_TESTS = _PREFIX + "TEST_"
 class Config(Record):
     """All settings, checked; the description of a key is its help, with its unit."""
 
-    hw: Annotated[Hardware, Field(description="hardware: fake, panda, fr3, or own: a robot that answers questions")] = (
-        "fake"
-    )
+    hw: Annotated[
+        Hardware, Field(description="hardware: fake, panda, fr3, fr3v2, or own: a robot that answers questions")
+    ] = "fake"
     rig: Annotated[str, Field(description="rig file of a real lab; empty: rig.toml beside the settings")] = ""
     task: Annotated[str, Field(description="task of a command without --task")] = "scooping"
     world: Annotated[str, Field(description="world of the simulated lab: a name or a TOML file")] = "wd"

@@ -159,8 +159,8 @@ def spoilt(name: str, level: float) -> Effects:
 
 
 def cut(recording: Path) -> None:
-    """Store what is needed of the recording. Needs PyAV (`pip install adaptsim[kinect]`)."""
-    from hw.camera.recording import KinectRecording  # noqa: PLC0415 - an extra
+    """Store what is needed of the recording. Needs PyAV (`pip install av`)."""
+    from kinect_recording import KinectRecording  # noqa: PLC0415 - an extra
 
     with KinectRecording(recording) as opened:
         depth_mm = next(opened.frames()).depth_mm.astype(np.float64)

@@ -43,6 +43,7 @@ import kinect_files
 import real_views
 import recordings
 import toy_session
+from kinect_recording import camera_model
 
 from adaptsim_cli import config
 from adaptsim_cli.bench.calibration import checking, printing
@@ -62,7 +63,6 @@ from calib.foreign.chains import any_arm
 from calib.records import SetupRecord, TouchRecord, read
 from calib.saved import SavedCalibration
 from hw.bounded import Unreadable
-from hw.camera.recording import camera_model
 from hw.errors import HardwareError
 from perception.errors import PerceptionError
 from sim.adaptation.checkpoint import CARD, read_card

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from kinect_recording import KinectRecording
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from hw.camera.recording import KinectRecording
 from hw.errors import CameraError
 from hw.poses import pose
 from hw.types import Array, CameraModel, Frame, Intrinsics

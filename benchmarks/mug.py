@@ -2,7 +2,7 @@
 
     python benchmarks/mug.py recording.mkv [--png mug.png]
 
-Needs PyAV (`pip install adaptsim[kinect]`).
+Needs PyAV (`pip install av`).
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from kinect_recording import KinectRecording
 
-from hw.camera.recording import KinectRecording
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import NO_ARM

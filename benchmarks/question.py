@@ -21,6 +21,7 @@ from typing import Any, cast
 
 import cv2
 import numpy as np
+from kinect_recording import KinectRecording
 from mug import UP, Survey, survey
 from numpy.typing import NDArray
 
@@ -30,7 +31,6 @@ from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.storage import durable
 from calib.types import HandEye
 from hw.camera.grabber import Capture
-from hw.camera.recording import KinectRecording
 from hw.ports import Arm
 from hw.types import Array, CameraModel, Execution, Frame, JointPath
 from perception import bottle

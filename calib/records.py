@@ -92,7 +92,9 @@ class SetupRecord(Record):
 
     format: int = FORMAT
     camera: Literal["fixed", "wrist"]
-    arm: Literal["panda", "fr3", "other"] = "other"  # for "other", views give flange poses, or [kinematics] is given
+    arm: Literal["panda", "fr3", "fr3v2", "other"] = (
+        "other"  # for "other", views give flange poses, or [kinematics] is given
+    )
     serial: str = ""  # of the camera
     kinematics: KinematicsRecord | None = None  # of an arm that the program does not know
     poses: PosesRecord = PosesRecord()  # convention of poses whose keys do not state it

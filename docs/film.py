@@ -2,9 +2,8 @@
 
     python docs/film.py
 
-It writes docs/figures/setup.cast (asciinema play FILE), and what stands in the terminal at the end as a page,
-docs/start/setup.md. Needs tmux, the terminal that turns the stream into text. Waits longer than a second are cut to
-one; nothing else is changed.
+It writes docs/figures/setup.cast (asciinema play FILE). Waits longer than a second are cut to one; nothing else is
+changed.
 """
 
 from __future__ import annotations
@@ -15,9 +14,7 @@ import os
 import pty
 import re
 import select
-import shutil
 import struct
-import subprocess
 import sys
 import tempfile
 import termios
@@ -28,18 +25,9 @@ from pathlib import Path
 COLUMNS, ROWS, LONGEST_WAIT_S = 80, 24, 1.0
 ROOT = Path(__file__).parents[1]
 PROMPT = "$ "
-PAGE, CAST = ROOT / "docs/start/setup.md", ROOT / "docs/figures/setup.cast"
-HEAD = """# A setup, practised
-
-Written by `python docs/film.py`, which types this command into a terminal of 80 × 24 and answers its questions: mostly with Enter, which accepts the default in brackets, and with the word that lets something move.
-[The film](../figures/setup.cast) plays with `asciinema play setup.cast`; waits are cut to one second.
-With a real arm, `adaptsim setup --hw fr3`, the first five steps ask and look at the devices. Each step is shortened (…).
-
-"""
+CAST = ROOT / "docs/figures/setup.cast"
 ANSWERS = {"Name a box": "lamp", "upper corner": "0.7 -0.7 0.5"}
 """Typed once each, at the question that has these words in it; a motion gets the word it asks for, the rest Enter."""
-FIRST, LAST = 14, 5
-"""Lines of a step that the page keeps."""
 
 
 def main() -> int:
@@ -48,16 +36,8 @@ def main() -> int:
         (place / "adaptsim").symlink_to(ROOT)
         events = film(place, ("adaptsim setup --world oreo",))
         write_cast(CAST, "adaptsim: a setup, practised", events)
-        shown = screen("".join(text for _, text in events), place)
-    steps = re.split(r"\n(?=\d+ of \d+  [a-z])", plain(shown))
-    PAGE.write_text(f"{HEAD}```text\n{chr(10).join(map(shortened, steps))}\n```\n", encoding="utf-8")
-    print(f"{PAGE.relative_to(ROOT)}: {events[-1][0]:.0f} s")
+    print(f"{CAST.relative_to(ROOT)}: {events[-1][0]:.0f} s")
     return 0
-
-
-def shortened(step: str) -> str:
-    lines = step.splitlines()
-    return step if len(lines) <= FIRST + LAST else "\n".join([*lines[:FIRST], "…", *lines[-LAST:], ""])
 
 
 def write_cast(path: Path, title: str, events: Sequence[tuple[float, str]]) -> None:
@@ -120,33 +100,6 @@ def _until_prompt(fd: int, events: list[tuple[float, str]], clock_s: float, afte
         if answer.endswith(f"\n{PROMPT}"):
             return clock_s
     raise TimeoutError(f"{after}: no prompt within twenty minutes; seen: {seen[-500:]}")
-
-
-def screen(stream: str, place: Path) -> str:
-    """Its terminal, with the history and its colours; tmux is that terminal."""
-    if shutil.which("tmux") is None:
-        raise SystemExit("docs/film.py needs tmux")
-    recorded = place / "stream"
-    recorded.write_text(stream, encoding="utf-8")
-    tmux = ["tmux", "-L", f"film-{os.getpid()}", "-f", "/dev/null"]
-    size = ["-x", str(COLUMNS), "-y", str(ROWS)]
-    try:
-        subprocess.run(
-            [*tmux, "start-server", ";", "set", "-g", "history-limit", "20000", ";", "new-session", "-d", *size,
-             f"cat {recorded}; sleep 60"], check=True,
-        )  # fmt: skip
-        time.sleep(3.0)
-        shown = subprocess.run(
-            [*tmux, "capture-pane", "-e", "-p", "-S", "-"], check=True, capture_output=True, text=True
-        )
-    finally:
-        subprocess.run([*tmux, "kill-server"], check=False)
-    return shown.stdout.rstrip().removesuffix("exit").rstrip().removesuffix("$").rstrip()
-
-
-def plain(shown: str) -> str:
-    """Without colours."""
-    return "\n".join(line.rstrip() for line in re.sub(r"\x1b\[[0-9;]*m", "", shown).splitlines())
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Files that a person may have written or received, read within bounds: no file can hang a command or fill the memory.
 
-Reads TOML, JSON, PNG and JPEG, and checks safetensors and Matroska before their libraries open them. Every defect of a
+Reads TOML, JSON, PNG and JPEG, and checks safetensors before its library opens them. Every defect of a
 file raises `Unreadable`; its message continues a sentence that begins with the file's name.
 """
 
@@ -12,6 +12,8 @@ import re
 import stat
 import struct
 import tomllib
+import zlib
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +26,6 @@ IMAGE_BYTES = 64 * 2**20
 IMAGE_PIXELS = 2**26
 TENSOR_BYTES = 4 * 2**30
 TENSOR_HEADER_BYTES = 2**20
-VIDEO_BYTES = 64 * 2**30
 DEEPEST = 32
 """Most levels of nested tables and arrays, and most parts of a key."""
 
@@ -33,8 +34,6 @@ _PIECES = re.compile(rb"[={,\n]")
 _CUT = "is cut short or damaged"
 _NO_IMAGE = "is not a whole PNG or JPEG image"
 _PNG = b"\x89PNG\r\n\x1a\n"
-_JPEG = b"\xff\xd8"
-_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # JPEG markers that a size follows
 
 
 class Unreadable(ValueError):
@@ -169,31 +168,20 @@ def _too_deep() -> str:
 
 
 def _image_size(content: bytes) -> tuple[int, int]:
-    """(width, height) as the header states them."""
-    if content.startswith(_PNG) and len(content) >= 24:
-        _require_whole_chunks(content)
-        width, height = struct.unpack(">II", content[16:24])
-        return int(width), int(height)
-    if content.startswith(_JPEG):
-        return _jpeg_size(content)
-    raise Unreadable(_NO_IMAGE)
+    """(width, height) as the header states them; of a PNG every chunk is whole.
 
+    OpenCV makes room for a PNG's chunk before it reads it, whatever its length says: up to 4 GB.
+    """
+    from PIL.JpegImagePlugin import JpegImageFile  # noqa: PLC0415 - tables are read without it, by every command
+    from PIL.PngImagePlugin import PngImageFile  # noqa: PLC0415
 
-def _require_whole_chunks(content: bytes) -> None:
-    """OpenCV makes room for a PNG's chunk before it reads it, whatever its length says: up to 4 GB."""
-    at = len(_PNG)
-    while at + 8 <= len(content) and content[at + 4 : at + 8] != b"IEND":
-        at += 12 + int.from_bytes(content[at : at + 4], "big")
-        if at > len(content):
-            raise Unreadable(_CUT)
-
-
-def _jpeg_size(content: bytes) -> tuple[int, int]:
-    at = 2
-    while at + 9 <= len(content) and content[at] == 0xFF:
-        marker, length = content[at + 1], int.from_bytes(content[at + 2 : at + 4], "big")
-        if marker in _FRAMES:
-            height, width = struct.unpack(">HH", content[at + 5 : at + 9])
-            return int(width), int(height)
-        at += 1 if marker == 0xFF else 2 + length
-    raise Unreadable(_NO_IMAGE)
+    is_png, why = content.startswith(_PNG), _NO_IMAGE
+    try:
+        with (PngImageFile if is_png else JpegImageFile)(BytesIO(content)) as image:  # opens the header alone
+            size = image.size
+            if is_png:
+                why = _CUT
+                image.verify()
+    except (LookupError, OSError, SyntaxError, TypeError, ValueError, struct.error, zlib.error) as error:
+        raise Unreadable(why) from error
+    return size

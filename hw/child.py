@@ -14,10 +14,18 @@ import sys
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
+OWN_PACKAGES = str(Path(__file__).with_name("own_packages.py"))
+"""The file that a fresh process runs first, by `runpy.run_path`: it finds our packages."""
 END_S = 3.0
 """How long a child may take to end by itself: longer than the longest stop along a path."""
+
+
+def python_module(module: str) -> tuple[str, ...]:
+    """The command that runs one of our modules, also where the user has a folder or file of our packages' names."""
+    return sys.executable, "-P", OWN_PACKAGES, module
 
 
 @dataclass(frozen=True)
@@ -33,10 +41,7 @@ class ChildGone(Exception):
 
 
 class Child:
-    """A running `python -m module CONNECTION PIPE arguments`, the first two file descriptors.
-
-    -P: a folder with the name of one of our packages, in the directory of the user, is not taken for it.
-    """
+    """A running `module CONNECTION PIPE arguments`, the first two file descriptors."""
 
     def __init__(self, module: str, *arguments: str, end_s: float = END_S) -> None:
         self._end_s = end_s
@@ -44,7 +49,7 @@ class Child:
         listen, self._say = os.pipe()
         os.set_blocking(self._say, False)
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", module, str(theirs.fileno()), str(listen), *arguments],
+            [*python_module(module), str(theirs.fileno()), str(listen), *arguments],
             pass_fds=(theirs.fileno(), listen),
             stdin=subprocess.DEVNULL,
             start_new_session=True,

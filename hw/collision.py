@@ -107,11 +107,6 @@ BARE_HAND = Tool("bare hand", HAND_MASS, (*HAND, *FINGERS), coarse=COARSE_HAND)
 NO_POINTS: Array = frozen_array(np.zeros((0, 3)))
 
 
-def fingertips(tip_F_m: Array) -> Tool:
-    """The empty hand whose fingers may touch the table, first at `tip_F_m` (3,)."""
-    return Tool("fingertips", HAND_MASS, HAND, np.array([tip_F_m]), FINGERS, COARSE_HAND)
-
-
 def hand_with(
     mass: Mass,
     carried: tuple[Capsule, ...],

@@ -6,7 +6,8 @@ its limits refer to. The base stands level.
 
 The Panda's masses, centres of mass and inertia are those of the maker's robot description, which cites Gaz et al.,
 "Dynamic identification of the Franka Emika Panda robot with retrieval of feasible parameters" (2019). The FR3's are
-those that the maker publishes since December 2023 (`franka_description`, robots/fr3/inertials.yaml).
+those that the maker publishes since December 2023 (`franka_description`, robots/fr3/inertials.yaml), the FR3 v2's those
+of robots/fr3v2/inertials.yaml.
 """
 
 from __future__ import annotations
@@ -85,6 +86,18 @@ LINKS: dict[str, tuple[Mass, ...]] = {
             (0.004522582, 0.008626192, -0.01616333),
             (0.0002109239, 0.0001771857, 5.993191e-05, -2.433299e-05, 4.56448e-05, 8.74407e-05),
         ),
+    ),
+    "fr3v2": (
+        _mass(3.85, (-0.0172, 0.0004, 0.0745), (0.009, 0.0115, 0.0085, 0.0, 0.002, 0.0)),
+        _mass(2.4377, (-0.00458, 0.027016, -0.0618), (0.02324, 0.02146, 0.0055, 0.000333, -0.000676, 0.003739)),
+        _mass(2.2375, (-0.003473, -0.168509, -0.010479), (0.019026, 0.00566, 0.017114, 0.001241, 0.000499, -0.001804)),
+        _mass(2.185794, (0.092968, 0.01801, 0.033533), (0.010225, 0.012398, 0.006877, 0.001144, 0.003497, 0.002156)),
+        _mass(2.175867, (-0.068745, 0.092947, 0.011195), (0.008878, 0.007628, 0.010295, -0.003749, 0.001139, -0.00046)),
+        _mass(
+            2.174817, (-0.004197, 0.010257, -0.058103), (0.031874, 0.029674, 0.004751, 0.000134, -0.000265, -0.004734)
+        ),
+        _mass(1.567617, (0.070958, -0.014137, -0.035324), (0.00286, 0.00391, 0.00453, -0.000553, -0.000638, -0.00024)),
+        _mass(0.682876, (0.008204, 0.001156, 0.061016), (0.000899, 0.001099, 0.000702, 0.0, -1.3e-05, -2.2e-05)),
     ),
 }
 """Base and links 1 to 7 of each model, each in its own frame (`hw.kinematics`)."""

@@ -5,7 +5,6 @@ HardwareError
 ├── ArmFault             during a motion: the arm has stopped
 │   └── StoppedByPedal   because the operator released the enabling pedal
 ├── Rehearsed            a motion came to its end at a slower pace, and counts for nothing
-├── NoContact            a guarded motion touched nothing: the arm is back at its start
 ├── HandError            the hand did not carry out its command
 │   └── FingersMoved     it accepted a stop, and its fingers went on or cannot be watched
 ├── CameraError          no frame, or not in time
@@ -32,10 +31,6 @@ class StoppedByPedal(ArmFault):
 
 class Rehearsed(HardwareError):
     """A motion was played at a slower pace to its end; it counts for nothing."""
-
-
-class NoContact(HardwareError):
-    """A guarded motion ended without a touch; the arm is back at its start."""
 
 
 class HandError(HardwareError):

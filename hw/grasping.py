@@ -8,6 +8,8 @@ from hw.errors import DeviceUnavailable, HandError
 from hw.types import HandState
 
 TOLERANCE_M = 0.005
+SLIPPED_M = 0.001
+"""Fingers that have moved by more since the grasp hold the tool otherwise than before."""
 
 
 def narrower_m(width_m: float) -> float:

@@ -1,13 +1,17 @@
-"""The maker's limits of the two arms, joint by joint.
+"""The maker's limits of the three arms, joint by joint.
 
 Sources: `control-parameters-joint-fer.csv`, `-fr3.csv` and `robot_specifications.rst`; the Panda's agree with
-libfranka 0.9.2. Velocities keep a margin for three lost packets of full acceleration, as libfranka does, because a
-controller that misses packets extrapolates with the last acceleration.
+libfranka 0.9.2. The FR3 v2's positions, velocities and decelerations are published in `franka_description` (since
+1.1.0) and equal the FR3's; of the two published velocity offsets of each joint, the row has the larger one, which
+allows less. Its accelerations and jerks are published nowhere: those of the FR3 apply.
+
+Velocities keep a margin for three lost packets of full acceleration, as libfranka does, because a controller that
+misses packets extrapolates with the last acceleration.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -99,6 +103,11 @@ LIMITS: dict[str, JointLimits] = {
         braking_rad_s2=np.array([6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0]),
     ),
 }
+LIMITS["fr3v2"] = replace(
+    LIMITS["fr3"],
+    model="fr3v2",
+    braking_offset_rad_s=np.array([0.6599, 0.2517, 0.2005, 0.3542, 0.5757, 0.4885, 0.4628]),
+)
 
 
 def derivatives(q_rad: Array) -> tuple[Array, Array, Array]:

@@ -1,4 +1,4 @@
-"""The one numpy model of the Franka Panda and the FR3, which share their kinematics.
+"""The one numpy model of the Franka Panda, the FR3 and the FR3 v2, which share their kinematics.
 
 Source: the maker's Denavit-Hartenberg table in Craig's convention ("Robot and interface specifications").
 Joint i rotates about the Z axis of frame i. Frame 0 is the base B. The flange F lies 0.107 m along the Z axis of frame

@@ -23,11 +23,11 @@ from hw.mass import Mass
 from hw.types import Array, ContactWindow, JointPath, frozen_array
 
 RATED_NM = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])
-"""Rated torques of the joints of both arms (the maker's `robot_specifications`)."""
+"""Rated torques of the joints of all arms (the maker's `robot_specifications`)."""
 
 TORQUE_SHARE = 0.9
 TORQUE_RATE_NM_S = 1000.0
-"""Largest torque rate of every joint of both arms (the same source)."""
+"""Largest torque rate of every joint of all arms (the same source)."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,9 @@ class FlangeLimits:
 FLANGE = {
     "panda": FlangeLimits(1.7, 13.0, 6500.0, 2.5, 25.0, 12500.0),
     "fr3": FlangeLimits(3.0, 9.0, 4500.0, 2.5, 17.0, 8500.0),
+    "fr3v2": FlangeLimits(3.0, 9.0, 4500.0, 2.5, 17.0, 8500.0),
 }
-"""The maker's Cartesian limits of each model."""
+"""The maker's Cartesian limits of each model; the maker states none of the FR3 v2's own, so it has the FR3's."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class MotionLimits:
 
     @property
     def model(self) -> str:
-        """The arm's model, `panda` or `fr3`."""
+        """The arm's model, a key of `hw.joint_limits.LIMITS`."""
         return self.joints.model
 
     def ratio(self, q_rad: Array, dq_rad_s: Array, ddq_rad_s2: Array, step_s: float) -> Array:

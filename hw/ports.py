@@ -12,7 +12,7 @@ from typing import Generic, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.types import ArmState, Array, CameraModel, Contact, Execution, Frame, Guard, HandState, JointPath
+from hw.types import ArmState, Array, CameraModel, Execution, Frame, HandState, JointPath
 
 
 class Arm(Protocol):
@@ -20,7 +20,7 @@ class Arm(Protocol):
 
     @property
     def model(self) -> str:
-        """The row of `hw.joint_limits.LIMITS` that applies: "panda" or "fr3"."""
+        """The row of `hw.joint_limits.LIMITS` that applies: "panda", "fr3" or "fr3v2"."""
 
     def __enter__(self) -> Self: ...
     def __exit__(self, *exc: object) -> None: ...
@@ -33,18 +33,6 @@ class Arm(Protocol):
 
     def recover(self) -> None:
         """Clear a fault. Never resumes a motion."""
-
-
-class GuardedArm(Arm, Protocol):
-    """An arm that feels external forces in its joints, and can stop at the first touch."""
-
-    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
-        """Play `path` until the force reaches the guard's, brake along the path, and return the same way to its start.
-
-        `hw.workcell.require_guarded` must accept the path. On return the arm rests at the path's start, clear of the
-        surface. Raises NoContact if the path ends without a touch (the arm is back at its start), MotionRefused
-        (nothing moved) or ArmFault (stopped where it is).
-        """
 
 
 class Hand(Protocol):

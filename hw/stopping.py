@@ -39,6 +39,8 @@ WORST_STOP_S = BEFORE_S + LONGEST_S + LAG_S
 """Time from the wish to stop to rest, in any motion that the program accepts."""
 REDUCED_M_S = 0.25
 """The reduced speed of ISO 10218-1: a slow motion keeps every point of arm and tool under it."""
+TRAVEL_EVERY = 10
+"""A measured travel adds up steps of 10 ms, so that the noise of measured joints does not add up with them."""
 _KEPT = 0.99
 """Share of the reduced speed that a motion is slowed to, so that the rounding of its samples stays below it."""
 
@@ -115,12 +117,23 @@ def speeds_m_s(path: JointPath, cell: Workcell) -> Array:
     A point of a capsule is a point of its axis plus at most its radius: it moves at most as fast as the faster end of
     the axis, plus radius times turning speed.
     """
-    poses = link_poses(cell.arm.true_rad(path.q_rad))
+    return _steps_m(path.q_rad, cell) / DT_S
+
+
+def travel_m(q_rad: Array, cell: Workcell) -> float:
+    """The travel of the point of arm and tool that goes farthest, along reported joints (N, 7), one a millisecond."""
+    steps = np.unique(np.append(np.arange(0, len(q_rad), TRAVEL_EVERY), len(q_rad) - 1))
+    return float(_steps_m(q_rad[steps], cell).sum(axis=0).max())
+
+
+def _steps_m(q_rad: Array, cell: Workcell) -> Array:
+    """(N - 1, C) how far the farthest point of each body goes from one sample (N, 7) to the next."""
+    poses = link_poses(cell.arm.true_rad(q_rad))
     bodies = moving(cell.tool)
     ends_m = np.linalg.norm(np.diff(segments(poses, bodies), axis=0), axis=-1).max(axis=-1)
     turned = np.linalg.norm(np.diff(poses[..., :3, :3], axis=0), axis=(-2, -1)) / np.sqrt(2.0)  # of a small angle
     radii = np.array([body.radius_m for body in bodies])
-    return np.asarray((ends_m + radii * turned[:, [body.link for body in bodies]]) / DT_S)
+    return np.asarray(ends_m + radii * turned[:, [body.link for body in bodies]])
 
 
 def reduced_pace(path: JointPath, cell: Workcell, pace: float = FULL) -> float:

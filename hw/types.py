@@ -185,42 +185,6 @@ class Execution:
         return np.array([np.interp(since_s, self.t_s, joint) for joint in self.q_measured_rad.T])
 
 
-@dataclass(frozen=True, eq=False)
-class Guard:
-    """The touch criterion of a slow motion: the vertical force on one point of the tool reaches `force_N`."""
-
-    force_N: float
-    p_F_m: Array  # (3,) expected point of contact on the tool, in the flange
-    tare_s: float = 0.2  # the mean force of this first stretch, in the air, counts as zero
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "p_F_m", frozen_array(self.p_F_m, (3,), "p_F_m", most=REACH_M))
-        number(self.force_N, "guard's force", 0.0, LARGEST_N, "N", above=True)
-        number(self.tare_s, "guard's tare", 0.0, LONGEST_S, "s", above=True)
-
-
-@dataclass(frozen=True, eq=False)
-class Contact:
-    """A guarded motion that touched: when, where, how hard, and the arm's readings on the way there."""
-
-    t_s: float  # path time at which the guard's force was reached
-    q_rad: Array  # (7,) measured then
-    force_N: float  # largest vertical force until standstill
-    felt_t_s: Array  # (M,) path times, every 1 ms, until the force was reached
-    felt_commanded_rad: Array  # (M, 7)
-    felt_measured_rad: Array  # (M, 7)
-    felt_torque_Nm: Array  # (M, 7) the arm's estimate of the torque that external forces put on its joints
-    control_success_rate: float = 1.0  # share of 1 kHz cycles answered in time on the way there, 0 to 1
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "q_rad", frozen_array(self.q_rad, (7,), "q_rad"))
-        felt_t_s = frozen_array(self.felt_t_s, (None,), "felt_t_s")
-        object.__setattr__(self, "felt_t_s", felt_t_s)
-        for name in ("felt_commanded_rad", "felt_measured_rad", "felt_torque_Nm"):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), (len(felt_t_s), 7), name))
-        number(self.control_success_rate, "control success rate", 0.0, 1.0)
-
-
 @dataclass(frozen=True)
 class HandState:
     """The state that the hand reports."""

@@ -115,7 +115,7 @@ class Attendant(Protocol):
 class Rig:
     """The connected devices of one bench."""
 
-    name: str  # "fake", "panda" or "fr3"
+    name: str  # "fake", "panda", "fr3" or "fr3v2"
     title: str  # its name for an operator
     arm: Arm
     camera: Camera

@@ -13,7 +13,7 @@ from adaptsim_cli.bench.devices.lab import Drivers
 from adaptsim_cli.bench.devices.mounted import weighed, workcell, written
 from adaptsim_cli.bench.devices.opening import open_lab
 from adaptsim_cli.bench.rig_file.description import RigDescription, TablePart
-from adaptsim_cli.bench.touch_off.parts import Grasp, GuidedTouchRig, TouchRig, plan_of
+from adaptsim_cli.bench.touch_off.parts import Grasp, GuidedTouchRig, HoldingHand
 from adaptsim_cli.bench.touch_off.store import SavedTouchOff, TouchOffStore
 from adaptsim_cli.config import Config, Places
 from adaptsim_cli.errors import PreflightFailed
@@ -23,7 +23,6 @@ from hw.types import Array
 from sim.errors import NotExecutable
 from sim.panda.setting_down import SetDown
 from sim.panda.tool import ToolCorrection
-from sim.panda.touching import Probe
 from sim.tasks.task import Task
 
 ZEROS_RAD = 2e-4
@@ -97,54 +96,15 @@ def grasp_of(config: Config, handle_mm: float | None = None, force_N: float = 40
 
 
 @contextmanager
-def open_touch_rig(
+def open_guided_rig(
     config: Config, places: Places, grasp: Grasp, drivers: Drivers | None = None, screen: Screen | None = None
-) -> Iterator[TouchRig]:
-    """Arm and hand, connected, the arm last. Nothing moves.
+) -> Iterator[GuidedTouchRig]:
+    """The arm, connected, which a person guides, and the hand that holds its tool. Nothing moves.
 
     Every check that needs no device comes first. Raises UnknownName (a tool without corners), CalibrationMissing,
     SessionError, NotExecutable (places outside the work area), DeviceUnavailable, and the errors of `open_lab`.
     `drivers` are those of a real lab's devices.
     """
-    from sim.panda.planning import home
-    from sim.panda.tool import empty_hand, feeling, tool_of
-    from sim.panda.touching import HeldTool
-    from sim.tasks import get_task
-
-    task = get_task(config.task)
-    with open_lab(config, task, drivers, screen) as lab:
-        rig, shipped = lab.rig, task.require_hardware()
-        plan = plan_of(shipped)
-        _require_inside((*plan.table, *plan.tool), rig.table)
-        eye, zeros_rad = calibration_of(config, places, lab.nominal)
-        part = rig.tool(task.name)
-        hardware = replace(shipped, X_FT=part.designed(shipped.X_FT))
-        loaded = weighed(feeling(hardware), part)
-        cell = workcell(rig, zeros_rad, empty_hand(), (camera_box(eye.X_BC),))
-        home_rad = home(hardware.X_FT, cell.holding(tool_of(hardware)), hardware.home_pitch_rad)
-        arm, hand, tool_there, release = lab.for_touch_off(cell, loaded)
-        yield TouchRig(
-            name=config.hw,
-            title=lab.title,
-            key=calibration_key(config),
-            tool_name=tool_name(task),
-            arm=arm,
-            hand=hand,
-            grasp=grasp,
-            empty=HeldTool(cell, np.eye(4)),
-            loaded=HeldTool(cell.holding(loaded), hardware.X_FT),
-            plan=plan_of(hardware),
-            home_rad=home_rad,
-            tool_there=tool_there,
-            release=release,
-        )
-
-
-@contextmanager
-def open_guided_rig(
-    config: Config, places: Places, drivers: Drivers | None = None, screen: Screen | None = None
-) -> Iterator[GuidedTouchRig]:
-    """The arm, connected, with its tool; a person guides it. Nothing moves. Raises as `open_touch_rig`."""
     from sim.panda.setting_down import set_downs
     from sim.panda.tool import feeling, touchable
     from sim.tasks import get_task
@@ -159,7 +119,7 @@ def open_guided_rig(
         part = rig.tool(task.name)
         hardware = replace(shipped, X_FT=part.designed(shipped.X_FT))
         cell = workcell(rig, zeros_rad, weighed(feeling(hardware), part), (camera_box(eye.X_BC),))
-        arm, pause, person = lab.for_guided_touch_off(cell)
+        arm, hand, pause, person, release = lab.for_touch_off(cell)
         yield GuidedTouchRig(
             name=config.hw,
             title=lab.title,
@@ -172,15 +132,16 @@ def open_guided_rig(
             set_downs=places_down,
             work_m=np.array(touched.centre_m),
             pause=pause,
+            holding=None if hand is None else HoldingHand(hand, grasp, release),
             person=person,
         )
 
 
-def _require_inside(probes: Sequence[Probe | SetDown], area: TablePart) -> None:
-    for probe in probes:
-        if not area.covers(probe.xy_m):
-            x_m, y_m = probe.xy_m
+def _require_inside(set_downs: Sequence[SetDown], area: TablePart) -> None:
+    for one in set_downs:
+        if not area.covers(one.xy_m):
+            x_m, y_m = one.xy_m
             raise NotExecutable(
-                f"{probe.name} would be touched at x {x_m:.3f} m, y {y_m:+.3f} m, which is outside of the work area, x "
+                f"{one.name} would be touched at x {x_m:.3f} m, y {y_m:+.3f} m, which is outside of the work area, x "
                 f"{area.x_m}, y {area.y_m}: widen [table] of the rig file where the table is free"
             )

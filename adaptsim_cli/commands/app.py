@@ -241,7 +241,6 @@ def _codes() -> tuple[tuple[type[BaseException], int], ...]:
         (hw.errors.DeviceUnavailable, 3),
         (hw.errors.BalanceError, 3),
         (hw.errors.HandError, 3),
-        (hw.errors.NoContact, 3),
         (sim.errors.ClusterUnavailable, 3),
         (sim.errors.ExtraMissing, 3),
         (calib.errors.ViewFolderError, 8),

@@ -68,7 +68,9 @@ World = Annotated[
 Seed = Annotated[int | None, typer.Option("--seed", show_default="0", help="Seed of all random numbers.")]
 Hw = Annotated[
     str | None,
-    typer.Option("--hw", show_default="fake", rich_help_panel=ROBOT, help="Which hardware: fake, panda, fr3 or own."),
+    typer.Option(
+        "--hw", show_default="fake", rich_help_panel=ROBOT, help="Which hardware: fake, panda, fr3, fr3v2 or own."
+    ),
 ]
 AnswerWith = Annotated[
     str | None,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from adaptsim_cli.screen.console import Screen
     from adaptsim_cli.session.target import Openers
 
-_RigFile = Annotated[str | None, typer.Option("--hw", help="Plan for the lab of the rig file: panda or fr3.")]
+_RigFile = Annotated[str | None, typer.Option("--hw", help="Plan for the lab of the rig file: panda, fr3 or fr3v2.")]
 
 
 @command("task", "world", "seed", "hw", "answer_with", "answer_moves", "realtime", "pace", "operator")
@@ -73,7 +73,7 @@ def rollout(
 def preview(
     screen: Screen,
     resolved: Resolved,
-    arm: Annotated[str | None, typer.Option("--arm", help="Arm with its factory limits: panda or fr3.")] = None,
+    arm: Annotated[str | None, typer.Option("--arm", help="Arm with its factory limits: panda, fr3 or fr3v2.")] = None,
     context: options.Context = None,
     action: options.Action = None,
     html: Annotated[

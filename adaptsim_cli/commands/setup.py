@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from adaptsim_cli.screen.console import Screen
     from sim.types import Part
 
-_ArmOrPractice = Annotated[str | None, typer.Option("--hw", help="Which hardware: fr3, panda, or fake to practise.")]
+_ArmOrPractice = Annotated[
+    str | None, typer.Option("--hw", help="Which hardware: fr3, fr3v2, panda, or fake to practise.")
+]
 
 
 @command("task", "world", "seed", "operator", hw=_ArmOrPractice, with_json=False)
@@ -57,10 +59,15 @@ def doctor(
     assessment: Annotated[
         Path | None, typer.Option("--assessment", help="Write a risk assessment of this rig into a new .html file.")
     ] = None,
+    measure: Annotated[
+        bool, typer.Option("--measure", help="Also measure for a minute what the arm needs before a motion.")
+    ] = False,
 ) -> Reply:
     """Check everything that an iteration needs, and give the remedy for whatever is missing. Nothing moves.
 
-    Exit code 3 when something is missing. With --assessment it only writes the sheet, to be completed and signed.
+    With --measure it also sends the arm the settings of ten motions, without a motion, watches it at rest for a minute,
+    and proposes the bounds of [arm.starting]. Exit code 3 when something is missing. With --assessment it only writes
+    the sheet, to be completed and signed.
 
     Example: adaptsim doctor --hw fr3
     """
@@ -71,7 +78,8 @@ def doctor(
         risks.write(resolved, assessment, screen)
         return Reply()
     with screen.busy(f"Looking at everything that hw = {resolved.config.hw} needs"):
-        findings = tuple(checks.examine(resolved))
+        names = (*checks.CHECKS, *(checks.MEASUREMENTS if measure else ()))
+        findings = tuple(checks.examine(resolved, names))
     screen.print(table.checklist(findings, resolved.config))
     return table.reply(findings, resolved.config)
 

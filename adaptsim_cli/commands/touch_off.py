@@ -20,19 +20,10 @@ app = typer.Typer()
 
 
 @app.callback(invoke_without_command=True)
-@command(*RIG, "realtime", "pace", "operator")
+@command(*RIG, "operator")
 def touch_off(
     screen: Screen,
     resolved: Resolved,
-    guide: Annotated[
-        bool, typer.Option("--guide", help="Set the tool down by hand at seven places; nothing moves by itself.")
-    ] = False,
-    automatic: Annotated[
-        bool,
-        typer.Option(
-            "--automatic", help="Let a real arm feel for the table by itself, which nobody has seen on one yet."
-        ),
-    ] = False,
     grasp_force_N: Annotated[
         float, typer.Option("--grasp-force", min=5.0, max=70.0, help="Grasp force of the hand, N.")
     ] = 40.0,
@@ -47,31 +38,24 @@ def touch_off(
     ] = None,
     yes: options.Yes = False,
 ) -> Reply:
-    """Find the table's height and the tool's pose in the hand by touching. Do this before the first scoop.
+    """Measure the table and the tool's pose in the hand. Do this before the first scoop.
 
-    With --guide you set the tool down by hand. Without it the arm feels for the table by itself, slowly; on a real arm
-    only with --automatic. Planning uses the result from then on. Nothing is stored unless all touches agree.
+    You set the tool down by hand at seven places; the arm never moves by itself. A hand that does not hold the tool
+    yet takes it first. Planning uses the result from then on. Nothing is stored unless all places agree.
 
     Example: adaptsim touch-off --task scooping --world steep-mount --seed 0 --yes
     """
     from functools import partial
 
     from adaptsim_cli.bench import touch_off_in_use
-    from adaptsim_cli.bench.touch_off import flow, guiding
-    from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.bench.touch_off import guiding
     from adaptsim_cli.session import rig_sessions
 
-    store, sessions = _store(resolved), rig_sessions.open_sessions(resolved.config, resolved.places)
-    if guide:
-        if automatic:
-            raise UsageError("--guide and --automatic exclude each other: leave one out")
-        open_guided = partial(touch_off_in_use.open_guided_rig, screen=screen)
-        return guiding.run(resolved, store, sessions, open_guided, screen, yes=yes)
-    if not (automatic or resolved.config.is_simulated or yes):
-        raise UsageError(flow.UNSEEN)
-    grasp = touch_off_in_use.grasp_of(resolved.config, handle_mm, grasp_force_N)
-    open_rig = partial(touch_off_in_use.open_touch_rig, screen=None if resolved.config.unattended(yes) else screen)
-    return flow.run(resolved, grasp, store, sessions, open_rig, screen, yes=yes)
+    config = resolved.config
+    sessions = rig_sessions.open_sessions(config, resolved.places)
+    grasp = touch_off_in_use.grasp_of(config, handle_mm, grasp_force_N)
+    open_rig = partial(touch_off_in_use.open_guided_rig, screen=None if config.unattended(yes) else screen)
+    return guiding.run(resolved, grasp, _store(resolved), sessions, open_rig, screen, yes=yes)
 
 
 def _store(resolved: Resolved) -> TouchOffStore:

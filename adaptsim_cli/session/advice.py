@@ -148,7 +148,7 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     checks = _checks(facts)
     if result.suspicion is not None and not facts.recorded:
         where = same_lab(facts.task, facts.hw, facts.world, facts.seed)
-        return ((f"adaptsim touch-off --guide {where}", result.suspicion.question), again, *checks[:1])
+        return ((f"adaptsim touch-off {where}", result.suspicion.question), again, *checks[:1])
     match verdict.kind:
         case Kind.HOPELESS:
             return (*checks, use)

@@ -17,8 +17,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import Field
-
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import recording, records
@@ -159,14 +157,12 @@ class About(Record):
     """about.json: a person's note. The only file of a session that is replaced."""
 
     note: str = ""  # free text
-    tags: tuple[str, ...] = Field(default=(), exclude=True)  # of earlier versions; read as part of the note
 
 
 def about(folder: Path) -> About:
     """The note of the session in `folder`; empty if there is none. Raises SessionError."""
     path = folder / ABOUT
-    stored = records.read(About, path) if path.exists() else About()
-    return About(note=" ".join((stored.note, *(f"#{tag}" for tag in stored.tags))).strip())
+    return records.read(About, path) if path.exists() else About()
 
 
 def mark(root: Path, name: str, note: str) -> Marked:

@@ -331,11 +331,6 @@ def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
         raise corrupt(path, explained(error)) from error
 
 
-def read_object(path: Path) -> dict[str, Any]:
-    """The one table of a JSON file without a seal. Raises SessionError naming the file."""
-    return _table(path, is_sealed=False)
-
-
 def _table(path: Path, *, is_sealed: bool) -> dict[str, Any]:
     """The table in a file, without its seal."""
     try:

@@ -25,11 +25,12 @@ from adaptsim_cli.session.records import Facts, TrialRecord
 from adaptsim_cli.session.retracking import tool_poses
 from adaptsim_cli.session.store import SessionStore
 from hw.extras import missing
+from hw.joint_limits import LIMITS
 from hw.types import Array
 from sim.errors import ExtraMissing
 from sim.panda.shapes import PRIMITIVES, mesh
 
-REAL_ARMS = ("panda", "fr3")
+REAL_ARMS = tuple(LIMITS)
 
 
 @dataclass(frozen=True, eq=False)

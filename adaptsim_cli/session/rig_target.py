@@ -97,11 +97,6 @@ class RigTarget:
         return self.rig.is_real
 
     @property
-    def owns_devices(self) -> bool:
-        """See `Target`."""
-        return True
-
-    @property
     def outcomes(self) -> tuple[Outcome, ...]:
         """The outcomes that a person may choose between."""
         return self.tracker.outcomes

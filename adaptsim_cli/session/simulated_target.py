@@ -45,7 +45,7 @@ class KnownMotion:
 class WithoutDevices:
     """The part of a `Target` in which nothing can move."""
 
-    moves = needs_consent = owns_devices = False
+    moves = needs_consent = False
     release = Release()
     outcomes: tuple[Outcome, ...] = ()  # nobody watches, so nobody overrules
 

@@ -47,10 +47,6 @@ class Target(Protocol):
         """Whether a person confirms every motion at the terminal, also with --yes."""
 
     @property
-    def owns_devices(self) -> bool:
-        """Whether this program connects an arm and a camera, its own or those of the simulated lab."""
-
-    @property
     def release(self) -> Release:
         """The questions that let its arm move; those of nobody where there is no arm."""
 

@@ -13,7 +13,7 @@ from adaptsim_cli.session.folders import names
 from adaptsim_cli.session.hindsight import Hindsight
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.judgement import Judgement
-from adaptsim_cli.session.records import ROLLOUT, read_object
+from adaptsim_cli.session.records import ROLLOUT
 from adaptsim_cli.session.store import RESULT, TRIAL, SessionStore
 from adaptsim_cli.show import page, truth_view
 from adaptsim_cli.show.truth import revealed
@@ -81,7 +81,7 @@ def confirmed(store: SessionStore) -> tuple[float, ...]:
     results = [file.stat().st_mtime_ns for file in store.folder.glob(f"iteration-*/result-*/{RESULT}")]
     if not results:
         return ()
-    values, root = _stored_alone(store, max(results)), store.folder.parent
+    values, root = list[float](), store.folder.parent
     for name in names(root):
         with suppress(SessionError):
             other = SessionStore.open(root, name)
@@ -89,19 +89,6 @@ def confirmed(store: SessionStore) -> tuple[float, ...]:
                 files = ((other.trial_folder(*trial.place) / TRIAL, trial.reward) for trial in trials_of(other))
                 values += [reward for file, reward in files if file.stat().st_mtime_ns >= max(results)]
     return tuple(values)
-
-
-def _stored_alone(store: SessionStore, since_ns: int) -> list[float]:
-    """Rewards of the rollouts that earlier versions stored in folders of their own."""
-    rewards = list[float]()
-    for trial in sorted((store.folder.parents[1] / "rollouts").glob(f"*/{TRIAL}")):
-        if trial.stat().st_mtime_ns < since_ns:
-            continue
-        with suppress(SessionError, KeyError, TypeError, ValueError):
-            record = read_object(trial)
-            if record["session"] == store.facts.name:
-                rewards.append(float(record["reward"]))
-    return rewards
 
 
 def measured_udr(store: SessionStore) -> page.Reference | None:

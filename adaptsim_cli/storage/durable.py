@@ -82,17 +82,6 @@ def make_folder(path: Path) -> None:
             flush_folder(path.parent)
 
 
-def require_writable(folder: Path) -> None:
-    """Make `folder` and test writing to it, before the work that stores its result there.
-
-    Raises DiskFull, SessionError.
-    """
-    make_folder(folder)
-    with explained(folder), tempfile.NamedTemporaryFile(dir=folder, prefix=".", suffix=".writing") as file:
-        file.write(b"0")
-        flush_file(Path(file.name))
-
-
 def remove_leftovers(folder: Path) -> None:
     """Remove unfinished files of killed processes in `folder`. The caller must hold the folder's lock."""
     for path in folder.rglob(TEMPORARY):

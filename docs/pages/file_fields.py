@@ -137,7 +137,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         (
             ("", "adaptsim_cli.bench.touch_off.store", "SavedTouchOff"),
             ("every value with an interval", "adaptsim_cli.bench.touch_off.solving", "MeasuredValue"),
-            ("touches", "adaptsim_cli.bench.touch_off.store", "SlowTouchRecord"),
+            ("touches", "adaptsim_cli.bench.touch_off.store", "SetDownRecord"),
         ),
     ),
     (
@@ -230,9 +230,8 @@ SAID = {
     "tool_pitch_rad": "how much further its edge is pitched down",
     "tool_roll_rad": "how much further its left side is rolled up",
     "edge_over_table_m": "edge against table, 95 %",
-    "repeat_m": "spread of touches of one place",
     "misfit_m": "largest distance of a place from the fit to all others",
-    "touches": "every slow touch",
+    "touches": "every corner that was set down, and the middle of the edge",
     "description": "one sentence for `adaptsim lab list`",
     "nuisance": "what differs from trial to trial; left out: the middle",
     "unmodelled": "effects that no parameter expresses",

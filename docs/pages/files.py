@@ -129,7 +129,7 @@ def _type(node: ast.expr) -> str:
         (" | None", ""),
     ):
         text = text.replace(old, new)
-    text = re.sub(r"\bHardware\b", "Literal['fake', 'panda', 'fr3']", text)
+    text = re.sub(r"\bHardware\b", "Literal['fake', 'panda', 'fr3', 'fr3v2']", text)
     text = re.sub(r"\bSide\b", "Literal['left', 'right', 'front', 'back']", text)
     text = re.sub(r"\b\w+(Part|Record|Collision|Summary)\b|\b(Collision|MeasuredValue)\b", "table", text)
     text = re.sub(r"tuple\[tuple\[int, float\], \.\.\.\]", "list of int and float", text)

@@ -21,23 +21,18 @@ class CameraKind:
 
     label: str  # the makers' names of the cameras
     make: str  # its `hw.camera.served.Make`, as module:name
-    find: Callable[[], Sequence[FoundDevice]]
+    find: Callable[[], Sequence[FoundDevice]] = tuple
     """The cameras of this kind that are plugged in. It runs in a child process, which a library may crash."""
     install: str = ""  # how to install what it needs, for a message
-
-
-def _by_probe() -> Sequence[FoundDevice]:
-    """Our own kinds are found by their probes, which also report their libraries."""
-    return ()
+    probe: Callable[[float], ProbeReport] | None = None
+    """The same with a report about its library, within so many seconds; None: `find` is called in a child process."""
 
 
 KINDS = {
-    "k4a": CameraKind("Azure Kinect, Femto Bolt", "hw.camera.served:kinect", _by_probe),
-    "realsense": CameraKind("Intel D400 family", "hw.camera.realsense:RealSenseDevice", _by_probe),
-}
-_PROBES: dict[str, Callable[[float], ProbeReport]] = {
-    "k4a": lambda patience_s: probe_k4a(patience_s=patience_s),
-    "realsense": lambda patience_s: probe_realsense(patience_s=patience_s),
+    "k4a": CameraKind("Azure Kinect, Femto Bolt", "hw.camera.served:kinect", probe=lambda s: probe_k4a(patience_s=s)),
+    "realsense": CameraKind(
+        "Intel D400 family", "hw.camera.realsense:RealSenseDevice", probe=lambda s: probe_realsense(patience_s=s)
+    ),
 }
 
 
@@ -52,6 +47,7 @@ CAMERAS = Registry[CameraKind](
 
 def probe(name: str, patience_s: float) -> ProbeReport:
     """The cameras of a kind that are plugged in, as a child process sees them. Raises DeviceUnavailable."""
-    if name in _PROBES:
-        return _PROBES[name](patience_s)
-    return probe_offered(name, CAMERAS.get(name).install, patience_s)
+    kind = CAMERAS.get(name)
+    if kind.probe is not None:
+        return kind.probe(patience_s)
+    return probe_offered(name, kind.install, patience_s)

@@ -14,13 +14,14 @@ from typing import Any
 
 from hw.camera import k4a_library, realsense
 from hw.camera.k4a_library import INSTALL, SUCCEEDED, HardwareVersion, K4aLibrary
+from hw.child import python_module
 from hw.errors import DeviceUnavailable
 
 REALSENSE = "pyrealsense2"
 _OFFERED = "camera of a package: "
 _MARK = "K4A-PROBE "  # libk4a may write to stdout too
 _PATIENCE_S = 20.0
-_CHILD = (sys.executable, "-P", "-m", "hw.camera.probe")
+_CHILD = python_module("hw.camera.probe")
 _PLUG = (
     "plug the camera into a USB 3 port of its own with its own power supply, wait until its light is on, and install "
     "the udev rules of docs/guide/cameras.md if you are not root"

@@ -1,4 +1,4 @@
-"""The real arms: a Franka Panda or FR3 behind `hw.ports.GuardedArm`, and its hand behind `hw.ports.Hand`.
+"""The real arms: a Franka Panda or FR3 behind `hw.ports.Arm`, and its hand behind `hw.ports.Hand`.
 
 `arm.open_franka` connects. From there: `arm.py` (the meaning of failures), `motions.py` (before and
 after a motion), `process.py` and `player.py` (the process that speaks to the arm), `playback.py` (a motion, cycle by

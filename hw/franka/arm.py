@@ -1,4 +1,4 @@
-"""A Franka arm behind `hw.ports.GuardedArm`: it checks motions, sends them to the player, and interprets failures.
+"""A Franka arm behind `hw.ports.Arm`: it checks motions, sends them to the player, and interprets failures.
 
 Times are `time.monotonic()`, which all processes of a computer share.
 """
@@ -15,30 +15,24 @@ from typing import Self
 import numpy as np
 
 from hw.collision import Tool
-from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, NoContact, StoppedByPedal
+from hw.errors import ArmFault, DeviceUnavailable, MotionRefused, StoppedByPedal
 from hw.franka.driver import LOST, UNAVAILABLE, UNMOVED, Failure, Reading
+from hw.franka.identity import TITLES, identify, narrowed, unsure
 from hw.franka.motions import (
-    FADE_S,
     READINGS,
-    SLOW_FADE_S,
     WHY,
-    PathCheck,
     StopReport,
     arm_stop,
-    back_from,
-    contact_of,
     from_held,
     require_declared,
     stop_report,
-    until,
-    way_back,
 )
-from hw.franka.playback import TOUCH, PlayableMotion, Played, Timing, motion_of
+from hw.franka.playback import PlayableMotion, Timing, motion_of
 from hw.franka.process import Player, PlayerProcess
 from hw.franka.sense import ForceSense
 from hw.franka.settings import FrankaSettings, Payload
 from hw.ports import Pedal
-from hw.types import ArmState, Contact, Execution, Guard, JointPath, frozen_array
+from hw.types import ArmState, Execution, JointPath, frozen_array
 from hw.watchdog import ALIVE, PEDAL, REQUESTED
 from hw.workcell import Workcell, refuse_while_stopped
 
@@ -49,10 +43,9 @@ _LATCHED = "no motion begins before a recovery, to which the same command leads 
 
 
 class FrankaArm:
-    """`hw.ports.GuardedArm`. `open_franka` makes one.
+    """`hw.ports.Arm`. `open_franka` makes one.
 
-    `last_execution` and `last_stop` describe the last motion, stopped or not. For a guarded motion they describe the
-    way there, or the way back if that was stopped.
+    `last_execution` and `last_stop` describe the last motion, stopped or not.
     """
 
     def __init__(
@@ -62,8 +55,11 @@ class FrankaArm:
         start: Callable[[], Player],
         *,
         pedal: Pedal | None = None,
+        now_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Raises ValueError if `cell` and `settings` state different forces at which the arm stops by itself."""
+        """`now_s` is the clock of all times. Raises ValueError if `cell` and `settings` state different forces at which
+        the arm stops by itself.
+        """
         for by_cell, by_settings, unit in (
             ([cell.stops_at_N], [settings.collision.contact_force_limit_N], "N"),
             (cell.stops_at_Nm.tolist(), settings.collision.torque_collision_Nm.tolist(), "Nm"),
@@ -74,12 +70,14 @@ class FrankaArm:
                     f"at {_listed(by_settings)} {unit}: give both the same"
                 )
         self._cell, self._model, self._start, self._pedal = cell, cell.arm.name, start, pedal
+        self._now_s = now_s
         self._player: Player | None = None
         self._entered = False
         self._fault: str | None = None
         self._stops = self._answered = 0  # calls of `stop`, and those that a recovery has answered
         self._payload, self._weighed = settings.payload, False  # whether the arm was found to feel just that
         self._sense = ForceSense(self._model)
+        self._identity_notes: tuple[str, ...] = ()
         self._carries = False  # the payload was set since the player got its settings
         self.last_execution: Execution | None = None
         self.last_stop: StopReport | None = None
@@ -91,8 +89,12 @@ class FrankaArm:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Real-time properties that the computer denies the player's process; empty before entering."""
-        return () if self._player is None else self._player.notes
+        """Sentences for the operator, empty before entering.
+
+        They say how the arm differs from the model of the rig file, and which real-time properties the computer denies
+        the player's process.
+        """
+        return () if self._player is None else (*self._identity_notes, *self._player.notes)
 
     def __enter__(self) -> Self:
         """Start the player and connect. Raises DeviceUnavailable."""
@@ -114,7 +116,7 @@ class FrankaArm:
         """Measured joints; `fault` also says why the arm would not move (joints locked, stop button, reflex)."""
         reading = self._reading()
         return ArmState(
-            time.monotonic(),
+            self._now_s(),
             frozen_array(reading.q_rad, (7,), "q_rad"),
             frozen_array(reading.dq_rad_s, (7,), "dq_rad_s"),
             self._stopped_by() or reading.unwilling,
@@ -127,30 +129,9 @@ class FrankaArm:
         Raises MotionRefused, ArmFault or StoppedByPedal; if it braked, the last two carry the path to standstill.
         """
         with _heard():
-            self._play(self._admitted(path, self._cell.require, FADE_S))
+            self._play(self._admitted(path))
         assert self.last_execution is not None
         return self.last_execution
-
-    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
-        """Play `path` until the force reaches the guard's, brake, and go back to the start of `path`.
-
-        Raises NoContact (back at the start), MotionRefused (nothing moved), ArmFault or StoppedByPedal (stopped on the
-        way there or back, and still there).
-        """
-        self._weighed = False  # the tare would hide what leans on the arm
-        with _heard():
-            motion = self._admitted(path, until(guard, self._cell), SLOW_FADE_S)
-            played = self._play(motion, guard)
-            search, stop = self.last_execution, self.last_stop
-            contact = contact_of(played, motion.path)
-            self._play(self._way_back(played, motion.path, back_from(guard, self._cell)))
-        self.last_execution, self.last_stop = search, stop
-        if contact is None:
-            raise NoContact(
-                f"{self._model}: the arm came to the end of its path, {path.duration_s:.1f} s, and touched nothing; it "
-                "is back at the start"
-            )
-        return contact
 
     def stop(self) -> None:
         """Ask the running motion to brake along its path; `execute` then raises ArmFault. From any thread.
@@ -182,15 +163,16 @@ class FrankaArm:
         if self._fault is not None:
             raise ArmFault(f"{self._model} does not recover: {self._fault}")
 
-    def _admitted(self, path: JointPath, check: PathCheck, fade_s: float) -> PlayableMotion:
+    def _admitted(self, path: JointPath) -> PlayableMotion:
         """`path` in the player's form. Raises ArmFault and MotionRefused; nothing has moved."""
         reading = self._reading()
         self._fault = self._fault or reading.unwilling  # a stop button that is released now still needs a recovery
         refuse_while_stopped(self._stopped_by())
+        check = self._cell.require
         check(path, frozen_array(reading.q_rad))
         self._feel(path)
         held_rad = frozen_array(reading.q_held_rad)
-        motion = motion_of(from_held(path, held_rad, self._model, check, fade_s), self._cell.motion)
+        motion = motion_of(from_held(path, held_rad, self._model, check), self._cell.motion)
         motion = replace(motion, checked_s=reading.at_s)
         if self._pedal is not None and not self._pedal.enabled():
             raise MotionRefused(
@@ -219,30 +201,11 @@ class FrankaArm:
             self._sense.require_change()
         self._weighed = True
 
-    def _way_back(self, played: Played, path: JointPath, check: PathCheck) -> PlayableMotion:
-        """Move from the end of a guarded motion back to its start.
-
-        Raises ArmFault and StoppedByPedal: the arm stays where it is.
-        """
-        assert self._player is not None
-        try:
-            reading = self._player.reading()
-            motion = way_back(played, path, frozen_array(reading.q_held_rad), self._cell.motion, check)
-        except Failure as failure:
-            raise self._error(failure, moving=True) from failure
-        except MotionRefused as error:
-            raise self._stopped(ArmFault, f"it cannot go back from the contact ({error})") from error
-        if self._pedal is not None and not self._pedal.enabled():
-            raise self._stopped(StoppedByPedal, f"{WHY['pedal']} before the way back")
-        if self._stop_wanted:
-            raise self._stopped(ArmFault, f"{WHY['request']} before the way back")
-        return replace(motion, checked_s=reading.at_s)
-
-    def _play(self, motion: PlayableMotion, guard: Guard | None = None) -> Played:
+    def _play(self, motion: PlayableMotion) -> None:
         """Raises ArmFault and StoppedByPedal."""
         assert self._player is not None
         try:
-            outcome = self._player.play(motion, self._word, guard)
+            outcome = self._player.play(motion, self._word)
         except Failure as failure:
             raise self._error(failure, moving=failure.kind != UNMOVED) from failure
         except BaseException:  # Ctrl-C: the player no longer hears from the program and brakes
@@ -250,7 +213,7 @@ class FrankaArm:
             self._drop_player()
             raise
         played = outcome.played
-        t_start_s = float(played.clock_s[0]) if len(played.t_s) else time.monotonic()
+        t_start_s = float(played.clock_s[0]) if len(played.t_s) else self._now_s()
         measured = {name: log for name, log in played.measured.items() if np.isfinite(log).all()}
         joints = played.q_commanded_rad, played.q_measured_rad
         execution = Execution(t_start_s, played.t_s, *joints, played.success_rate, measured)
@@ -260,10 +223,9 @@ class FrankaArm:
             self._fault = outcome.failure.text  # also if the arm refused to begin: its stop button may be released now
             after_s = float(played.t_s[-1]) if len(played.t_s) else None
             raise self._error(outcome.failure, moving=after_s is not None, after_s=after_s, latched=True)
-        if self.last_stop is not None and self.last_stop.why != TOUCH:
+        if self.last_stop is not None:
             kind = StoppedByPedal if self.last_stop.why == "pedal" else ArmFault
             raise self._stopped(kind, WHY[self.last_stop.why], f" {self.last_stop}{self._pedal_now(kind)}")
-        return played
 
     def _stopped(self, kind: type[ArmFault], why: str, how: str = "") -> ArmFault:
         """A fault that lasts until `recover`."""
@@ -311,12 +273,36 @@ class FrankaArm:
         if self._player is None:
             try:
                 self._player = self._start()
+                self._recognise(self._player)
                 if self._carries:
                     self._player.carry(self._payload)
             except Failure as failure:
                 self._drop_player()
                 raise DeviceUnavailable(failure.text) from failure
         return self._player
+
+    def _recognise(self, player: Player) -> None:
+        """See that the arm is of the model that every check counts on; of its joint limits the narrower count.
+
+        Raises DeviceUnavailable for another model, and Failure.
+        """
+        report = player.report()
+        identity = identify(self._model, report)
+        if identity.model not in (None, self._model):
+            self._drop_player()
+            raise DeviceUnavailable(
+                f"the rig file says {self._model}, and the connected arm is {TITLES[str(identity.model)]}: "
+                f"{identity.why}. "
+                f'Nothing has moved. Write model = "{identity.model}" under [arm] of the rig file, and say '
+                f"--hw {identity.model}"
+            )
+        unsure_of = () if identity.model else (unsure(self._model, identity),)
+        try:
+            limits, differences = narrowed(self._cell.arm.limits, report.urdf)
+        except ValueError as error:
+            limits, differences = self._cell.arm.limits, (f"the arm's own description cannot be read: {error}",)
+        self._cell = replace(self._cell, arm=replace(self._cell.arm, limits=limits))
+        self._identity_notes = (*unsure_of, *differences)
 
     def _error(
         self, failure: Failure, *, moving: bool = False, after_s: float | None = None, latched: bool = False

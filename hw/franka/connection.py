@@ -1,4 +1,4 @@
-"""A connected arm of either model: the maker's `pylibfranka` drives the FR3, `panda_py` (libfranka 0.9.2) the Panda.
+"""A connected arm: the maker's `pylibfranka` drives the FR3 and the FR3 v2, `panda_py` (libfranka 0.9.2) the Panda.
 
 The SDKs differ only in how they drive a motion (`DRIVES`).
 
@@ -11,6 +11,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from typing import Any
+
+import numpy as np
 
 from hw.errors import DeviceUnavailable
 from hw.franka import realtime as real_time
@@ -29,11 +31,15 @@ from hw.franka.driver import (
     mode_name,
 )
 from hw.franka.explanations import AT_REST, CONNECTING, MOVING, STARTING, Phase
+from hw.franka.identity import ArmReport
 from hw.franka.playback import Rhythm
 from hw.franka.readback import hand_mismatch, load_mismatch
 from hw.franka.settings import FrankaSettings, Payload
-from hw.franka.states import UNWATCHED_S, States
+from hw.franka.starting import START_S, Rehearsal
+from hw.franka.states import States
+from hw.franka.versions import PACKAGES
 from hw.joint_limits import LIMITS
+from hw.mass import Mass
 
 NO_FILTER_HZ = 1000.0
 """libfranka's `kMaxCutoffFrequency`: the path is played as it was checked.
@@ -78,7 +84,7 @@ def drive_panda(sdk: Any, robot: Any, step: Step) -> None:
     )
 
 
-DRIVES: dict[str, Drive] = {"fr3": drive_fr3, "panda": drive_panda}
+DRIVES: dict[str, Drive] = {"fr3": drive_fr3, "fr3v2": drive_fr3, "panda": drive_panda}
 
 
 RECOVERY_READINGS = 1000
@@ -105,7 +111,7 @@ class Connection:
         settings: FrankaSettings,
         *,
         realtime: bool,
-        unwatched_s: float = UNWATCHED_S,
+        unwatched_s: float | None = None,
         clock: Callable[[], float] = time.monotonic,
         take_priority: Callable[[], None] = lambda: None,
     ) -> None:
@@ -125,6 +131,7 @@ class Connection:
             raise self._failure(error, CONNECTING) from error
         self._take_priority = take_priority
         self._lower_priority(UNAVAILABLE)
+        unwatched_s = settings.starting.unwatched_s if unwatched_s is None else unwatched_s
         self._clock, self._states = clock, States(self._robot, clock, unwatched_s)
 
     def reading(self) -> Reading:
@@ -164,6 +171,26 @@ class Connection:
         missed = max(round(1e3 * (last_s - first_s)) - (states - 1), 0)
         return Rhythm(states, missed, gap_s, version, real_time.priority())
 
+    def report(self) -> ArmReport:
+        """What the arm says of itself, as far as its SDK hands it out. Nothing moves, and no setting changes."""
+        robot, alone = self._robot, [*PACKAGES.values()].count(PACKAGES[self._model]) == 1
+        urdf = ""
+        unreadable: tuple[type[Exception], ...] = (*self._errors, ValueError)
+        try:
+            if hasattr(robot, "get_robot_model"):
+                urdf = str(robot.get_robot_model())
+            if alone or not hasattr(robot, "load_model"):
+                return ArmReport(urdf=urdf)  # a Panda would send a library of its own, to be run here
+            state = self._states.present()
+            matrix = np.array(robot.load_model().mass(state), dtype=np.float64).reshape(7, 7)
+            inertia = np.array(state.I_total, dtype=np.float64).reshape(3, 3)
+            load = Mass(float(state.m_total), np.array(state.F_x_Ctotal), (inertia + inertia.T) / 2.0)
+        except unreadable as error:
+            if (outcome := self._failure(error)).kind == LOST:
+                raise outcome from error
+            return ArmReport(urdf=urdf)  # an arm that does not say what it is may still be read and recovered
+        return ArmReport(np.array(state.q), matrix, load, urdf)
+
     def prepare(self, checked_s: float) -> None:
         """Give the arm its settings, before every motion, and see that it took them; nothing has moved.
 
@@ -172,12 +199,32 @@ class Connection:
         """
         self._require_idle(checked_s)
         try:
-            _configure(self._robot, self._settings, self._payload)
+            self._configure()
             self._require_taken()
         except self._errors as error:
             outcome = self._failure(error)
             raise outcome if outcome.kind == LOST else Failure(UNMOVED, f"{outcome.text}; nothing has moved") from error
         self._require_idle(checked_s)
+
+    def rehearse(self, starts: int, readings: int) -> Rehearsal:
+        """Do everything that comes before a motion, `starts` times, then take `readings` states at rest. Nothing moves.
+
+        Raises `Failure`, also where the arm's mode is another than Idle.
+        """
+        pauses_s, took_s = [], []
+        for _ in range(starts):
+            checked_s, began_s = self.reading().at_s, self._clock()
+            self._states.longest_s = 0.0
+            self.prepare(checked_s)
+            pauses_s.append(self._states.longest_s)
+            took_s.append(self._clock() - began_s)
+        try:
+            held_rad = np.array([self._states.next().q_d for _ in range(readings)])
+        except self._errors as error:
+            raise self._failure(error) from error
+        window = max(round(1e3 * START_S), 1)
+        wander_rad = max(float(np.ptp(held_rad[i : i + window], axis=0).max()) for i in range(0, readings, window))
+        return Rehearsal(starts, max(pauses_s), max(took_s), 1e-3 * readings, wander_rad)
 
     def drive(self, step: Step) -> None:
         """Call `step` every millisecond until it says that its joints are the last. A Failure of it ends the motion."""
@@ -225,6 +272,23 @@ class Connection:
             self._take_priority()
         except DeviceUnavailable as error:
             raise Failure(kind, str(error)) from error
+
+    def _configure(self) -> None:
+        """Set collision thresholds, joint impedance and payload; all other settings stay as in Desk.
+
+        After each command the states are read that came meanwhile, so that each answer is a pause of its own.
+        """
+        robot, collision = self._robot, self._settings.collision
+        robot.set_collision_behavior(
+            collision.torque_contact_Nm.tolist(),
+            collision.torque_collision_Nm.tolist(),
+            collision.force_contact_N.tolist(),
+            collision.force_collision_N.tolist(),
+        )
+        self._states.next()
+        robot.set_joint_impedance(self._settings.joint_impedance_Nm_rad.tolist())
+        self._states.next()
+        _load(robot, self._payload)
 
     def _require_idle(self, checked_s: float) -> None:
         reading = self._settled()
@@ -283,19 +347,6 @@ class Connection:
 
     def _failure(self, error: Exception, phase: Phase = AT_REST, reasons: tuple[str, ...] = ()) -> Failure:
         return failure(error, self._model, self._host, reasons, phase)
-
-
-def _configure(robot: Any, settings: FrankaSettings, payload: Payload) -> None:
-    """Set collision thresholds, joint impedance and payload; all other settings stay as in Desk."""
-    collision = settings.collision
-    robot.set_collision_behavior(
-        collision.torque_contact_Nm.tolist(),
-        collision.torque_collision_Nm.tolist(),
-        collision.force_contact_N.tolist(),
-        collision.force_collision_N.tolist(),
-    )
-    robot.set_joint_impedance(settings.joint_impedance_Nm_rad.tolist())
-    _load(robot, payload)
 
 
 def _load(robot: Any, payload: Payload) -> None:

@@ -29,7 +29,7 @@ class HandProcess:
     """
 
     def __init__(self, model: str, host: str, *, pedal: Pedal | None = None, silence_s: float = SILENCE_S) -> None:
-        """`model` is the arm's, "panda" or "fr3"; `host` its address."""
+        """`model` is the arm's, a key of `hw.franka.versions.PACKAGES`; `host` its address."""
         self._model, self._host, self._pedal, self._silence_s = model, host, pedal, silence_s
         self._child: Child | None = None
         self.stopped_after_s: float | None = None

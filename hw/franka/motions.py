@@ -1,31 +1,25 @@
 """Before a motion of an arm: its checks, its beginning at the joints that the arm holds, and the load that it feels.
 
-After it, from its log: its stop; of a guarded motion also its contact and its way back.
+After it, from its log: its stop.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from hw.braking import brake
 from hw.dynamics import GRAVITY_M_S2
 from hw.errors import MotionRefused
 from hw.franka.driver import Reading
-from hw.franka.playback import NONSENSE, STILL_RAD_S, TOUCH, PlayableMotion, Played, motion_of
+from hw.franka.playback import NONSENSE, STILL_RAD_S, Played
 from hw.kinematics import forward, jacobian
-from hw.limits import START_TOLERANCE_RAD, refuse_beyond
-from hw.motion_limits import MotionLimits
-from hw.quantities import EXTERNAL_TORQUE
-from hw.types import PATH_RATE_HZ, Array, Contact, Guard, JointPath
+from hw.limits import START_TOLERANCE_RAD
+from hw.types import PATH_RATE_HZ, Array, JointPath
 from hw.watchdog import IN_WORDS
-from hw.workcell import Workcell, check_guarded, require_guarded, withdrawal
 
 FADE_S = 0.5
-SLOW_FADE_S = 2.0
-"""Fade of guarded motions; their speed is limited too."""
 SAME_RAD = 1e-6
 """States come in single precision, so the held joints may differ by this much from the last command."""
 
@@ -34,20 +28,10 @@ PathCheck = Callable[[JointPath, Array | None], object]
 """Raises MotionRefused for a path that must not be played; given the present joints (7,), it has to begin there."""
 
 
-def until(guard: Guard, cell: Workcell) -> PathCheck:
-    """The check of a motion that ends at a touch. A motion played to its end is checked by `Workcell.require`."""
-    return lambda path, q_now_rad: require_guarded(path, guard, cell, q_now_rad)
-
-
-def back_from(guard: Guard, cell: Workcell) -> PathCheck:
-    """The check of the way back from the touch, which declares no contact."""
-    return lambda path, q_now_rad: refuse_beyond(check_guarded(path, guard, cell, q_now_rad))
-
-
-def from_held(path: JointPath, q_held_rad: Array, model: str, check: PathCheck, fade_s: float) -> JointPath:
+def from_held(path: JointPath, q_held_rad: Array, model: str, check: PathCheck) -> JointPath:
     """`path`, begun at the joints (7,) that the arm's controller holds: the arm rejects a jump.
 
-    The difference is the sag under load. It fades over `fade_s`, and `check` checks the result again. Raises
+    The difference is the sag under load. It fades over `FADE_S`, and `check` checks the result again. Raises
     MotionRefused if the difference is too large for a sag, and the errors of `check`.
     """
     off = q_held_rad - path.q_rad[0]
@@ -59,7 +43,7 @@ def from_held(path: JointPath, q_held_rad: Array, model: str, check: PathCheck, 
             f"{model}: distance from the arm's commanded position of joint {joint + 1} is "
             f"{abs(off[joint]):.4g} rad, limit {START_TOLERANCE_RAD:g} rad; nothing has moved, plan from there"
         )
-    u = np.minimum(path.t_s / min(fade_s, path.duration_s), 1.0)
+    u = np.minimum(path.t_s / min(FADE_S, path.duration_s), 1.0)
     left = 1.0 - u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
     faded = JointPath(path.t_s, path.q_rad + left[:, None] * off, path.contact)
     check(faded, None)
@@ -100,12 +84,13 @@ BY_ITSELF, BUTTON = "the arm", "the stop button"
 class StopReport:
     """Times on the arm's clock and the measured travel of the flange, counted from the player's decision to stop."""
 
-    why: str  # "pedal", "request", "silence", "orphaned", "touch", `BY_ITSELF`, `BUTTON`
+    why: str  # "pedal", "request", "silence", "orphaned", `BY_ITSELF`, `BUTTON`
     at_s: float  # path time
     braking_after_s: float  # until the first slowed command
     still_after_s: float  # until every joint stays slower than `STILL_RAD_S`
     way_m: float  # travel of the flange until then
     braked_clock_s: float  # time.monotonic() of the first slowed command
+    q_rad: Array | None = field(default=None, compare=False, repr=False)  # (K, 7) measured, one a millisecond, to rest
 
     def __str__(self) -> str:
         return (
@@ -121,7 +106,8 @@ def stop_report(played: Played) -> StopReport | None:
     first = played.wanted_at
     moving = np.flatnonzero(np.abs(played.dq_measured_rad_s[first:]).max(axis=1) >= STILL_RAD_S)
     still = min(first + (int(moving[-1]) + 1 if len(moving) else 0), len(played.t_s) - 1)
-    flange_m = forward(played.q_measured_rad[first : still + 1])[:, :3, 3]
+    q_rad = played.q_measured_rad[first : still + 1]
+    flange_m = forward(q_rad)[:, :3, 3]
     return StopReport(
         played.stop_wanted,
         float(played.t_s[first]),
@@ -129,6 +115,7 @@ def stop_report(played: Played) -> StopReport | None:
         float(played.t_s[still] - played.t_s[first]),
         float(np.linalg.norm(np.diff(flange_m, axis=0), axis=1).sum()),
         float(played.clock_s[played.braked_at]),
+        q_rad,
     )
 
 
@@ -141,8 +128,8 @@ def arm_stop(played: Played, rest: Sequence[Reading]) -> StopReport | None:
     if not len(played.t_s) or not moving or moving[-1]:
         return None
     still = len(moving) - moving[::-1].index(True) if any(moving) else 0
-    ways = [played.q_measured_rad[-1], *(reading.q_rad for reading in rest[: still + 1])]
-    flange_m = forward(np.array(ways))[:, :3, 3]
+    q_rad = np.array([played.q_measured_rad[-1], *(reading.q_rad for reading in rest[: still + 1])])
+    flange_m = forward(q_rad)[:, :3, 3]
     return StopReport(
         BUTTON if any(reading.by_hand for reading in rest) else BY_ITSELF,
         float(played.t_s[-1]),
@@ -150,39 +137,5 @@ def arm_stop(played: Played, rest: Sequence[Reading]) -> StopReport | None:
         (still + 1) / PATH_RATE_HZ,
         float(np.linalg.norm(np.diff(flange_m, axis=0), axis=1).sum()),
         float(played.clock_s[-1]),
+        q_rad,
     )
-
-
-def contact_of(played: Played, path: JointPath) -> Contact | None:
-    """The contact felt along `path`; None if it did not end by a touch.
-
-    Lost cycles are filled in: commanded joints from the path, measured joints and torques by linear interpolation.
-    """
-    if played.stop_wanted != TOUCH:
-        return None
-    felt = slice(0, played.wanted_at + 1)
-    ticks = np.arange(round(played.t_s[played.wanted_at] * PATH_RATE_HZ) + 1)
-    t_s = ticks / PATH_RATE_HZ
-
-    def every_ms(log: Array) -> Array:
-        return np.column_stack([np.interp(t_s, played.t_s[felt], column[felt]) for column in log.T])
-
-    measured = every_ms(played.q_measured_rad)
-    commanded = path.q_rad[np.minimum(ticks, len(path.t_s) - 1)]
-    torque_Nm = every_ms(played.measured[EXTERNAL_TORQUE.name])
-    return Contact(
-        float(t_s[-1]), measured[-1], played.largest_N, t_s, commanded, measured, torque_Nm, played.success_rate
-    )
-
-
-def way_back(
-    played: Played, path: JointPath, q_held_rad: Array, limits: MotionLimits, check: PathCheck
-) -> PlayableMotion:
-    """The path from the end of a motion along `path` back to its start, the way it came, begun at the held joints (7,).
-
-    Cycles lost on the way there are filled in. Raises MotionRefused.
-    """
-    motion = path if played.braked_from < 0 else brake(path, played.braked_from / PATH_RATE_HZ, limits)
-    back = withdrawal(motion)
-    check(back, None)
-    return motion_of(from_held(back, q_held_rad, limits.model, check, SLOW_FADE_S), limits)

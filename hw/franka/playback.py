@@ -6,23 +6,22 @@ motion ends without another command.
 
 A stop slows the path's time as `hw.braking` does. It begins at the next moment for which a stop within the limits was
 computed beforehand, and each cycle computes one sample of it. At the end the last sample is held until the arm stands
-still. A guarded motion stops itself in the same way, in the cycle in which its detector feels a touch.
+still.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite
 
 import numpy as np
 
 from hw.braking import check_braking, joint_spline
-from hw.contact import Detector
 from hw.errors import MotionRefused
 from hw.franka.driver import FAULT, Failure, Reading, SdkState
-from hw.franka.states import UNWATCHED_S
+from hw.franka.starting import HELD_RAD, START_S
 from hw.joint_limits import JointLimits
 from hw.limits import START_TOLERANCE_RAD
 from hw.motion_limits import MotionLimits
@@ -31,11 +30,12 @@ from hw.types import PATH_RATE_HZ, Array, JointPath
 from hw.watchdog import SILENCE_S, since_boot_s
 
 STOPS_EVERY_S = 0.01
-STALE_RAD = 3e-6
-"""How far the first sample may be from the joints that the arm's controller holds: in one millisecond this is 3 rad/s²
-and 3000 rad/s³, which every joint of both arms may do. States in single precision differ by less."""
-START_S = 1.0
-"""The longest time from the check of a motion to its first cycle. Later, the lab may have changed."""
+STEP_RAD = 3e-6
+"""How far the first command may be from the joints that the arm's controller holds: in one millisecond this is 3 rad/s²
+and 3000 rad/s³, which every joint of all arms may do. States in single precision differ by less."""
+FADE_TICKS = 500
+"""Over so many milliseconds a larger difference fades: a trajectory has to begin at the arm's most recent `q_d`
+(control_parameters.rst of the maker's FCI documentation)."""
 GAP_S = 0.02
 """The longest time between two cycles, on the arm's clock: the arm stops by itself after 20 lost commands in a row."""
 STILL_RAD_S = 0.01
@@ -47,9 +47,6 @@ HOLD_S = 0.5
 
 NONSENSE = "nonsense"
 """The reason of a stop because the arm reported NaN, or joints that it cannot have."""
-
-TOUCH = "touch"
-"""The reason of a guarded motion that stopped at a touch."""
 
 RATE_WINDOW = 100
 """Cycles over which the arm computes its success rate, which is meaningless before (libfranka, `RobotState`)."""
@@ -94,8 +91,6 @@ class Played:
     stop_wanted: str = ""  # why it braked; empty: it did not
     wanted_at: int = -1  # row at which the stop was requested
     braked_at: int = -1  # row of the first slowed sample
-    braked_from: int = -1  # sample of the path where braking began; -1: played to its end
-    largest_N: float = 0.0  # the largest force felt by the detector of a guarded motion
     measured: dict[str, Array] = field(default_factory=dict)
     """(M, K) by the names of `hw.quantities.QUANTITIES`: what the arm reported. NaN where it reported nonsense."""
 
@@ -106,10 +101,11 @@ class Played:
 
 
 class Playback:
-    """`step` is the arm's cycle. `stop_reason` returns the reason to stop now, or ""; `detector` detects a touch.
+    """`step` is the arm's cycle. `stop_reason` returns the reason to stop now, or "".
 
     `interrupted` returns, for the state of the first cycle, why the motion may no longer begin, or "". `sent_s` is when
-    the program sent the motion, on the clock `awake`; None: now.
+    the program sent the motion, on the clock `awake`; None: now. `held_rad` is how far the held joints may be from the
+    first sample; the difference fades.
     """
 
     def __init__(
@@ -117,15 +113,16 @@ class Playback:
         motion: PlayableMotion,
         stop_reason: Callable[[], str],
         clock: Callable[[], float],
-        detector: Detector | None = None,
         start_s: float = START_S,
         awake: Callable[[], float] = since_boot_s,
         interrupted: Callable[[SdkState], str] = lambda state: "",
         sent_s: float | None = None,
+        held_rad: float = HELD_RAD,
     ) -> None:
-        self._motion, self._wanted, self._clock, self._detector = motion, stop_reason, clock, detector
+        self._motion, self._wanted, self._clock = motion, stop_reason, clock
         self._start_s, self._awake, self._sent_s = start_s, awake, awake() if sent_s is None else sent_s
         self._interrupted = interrupted
+        self._held_rad, self._off_rad = held_rad, list[float]()  # fading: what the first sample was away
         self.refused = ""  # why not even the first sample was commanded
         self._fastest = motion.joints.dq_max_rad_s.tolist()
         low_rad, high_rad = motion.joints.plausible_rad
@@ -156,10 +153,13 @@ class Playback:
         row = self._rows
         if row:
             self._tick += _elapsed(dt_s)
+        else:
+            off_rad = [held - q for held, q in zip(state.q_d, self._samples[0], strict=True)]
+            self._off_rad = off_rad if max(map(abs, off_rad)) > STEP_RAD else []
         tick = self._tick
-        felt = self._felt(tick, state)
+        nonsense = _nonsense(state, self._low, self._high)
         if not self._reason:
-            self._reason = (self._wanted() if tick < self._last else "") or felt
+            self._reason = (self._wanted() if tick < self._last else "") or nonsense
             if self._reason:
                 self._wanted_at = row
                 self._brake(tick)
@@ -170,6 +170,10 @@ class Playback:
                 self._braked_at = row
         else:
             q = self._samples[min(tick, last)]
+        fading = bool(self._off_rad) and tick < FADE_TICKS
+        if fading:
+            left = _left(tick / FADE_TICKS)
+            q = [at + left * off for at, off in zip(q, self._off_rad, strict=True)]
         if row:
             self._refuse_jump(q, dt_s)
         self._commanded = q
@@ -184,7 +188,7 @@ class Playback:
         if row >= RATE_WINDOW:
             self._rate_sum += state.control_command_success_rate
             self._rate_count += 1
-        return q, tick >= last and self._stands(row, tick - last)
+        return q, tick >= last and not fading and self._stands(row, tick - last)
 
     def played(self) -> Played:
         """The log so far."""
@@ -195,10 +199,9 @@ class Playback:
         real = ((measured >= self._low) & (measured <= self._high)).all(axis=1, keepdims=True)
         measured = np.where(real, measured, commanded)  # it braked where the arm reported nonsense
         logs = (self._t[:n], self._clock_s[:n], commanded, measured, speeds)
-        stop = (self._reason, self._wanted_at, self._braked_at, self._stop_tick)
-        largest_N = 0.0 if self._detector is None else self._detector.largest_N
+        stop = (self._reason, self._wanted_at, self._braked_at)
         values = {quantity.name: log[:n] for quantity, log in self._measured.items()} if n else {}
-        return Played(*logs, n / elapsed, reported, *stop, largest_N, values)
+        return Played(*logs, n / elapsed, reported, *stop, values)
 
     def _stale(self, state: SdkState) -> str:
         """Why the motion may not begin in this first cycle, or ""."""
@@ -208,7 +211,7 @@ class Playback:
         if late_s > self._start_s:
             return f"the arm took {late_s:.1f} s to begin the motion (at most {self._start_s:g} s)"
         for joints, most_rad, what in (
-            (state.q_d, STALE_RAD, "holds"),
+            (state.q_d, self._held_rad, "holds"),
             (state.q, START_TOLERANCE_RAD, "reports"),
         ):
             off_rad = [abs(now - q) for now, q in zip(joints, first, strict=True)]
@@ -219,20 +222,6 @@ class Playback:
                     f"{off_rad[joint]:.3g} rad from the beginning (at most {most_rad:g} rad)"
                 )
         return ""
-
-    def _felt(self, tick: int, state: SdkState) -> str:
-        """Why to stop by the arm's own readings, or ""."""
-        if not isfinite(sum(state.dq)):
-            return NONSENSE
-        for q, low, high in zip(state.q, self._low, self._high, strict=True):
-            if not low <= q <= high:
-                return NONSENSE
-        if self._detector is None:
-            return ""
-        torque_Nm = state.tau_ext_hat_filtered
-        if not isfinite(sum(torque_Nm)):
-            return NONSENSE
-        return TOUCH if self._detector.feel(tick / PATH_RATE_HZ, state.q, torque_Nm) else ""
 
     def _refuse_jump(self, q_rad: list[float], dt_s: float) -> None:
         """Raises Failure if a joint would be faster from the last command to this one than it may ever be."""
@@ -263,6 +252,12 @@ class Playback:
 _REPORT = "Keep the session's record and report this"
 
 
+def _nonsense(state: SdkState, low_rad: Sequence[float], high_rad: Sequence[float]) -> str:
+    """`NONSENSE` if the arm reports NaN, or joints that it cannot have; else ""."""
+    plausible = all(low <= q <= high for q, low, high in zip(state.q, low_rad, high_rad, strict=True))
+    return "" if plausible and isfinite(sum(state.dq)) else NONSENSE
+
+
 def _elapsed(dt_s: float) -> int:
     """Milliseconds of the path in the time since the last cycle. Raises Failure for a gap, and a clock that stands."""
     if 0.0 < dt_s < GAP_S + 0.0005:
@@ -279,6 +274,11 @@ def _elapsed(dt_s: float) -> int:
         f"the arm's clock went on by {1e3 * dt_s:.0f} ms between two cycles (it has to advance); nothing was commanded "
         f"after that, and the arm's controller braked. {_REPORT}",
     )
+
+
+def _left(u: float) -> float:
+    """The share that is left of a fading difference; at rest at both ends, without acceleration or jerk."""
+    return 1.0 - u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
 
 
 def _ticks(duration_s: Array) -> list[int]:
@@ -311,8 +311,8 @@ class Timing:
 
     realtime: bool = True  # demand a real-time kernel and priority
     silence_s: float = SILENCE_S  # longest silence of the program during a motion, as of the pedal
-    start_s: float = START_S  # longest time from the check of a motion to its first cycle
-    unwatched_s: float = UNWATCHED_S  # longest pause in it without a state of the arm (arm's clock)
+    start_s: float | None = None  # None: as the settings of the arm say, like the next
+    unwatched_s: float | None = None
     overrun_s: float = 5.0  # how long after its end a motion may go unanswered
 
 

@@ -20,14 +20,13 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from hw.child import Call
-from hw.contact import Detector
 from hw.errors import DeviceUnavailable
 from hw.franka import connection, realtime, versions
 from hw.franka.connection import DRIVES
 from hw.franka.driver import FAULT, UNAVAILABLE, UNMOVED, Failure, Reading
-from hw.franka.playback import START_S, STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback, PlayOutcome, Timing
+from hw.franka.playback import STILL_CYCLES, STILL_RAD_S, PlayableMotion, Playback, PlayOutcome, Timing
 from hw.franka.settings import FrankaSettings
-from hw.types import Guard
+from hw.franka.starting import HELD_RAD, START_S
 from hw.watchdog import Watchdog
 
 CONNECT, PLAY = "connect", "play"
@@ -42,20 +41,25 @@ def play(
     driver: connection.Connection,
     motion: PlayableMotion,
     listener: Watchdog,
-    guard: Guard | None = None,
     start_s: float = START_S,
     sent_s: float | None = None,
+    held_rad: float = HELD_RAD,
 ) -> PlayOutcome:
-    """Play `motion`; with a guard, until it touches. A failure during the motion is part of the outcome.
+    """Play `motion`. A failure during the motion is part of the outcome.
 
     `sent_s` is when the program sent it (`since_boot_s`), None: now; it begins at most `start_s` later or not at all.
 
     Raises Failure if the arm rejects its settings, or is no longer where the motion begins: nothing has moved.
     """
-    detector = None if guard is None else Detector(guard)
     interrupted = partial(driver.interruption, motion.checked_s)
     playback = Playback(
-        motion, listener.stop_reason, time.monotonic, detector, start_s, interrupted=interrupted, sent_s=sent_s
+        motion,
+        listener.stop_reason,
+        time.monotonic,
+        start_s,
+        interrupted=interrupted,
+        sent_s=sent_s,
+        held_rad=held_rad,
     )
     driver.watch()  # both take a tenth of a second for a long motion
     gc.collect()
@@ -96,7 +100,7 @@ def wait_for_rest(driver: connection.Connection) -> list[Reading]:
 def serve(program: Connection, listener: Watchdog, connect: Callable[..., connection.Connection]) -> None:
     """Answer calls, each with its result or a `Failure`, until the program is gone. `connect` is as below."""
     driver: connection.Connection | None = None
-    timing = Timing()
+    start_s, held_rad = START_S, HELD_RAD
     while not listener.orphaned:
         try:
             call = _next_call(program, driver)
@@ -105,14 +109,16 @@ def serve(program: Connection, listener: Watchdog, connect: Callable[..., connec
         try:
             answer: Any
             if call.method == CONNECT:
-                driver, timing = connect(*call.arguments), call.arguments[-1]
+                driver, (_, settings, timing) = connect(*call.arguments), call.arguments
+                held_rad = settings.starting.held_rad
+                start_s = settings.starting.start_s if timing.start_s is None else timing.start_s
                 driver.reading()
                 answer = driver.notes
             elif driver is None:
                 answer = Failure(UNAVAILABLE, "the arm is not connected")
             elif call.method == PLAY:
-                motion, guard, sent_s = call.arguments
-                answer = play(driver, motion, listener, guard, timing.start_s, sent_s)
+                motion, sent_s = call.arguments
+                answer = play(driver, motion, listener, start_s, sent_s, held_rad)
             else:
                 answer = getattr(driver, call.method)(*call.arguments) or driver.reading()
         except Failure as failure:

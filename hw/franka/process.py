@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, Protocol
 
 from hw.child import Call, Child, ChildGone
 from hw.errors import DeviceUnavailable
 from hw.franka.driver import LOST, Failure, Reading
+from hw.franka.identity import ArmReport
 from hw.franka.playback import HOLD_S, PlayableMotion, PlayOutcome, Rhythm, Timing
 from hw.franka.player import CONNECT, PLAY
 from hw.franka.settings import FrankaSettings, Payload
-from hw.types import Guard
+from hw.franka.starting import Rehearsal
 from hw.watchdog import WORD_EVERY_S, since_boot_s
 
 ANSWER_S = 60.0
@@ -33,14 +35,17 @@ class Player(Protocol):
     def reading(self) -> Reading:
         """The arm's present report."""
 
+    def report(self) -> ArmReport:
+        """What the arm says of itself: its masses, its description."""
+
     def recover(self) -> Reading:
         """Clear a fault, and return the arm's report after that."""
 
     def carry(self, payload: Payload) -> Reading:
         """Set the load of the hand, and return the arm's report after that."""
 
-    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
-        """Play `motion`; `word` is asked every few milliseconds whether it may go on, `guard` ends it at a contact."""
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes]) -> PlayOutcome:
+        """Play `motion`; `word` is asked every few milliseconds whether it may go on."""
 
     def close(self) -> None:
         """End the process; the arm stops if it moves."""
@@ -84,10 +89,20 @@ class PlayerProcess:
         rhythm: Rhythm = self._ask(Call("listen", (states,)))
         return rhythm
 
+    def rehearse(self, starts: int, readings: int) -> Rehearsal:
+        """See `hw.franka.connection.Connection`."""
+        rehearsal: Rehearsal = self._ask(Call("rehearse", (starts, readings)), within_s=ANSWER_S + 1e-3 * readings)
+        return rehearsal
+
     def reading(self) -> Reading:
         """See `Player`."""
         reading: Reading = self._ask(Call("reading"))
         return reading
+
+    def report(self) -> ArmReport:
+        """See `Player`."""
+        report: ArmReport = self._ask(Call("report"))
+        return report
 
     def recover(self) -> Reading:
         """See `Player`."""
@@ -99,14 +114,14 @@ class PlayerProcess:
         reading: Reading = self._ask(Call("carry", (payload,)))
         return reading
 
-    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
-        """Play `motion`; with a guard, until it touches.
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes]) -> PlayOutcome:
+        """Play `motion`.
 
         `word` is called every 5 ms and returns the word for the player: ALIVE, PEDAL or REQUESTED.
         """
         longest_s = motion.path.duration_s + float(motion.stop_s.max()) + HOLD_S + self._timing.overrun_s
         with self._asking:
-            self._send(Call(PLAY, (motion, guard, since_boot_s())))
+            self._send(Call(PLAY, (motion, since_boot_s())))
             for _ in range(round(longest_s / WORD_EVERY_S)):
                 if self._child.answers(WORD_EVERY_S):
                     outcome: PlayOutcome = self._receive()
@@ -121,12 +136,12 @@ class PlayerProcess:
         """End the process by closing its pipes."""
         self._child.close()
 
-    def _ask(self, request: Call, silent: str = "the arm's player does not answer") -> Any:
+    def _ask(self, request: Call, silent: str = "the arm's player does not answer", within_s: float = ANSWER_S) -> Any:
         with self._asking:
             self._send(request)
-            if not self._child.answers(ANSWER_S):
+            if not self._child.answers(within_s):
                 self._child.kill()
-                raise Failure(LOST, f"{silent} ({ANSWER_S:g} s)")
+                raise Failure(LOST, f"{silent} ({within_s:g} s)")
             return self._receive()
 
     def _send(self, request: Call) -> None:
@@ -157,18 +172,45 @@ Inspection = tuple[Reading, Rhythm, tuple[str, ...]]
 """The arm's state, how evenly its states arrived, and the real-time properties that the computer denies the player."""
 
 
+@contextmanager
+def _at_rest(model: str, settings: FrankaSettings, realtime: bool) -> Iterator[PlayerProcess]:
+    """A player for questions alone. Raises DeviceUnavailable, also for a Failure within."""
+    player: PlayerProcess | None = None
+    try:
+        player = PlayerProcess(model, settings, Timing(realtime=realtime))
+        yield player
+    except Failure as failure:
+        raise DeviceUnavailable(failure.text) from failure
+    finally:
+        if player is not None:
+            player.close()
+
+
 def inspect(model: str, settings: FrankaSettings, *, realtime: bool, states: int = STATES) -> Inspection:
     """Connect, read mode and joints, and take `states` states at 1 kHz. Nothing moves, and no setting changes.
 
     `realtime` as far as the kernel permits it. Raises DeviceUnavailable.
     """
-    try:
-        player = PlayerProcess(model, settings, Timing(realtime=realtime))
-    except Failure as failure:
-        raise DeviceUnavailable(failure.text) from failure
-    try:
+    with _at_rest(model, settings, realtime) as player:
         return player.reading(), player.listen(states), player.notes
-    except Failure as failure:
-        raise DeviceUnavailable(failure.text) from failure
-    finally:
-        player.close()
+
+
+def ask_report(model: str, settings: FrankaSettings, *, realtime: bool) -> ArmReport:
+    """What the arm says of itself. Nothing moves, and no setting changes. Raises DeviceUnavailable."""
+    with _at_rest(model, settings, realtime) as player:
+        return player.report()
+
+
+STARTS, REST_READINGS = 10, 60_000
+"""A rehearsal: ten starts without a motion, and a minute at rest."""
+
+
+def rehearse(
+    model: str, settings: FrankaSettings, *, realtime: bool, starts: int = STARTS, readings: int = REST_READINGS
+) -> Rehearsal:
+    """What the arm needs before a motion. The settings of a motion are sent, and nothing moves.
+
+    Raises DeviceUnavailable.
+    """
+    with _at_rest(model, settings, realtime) as player:
+        return player.rehearse(starts, readings)

@@ -117,12 +117,12 @@ REASONS: dict[str, Reflex] = {
     ),
     "joint_motion_generator_position_limits_violation": Reflex(
         "a commanded joint lay beyond the end of its range",
-        "check whether the rig file names the right model: panda and fr3 have different ranges",
+        "check whether the rig file names the right model: panda, fr3 and fr3v2 have different ranges",
         f"correct arm.model; otherwise {_REPORT}",
     ),
     "joint_motion_generator_velocity_limits_violation": Reflex(
         "a joint was commanded faster than it may move",
-        "check whether the rig file names the right model: panda and fr3 have different limits",
+        "check whether the rig file names the right model: panda, fr3 and fr3v2 have different limits",
         f"correct arm.model; otherwise {_REPORT}",
     ),
     "joint_motion_generator_velocity_discontinuity": Reflex(

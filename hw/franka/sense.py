@@ -1,4 +1,4 @@
-"""Whether an arm feels at all: a touch that is searched with a dead estimate of force drives the tool into the table.
+"""Whether an arm feels at all: with a dead estimate of force, nothing would stop a tool that presses too hard.
 
 Arms were reported whose estimate of external torques was exactly 0, or stood still. A live one shows two things without
 any contact. It has noise in every joint. And its errors (weight, friction, the gears' ripple) depend on the posture, so
@@ -17,16 +17,16 @@ from hw.errors import MotionRefused
 from hw.types import Array
 
 LEAST_NOISE_NM = 2e-4
-"""Least standard deviation of every joint over the readings: under a hundredth of the quietest joint's noise
-(`hw.contact.TORQUE_NOISE_NM`)."""
+"""Least standard deviation of every joint over the readings: under a hundredth of the noise of a real Panda's quietest
+joint, 0.03 Nm."""
 APART_RAD, APART_JOINTS = 0.05, 3
 """Least difference of two postures, and least number of joints that differ by it: a single ripple may be equal."""
 UNLIKELY = 40.0
 """Sum over the joints of the squared change of the mean over its squared standard error. Noise around a constant
 exceeds it once in 800,000 times (chi-squared, 7 degrees of freedom); simulated ripple gives hundreds."""
 _RESTART = (
-    "Without it no touch is felt. Restart the arm's controller in Desk and run the same command again; if it stays so, "
-    "the arm needs its maker's service"
+    "Without it no contact is felt. Restart the arm's controller in Desk and run the same command again; if it stays "
+    "so, the arm needs its maker's service"
 )
 
 

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hw.collision import HAND_MASS
+from hw.franka.starting import Starting
 from hw.mass import Mass, inertia
 from hw.motion_limits import RATED_NM, TORQUE_SHARE
 from hw.types import Array, frozen_array, number
 from hw.workcell import STOPS_AT_N, STOPS_AT_NM
 
 HIGHEST_PAYLOAD_KG = 3.0
-"""The largest load of both arms, hand included (the maker's data sheets)."""
+"""The largest load of all three arms, hand included (the maker's data sheets)."""
 
 FARTHEST_M = 1.0
 """No payload has its centre of mass farther from the flange."""
@@ -98,6 +99,7 @@ class FrankaSettings:
     """(7,) the arm's own default."""
     end_effector: Mass = HAND_MASS
     """The end effector that Desk has to hold: everything on the flange but the payload."""
+    starting: Starting = field(default_factory=Starting)
 
     def __post_init__(self) -> None:
         """Raises ValueError naming the setting."""

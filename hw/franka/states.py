@@ -13,6 +13,7 @@ from typing import Any
 
 from hw.franka import reflexes
 from hw.franka.driver import LOST, Failure, SdkState, error_names, mode_name
+from hw.franka.starting import UNWATCHED_S
 
 UNREAD_S = 0.02
 """Longest pause (computer's clock) after which the socket cannot be full: the state that comes next is the newest."""
@@ -24,9 +25,6 @@ WAITED_FOR = 3
 """States waited for in a row, after which the socket is empty. A computer that stalls imitates one of them."""
 
 MOST_STATES = 2000
-UNWATCHED_S = 0.2
-"""Nobody presses and releases a stop button within a shorter time (arm's clock)."""
-
 CALM = ("Idle", "Move", "AutomaticErrorRecovery")
 """Modes that need no person: before a motion the last one may still end, and a recovery follows a reflex."""
 
@@ -38,6 +36,7 @@ class States:
         self._robot, self._clock, self._unwatched_s = robot, clock, unwatched_s
         self._read_s = self._at_s = -inf  # of the last state: when it was read; its stamp
         self._disturbed_s, self._disturbance = -inf, ""  # the last state that was not calm
+        self.longest_s = 0.0  # pause between two states, since somebody set this to 0
         self._resumed_s, self._unwatched = -inf, 0.0  # the first state after the last pause; the pause
 
     def next(self) -> SdkState:
@@ -70,6 +69,8 @@ class States:
     def note(self, state: SdkState) -> None:
         """Remember a state that was read: whether it is calm, and how long nobody had read one."""
         at_s = state.time.to_sec()
+        if self._at_s > -inf:
+            self.longest_s = max(self.longest_s, at_s - self._at_s)
         if not 0.0 <= at_s - self._at_s <= self._unwatched_s:
             self._resumed_s, self._unwatched = at_s, at_s - self._at_s
         self._at_s = at_s
@@ -86,6 +87,7 @@ class States:
         if self._resumed_s > checked_s:
             return (
                 f"since the motion was checked nobody read the arm's state for {self._unwatched:.2g} s (at most "
-                f"{self._unwatched_s:g} s), so a pressed stop button may have been missed"
+                f"{self._unwatched_s:g} s), so a pressed stop button may have been missed; if this comes at every "
+                "motion, adaptsim doctor --measure proposes another unwatched_s"
             )
         return ""

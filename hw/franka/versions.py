@@ -33,9 +33,12 @@ class Package:
         return f"pip install {self.name}=={self.version}"
 
 
+_MAKERS = Package("pylibfranka", "0.21.3", "pylibfranka", "0.21.3", 10)
+
 PACKAGES = {
     "panda": Package("panda-python", "1.1.1", "panda_py.libfranka", "0.9.2", 5),
-    "fr3": Package("pylibfranka", "0.21.3", "pylibfranka", "0.21.3", 10),
+    "fr3": _MAKERS,
+    "fr3v2": _MAKERS,
 }
 
 
@@ -63,7 +66,7 @@ MATRIX = (
     CompatibilityRow(7, "5.5.0 up to 5.7.0 (FR3)", "0.13.3 up to 0.14.1", _OLD_FR3),
     CompatibilityRow(8, "5.7.0 up to 5.7.2 (FR3)", "0.14.1 up to 0.15.0", _OLD_FR3),
     CompatibilityRow(9, "5.7.2 up to 5.9.0 (FR3)", "0.15.0 up to 0.18.0", _OLD_FR3),
-    CompatibilityRow(10, "5.9.0 and newer (FR3)", "0.18.0 and newer", PACKAGES["fr3"].install),
+    CompatibilityRow(10, "5.9.0 and newer (FR3, FR3 v2)", "0.18.0 and newer", PACKAGES["fr3"].install),
 )
 
 _MISMATCH = re.compile(r"Incompatible library version \(server version: (\d+), library version: (\d+)")
@@ -105,7 +108,7 @@ def explain_mismatch(model: str, text: str) -> str | None:
     spoken = f"the arm speaks interface version {server}, {package.name} {package.version} speaks {match[2]}"
     if row is None:
         return f"{spoken}; the compatibility matrix has no row for it: update adaptsim, or ask which system the arm has"
-    other = next((name for name, one in PACKAGES.items() if one.interface == server and name != model), None)
-    if other is not None:
-        return f"{spoken} ({row}); this arm is of the model {other}: say so in the rig file, and run: {row.remedy}"
+    others = " or ".join(name for name, one in PACKAGES.items() if one.interface == server and one != package)
+    if others:
+        return f"{spoken} ({row}); this arm is of the model {others}: say so in the rig file, and run: {row.remedy}"
     return f"{spoken} ({row}); {row.remedy}"

@@ -5,8 +5,7 @@ any stored session.
 
 It weighs a fixed grid of parameter vectors. Sharp trajectories would leave all weight on the nearest of them, and the
 interval would be that of the grid. So the likelihood is tempered (raised to a power below 1) until `RESOLVED` vectors
-carry the weight: no interval is narrower than the grid's resolution. `benchmarks/coverage.py` measures how often it
-holds the truth.
+carry the weight: no interval is narrower than the grid's resolution.
 """
 
 from __future__ import annotations

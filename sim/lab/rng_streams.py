@@ -18,7 +18,8 @@ PLACING_STD_M = 0.002
 REPEATABILITY_RAD = 1e-4
 """Joint error that is constant during a trial: about 0.1 mm at the tool, the maker's repeatability."""
 
-_TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION, _JOINTS, _VIEW, _TOUCH, _MOVED, _GUIDED = range(10)
+_TRIAL, _FRAME, _SNAPSHOT, _CAMERA, _CALIBRATION, _JOINTS, _VIEW = range(7)
+_MOVED, _GUIDED = 8, 9  # a session of an earlier version had a stream 7
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +79,6 @@ def joint_zeros(seed: int, joint_offset_mrad: float) -> Array:
 def view_stream(seed: int, rest: int, picture: int) -> np.random.Generator:
     """The stream of one picture of the calibration board (from 1) at one rest of the arm; 0: of the rest itself."""
     return _stream(seed, _VIEW, rest, picture)
-
-
-def touch_stream(seed: int, number: int) -> np.random.Generator:
-    """The stream of one guarded motion (from 1); 0: the individual properties of the torque sensors."""
-    return _stream(seed, _TOUCH, number)
 
 
 def guided_stream(seed: int, number: int) -> np.random.Generator:

@@ -69,8 +69,6 @@ class Mount:
     table_rise_mrad: tuple[_Tilt, _Tilt] = (0.0, 0.0)  # along X and along Y
     tool_height_mm: Annotated[float, Field(ge=-30, le=30)] = 0.0  # of the tool along its own Z
     tool_roll_mrad: Annotated[float, Field(ge=-100, le=100)] = 0.0  # of the tool about its own X
-    grip_Nm_per_N: Annotated[float, Field(gt=0, le=1)] = 1.0
-    """Torque limit of the grip across the fingers, per newton of grasp force; 1: no limit."""
 
     @property
     def true(self) -> ToolCorrection:
@@ -224,14 +222,9 @@ def _no_devices(file: _File, source: str) -> None:
         )
 
 
-_EARLIER_NAMES = {"table_tilt_mrad": "table_rise_mrad"}
-"""Keys of world files before version 0.2; a file that has both names of one key is refused."""
-
-
 def _check(model: type[_Model], raw: Mapping[str, Any], source: str, table: str) -> _Model:
-    renamed = {old: new for old, new in _EARLIER_NAMES.items() if new not in raw}
     try:
-        return model.model_validate({renamed.get(key, key): _tuples(value) for key, value in raw.items()})
+        return model.model_validate({key: _tuples(value) for key, value in raw.items()})
     except ValidationError as error:
         raise WorldError(f"{source}: {_message(error, table, tuple(model.model_fields))}") from error
 

@@ -65,7 +65,7 @@ def add_panda(
 
 
 def urdf(model: str = "panda") -> str:
-    """The arm as URDF text with joint limits, masses and inertia of `model` ("panda" or "fr3")."""
+    """The arm as URDF text with joint limits, masses and inertia of `model` (a key of `LIMITS`)."""
     limits = LIMITS[model]
     robot = Element("robot", name=model)
     for i, link in enumerate(LINKS[model]):

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike
 
 from hw.types import Array, frozen_array
 from sim.panda.tool import Feeler
-from sim.panda.touching import AROUND_M
 
+AROUND_M = ((-0.10, -0.16), (-0.10, 0.16), (0.06, 0.16), (0.06, -0.16), (-0.02, 0.0))
+"""Places of the table around the work area's centre, along X and Y."""
 HAND_M = 0.0003
 """Errors of a set-down by hand, one standard deviation: one that both corners share, and one of each corner."""
 
@@ -57,7 +58,7 @@ TABLE = len(AROUND_M)
 
 
 def middle(corners: tuple[Feeler, Feeler], X_FT: Array) -> Feeler:
-    """The middle of an end of the tool at X_FT (4, 4), in the flange, as the fingertips are (`sim.panda.tool`)."""
+    """The middle of an end of the tool at X_FT (4, 4), in the flange."""
     p_T_m = (corners[0].p_T_m + corners[1].p_T_m) / 2.0
     return Feeler("middle of the edge", X_FT[:3, :3] @ p_T_m + X_FT[:3, 3], corners[0].radius_m)
 

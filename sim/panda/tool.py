@@ -9,32 +9,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hw.capsules import Capsule
-from hw.collision import HAND_MASS, LEVEL, Table, Tool, fingertips, hand_with
+from hw.collision import HAND_MASS, LEVEL, Table, Tool, hand_with
 from hw.kinematics import FLANGE
 from hw.mass import Mass
 from hw.poses import pose
 from hw.types import Array, frozen_array
 from hw.workcell import STOPS_AT_N, STOPS_AT_NM, Workcell, arm_model
-from hw.wrist import FINGERTIP_M
 from sim.errors import UnknownName
 from sim.types import ToolMotion
-
-FINGERTIP_RADIUS_M = 0.003
 
 
 @dataclass(frozen=True, eq=False)
 class Feeler:
-    """A ball fixed to the tool (or hand) that touches first if the tool is held suitably."""
+    """A ball fixed to the tool that touches the table first if the tool is held suitably."""
 
     name: str
-    p_T_m: Array  # (3,) its centre in the tool frame T (of the fingertips: in the flange)
+    p_T_m: Array  # (3,) its centre in the tool frame T, or in the flange
     radius_m: float
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "p_T_m", frozen_array(self.p_T_m, (3,), f"place of {self.name}"))
-
-
-FINGERTIPS = Feeler("fingertips", np.array([0.0, 0.0, FINGERTIP_M - FINGERTIP_RADIUS_M]), FINGERTIP_RADIUS_M)
 
 
 @dataclass(frozen=True)
@@ -112,11 +106,6 @@ def touchable(hardware: Held) -> Touchable:
             "file; the table's height and slope are taken from the latest touch-off of another tool"
         )
     return hardware.touchable
-
-
-def empty_hand() -> Tool:
-    """The hand with closed, empty fingers: only their tips may touch."""
-    return fingertips(np.array([0.0, 0.0, FINGERTIP_M]))
 
 
 def feeling(hardware: Held) -> Tool:

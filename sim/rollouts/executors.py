@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import ctypes
 import multiprocessing
-import signal
-import sys
+import runpy
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import AbstractContextManager
+from pathlib import Path
 
 from hw.cores import usable_cores
 from sim.rollouts.cluster import Warn, dask_cluster
 
-_PR_SET_PDEATHSIG = 1
+_WORKER = str(Path(__file__).with_name("worker.py"))
+"""Run by its path: a worker that unpickled one of our functions first might take a user's `sim` for ours."""
 
 
 def simulating_executor(
@@ -35,10 +35,5 @@ def process_pool(workers: int | None = None) -> ProcessPoolExecutor:
     Only the waiting process handles an interrupt. On Linux no worker outlives it, however it ends.
     """
     context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(workers or usable_cores(), mp_context=context, initializer=_serve)
-
-
-def _serve() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if sys.platform == "linux":
-        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    size = workers or usable_cores()
+    return ProcessPoolExecutor(size, mp_context=context, initializer=runpy.run_path, initargs=(_WORKER,))

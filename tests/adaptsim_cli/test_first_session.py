@@ -95,8 +95,7 @@ def test_no_step_of_a_setup_waives_anything(step, place, kim, terminal, devices)
     [
         ["run-iteration", "--task", "scooping"],
         ["rollout", "--task", "scooping"],
-        ["touch-off", "--automatic", "--task", "scooping"],
-        ["touch-off", "--guide", "--task", "scooping"],
+        ["touch-off", "--task", "scooping"],
         ["calibrate", "--guide"],
         ["doctor"],
     ],

@@ -1,4 +1,6 @@
-"""What every arm does: the fake one, the lab's, and the FR3 over its real network protocol, run the same cases."""
+"""What every arm does: the real class over a player that needs no time, the lab's, and the FR3 over its real network
+protocol run the same cases.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +12,9 @@ import plain_lab
 import pytest
 from cells import cell
 from fr3_process import Fr3Process, arm_at
+from players import InstantArm
 
 from hw.errors import ArmFault, DeviceUnavailable, MotionRefused
-from hw.fake import FakeArm, FakeClock
 from hw.joint_limits import LIMITS
 from hw.ports import Arm
 from hw.types import ContactWindow, JointPath
@@ -38,9 +40,8 @@ class Kind:
     contact: ContactWindow | None = TOUCHING  # None: an arm that has to move freely before
 
 
-def fake(*, faulty: bool) -> Arm:
-    faults = {1: ArmFault("reflex")} if faulty else {}
-    return FakeArm(READY_RAD, FakeClock(), cell(), faults=faults)
+def instant(*, faulty: bool) -> Arm:
+    return InstantArm(READY_RAD, cell(), faults={1: "reflex"} if faulty else {})
 
 
 def lab(*, faulty: bool) -> Arm:
@@ -51,7 +52,7 @@ def lab(*, faulty: bool) -> Arm:
 
 
 KINDS = {
-    "fake": Kind(lambda: fake(faulty=False), lambda: fake(faulty=True)),
+    "instant": Kind(lambda: instant(faulty=False), lambda: instant(faulty=True), contact=None),
     "lab": Kind(lambda: lab(faulty=False), lambda: lab(faulty=True)),
 }
 

@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import pytest
+from clocks import FakeClock
 from real_lab import ToyPedal
 from serial_lines import boxed, plugged_in, until
 
-from hw.fake import FakeClock
 from hw.ports import Pedal
 from hw.serial import enable_pedal
 from hw.serial.enable_pedal import EnablePedal

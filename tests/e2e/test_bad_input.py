@@ -14,7 +14,9 @@ from typing import Self
 
 import numpy as np
 import pytest
+from clocks import FakeClock
 from lab_session import ADAPTSIM, environment
+from players import InstantArm
 
 from adaptsim_cli.bench.devices.trackers import tracker_of
 from adaptsim_cli.bench.rig import Planner, Rig
@@ -25,7 +27,6 @@ from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.target import Parts, Provenance
 from calib.types import HandEye
 from hw.collision import KeepOut
-from hw.fake import FakeArm, FakeClock
 from hw.kinematics import forward
 from hw.types import Array, CameraModel, Frame, JointPath
 from hw.workcell import Workcell
@@ -86,8 +87,8 @@ class BottleBench:
         return replace(cell_as_shipped(HARDWARE, "panda"), keep_out=self.keep_out)
 
     @cached_property
-    def arm(self) -> FakeArm:
-        return FakeArm(home(HARDWARE.X_FT, self.cell), self.clock, self.cell)
+    def arm(self) -> InstantArm:
+        return InstantArm(home(HARDWARE.X_FT, self.cell), self.cell, self.clock)
 
     @property
     def pushes(self) -> int:

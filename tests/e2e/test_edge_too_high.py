@@ -40,4 +40,4 @@ def test_the_first_iteration_asks_whether_the_edge_is_too_high(tmp_path: Path) -
     assert "strip of paper" in iteration["suspicion"]["look"]
     shown = " ".join(done.stderr.split())
     assert "Is the edge too high? The first 4 scoops failed alike" in shown
-    assert "adaptsim touch-off --guide --task scooping" in shown
+    assert "adaptsim touch-off --task scooping" in shown

@@ -11,7 +11,7 @@ from own_judge import AT_ZERO, poses
 from scipy.spatial import cKDTree
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_neighbouring_links_meet_around_their_joint(model: str) -> None:
     X_BL = poses(np.zeros((1, 7)))[0]
     assert np.allclose(X_BL[:, :3, 3], [origin for _, origin in AT_ZERO])
@@ -22,7 +22,7 @@ def test_neighbouring_links_meet_around_their_joint(model: str) -> None:
         assert gap < 0.012, "two meshes of a joint touch, up to the spacing of their points"
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_the_points_hold_every_corner_and_no_gap(model: str) -> None:
     hand = bodies(model)[8]
     points = hand.points_m(0.004)

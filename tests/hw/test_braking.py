@@ -21,7 +21,7 @@ def path_of(duration_s: float, contact: ContactWindow | None = None) -> JointPat
     )
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 @pytest.mark.parametrize("at_s", [0.0, 0.1, 0.35, 0.5, 0.73, 0.98, 1.0])
 def test_a_stop_keeps_the_limits_and_stays_on_the_path(model: str, at_s: float) -> None:
     path = path_of(1.0)

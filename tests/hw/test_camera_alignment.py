@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 from kinect_alignment import align, points_in_colour, undistorted
+from kinect_recording import camera_model
 from scipy.spatial.transform import Rotation
 
-from hw.camera.recording import camera_model
 from hw.errors import CameraError
 from hw.types import CameraModel, Frame
 

@@ -9,8 +9,8 @@ import av
 import numpy as np
 import pytest
 from kinect_files import CALIBRATION, SMALL, record
+from kinect_recording import KinectRecording, camera_model, grey16
 
-from hw.camera.recording import KinectRecording, camera_model, grey16
 from hw.errors import CameraError, DeviceUnavailable
 
 

@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kinect_alignment import points_in_colour
+from kinect_recording import KinectRecording
 
 from hw.camera import k4a_library
 from hw.camera.grabber import Capture
 from hw.camera.k4a_device import model_of, read_capture
 from hw.camera.k4a_library import K4aCalibration, K4aLibrary
 from hw.camera.probe import probe_k4a
-from hw.camera.recording import KinectRecording
 from hw.types import CameraModel, Frame
 
 NEEDED = ("ADAPTSIM_K4A_LIBRARY", "ADAPTSIM_K4ARECORD_LIBRARY", "ADAPTSIM_KINECT_RECORDING")

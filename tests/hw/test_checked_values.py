@@ -18,7 +18,7 @@ from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
 from hw.limits import CONTACT_FORCE_N
 from hw.mass import HEAVIEST_KG, Mass
 from hw.motion_limits import RATED_NM
-from hw.types import ArmState, ContactWindow, Execution, Guard, HandState, JointPath
+from hw.types import ArmState, ContactWindow, Execution, HandState, JointPath
 
 NOT_FINITE = (math.nan, math.inf, -math.inf, 1e308, -1e308)
 NEGATIVE = (-1e-9, -1.0)
@@ -39,9 +39,6 @@ NUMBERS: dict[str, tuple[Make, tuple[float, ...]]] = {
     "window: force": (lambda v: ContactWindow(0.0, 1.0, 0.001, v), NEGATIVE),
     "path: joints": (lambda v: JointPath(np.array([0.0, 1e-3]), np.tile(at(7, v), (2, 1))), (7.0,)),
     "path: times": (lambda v: JointPath(np.array([0.0, v]), np.zeros((2, 7))), (*NEGATIVE, 0.0, 0.002)),
-    "guard: force": (lambda v: Guard(v, THREE), (*NEGATIVE, 0.0)),
-    "guard: point": (lambda v: Guard(5.0, at(3, v)), (11.0,)),
-    "guard: tare": (lambda v: Guard(5.0, THREE, v), (*NEGATIVE, 0.0)),
     "capsule: radius": (lambda v: Capsule("rod", 8, THREE, THREE, v), NEGATIVE),
     "capsule: end": (lambda v: Capsule("rod", 8, THREE, at(3, v), 0.1), (11.0,)),
     "capsule: link": (lambda v: Capsule("rod", v, THREE, THREE, 0.1), (-1.0, 9.0)),

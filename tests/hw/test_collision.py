@@ -3,7 +3,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from cells import READY, cell, stick
-from guarded_paths import Q_TOP_RAD, TOOL
+from fingertip_paths import Q_TOP_RAD, TOOL
 from scipy.optimize import minimize
 
 from hw.capsules import box_distance, segment_distance

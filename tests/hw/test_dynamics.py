@@ -48,7 +48,7 @@ def states(model: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 @pytest.mark.parametrize("load", [None, LOAD], ids=["hand", "hand and load"])
 def test_torques_are_those_of_drake(model: str, load: Mass | None) -> None:
     plant, context = drake(model, load)
@@ -63,7 +63,7 @@ def test_torques_are_those_of_drake(model: str, load: Mass | None) -> None:
         np.testing.assert_allclose(ours[row], forces - gravity, rtol=0.0, atol=1e-6)
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_the_flange_travels_as_in_drake(model: str) -> None:
     plant, context = drake(model, None)
     q, dq, ddq = states(model)
@@ -99,9 +99,10 @@ def _no_forces(plant: MultibodyPlant) -> object:
 DESCRIPTION = Path(__file__).parents[1] / "data" / "franka-description"
 
 
-def test_the_fr3_has_the_masses_that_its_maker_publishes() -> None:
-    published = yaml.safe_load((DESCRIPTION / "fr3" / "inertials.yaml").read_text())
-    for number, link in enumerate(LINKS["fr3"]):
+@pytest.mark.parametrize(("model", "moving_kg"), [("fr3", 15.4948), ("fr3v2", 13.4622)])
+def test_an_arm_has_the_masses_that_its_maker_publishes(model: str, moving_kg: float) -> None:
+    published = yaml.safe_load((DESCRIPTION / model / "inertials.yaml").read_text())
+    for number, link in enumerate(LINKS[model]):
         body = published[f"link{number}"]
         found = body["inertia"].get("inertia", body["inertia"])
         assert body["origin"]["rpy"] == "0 0 0"
@@ -109,10 +110,10 @@ def test_the_fr3_has_the_masses_that_its_maker_publishes() -> None:
         np.testing.assert_allclose(link.com_m, [float(v) for v in body["origin"]["xyz"].split()], rtol=1e-6)
         tensor = [[found["".join(sorted(row + column))] for column in "xyz"] for row in "xyz"]
         np.testing.assert_allclose(link.inertia_kg_m2, tensor, rtol=1e-6)
-    assert sum(link.kg for link in LINKS["fr3"][1:]) == pytest.approx(15.4948, abs=1e-4)
+    assert sum(link.kg for link in LINKS[model][1:]) == pytest.approx(moving_kg, abs=1e-4)
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_every_link_is_a_body_that_exists(model: str) -> None:
     """No principal moment of a body exceeds the sum of the other two."""
     for link in LINKS[model]:

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kinect_files import record
+from kinect_recording import KinectRecording
 
 from hw.bounded import TENSOR_HEADER_BYTES
-from hw.camera.recording import KinectRecording
 from hw.errors import CameraError
 from sim.errors import CheckpointError
 from sim.storage.files import load_tensors, save_tensors

@@ -14,7 +14,7 @@ from hw.types import ContactWindow, JointPath
 PANDA, FR3 = cell(), cell("fr3")
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_a_gentle_move_is_accepted(model: str) -> None:
     report = cell(model).require(move(np.full(7, 0.3)), READY)
     assert report.ok

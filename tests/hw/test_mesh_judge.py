@@ -23,7 +23,7 @@ def cube(at_m: Array, half_m: float) -> tuple[Array, Array]:
     return at_m - half_m, at_m + half_m
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_a_plain_motion_is_right(model: str) -> None:
     assert judged(TURN, TURN[0], model, scene(), None) == ""
 

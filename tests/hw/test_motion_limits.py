@@ -28,7 +28,7 @@ def loaded(kg: float, at_m: tuple[float, float, float] = (0.0, 0.0, 0.1)) -> Too
     return replace(BARE_HAND, name=f"{kg:g} kg", mass=HAND_MASS + load)
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_what_an_empty_hand_does_a_loaded_one_may_not(model: str) -> None:
     """A stretched arm lifts its load: joint 2 carries it all."""
     lift = move(joint(2, -0.25), 0.6, start_rad=STRETCHED)
@@ -67,7 +67,7 @@ def test_the_torque_rate_is_that_of_the_samples() -> None:
     )
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_the_flange_keeps_to_the_makers_cartesian_limits(model: str) -> None:
     """Joints 1 and 7 turn the same way, each within its limits; the wrist turns with the speed of both."""
     turning = move(joint(1, 1.2) - joint(7, 1.2), 1.4)

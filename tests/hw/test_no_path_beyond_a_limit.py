@@ -21,7 +21,7 @@ def test_the_judge_and_the_program_place_the_links_alike() -> None:
     assert len(AT_ZERO) == 9
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_the_judge_and_the_program_find_the_same_torques(model: str) -> None:
     t = np.arange(400) / 1e3
     amplitude, pace = np.array([0.3, 0.2, 0.3, 0.3, 0.4, 0.3, 0.5]), np.array([5.0, 6.0, 4.0, 7.0, 8.0, 6.0, 9.0])
@@ -47,6 +47,6 @@ def check(model: str, count: int, seed: int) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_none_of_1000_paths_beyond_a_limit_reaches_the_driver(model: str) -> None:
     check(model, 1000, seed=1)

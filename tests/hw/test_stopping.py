@@ -86,7 +86,7 @@ def test_no_point_of_a_body_is_faster_than_its_bound() -> None:
         assert speed.max() > 0.7 * bound[:, i].max()
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_a_reduced_pace_keeps_every_point_under_250_mm_s(model: str) -> None:
     here, stretched = cell(model, LOADED), READY + joint(2, 1.2) + joint(4, 1.0)
     path = move(joint(1, 0.9), 1.1, start_rad=stretched)

@@ -7,17 +7,15 @@ from dataclasses import MISSING, fields, replace
 import numpy as np
 import pytest
 from cells import cell, find, stick
-from guarded_paths import GUARD, Q_TOP_RAD, TOOL, TOP_M, down, tip_m
+from fingertip_paths import Q_TOP_RAD, TOOL, down
 
 from hw.collision import BARE_HAND, HAND_MASS, Table
 from hw.errors import MotionRefused
-from hw.fake import FakeArm, FakeClock
 from hw.mass import NOTHING, Mass, bar, box
 from hw.types import ContactWindow, JointPath
-from hw.workcell import ArmModel, Workcell, arm_model, require_guarded
+from hw.workcell import ArmModel, Workcell, arm_model
 
 ZEROS_RAD = np.array([0.003, -0.002, 0.001, 0.004, -0.003, 0.002, 0.0])
-PLANE_M = TOP_M - 0.01
 STILL = JointPath(np.array([0.0, 1e-3]), np.stack([Q_TOP_RAD, Q_TOP_RAD]))
 
 
@@ -45,15 +43,6 @@ def test_a_planner_in_true_joints_is_told_the_same() -> None:
         assert (reported.quantity, reported.where) == (true.quantity, true.where)
         assert reported.ratio == pytest.approx(true.ratio, rel=1e-6)
     np.testing.assert_array_equal(off.in_true_joints().arm.zeros_rad, np.zeros(7))
-
-
-def test_a_guarded_motion_and_what_it_feels_count_for_true_joints_too() -> None:
-    off = cell(tool=TOOL, zeros_rad=ZEROS_RAD)
-    path = off.arm.reported(down())
-    assert require_guarded(path, GUARD, off).ok
-    with FakeArm(path.q_rad[0], FakeClock(), off, plane=Table(PLANE_M)) as arm:
-        contact = arm.execute_until_contact(path, GUARD)
-    assert tip_m(off.arm.true_rad(contact.q_rad)) == pytest.approx(PLANE_M - 0.001, abs=3e-4), "4 N on 4000 N/m"
 
 
 def test_what_it_holds_and_where_the_table_is_can_change() -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from kinect_recording import camera_model
 from mug import Survey, find_plane, survey
 
-from hw.camera.recording import camera_model
 from hw.types import CameraModel, Frame, Intrinsics
 from perception.errors import ObjectNotFound, TableNotFound
 

@@ -1,4 +1,4 @@
-"""The maker's collision meshes of both arms, hand and fingers, as points in the frames of the links: the true surface.
+"""The maker's collision meshes of all arms, hand and fingers, as points in the frames of the links: the true surface.
 
 For judges that share nothing with `hw`: the file's triangles are placed with numbers of the robot description alone
 (tests/data/franka-description). Link frames are those of the description, which are the Craig frames of
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 FOLDER = Path(__file__).parents[1] / "data" / "franka-description"
-MODELS = {"panda": "fer", "fr3": "fr3"}
+MODELS = {"panda": "fer", "fr3": "fr3", "fr3v2": "fr3v2"}
 """Name of an arm here -> its folder in the maker's description."""
 
 FLANGE = 8
@@ -52,7 +52,7 @@ class Body:
 
 @cache
 def bodies(model: str, opening_m: float = 0.0) -> tuple[Body, ...]:
-    """Base, links 1 to 7, hand and both fingers of the arm "panda" or "fr3"; the fingers are `opening_m` apart."""
+    """Base, links 1 to 7, hand and both fingers of an arm (a key of `MODELS`); the fingers are `opening_m` apart."""
     links = (Body(f"link {i}", i, _triangles(FOLDER / MODELS[model] / f"link{i}.stl")) for i in range(8))
     turn = _about_z(HAND_TURN_RAD)
     hand = Body("hand", FLANGE, _triangles(FOLDER / "hand.stl") @ turn.T)

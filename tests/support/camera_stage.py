@@ -9,8 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
 
+from clocks import FakeClock
+
 from hw.camera.process import CameraProcess
-from hw.fake import FakeClock
 
 DELAY_S = 0.030  # from the middle of an exposure to its arrival, at least
 Answer = TypeVar("Answer")

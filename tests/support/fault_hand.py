@@ -14,6 +14,7 @@ import numpy as np
 from cells import READY, cell
 from fault_lab import TYPED, Outcome
 from fault_world import Fault, World, hanging, killed, release, silent_pedal, slept
+from players import InstantArm
 from rich.console import Console
 
 from adaptsim_cli.bench.devices.confirmed import ConfirmedArm
@@ -23,7 +24,6 @@ from adaptsim_cli.errors import CliError
 from adaptsim_cli.screen.console import Screen
 from hw.child import Call, Child, ChildGone
 from hw.errors import ArmFault, FingersMoved, HardwareError
-from hw.fake import FakeArm, FakeClock
 from hw.franka.hand_keeper import Keeper
 from hw.franka.hand_process import HandProcess
 from hw.franka.hand_stop import Widths
@@ -188,7 +188,7 @@ def one_hand(kind: str, rng: np.random.Generator) -> Outcome:
     world.sdk = fingers
     consent = Consent(Screen(console=Console(file=io.StringIO(), markup=False)), "fr3", operator="Kim", pedal=True)
     pedal = cast(Pedal, world)
-    arm: Any = FakeArm(READY, FakeClock(), cell("fr3"))
+    arm: Any = InstantArm(READY, cell("fr3"))
 
     def wait(_: float) -> None:
         world.pass_ms(20)

@@ -1,4 +1,4 @@
-"""Motions of a real lab's arm under faults, judged by `mesh_judge`: trials, touches and calibration motions.
+"""Motions of a real lab's arm under faults, judged by `mesh_judge`: trials and calibration motions.
 
 Every motion goes through the operator's consent, the pedal and the whole driver. Boxes stand close to it.
 """
@@ -19,12 +19,11 @@ import numpy as np
 from arm_meshes import placed
 from cells import cell, smooth
 from fault_world import BY_THE_ARM, LOSING, SILENT, SimulatedPlayer, World
-from guarded_paths import GUARD, TOOL, down, tip_m
 from hard_paths import LOADED
 from hard_paths import TIP_F_M as TRIAL_TIP_F_M
 from living_sdk import LivingSdk
 from mesh_judge import judged, surfaces
-from own_judge import MAKERS, Array, Scene, Touching, poses, wrong_within
+from own_judge import MAKERS, Array, Scene, poses, wrong_within
 from real_lab import waiver
 from rich.console import Console
 
@@ -42,10 +41,9 @@ from hw.franka.arm import FrankaArm
 from hw.franka.connection import DRIVES, Connection
 from hw.franka.settings import FrankaSettings
 from hw.grasping import FakeHand
-from hw.kinematics import jacobian
 from hw.ports import Pedal
 from hw.serial.pedal_protocol import line_for
-from hw.types import Guard, JointPath
+from hw.types import JointPath
 from perception.board.types import Board
 from sim.errors import NotExecutable
 from sim.panda.visits import way
@@ -55,7 +53,6 @@ SETTINGS = FrankaSettings("172.16.0.2")
 AT_REST_S, IN_SILENCE_S = 0.40, 0.47
 """From a fault that the player hears at once, or from a silence, to the last command that differs: what the
 documents promise."""
-STIFFNESS_N_M = 4000.0
 ABOVE_M, BOX_M = (-0.01, 0.08), 0.05
 """How far a box stands from the surface at one moment of the motion; what the program then refuses is drawn again."""
 
@@ -78,7 +75,7 @@ class Outcome:
     effective: bool
     wrong: list[str]
     stop_s: float = 0.0
-    motion: str = ""  # "trial", "touch", "calibration"
+    motion: str = ""  # "trial", "calibration"
     refused: int = 0  # boxes too near, drawn again
 
 
@@ -90,8 +87,6 @@ class Course:
     path: JointPath
     tool: Tool
     tip_F_m: Array
-    guard: Guard | None = None
-    floor_m: float = 0.0  # of what a guarded motion touches
 
 
 @cache
@@ -101,10 +96,6 @@ def board_tool() -> Tool:
 
 def drawn(motion: str, model: str, rng: np.random.Generator) -> Course:
     """A random motion of its sort."""
-    if motion == "touch":
-        floor_m = float(rng.uniform(0.012, 0.018))
-        path = down(0.012, 0.012)
-        return Course(motion, path, TOOL, TOOL.points_F_m[0], GUARD, floor_m)
     if motion == "calibration":
         home, tool = np.array(BOARD_HOME_RAD), board_tool()
         while True:
@@ -148,7 +139,7 @@ class Lab:
         world, model, course = self.world, self.model, self.course
         start_rad = course.path.q_rad[0]
         self.sdk = LivingSdk(k=model == "panda", when=world.cycle, q_rad=start_rad.tolist(), rng=self.rng)
-        self.sdk.feels = self._feels
+        self.sdk.feels = lambda q: [0.4] * 7
         made = self.sdk.Robot
 
         def robot(host: str, realtime: str) -> Any:
@@ -184,13 +175,6 @@ class Lab:
 
         self.arm = ConfirmedArm(self.bare, self.consent, pedal, before=watch.require, now_s=world.now_s, pause=wait)
 
-    def _feels(self, q: list[float]) -> list[float]:
-        """A constant error, and the floor's push against the tip of a guarded motion."""
-        if self.course.guard is None or (deep_m := self.course.floor_m - tip_m(q)) <= 0.0:
-            return [0.4] * 7
-        push_Nm: list[float] = (0.4 + deep_m * STIFFNESS_N_M * jacobian(np.array(q), self.course.tip_F_m)[2]).tolist()
-        return push_Nm
-
     def move(self) -> BaseException | None:
         """Execute the motion with its faults; what it raised."""
         world, written = self.world, durable.replace_file
@@ -209,10 +193,7 @@ class Lab:
                 world.fire(lambda at: at < 0)
                 if world.fired:
                     world.pass_ms(100)
-                if self.course.guard is None:
-                    self.arm.execute(self.course.path)
-                else:
-                    self.arm.execute_until_contact(self.course.path, self.course.guard)
+                self.arm.execute(self.course.path)
         except (HardwareError, CliError, KeyboardInterrupt) as found:
             return found
         finally:
@@ -242,7 +223,7 @@ def one_motion(
     """A motion with the faults that `faults` puts into it, given its length in ms; boxes as near as they may be."""
     label, refused, course = " + ".join(kinds), 0, drawn(motion, model, rng)
     for gap_m in (*rng.uniform(*ABOVE_M, 2), 0.3):
-        boxes = () if course.guard else (box_near(course, model, rng, float(gap_m)),)
+        boxes = (box_near(course, model, rng, float(gap_m)),)
         lab = Lab(kinds, model, course, boxes, World(faults(len(course.path.t_s))), folder / str(refused), rng)
         error = lab.move()
         if isinstance(error, MotionRefused) and "keep-out" in str(error) and not lab.motions():
@@ -280,7 +261,6 @@ def broken(lab: Lab, moved: list[Array], error: BaseException | None, kinds: tup
     """What the commanded motions break, by the judge."""
     course, model = lab.course, lab.model
     scene = Scene(course.tool.mass, course.tip_F_m, tuple((box.low_m, box.high_m) for box in lab.boxes))
-    window = None if course.guard is None else Touching(0.0, np.inf, 0.004)
     if LOSING.intersection(kinds):
         refusal = "motion_generator" in str(error)  # braking while cycles are lost may ask for more than the arm allows
         said = [f"the arm refused a command: {error}"] if refusal and len(kinds) == 1 else []
@@ -289,7 +269,7 @@ def broken(lab: Lab, moved: list[Array], error: BaseException | None, kinds: tup
     for number, q in enumerate(moved):
         rests = not BY_THE_ARM.intersection(kinds) or number < len(moved) - 1
         if len(q) > 6:
-            found = judged(q, before, model, scene, window, rests=rests, floor_m=course.floor_m)
+            found = judged(q, before, model, scene, rests=rests)
             notes += [f"{course.motion}: {found}"] if found else []
         elif text := wrong_within(q, before, model):
             notes.append(text)

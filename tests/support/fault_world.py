@@ -82,12 +82,12 @@ class SimulatedPlayer(InProcess):
 
     world: World
 
-    def play(self, motion: Any, word: Callable[[], bytes], guard: Any = None) -> PlayOutcome:
+    def play(self, motion: Any, word: Callable[[], bytes]) -> PlayOutcome:
         world, ends = self.world, os.pipe()
         world.pipe, world.word = ends, word
         world.fire(lambda at: at <= 0)
         try:
-            return player.play(self.driver, motion, Watchdog(ends[0], SILENCE_S, world.now_s), guard, 1e9)
+            return player.play(self.driver, motion, Watchdog(ends[0], SILENCE_S, world.now_s), 1e9)
         finally:
             world.pipe = (-1, -1)
             for end in ends:
@@ -206,8 +206,7 @@ BEFORE: dict[str, Fault] = {
     "process: stop()": stop_wanted,
     "clock: suspended": slept,
 }
-AT_A_CONTACT = {"arm: dead torque estimate", "arm: frozen torque estimate"}
-"""They matter where a motion relies on contact."""
+ESTIMATES = {"arm: dead torque estimate", "arm: frozen torque estimate"}
 SILENT = {"pedal: silent", "pedal: garbled", "process: hangs", "clock: suspended"}
 BY_THE_ARM = {"arm: reflex", "arm: stop button", "arm: network"}
 LOSING = {"arm: lost cycles", "arm: gap"}

@@ -67,10 +67,6 @@ class Fr3Process:
         """Put the arm there, at rest, all faults forgotten."""
         self.tell("place " + " ".join(f"{v:.12f}" for v in np.asarray(q_rad)))
 
-    def plane(self, height_m: float, p_F_m: ArrayLike, stiffness_N_m: float = 2e4) -> None:
-        """A springy table top under the flange's point; far below, the arm feels noise alone."""
-        self.tell(f"plane {height_m} {stiffness_N_m} " + " ".join(f"{v:.9f}" for v in np.asarray(p_F_m)))
-
     def received(self) -> list[list[float] | None]:
         """The commanded joints of the last motion, cycle by cycle, None where none came."""
         rows: list[list[float] | None] = json.loads(self.tell("report"))["received"]

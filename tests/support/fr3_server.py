@@ -15,15 +15,13 @@ then obeys lines on stdin, each answered by "done":
     guide, let-go            the buttons at the hand
     lock, unlock             the joints, in Desk
     hand MASS                the end effector that is set in Desk weighs so many kg
+    model NAME               the arm describes itself as that model, with its masses
     deaf, all-ears           a load is accepted and not taken; it is taken again
     fci off, fci on          nobody answers any more; somebody does
     mark SECONDS AFTER       write a line to stderr so long into the next motion but AFTER
-    plane HEIGHT STIFFNESS X Y Z         a level, springy plane under the flange's point X Y Z, in m and N/m
-    threshold FORCE          the plane's force in N at which the arm stops by itself
     report                   the commands of the last motion, and whether it goes on, as JSON
 
-The plane pushes on the simulated arm, and the arm reports what it does to its joints, with noise,
-ripple and a constant error.
+Nothing pushes on the arm: it reports external torques of noise, ripple and a constant error.
 
 Added to franky-sim: what the arm takes in which mode, what it finds wrong with commanded joints and with lost ones, the
 torque that they need, reflexes with their reasons, recovery that takes its time, the success rate of the last 100
@@ -48,11 +46,14 @@ from typing import Any
 
 import franky_sim.franka_server as base
 import numpy as np
+from arm_urdf import described
 from franka_modes import FLAGS, LOST_IN_A_ROW, MODES, STOP_PRESSED, ArmModes, Monitor
 from franky_sim.franka_robot_protocol import (
     COMMAND_PORT,
+    FR3_URDF,
     AutomaticErrorRecoveryCommand,
     AutomaticErrorRecoveryStatus,
+    GetRobotModelCommand,
     MoveCommand,
     MoveStatus,
     RobotCommand,
@@ -64,9 +65,7 @@ from franky_sim.franka_robot_protocol import (
 )
 from franky_sim.franka_robot_server import FrankaRobotServer
 from franky_sim.mujoco_simulator import MujocoSimulator
-
-from hw.contact import estimate_errors_Nm
-from hw.kinematics import forward, jacobian
+from torque_errors import estimate_errors_Nm
 
 PATIENCE_S = 0.2
 RECOVERY_CYCLES = 50
@@ -74,30 +73,8 @@ DAWDLING_S = 0.01
 """A cycle's length after a mark."""
 TORQUE_ERROR_NM = 0.8
 HAND_KG = 0.73
-NOWHERE = (-1.0, 0.0, np.zeros(3))
-"""A plane that presses on nothing."""
-
-
 KP = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
 KV = (100.0, 100.0, 70.0, 70.0, 20.0, 20.0, 20.0)
-
-
-class Plane:
-    """A level plane that presses back where a point fixed to the flange is below it."""
-
-    def __init__(self, height_m: float, stiffness_N_m: float, p_F_m: Any) -> None:
-        self._height_m, self._stiffness_N_m, self._p_F_m = height_m, stiffness_N_m, p_F_m
-        self._rng = np.random.default_rng(0)
-        self.force_N, self.reported_Nm = 0.0, np.zeros(7)
-
-    def act(self, q_rad: Any) -> Any:
-        """Joints (7,) -> torques (7,) on them; what the arm takes them to be goes into `reported_Nm`."""
-        X_BF = forward(q_rad)
-        deep_m = self._height_m - float((X_BF[:3, :3] @ self._p_F_m + X_BF[:3, 3])[2])
-        self.force_N = max(deep_m, 0.0) * self._stiffness_N_m
-        torque_Nm = self.force_N * jacobian(q_rad, self._p_F_m)[2]
-        self.reported_Nm = torque_Nm + TORQUE_ERROR_NM + estimate_errors_Nm(np.asarray(q_rad), self._rng)
-        return torque_Nm
 
 
 class Recovery(AutomaticErrorRecoveryCommand):
@@ -110,6 +87,11 @@ class Recovery(AutomaticErrorRecoveryCommand):
             modes.recovering, server.recovers, server.recovery_cycles = True, self, RECOVERY_CYCLES
         else:
             self.reply(AutomaticErrorRecoveryStatus.kSuccess)
+
+
+class Describing(GetRobotModelCommand):
+    def handle(self, server: Any) -> None:
+        self.reply(0, payload=server.urdf.encode("ascii"))
 
 
 class Moving(MoveCommand):
@@ -145,11 +127,13 @@ class Fr3Server(FrankaRobotServer):
         self._FrankaServer__command_class_map |= {
             RobotCommand.kAutomaticErrorRecovery: Recovery,
             RobotCommand.kMove: Moving,
+            RobotCommand.kGetRobotModel: Describing,
             RobotCommand.kSetLoad: setter("set_load", SetLoadCommand),
             RobotCommand.kSetJointImpedance: setter("set_joint_impedance", SetJointImpedanceCommand),
             RobotCommand.kSetCollisionBehavior: setter("set_collision_behavior", SetCollisionBehaviorCommand),
         }
         self.modes, self.monitor = ArmModes(), Monitor("fr3")
+        self.urdf: str = FR3_URDF
         self.shown_flags: tuple[int, ...] = ()
         self.configured: list[str] = []  # since the last motion began, and before it
         self.recovers: Recovery | None = None
@@ -163,8 +147,7 @@ class Fr3Server(FrankaRobotServer):
         self.received: list[list[float] | None] = []
         self.recent: deque[bool] = deque(maxlen=100)
         self.mark_s, self.mark_after, self.is_marked = 0.0, 0, False
-        self.plane = Plane(*NOWHERE)
-        self.threshold_N = float("inf")
+        self.external_Nm, self.rng = np.zeros(7), np.random.default_rng(0)
         self._came: list[float] | None = None
         self._answered, self._dropped = 0, False
 
@@ -234,8 +217,6 @@ class Fr3Server(FrankaRobotServer):
         elif self.planned and self.moving >= self.planned[0] * 1000:
             self.abort(self.planned[1], MoveStatus.kReflexAborted)
             self.planned = None
-        elif self.plane.force_N > self.threshold_N:
-            self.abort(("cartesian_reflex",), MoveStatus.kReflexAborted)
         elif wrong:
             self.abort(wrong, MoveStatus.kReflexAborted)
 
@@ -265,10 +246,7 @@ class Fr3Server(FrankaRobotServer):
         mode = RobotMode(MODES.index(self.modes.mode))
         flags = tuple(i in self.shown_flags or name in self.modes.reasons for i, name in enumerate(FLAGS))
         rate = float(np.mean(self.recent)) if self.current_motion_id and self.recent else 0.0
-        felt = {
-            "tau_ext_hat_filtered": tuple(self.plane.reported_Nm.tolist()),
-            "O_F_ext_hat_K": (0.0, 0.0, float(self.plane.force_N), 0.0, 0.0, 0.0),
-        }
+        felt = {"tau_ext_hat_filtered": tuple(self.external_Nm.tolist()), "O_F_ext_hat_K": (0.0,) * 6}
         return state.replace(
             robot_mode=mode,
             errors=flags,
@@ -278,12 +256,10 @@ class Fr3Server(FrankaRobotServer):
             **felt,
         )
 
-    def push(self) -> None:
-        """Let the plane act on the joints, on top of what the controller asks of them."""
-        arm = self.robot
-        torque_Nm = self.plane.act(np.array([arm.data.qpos[at] for at in arm._qpos_addrs]))
-        for at, torque in zip(arm._dof_addrs, torque_Nm, strict=True):
-            arm.data.qfrc_applied[at] += torque
+    def feel(self) -> None:
+        """Estimate the external torques anew."""
+        q_rad = np.array([self.robot.data.qpos[at] for at in self.robot._qpos_addrs])
+        self.external_Nm = TORQUE_ERROR_NM + estimate_errors_Nm(q_rad, self.rng)
 
     def take_place(self, q_rad: list[float]) -> None:
         """Be there, at rest, with nothing left of what happened before."""
@@ -294,7 +270,6 @@ class Fr3Server(FrankaRobotServer):
         self.modes.be("Idle")
         self.planned, self.shown_flags, self.strict, self.monitor.most_lost = None, (), False, LOST_IN_A_ROW
         self.losing, self.deaf, self.hand_kg = (0.0, 0), False, HAND_KG
-        self.plane, self.threshold_N = Plane(*NOWHERE), float("inf")
 
     def be_strict(self, most_lost: int) -> None:
         self.strict, self.monitor.most_lost = True, most_lost
@@ -377,14 +352,13 @@ def order_of(server: Fr3Server, word: str, rest: list[str]) -> Callable[[], None
         "reflex": lambda: keep("planned", (float(rest[0]), tuple(rest[1:]))),
         "flags": lambda: keep("shown_flags", tuple(map(int, rest))),
         "hand": lambda: keep("hand_kg", float(rest[0])),
+        "model": lambda: keep("urdf", described(FR3_URDF, rest[0])),
         "deaf": lambda: keep("deaf", True),
         "all-ears": lambda: keep("deaf", False),
         "lose": lambda: keep("losing", (float(rest[0]), int(rest[1]))),
         "strict": lambda: lambda: server.be_strict(int(rest[0])),
         "patient": lambda: keep("strict", False),
         "mark": lambda: lambda: (keep("mark_after", int(rest[1]))(), keep("mark_s", float(rest[0]))())[0],
-        "plane": lambda: keep("plane", Plane(float(rest[0]), float(rest[1]), np.array(rest[2:], dtype=np.float64))),
-        "threshold": lambda: keep("threshold_N", float(rest[0])),
         "report": lambda: None,
     }
     return orders[word]()
@@ -406,7 +380,7 @@ def main(host: str, interface: str, pace: str, *q: str) -> None:
                 server.process_commands()
             else:  # nobody is listened to, and the joints are held all the same
                 server._post_process_commands()
-            server.push()
+            server.feel()
             sim.step()
             server.send_state()
             if pace != "exact":

@@ -189,7 +189,7 @@ NOT_FINITE = "Commanding value is infinite or NaN."
 LOST_IN_A_ROW = 20
 """From here on an arm stops (the maker's documentation of the FCI)."""
 START_RAD = 1e-3
-FLANGE_M_S = {"panda": 1.7, "fr3": 3.0}
+FLANGE_M_S = {"panda": 1.7, "fr3": 3.0, "fr3v2": 3.0}
 RATED_NM = (87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)
 
 

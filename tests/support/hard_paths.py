@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 from cells import READY, cell, smooth
 from own_judge import MAKERS, Array, Scene, Touching, poses, wrong
-from players import Sink
+from players import InstantPlayer
 
 from hw.braking import STOP_S
 from hw.collision import BARE_HAND, HAND_MASS, KeepOut
@@ -143,7 +143,7 @@ class Found:
 
 def hunt(model: str, count: int, seed: int) -> Found:
     """Offer `count` paths to an arm of `model`; every one that it accepts is also stopped at a random moment."""
-    found, sink, rng = Found(), Sink(), np.random.default_rng([seed, 1])
+    found, sink, rng = Found(), InstantPlayer(), np.random.default_rng([seed, 1])
     with FrankaArm(cell(model, LOADED, keep_out=(ROD,)), FrankaSettings("172.16.0.2"), lambda: sink) as arm:
         for _, one in zip(range(count), paths(np.random.default_rng(seed), model), strict=False):
             sink.q_rad = one.q_arm_rad

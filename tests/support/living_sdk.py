@@ -43,9 +43,10 @@ class JointMonitor(Monitor):
 @dataclass
 class LivingSdk(FakeSdk):
     """`gaps` maps a cycle to the milliseconds since the one before it; `stuck_Nm` (7,) is a torque estimate that stands
-    still.
+    still; `coast_ms` is the time constant with which an arm comes to rest that stops by itself.
     """
 
+    coast_ms: float = COAST_MS
     gaps: dict[int, int] = field(default_factory=dict)
     stuck_Nm: tuple[float, ...] | None = None
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
@@ -70,7 +71,7 @@ class LivingRobot(FakeRobot):
     def _state(self) -> Any:
         state = super()._state()
         if self._coast_rad_s.any():
-            self._coast_rad_s *= np.exp(-1.0 / COAST_MS) * (np.abs(self._coast_rad_s).max() > 1e-3)
+            self._coast_rad_s *= np.exp(-1.0 / self.sdk.coast_ms) * (np.abs(self._coast_rad_s).max() > 1e-3)
             self._q = (np.array(self._q) + 1e-3 * self._coast_rad_s).tolist()
         before = self._felt
         self._felt = before + (np.array(self._q) - before) * (1.0 - np.exp(-1.0 / LAG_MS))

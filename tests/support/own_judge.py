@@ -63,9 +63,14 @@ MAKERS = {
         [5000.0] * 7,
     ),
 }
-FR3_SLOWER = ([0.6599, 0.2517, 0.2, 0.3533, 0.5757, 0.4878, 0.4628], [6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0])
+MAKERS["fr3v2"] = MAKERS["fr3"]
+SLOWER = {
+    "fr3": ([0.6599, 0.2517, 0.2, 0.3533, 0.5757, 0.4878, 0.4628], [6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0]),
+    "fr3v2": ([0.652, 0.25, 0.2005, 0.3542, 0.5738, 0.4885, 0.4592], [6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0]),
+}
 # m/s, m/s², m/s³, then the same of turning
-MAKERS_FLANGE = {"panda": (1.7, 13.0, 6500.0, 2.5, 25.0, 12500.0), "fr3": (3.0, 9.0, 4500.0, 2.5, 17.0, 8500.0)}
+_FR3_FLANGE = (3.0, 9.0, 4500.0, 2.5, 17.0, 8500.0)
+MAKERS_FLANGE = {"panda": (1.7, 13.0, 6500.0, 2.5, 25.0, 12500.0), "fr3": _FR3_FLANGE, "fr3v2": _FR3_FLANGE}
 MAKERS_NM = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])
 MOST_NM_S = 1000.0
 # link, both ends in its frame in m, radius in m: the maker's coarse model, and the hand on the flange
@@ -135,7 +140,7 @@ def _about(axis: Array, point: Array, angle: Array) -> Array:
 @cache
 def published(model: str) -> tuple[Mass, ...]:
     """Mass and inertia of links 1 to 7, each in its link's frame, from the maker's `inertials.yaml`."""
-    folder = DESCRIPTION / {"panda": "fer", "fr3": "fr3"}[model]
+    folder = DESCRIPTION / {"panda": "fer"}.get(model, model)
     numbers: dict[str, dict[str, list[float]]] = {}
     for line in (folder / "inertials.yaml").read_text(encoding="utf-8").splitlines():
         key, _, value = line.strip().partition(":")
@@ -214,8 +219,8 @@ def _joints(q: Array, q_arm: Array, model: str, *, rests: bool = True) -> str:
     at_rest = np.concatenate([[q[0]] * 3, q, q[-1:].repeat(3 * rests, axis=0)])
     dq = np.diff(at_rest, axis=0) * 1e3
     up, down = dq_max, dq_max
-    if model == "fr3":  # slower towards the ends of the range
-        offset, braking = (np.array(v) for v in FR3_SLOWER)
+    if model in SLOWER:  # towards the ends of the range
+        offset, braking = (np.array(v) for v in SLOWER[model])
         room = np.maximum(np.stack([q_max - at_rest[1:], at_rest[1:] - q_min]), 0.0)
         up, down = np.minimum(dq_max, np.maximum(np.sqrt(2.0 * braking * room) - offset, 0.0))
     broken = {

@@ -1,36 +1,50 @@
-"""Players without a process: one that drives no arm and counts, and one that plays the driver of an SDK's fake here."""
+"""Players without a process: one that drives no arm and needs no time, and one that plays an SDK's fake."""
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import repeat
+from typing import Any
 
 import numpy as np
 from cells import READY, cell
+from clocks import FakeClock
+from numpy.typing import ArrayLike
 from sdk_fake import FakeSdk
+from torque_errors import estimate_errors_Nm
 
 from hw.collision import BARE_HAND, Tool
-from hw.contact import estimate_errors_Nm
 from hw.franka import connection, player
 from hw.franka.arm import FrankaArm
-from hw.franka.driver import Reading
+from hw.franka.driver import FAULT, Failure, Reading
+from hw.franka.identity import ArmReport
 from hw.franka.playback import PlayableMotion, Played, PlayOutcome
 from hw.franka.settings import FrankaSettings, Payload
 from hw.ports import Pedal
-from hw.types import Array, Guard
+from hw.types import Array, JointPath
 from hw.watchdog import WHY
+from hw.workcell import Workcell
+
+SETTINGS = FrankaSettings("172.16.0.2")
 
 
 @dataclass
-class Sink:
-    """A player that keeps what it is given and says that it was played."""
+class InstantPlayer:
+    """A player that plays a path by being at its end, and keeps what it is given. Its clock moves on meanwhile.
+
+    `faults` maps the number of a motion (from 1) to what stops it half way: an error of the arm, or an interruption.
+    """
 
     q_rad: Array = field(default_factory=lambda: READY)
     held_off_rad: Array = field(default_factory=lambda: np.zeros(7))
     mode: str = "Idle"
     alive: bool = True
     notes: tuple[str, ...] = ()
+    clock: FakeClock = field(default_factory=FakeClock)
+    faults: Mapping[int, str | KeyboardInterrupt] = field(default_factory=dict)
+    rates: Iterator[float] = field(default_factory=lambda: repeat(1.0))  # share of the commands in time, per motion
     given: list[PlayableMotion] = field(default_factory=list)
     carried: list[Payload] = field(default_factory=list)
     collects_garbage: bool = False  # while it played
@@ -42,6 +56,9 @@ class Sink:
             tuple(self.q_rad), tuple(self.q_rad + self.held_off_rad), (0.0,) * 7, self.mode, external_Nm=estimate_Nm
         )
 
+    def report(self) -> ArmReport:
+        return ArmReport()
+
     def recover(self) -> Reading:
         return self.reading()
 
@@ -49,15 +66,54 @@ class Sink:
         self.carried.append(payload)
         return self.reading()
 
-    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes]) -> PlayOutcome:
         self.given.append(motion)
         self.collects_garbage = gc.isenabled()
-        q = motion.path.q_rad
+        fault = self.faults.get(len(self.given))
+        if isinstance(fault, KeyboardInterrupt):
+            raise fault
+        last = len(motion.path.t_s) if fault is None else len(motion.path.t_s) // 2
+        t_s, q = motion.path.t_s[:last], motion.path.q_rad[:last]
+        clock_s = self.clock.now_s() + t_s
+        self.clock.sleep(float(t_s[-1]))
         self.q_rad, self.held_off_rad = q[-1], np.zeros(7)
-        return PlayOutcome(Played(motion.path.t_s, motion.path.t_s, q, q, np.zeros_like(q), 1.0, 1.0))
+        played = Played(t_s, clock_s, q, q, np.zeros_like(q), 1.0, next(self.rates))
+        return PlayOutcome(played, None if fault is None else Failure(FAULT, fault))
 
     def close(self) -> None:
         self.alive = False
+
+
+class InstantArm(FrankaArm):
+    """The real arm's class over a player that needs no time; `cell` decides which motions it refuses."""
+
+    def __init__(
+        self,
+        q_rad: ArrayLike,
+        cell: Workcell,
+        clock: FakeClock | None = None,
+        *,
+        settings: FrankaSettings | None = None,
+        **player: Any,
+    ) -> None:
+        """It stands at `q_rad` (7,); `player` are further fields of `InstantPlayer`."""
+        clock = FakeClock() if clock is None else clock
+        self.player = InstantPlayer(np.asarray(q_rad, dtype=np.float64), clock=clock, **player)
+        super().__init__(cell, settings or SETTINGS, self._begun, now_s=clock.now_s)
+
+    def _begun(self) -> InstantPlayer:
+        self.player.alive = True
+        return self.player
+
+    @property
+    def executed(self) -> list[JointPath]:
+        """The paths that were begun, oldest first."""
+        return [motion.path for motion in self.player.given]
+
+    @property
+    def carried(self) -> list[Payload]:
+        """All loads that were set, oldest first."""
+        return self.player.carried
 
 
 @dataclass
@@ -94,6 +150,9 @@ class InProcess:
     def reading(self) -> Reading:
         return self.driver.reading()
 
+    def report(self) -> ArmReport:
+        return self.driver.report()
+
     def recover(self) -> Reading:
         self.driver.recover()
         return self.driver.reading()
@@ -102,14 +161,11 @@ class InProcess:
         self.driver.carry(payload)
         return self.driver.reading()
 
-    def play(self, motion: PlayableMotion, word: Callable[[], bytes], guard: Guard | None = None) -> PlayOutcome:
-        return player.play(self.driver, motion, _Told(word), guard, start_s=600.0)  # type: ignore[arg-type]
+    def play(self, motion: PlayableMotion, word: Callable[[], bytes]) -> PlayOutcome:
+        return player.play(self.driver, motion, _Told(word), start_s=600.0)  # type: ignore[arg-type]
 
     def close(self) -> None:
         self.alive = False
-
-
-SETTINGS = FrankaSettings("172.16.0.2")
 
 
 def driver_of(sdk: FakeSdk, model: str = "panda", settings: FrankaSettings = SETTINGS) -> connection.Connection:

@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 import pytest
+from players import InstantArm
 from rich.console import Console
 
 from adaptsim_cli.bench import calibration_in_use
@@ -20,9 +21,7 @@ from adaptsim_cli.config import Resolved
 from adaptsim_cli.screen.console import Screen
 from calib.saved import SavedCalibration, UncertaintyRecord
 from calib.target_records import BoardRecord
-from hw.collision import Table
 from hw.errors import BalanceError, DeviceUnavailable
-from hw.fake import FakeArm, FakeClock
 from hw.grasping import FakeHand
 from hw.types import CameraModel, Frame, Intrinsics
 from hw.workcell import Workcell
@@ -198,9 +197,8 @@ class ToyDevices:
     balance: ToyBalance = field(default_factory=lambda: ToyBalance([0.5]))
     lacking: str = ""  # of this device the driver is not installed
     opened: dict[str, Mapping[str, Any]] = field(default_factory=dict)
-    plane: Table | None = None  # where the arm truly meets the table; None: nowhere
     hand: FakeHand = field(default_factory=lambda: FakeHand(HANDLE_M, holds=True))
-    arm: FakeArm | None = None
+    arm: InstantArm | None = None
 
     def drivers(self) -> Drivers:
         return Drivers(arm=self._arm, camera=self._camera, pedal=self._pedal, balance=self._balance, hand=self._hand)
@@ -208,16 +206,16 @@ class ToyDevices:
     def drivers_of_a_stopped_arm(self) -> Drivers:
         """Its arm was stopped by a reflex before it is connected."""
 
-        def stopped(*args: Any, **given: Any) -> FakeArm:
+        def stopped(*args: Any, **given: Any) -> InstantArm:
             arm = self._arm(*args, **given)
             arm._fault = "cartesian_reflex"
             return arm
 
         return replace(self.drivers(), arm=stopped)
 
-    def _arm(self, cell: Workcell, settings: Any, pedal: Any) -> FakeArm:
+    def _arm(self, cell: Workcell, settings: Any, pedal: Any) -> InstantArm:
         self._open("arm", cell=cell, settings=settings, pedal=pedal)
-        self.arm = FakeArm(self.q_rad, FakeClock(), cell, plane=self.plane)
+        self.arm = InstantArm(self.q_rad, cell, settings=settings)
         return self.arm
 
     def _hand(self, model: str, host: str, pedal: Any) -> FakeHand:

@@ -17,8 +17,10 @@ from typing import Any
 
 import numpy as np
 from franka_modes import FLAGS, NOT_FINITE, PANDA_FLAGS, REFLEX, STOP_PRESSED, ArmModes, Limiter, Monitor, Refusal
+from torque_errors import estimate_errors_Nm
 
-from hw.contact import estimate_errors_Nm
+from hw.franka.identity import mass_matrix
+from hw.mass import Mass
 
 KEPT_STATES = 64
 """How many states a socket keeps that nobody reads; libfranka's was seen to keep 48 to 92."""
@@ -97,6 +99,8 @@ class FakeSdk:
     q_rad: list[float] = field(default_factory=lambda: list(Q_RAD))
     hand: tuple[float, list[float], list[float]] = HAND  # what is set in Desk
     takes_loads: bool = True  # False: it says yes to a load, and keeps its own
+    of: str = ""  # the model whose masses it reports; "": it reports none
+    urdf: str = ""  # the description that it hands out; "": it hands out none
     now_s: float = 0.0  # of the arm's clock, and of the computer's
     robot: Any = None  # the last one that was connected
 
@@ -140,6 +144,22 @@ class FakeRobot:
         self.sdk.calls.append((name, what))
         if name in self.sdk.fails:
             raise self.sdk.fails[name]
+
+    def __getattr__(self, name: str) -> Any:
+        """The calls that not every SDK has."""
+        if name == "load_model" and self.sdk.of:
+            return self._load_model
+        if name == "get_robot_model" and self.sdk.urdf:
+            return lambda: self.sdk.urdf
+        raise AttributeError(name)
+
+    def _load_model(self) -> Any:
+        self.did("load_model")
+        return SimpleNamespace(mass=self._mass)
+
+    def _mass(self, state: Any) -> list[float]:
+        load = Mass(float(state.m_total), np.array(state.F_x_Ctotal), np.array(state.I_total).reshape(3, 3))
+        return [float(v) for v in mass_matrix(self.sdk.of, np.array(state.q), load).ravel(order="F")]
 
     def _may(self, command: str) -> None:
         if (refusal := self.sdk.modes.refusal(command)) is not None:
@@ -201,6 +221,9 @@ class FakeRobot:
             F_x_Cload=load[1],
             I_load=load[2],
             m_ee=hand[0],
+            m_total=hand[0],  # the load counts as nothing
+            F_x_Ctotal=hand[1],
+            I_total=hand[2],
             F_x_Cee=hand[1],
             I_ee=hand[2],
             q=list(self._q),

@@ -37,7 +37,7 @@ class BoardHandler(Protocol):
 class CalibrationRig:
     """The connected devices of one bench, the board in the gripper."""
 
-    name: str  # "fake", "panda" or "fr3"
+    name: str  # "fake", "panda", "fr3" or "fr3v2"
     title: str  # its name for an operator
     key: str  # the folder name of its calibrations
     arm: Arm

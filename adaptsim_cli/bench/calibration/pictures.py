@@ -19,6 +19,7 @@ from adaptsim_cli.bench.calibration.solving import SolvedFolder
 from calib.errors import UnusableViews
 from calib.types import View
 from hw.capsules import segments
+from hw.joint_limits import LIMITS
 from hw.kinematics import FLANGE, forward, link_poses
 from hw.outline import ARM
 from hw.poses import inverse
@@ -93,10 +94,10 @@ def draw_arm(solved: SolvedFolder) -> ArmPictures:
     record, camera = solved.record, solved.setup.colour
     if record.mounting != "fixed":
         raise UnusableViews("the camera is on the wrist and does not see the arm: there is nothing to draw")
-    if record.arm not in ("panda", "fr3"):
+    if record.arm not in LIMITS:
         raise UnusableViews(
-            'the program knows the shapes of a Panda and an FR3 only: write arm = "panda" or arm = "fr3" at the top of '
-            "setup.toml if it is one of them"
+            f"the program knows the shapes of {', '.join(LIMITS)} only: name the arm at the top of setup.toml if it is "
+            'one of them, for example arm = "fr3"'
         )
     X_CB, offsets_rad = inverse(np.array(record.X_AC)), record.offsets_rad()
     X_FM, outline_m = np.array(record.X_HM), solved.setup.board.outline_m

@@ -20,6 +20,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.screen.views import Readiness, clear_to_move
 from hw.errors import BalanceError, DeviceUnavailable, HandError
+from hw.grasping import SLIPPED_M
 from hw.ports import Balance, Camera, Hand
 from hw.types import Array, Placing
 
@@ -159,10 +160,6 @@ class PersonBeside:
         question = clear_to_move(True, "goes home", path.duration_s) + "."
         self.arm.release.one(question, "The arm goes home, slowly. Release the pedal to brake.")
         self.arm.execute(path)
-
-
-SLIPPED_M = 0.001
-"""A larger change (m) of the fingers' width means that the tool has slipped, or is another one."""
 
 
 @dataclass

@@ -14,7 +14,7 @@ from adaptsim_cli.screen.release import Release
 from hw.collision import Tool
 from hw.errors import FingersMoved, HandError, MotionRefused
 from hw.ports import ArmWrapper, Pedal
-from hw.types import ArmState, Contact, Execution, Guard, JointPath
+from hw.types import ArmState, Execution, JointPath
 from hw.workcell import refuse_while_stopped
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ LEAST_RATE = 0.95
 
 
 class ConfirmedArm(ArmWrapper[RealArm]):
-    """`hw.ports.GuardedArm` around a real one. Every motion needs the typed word; there is no way around it."""
+    """`hw.ports.Arm` around a real one. Every motion needs the typed word; there is no way around it."""
 
     def __init__(
         self,
@@ -60,13 +60,6 @@ class ConfirmedArm(ArmWrapper[RealArm]):
             played = self._arm.execute(path)
         self._say_rate(played.control_success_rate)
         return played
-
-    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
-        """Raises the errors of `execute` and of a guarded motion."""
-        with self._allowed(path):
-            contact = self._arm.execute_until_contact(path, guard)
-        self._say_rate(contact.control_success_rate)
-        return contact
 
     @property
     def last_stop(self) -> StopReport | None:

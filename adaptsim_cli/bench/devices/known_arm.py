@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -61,9 +62,9 @@ class StopMeasurement:
     at: str  # ISO 8601
     by: str  # the operator
     time_s: float  # from the last command that the arm took until every joint stood
-    distance_m: float  # travel of the flange until then
+    distance_m: float  # travel of the farthest point of arm and tool until then; inf: not measured
     worst_time_s: float
-    worst_distance_m: float  # of the farthest point of arm and tool
+    worst_distance_m: float  # of the same
 
     @property
     def is_within(self) -> bool:
@@ -72,8 +73,9 @@ class StopMeasurement:
 
     def __str__(self) -> str:
         verdict = "within" if self.is_within else "BEYOND"
+        way = f"{1e3 * self.distance_m:.0f} mm" if isfinite(self.distance_m) else "an unknown way"
         return (
-            f"the stop button brought a slow motion to rest in {self.time_s:.2f} s and {1e3 * self.distance_m:.0f} mm, "
+            f"the stop button brought a slow motion to rest in {self.time_s:.2f} s and {way}, "
             f"{verdict} the worst case of {self.worst_time_s:.2f} s and {1e3 * self.worst_distance_m:.0f} mm "
             f"({self.at[:10]}, {self.by})"
         )

@@ -18,7 +18,7 @@ from adaptsim_cli.bench.touch_off.parts import PersonAtTool
 from adaptsim_cli.screen.release import Release
 from calib.types import HandEye
 from hw.collision import KeepOut, Tool
-from hw.ports import Arm, Balance, Camera, GuardedArm, Hand, Pedal
+from hw.ports import Arm, Balance, Camera, Hand, Pedal
 from hw.types import Array
 from hw.workcell import Workcell
 
@@ -35,14 +35,10 @@ BoardDevices = tuple[Arm, Camera, Callable[[float], None], BoardHandler | None, 
 so many seconds, for which the simulated lab does not wait, the board's handler (None: a person at the terminal), and
 the questions that let the arm move."""
 
-TouchDevices = tuple[GuardedArm, Hand, Callable[[bool], None], Release]
-"""Arm and hand, connected, the hand empty. `tool_there(True)`: the person holds the tool between the open fingers;
-False: takes it away. Then the questions that let them move."""
-
-
-GuidedDevices = tuple[Arm, Callable[[float], None], PersonAtTool | None]
-"""The arm, connected, the tool in its hand or screwed on. Then a pause of so many seconds, for which the simulated lab
-does not wait, and the person who guides it; None: a person at the terminal."""
+TouchDevices = tuple[Arm, Hand | None, Callable[[float], None], PersonAtTool | None, Release]
+"""The arm, connected, and the hand that holds its tool; None: the tool is screwed on. Then a pause of so many seconds,
+for which the simulated lab does not wait, the person who guides the arm (None: a person at the terminal), and the
+questions that let the hand move."""
 
 
 class Lab(Protocol):
@@ -75,11 +71,8 @@ class Lab(Protocol):
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
         """Arm and camera, connected, with `held` in the gripper; `cell` decides which motions are allowed."""
 
-    def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
-        """`cell` is with the empty hand, `loaded` the hand with the tool."""
-
-    def for_guided_touch_off(self, cell: Workcell) -> GuidedDevices:
-        """`cell` is with the tool. Nothing moves by itself."""
+    def for_touch_off(self, cell: Workcell) -> TouchDevices:
+        """`cell` is with the tool. The arm does not move by itself."""
 
     def measure_stop(self, mounted_task: MountedTask) -> StopMeasurement:
         """Have the stop button pressed during a slow swing, and keep time and way until rest beside the worst case.
@@ -88,7 +81,7 @@ class Lab(Protocol):
         """
 
 
-class RealArm(GuardedArm, Protocol):
+class RealArm(Arm, Protocol):
     """The arm of a lab, which has to know the load in its hand."""
 
     @property

@@ -14,13 +14,12 @@ from typing import TypeVar
 
 from adaptsim_cli.bench.devices.consent import SLOW_PACE
 from hw.braking import FULL, SLOWEST, at_pace
-from hw.ports import Arm, ArmWrapper, GuardedArm
+from hw.ports import Arm, ArmWrapper
 from hw.stopping import reduced_pace
-from hw.types import Contact, Execution, Guard, JointPath, number
+from hw.types import Execution, JointPath, number
 from hw.workcell import Workcell
 
 Inner = TypeVar("Inner", bound=Arm)
-Feeling = TypeVar("Feeling", bound=GuardedArm)
 
 
 def at_speed(path: JointPath, pace: float, cell: Workcell) -> JointPath:
@@ -67,8 +66,3 @@ class PacedArm(ArmWrapper[Inner]):
         finally:
             moved_s = self._arm.state().t_s - before_s
             self._pause(max(0.0, moved_s - (self._now_s() - begun_s)))
-
-    def execute_until_contact(self: PacedArm[Feeling], path: JointPath, guard: Guard) -> Contact:
-        """See `hw.ports.GuardedArm`, if the inner arm is one; times of the contact are those of the slower path."""
-        with self._taking_its_time():
-            return self._arm.execute_until_contact(at_speed(path, self._pace, self._cell), guard)

@@ -11,7 +11,7 @@ from adaptsim_cli.bench.devices.attended import Instruments, Person, PersonBesid
 from adaptsim_cli.bench.devices.confirmed import ConfirmedArm
 from adaptsim_cli.bench.devices.consent import Consent
 from adaptsim_cli.bench.devices.known_arm import KnownArm, StopMeasurement, folder_of, setup_of
-from adaptsim_cli.bench.devices.lab import BoardDevices, Drivers, GuidedDevices, TouchDevices
+from adaptsim_cli.bench.devices.lab import BoardDevices, Drivers, TouchDevices
 from adaptsim_cli.bench.devices.mounted import MountedTask
 from adaptsim_cli.bench.devices.pacing import PacedArm
 from adaptsim_cli.bench.devices.recovery import offer_recovery
@@ -28,8 +28,7 @@ from adaptsim_cli.screen.log import CommandLog
 from adaptsim_cli.screen.release import Each
 from adaptsim_cli.storage import durable
 from calib.types import HandEye
-from hw.collision import KeepOut, Tool, camera_box
-from hw.franka.settings import Payload
+from hw.collision import KeepOut, camera_box
 from hw.ports import Arm, Camera, Hand, Pedal
 from hw.types import Array
 from hw.workcell import Workcell
@@ -99,28 +98,15 @@ class RealLab:
         self._connect(arm)
         return PacedArm[Arm](arm, cell, self._pace), camera, time.sleep, None, arm.release
 
-    def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
-        """See `Lab`."""
-        if self.rig.without_hand:
-            raise UsageError(
-                "the rig file waives the hand, but in a touch-off the closed hand touches the table and grasps the "
-                "tool. For a tool that is screwed on: adaptsim touch-off --guide"
-            )
-        arm = self._arm(cell, self._task.name, "nothing on the table", "touch-off")
-        hand = ReleasedHand(self._hand(), arm.release, arm.await_pedal, arm.hand_moving)
-
-        def tool_there(in_hand: bool) -> None:
-            arm.carry(loaded if in_hand else cell.tool, self.rig.tool(self._task.name).held() if in_hand else Payload())
-
-        self._connect(arm)
-        return PacedArm(arm, cell.holding(loaded), self._pace), hand, tool_there, arm.release
-
-    def for_guided_touch_off(self, cell: Workcell) -> GuidedDevices:
+    def for_touch_off(self, cell: Workcell) -> TouchDevices:
         """See `Lab`."""
         self._require_payload(self._task.name)
         arm = self._arm(cell, self._task.name, "nothing on the table", "touch-off")
+        hand = (
+            None if self.rig.without_hand else ReleasedHand(self._hand(), arm.release, arm.await_pedal, arm.hand_moving)
+        )
         self._connect(arm)
-        return arm, time.sleep, None
+        return arm, hand, time.sleep, None, arm.release
 
     def measure_stop(self, mounted_task: MountedTask) -> StopMeasurement:
         """See `Lab`."""

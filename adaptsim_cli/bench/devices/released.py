@@ -7,11 +7,10 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TypeVar
 
 from adaptsim_cli.screen.release import Release
-from hw.ports import Arm, ArmWrapper, GuardedArm, Hand
-from hw.types import Contact, Execution, Guard, HandState, JointPath
+from hw.ports import Arm, ArmWrapper, Hand
+from hw.types import Execution, HandState, JointPath
 
 Inner = TypeVar("Inner", bound=Arm)
-Feeling = TypeVar("Feeling", bound=GuardedArm)
 
 
 class ReleasedArm(ArmWrapper[Inner]):
@@ -25,11 +24,6 @@ class ReleasedArm(ArmWrapper[Inner]):
         """See `hw.ports.Arm`."""
         self._begin(path)
         return self._arm.execute(path)
-
-    def execute_until_contact(self: ReleasedArm[Feeling], path: JointPath, guard: Guard) -> Contact:
-        """See `hw.ports.GuardedArm`, if the inner arm is one."""
-        self._begin(path)
-        return self._arm.execute_until_contact(path, guard)
 
     def _begin(self, path: JointPath) -> None:
         self._release.motion(duration_s=path.duration_s)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from adaptsim_cli.bench.devices.known_arm import KnownArm, StopMeasurement, folder_of
-from adaptsim_cli.bench.devices.lab import BoardDevices, GuidedDevices, TouchDevices
+from adaptsim_cli.bench.devices.lab import BoardDevices, TouchDevices
 from adaptsim_cli.bench.devices.mounted import MountedTask
 from adaptsim_cli.bench.devices.pacing import PacedArm
 from adaptsim_cli.bench.devices.released import ReleasedArm, ReleasedHand
@@ -21,7 +21,7 @@ from adaptsim_cli.screen.keys import Key
 from adaptsim_cli.screen.release import Release, before_first, require_word
 from calib.types import HandEye
 from hw.braking import FULL, brake
-from hw.collision import KeepOut, Tool
+from hw.collision import KeepOut
 from hw.franka.motions import BUTTON, StopReport
 from hw.kinematics import forward
 from hw.ports import Arm
@@ -94,16 +94,15 @@ class WorldLab:
         arm = PacedArm[Arm](ReleasedArm[Arm](lab.arm, release), cell, self._pace, realtime=self._realtime)
         return arm, lab.camera, lambda _: None, lab.hands, release
 
-    def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
-        """See `Lab`. The tool is the world's own."""
+    def for_touch_off(self, cell: Workcell) -> TouchDevices:
+        """See `Lab`. A simulated person hands the tool over, and sets it down."""
         from sim.lab.simulated import READY_RAD
         from sim.lab.touch import TouchLab
 
         ready_rad = cell.arm.reported_rad(READY_RAD)
         lab = self._stack.enter_context(TouchLab(self._task, self._world, self._seed, cell, home_q_rad=ready_rad))
         release = self._release("nothing on the table")
-        arm = PacedArm(ReleasedArm(lab.arm, release), cell.holding(loaded), self._pace, realtime=self._realtime)
-        return arm, ReleasedHand(lab.hand, release), lab.offer_tool, release
+        return lab.arm, ReleasedHand(lab.hand, release), lambda _: None, lab, release
 
     def measure_stop(self, mounted_task: MountedTask) -> StopMeasurement:
         """See `Lab`. A stand-in presses the button at a moment of its own; the arm brakes along its path."""
@@ -117,9 +116,9 @@ class WorldLab:
         release.one(swinging(path), "The arm swings until a stand-in presses the stop button.")
         played = ReleasedArm[Arm](lab.arm, release).execute(brake(path, press_s, mounted_task.cell.motion))
         after = played.t_s >= press_s
-        flange_m = forward(mounted_task.cell.arm.true_rad(played.q_measured_rad[after]))[:, :3, 3]
-        way_m = float(np.linalg.norm(np.diff(flange_m, axis=0), axis=1).sum())
-        stopped = StopReport(BUTTON, press_s, 0.0, float(played.t_s[-1]) - press_s, way_m, 0.0)
+        q_rad = played.q_measured_rad[after]
+        way_m = float(np.linalg.norm(np.diff(forward(q_rad)[:, :3, 3], axis=0), axis=1).sum())
+        stopped = StopReport(BUTTON, press_s, 0.0, float(played.t_s[-1]) - press_s, way_m, 0.0, q_rad)
         stop = measurement(stopped, path, mounted_task.cell, "a stand-in")
         KnownArm(folder_of(places(), self.rig)).stop_measured(stop)
         return stop
@@ -135,12 +134,3 @@ class WorldLab:
                 require_word(screen, "Have you checked all of this?", agreed)
 
         return Release(screen, model, False, self.rig.consent or "motion", first)
-
-    def for_guided_touch_off(self, cell: Workcell) -> GuidedDevices:
-        """See `Lab`. A simulated person sets the tool down."""
-        from sim.lab.simulated import READY_RAD
-        from sim.lab.touch import TouchLab
-
-        ready_rad = cell.arm.reported_rad(READY_RAD)
-        lab = self._stack.enter_context(TouchLab(self._task, self._world, self._seed, cell, home_q_rad=ready_rad))
-        return lab.arm, lambda _: None, lab

@@ -6,9 +6,10 @@ The motion is a swing of the first joint, or of the next one that the workcell a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from math import inf
 from typing import Protocol
 
 import numpy as np
@@ -21,7 +22,7 @@ from hw.braking import at_pace
 from hw.errors import ArmFault, MotionRefused
 from hw.franka.motions import BUTTON, StopReport
 from hw.ports import Arm
-from hw.stopping import REDUCED_M_S, reduced_pace, worst_stop
+from hw.stopping import REDUCED_M_S, reduced_pace, travel_m, worst_stop
 from hw.types import Array, JointPath
 from hw.workcell import Workcell
 
@@ -30,6 +31,7 @@ SWING_RAD = (0.8, 0.4, 0.15)
 SWING_S = 1.5
 """The time from the middle to one side, at full pace."""
 JOINTS = (0, 6)
+"""The joints that may swing, counted from 0, in the order in which they are tried."""
 
 
 class Reporting(Protocol):
@@ -40,10 +42,13 @@ class Reporting(Protocol):
         """How the last motion stopped; None: it came to its end."""
 
 
-def swing(q_rad: Array, cell: Workcell) -> JointPath:
-    """A slow motion from the reported joints (7,) that `cell` allows, back at its start. Raises MotionRefused."""
+def swing(q_rad: Array, cell: Workcell, joints: Sequence[int] = JOINTS) -> JointPath:
+    """A slow motion of one of `joints` from the reported joints (7,) that `cell` allows, back at its start.
+
+    Raises MotionRefused.
+    """
     refused = ""
-    for path in _swings(q_rad):
+    for path in _swings(q_rad, joints):
         slow = at_pace(path, reduced_pace(path, cell))
         try:
             cell.require(slow, q_rad)
@@ -56,7 +61,7 @@ def swing(q_rad: Array, cell: Workcell) -> JointPath:
     )
 
 
-def _swings(q_rad: Array) -> Iterator[JointPath]:
+def _swings(q_rad: Array, joints: Sequence[int] = JOINTS) -> Iterator[JointPath]:
     """The swings to one side, to the other and back, at rest at every turn."""
     u = np.arange(1, round(1000 * SWING_S) + 1) / round(1000 * SWING_S)
     step = u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
@@ -65,7 +70,7 @@ def _swings(q_rad: Array) -> Iterator[JointPath]:
     share = np.concatenate([[0.0], step, across, step - 1.0])
     t_s = np.arange(len(share)) / 1000
     for angle_rad in SWING_RAD:
-        for joint in JOINTS:
+        for joint in joints:
             yield JointPath(t_s, q_rad + angle_rad * share[:, None] * np.eye(len(q_rad))[joint])
 
 
@@ -78,13 +83,17 @@ def swinging(path: JointPath) -> str:
 
 
 def measurement(stopped: StopReport, path: JointPath, cell: Workcell, operator: str) -> StopMeasurement:
-    """The measured stop, beside the worst case of the same motion."""
+    """The measured stop, beside the worst case of the same motion: both of the point that goes farthest.
+
+    The flange does not count: turned by joint 7 it stays where it is. A report without measured joints gives an
+    infinite way, which is beyond every worst case.
+    """
     worst = worst_stop(cell, (path,))
     return StopMeasurement(
         at=datetime.now(UTC).isoformat(timespec="seconds"),
         by=operator,
         time_s=stopped.still_after_s,
-        distance_m=stopped.way_m,
+        distance_m=inf if stopped.q_rad is None else travel_m(stopped.q_rad, cell),
         worst_time_s=worst.time_s,
         worst_distance_m=worst.distance_m,
     )

@@ -40,11 +40,17 @@ from adaptsim_cli.bench.rig_file.devices import DeviceKind
 from adaptsim_cli.bench.rig_file.reading import gaps
 from adaptsim_cli.config import Resolved
 from hw.collision import BARE_HAND
+from hw.franka.identity import TITLES, identify, narrowed, unsure
 from hw.franka.realtime import PRIORITY
+from hw.franka.starting import SPARE, proposed
+from hw.joint_limits import LIMITS
 from hw.stopping import WORST_STOP_S, worst_stop
 
 CHECKS: dict[str, DoctorCheck] = dict(computer.CHECKS)
 """Every check by its name, in the order of the screen."""
+
+MEASUREMENTS: dict[str, DoctorCheck] = {}
+"""Checks that take a minute of the arm: `adaptsim doctor --measure` makes them after the others."""
 
 check = partial(add_check, CHECKS)
 
@@ -158,6 +164,54 @@ def _arm(lab: Examined) -> Finding:
         fix = "report it with this line: libfranka raised the player's priority and the program did not lower it again"
         return missing(f"{message}; a priority of {PRIORITY} is needed, below the kernel's watchdogs", fix)
     return advice(message, "; ".join(notes)) if notes else ok(message)
+
+
+@check(DEVICES, "arm model", "write the model of the type plate under [arm] of the rig file", after("arm"))
+def _arm_model(lab: Examined) -> Finding:
+    """Which arm it is by its own report, and whether its joint limits are those that every check counts on."""
+    arm_part = lab.rig.arm
+    report = readings.arm_report(arm_part.model, arm_part.settings())
+    identity = identify(arm_part.model, report)
+    if identity.model not in (None, arm_part.model):
+        fix = f'write model = "{identity.model}" under [arm] of the rig file, and say --hw {identity.model}'
+        return missing(
+            f"the rig file says {arm_part.model}, and it is {TITLES[str(identity.model)]}: {identity.why}", fix
+        )
+    try:
+        _, differences = narrowed(LIMITS[arm_part.model], report.urdf)
+    except ValueError as error:
+        return missing(f"the arm's own description cannot be read: {error}", "restart the arm")
+    if identity.model is None:
+        return advice("; ".join((unsure(arm_part.model, identity), *differences)))
+    if differences:
+        return advice("; ".join(differences), "nothing: the narrower limits apply to every motion")
+    of_limits = "are those of the table" if report.urdf else "are not handed out by this SDK: those of the table apply"
+    return ok(f"{TITLES[identity.model]}: {identity.why}; its joint limits {of_limits}")
+
+
+@partial(add_check, MEASUREMENTS)(DEVICES, "starts", "docs/guide/rig.md: [arm.starting]", after("arm model"))
+def _starts(lab: Examined) -> Finding:
+    """What the arm needs before a motion, beside the bounds of the rig file. Its settings are sent; nothing moves."""
+    arm_part = lab.rig.arm
+    rehearsal = readings.rehearsal(arm_part.model, arm_part.settings())
+    lines, proposals, beyond = [], [], []
+    for name, (measured, safe, unit) in rehearsal.bounds().items():
+        bound = float(getattr(arm_part.starting, name))
+        lines.append(f"{name} {measured:.2g} {unit} of {bound:g}")
+        if SPARE * measured <= bound:
+            continue
+        value = proposed(measured, safe)
+        if value is None:
+            beyond.append(f"{name} needs more than its safe range up to {safe[1]:g} {unit}")
+        else:
+            proposals.append(f"{name} = {value:g}")
+    message = f"{rehearsal.starts} starts and {rehearsal.rest_s:.0f} s at rest: {', '.join(lines)}"
+    if beyond:
+        fix = "one cable without a switch, a real-time kernel, and no other program; if it stays, report it"
+        return missing(f"{message}; {'; '.join(beyond)}", fix)
+    if proposals:
+        return advice(message, f"write under [arm.starting] of the rig file: {', '.join(proposals)}")
+    return ok(message)
 
 
 WITHDRAWN = "1.1.1"
@@ -300,6 +354,7 @@ def examine(resolved: Resolved, names: Collection[str] = tuple(CHECKS)) -> Itera
     A missing part is a finding, never an error.
     """
     lab = Examined(resolved)
+    every = CHECKS | MEASUREMENTS
     for name in names:
-        lab.findings[name] = CHECKS[name](lab)
+        lab.findings[name] = every[name](lab)
         yield lab.findings[name]

@@ -16,8 +16,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from hw.camera.probe import ProbeReport
+    from hw.franka.identity import ArmReport
     from hw.franka.process import Inspection
     from hw.franka.settings import FrankaSettings
+    from hw.franka.starting import Rehearsal
 
 _BLOCK, _BLOCKS = bytes(1 << 20), 16
 _SMALL = bytes(4096)
@@ -133,6 +135,20 @@ def arm(model: str, settings: FrankaSettings) -> Inspection:
     from hw.franka.process import inspect
 
     return inspect(model, settings, realtime=kernel()[1])
+
+
+def arm_report(model: str, settings: FrankaSettings) -> ArmReport:
+    """What the arm says of itself. Raises DeviceUnavailable."""
+    from hw.franka.process import ask_report
+
+    return ask_report(model, settings, realtime=kernel()[1])
+
+
+def rehearsal(model: str, settings: FrankaSettings) -> Rehearsal:
+    """Ten starts without a motion and a minute at rest. Raises DeviceUnavailable."""
+    from hw.franka.process import rehearse
+
+    return rehearse(model, settings, realtime=kernel()[1])
 
 
 def cameras(kind: str) -> ProbeReport:

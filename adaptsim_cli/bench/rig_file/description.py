@@ -5,7 +5,7 @@ Positions are in the arm's base frame B (X forward, Z up); tool and payload are 
 
 from __future__ import annotations
 
-from dataclasses import astuple
+from dataclasses import asdict, astuple
 from datetime import UTC, date, datetime
 from typing import Annotated, Any, Literal
 
@@ -21,6 +21,15 @@ from hw.camera.kinds import CAMERAS
 from hw.camera.process import CameraProcess, served
 from hw.collision import MOST_SLOPE, KeepOut, Side, Table, persons_side
 from hw.franka.settings import CollisionThresholds, FrankaSettings, Payload
+from hw.franka.starting import (
+    HELD_RAD,
+    HELD_RANGE_RAD,
+    START_RANGE_S,
+    START_S,
+    UNWATCHED_RANGE_S,
+    UNWATCHED_S,
+    Starting,
+)
 from hw.types import Array, frozen_array
 
 Three = tuple[float, float, float]
@@ -28,7 +37,7 @@ Four = tuple[float, float, float, float]
 Six = tuple[float, float, float, float, float, float]
 Seven = tuple[float, float, float, float, float, float, float]
 Range = tuple[float, float]
-Model = Literal["panda", "fr3"]
+Model = Literal["panda", "fr3", "fr3v2"]
 
 _IMPEDANCE: Seven = tuple(FrankaSettings("arm").joint_impedance_Nm_rad.tolist())
 _COLLISION = CollisionThresholds()
@@ -60,14 +69,33 @@ class Collision:
 
 
 @dataclass(frozen=True, config=RULES)
+class StartingPart:
+    """Bounds between the check of a motion and its first command; `adaptsim doctor --measure` proposes them."""
+
+    unwatched_s: Annotated[
+        float, key("longest pause without a state of the arm", "s", ge=UNWATCHED_RANGE_S[0], le=UNWATCHED_RANGE_S[1])
+    ] = UNWATCHED_S
+    start_s: Annotated[
+        float, key("longest time from the check to the first command", "s", ge=START_RANGE_S[0], le=START_RANGE_S[1])
+    ] = START_S
+    held_rad: Annotated[
+        float,
+        key("how far a joint that the arm holds may have gone", "rad", ge=HELD_RANGE_RAD[0], le=HELD_RANGE_RAD[1]),
+    ] = HELD_RAD
+
+
+@dataclass(frozen=True, config=RULES)
 class ArmPart:
     """The arm. Its hand is set up on the arm's web page (Desk)."""
 
-    model: Annotated[Model, key("panda (Franka Emika Robot) or fr3 (Franka Research 3)")]
+    model: Annotated[Model, key("panda (Franka Emika Robot), fr3 (Franka Research 3) or fr3v2 (its second version)")]
     address: Annotated[str, key("network address of the arm's control box, without https://")]
     joint_impedance_Nm_rad: Annotated[Seven, key("how stiff the joints are held", "Nm/rad")] = _IMPEDANCE
     collision: Annotated[Collision, key("thresholds at which the arm stops by itself")] = Field(
         default_factory=Collision
+    )
+    starting: Annotated[StartingPart, key("bounds before the first command of a motion")] = Field(
+        default_factory=StartingPart
     )
 
     def __post_init__(self) -> None:
@@ -86,7 +114,10 @@ class ArmPart:
     def settings(self, payload: Payload | None = None) -> FrankaSettings:
         """The settings of the adapter, with the payload in the hand. Raises ValueError."""
         impedance = np.array(self.joint_impedance_Nm_rad)
-        return FrankaSettings(self.address, payload or Payload(), self.collision.thresholds(), impedance)
+        starting = Starting(**asdict(self.starting))
+        return FrankaSettings(
+            self.address, payload or Payload(), self.collision.thresholds(), impedance, starting=starting
+        )
 
 
 @dataclass(frozen=True, config=RULES)

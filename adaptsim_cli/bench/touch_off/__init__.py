@@ -1,1 +1,1 @@
-"""The operator's side of a touch-off: touch the table, touch with the tool, solve, store."""
+"""The operator's side of a touch-off: set the tool down, solve, store."""

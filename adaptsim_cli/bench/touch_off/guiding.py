@@ -1,21 +1,20 @@
 """A touch-off by hand: a person sets the tool down at seven places; the program reads the joints at rest.
 
-Nothing moves by itself and no force is felt. It serves a tool that is screwed on, and everybody who does not want a
-motion that searches for the table.
+The arm never moves by itself and no force is felt. Only a hand that does not hold the tool yet closes on it before.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from datetime import UTC, datetime
 
 import numpy as np
 
 from adaptsim_cli.bench.touch_off import terminal_views
-from adaptsim_cli.bench.touch_off.flow import conclude, now, stored
-from adaptsim_cli.bench.touch_off.parts import GuidedTouchRig, TouchOffFailed
+from adaptsim_cli.bench.touch_off.parts import Grasp, GuidedTouchRig, HoldingHand, TouchOffFailed
 from adaptsim_cli.bench.touch_off.solving import Touched, solve
-from adaptsim_cli.bench.touch_off.store import SavedTouchOff, TouchOffStore
+from adaptsim_cli.bench.touch_off.store import SavedTouchOff, SetDownRecord, TouchOffStore
 from adaptsim_cli.config import Config, Places, Resolved
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen import console
@@ -23,29 +22,33 @@ from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.guided import GuidedArm, NotAtRest, at_rest
 from adaptsim_cli.screen.keys import Key, enter, stop
 from adaptsim_cli.screen.reply import Reply
+from adaptsim_cli.storage.durable import versions
+from hw.errors import DeviceUnavailable, HandError
+from hw.grasping import SLIPPED_M, WIDEST_M
 from hw.kinematics import forward
 from hw.types import Array
 from sim.panda.setting_down import TABLE, SetDown, middle, pitch_rad
-from sim.panda.touching import Probe
 
 FAR_M = 0.05
 """An end of the tool that seems farther from the expected table is not set down, or the rig file is of another lab."""
 TRIES = 20
 """How often one place is asked for before the command gives up; also the simulated lab must not ask for ever."""
 _KEPT = "Nothing was stored; the previous touch-off stays in use."
-_HINT = f"{_KEPT} Start again with: adaptsim touch-off --guide"
+_HINT = f"{_KEPT} Start again with: adaptsim touch-off"
 _SHARED = (
     "Set down by its edge, the tool cannot tell its own height from the table's: only the sum is measured, and that is "
     "the edge over the table."
 )
+_OPEN_M = 0.75 * WIDEST_M
 _SHOWN = "The places shown so far are kept."
 
-OpenGuidedRig = Callable[[Config, Places], AbstractContextManager[GuidedTouchRig]]
-"""Connects the arm."""
+OpenGuidedRig = Callable[[Config, Places, Grasp], AbstractContextManager[GuidedTouchRig]]
+"""Connects arm and hand."""
 
 
 def run(
     resolved: Resolved,
+    grasp: Grasp,
     store: TouchOffStore,
     sessions: Sequence[str],
     open_rig: OpenGuidedRig,
@@ -62,47 +65,112 @@ def run(
     if not unattended:
         console.require_terminal()
     screen.resting("table and tool as now known", sessions)
-    with how_to_continue(_HINT, "interrupted"), open_rig(config, resolved.places) as rig:
-        screen.show(terminal_views.guided_explanation(rig))
-        saved = touch_off(rig, screen, unattended=unattended, created=now())
+    with how_to_continue(_HINT, "interrupted"), open_rig(config, resolved.places, grasp) as rig:
+        screen.show(terminal_views.explanation(rig))
+        saved = touch_off(rig, screen, unattended=unattended, created=datetime.now(UTC).isoformat(timespec="seconds"))
         screen.plain("Guide the arm up now: the tool must be clear of the table before anything moves.")
-    return conclude(saved, store, config, screen)
+    folder = store.save(saved)
+    screen.plain(f"In use from now on: {folder}")
+    trial = (f"adaptsim rollout {config.same_lab}", "one trial with it")
+    return Reply(terminal_views.summary(saved) | {"folder": str(folder)}, next=[trial])
 
 
 def touch_off(rig: GuidedTouchRig, screen: Screen, *, unattended: bool, created: str) -> SavedTouchOff:
-    """Have the tool set down at every place, and solve. `created` is ISO 8601; `unattended`: the lab's own person does
-    it, and nobody is asked.
+    """Have the tool held, and set down at every place; solve. `created` is ISO 8601; `unattended`: the lab's own
+    person does it, and nobody is asked.
 
     Raises TouchOffFailed, HardwareError, StoppedByOperator.
     """
-    asking = _Asking(rig, screen, unattended)
-    shown_rad = asking.all()
-    fingers, tool = touches_of(rig.set_downs, shown_rad, rig.designed)
-    result, problems = solve(fingers, tool, rig.designed, rig.work_m, together=2)
-    screen.show(terminal_views.result(result, None))
+    width_m = 0.0 if rig.holding is None else take_tool(rig, rig.holding, screen, unattended=unattended)
+    shown_rad = _Asking(rig, screen, unattended).all()
+    if rig.holding is not None:
+        require_held(rig.holding, width_m)
+    edge, tool = touches_of(rig.set_downs, shown_rad, rig.designed)
+    result, problems = solve(edge, tool, rig.designed, rig.work_m)
+    screen.show(terminal_views.result(result))
     screen.plain(_SHARED)
     if problems:
         raise TouchOffFailed("not accepted: " + "; ".join(problems))
-    return stored(rig, result, (*fingers, *tool), rig.model, created)
+    return SavedTouchOff(
+        **dict(result),
+        created=created,
+        hw=rig.name,
+        arm=rig.model.name,
+        rig=rig.key,
+        tool=rig.tool_name,
+        source=f"touch-off on {rig.title}",
+        joint_zeros_rad=tuple(rig.model.zeros_rad.tolist()),
+        touches=tuple(SetDownRecord(place=one.name, q_rad=tuple(map(float, one.q_rad))) for one in (*edge, *tool)),
+        versions=versions(),
+    )
+
+
+def take_tool(rig: GuidedTouchRig, holding: HoldingHand, screen: Screen, *, unattended: bool) -> float:
+    """The width (m) between the fingers that hold the tool; a hand that holds nothing gets it first.
+
+    Raises TouchOffFailed, HandError, StoppedByOperator.
+    """
+
+    def person(present: bool) -> None:
+        if rig.person is not None:
+            rig.person.offer_tool(present)
+
+    hand, grasp = holding.hand, holding.grasp
+    if not hand.state().holds:
+        if not hand.state().homed:
+            if not unattended:
+                screen.go_on(
+                    f"Take the {rig.tool_name} out of the hand. Keep your own fingers away: the hand opens and closes "
+                    "next.",
+                    "when it is empty",
+                    then="Nothing moves yet: the program asks before the hand opens and closes.",
+                    assurance=_KEPT,
+                )
+            person(False)
+            hand.home()
+        hand.move(_OPEN_M)
+        holding.release.one(
+            f"Hold the {rig.tool_name} between the fingers, as its drawing shows. Keep your own fingers clear: the "
+            f"hand closes with {grasp.force_N:g} N.",
+            f"The hand closes on the {rig.tool_name}.",
+            "nothing was stored",
+        )
+        person(True)
+        try:
+            hand.grasp(grasp.width_m, grasp.force_N)
+        except HandError as error:
+            raise TouchOffFailed(f"the hand does not hold the tool: {error}") from error
+    state = hand.state()
+    if not state.holds:
+        raise TouchOffFailed("the hand reports that it holds nothing; hand the tool over again and run again")
+    screen.show(f"  The hand holds the {rig.tool_name}; its fingers are {1e3 * state.width_m:.1f} mm apart.")
+    return state.width_m
+
+
+def require_held(holding: HoldingHand, width_m: float) -> None:
+    """Raises TouchOffFailed unless the hand still holds the tool, its fingers as far apart as before, `width_m`."""
+    try:
+        state = holding.hand.state()
+    except DeviceUnavailable:  # guiding the arm may have ended the hand's connection too
+        holding.hand.__enter__()
+        state = holding.hand.state()
+    moved_m = state.width_m - width_m
+    if not state.holds or abs(moved_m) > SLIPPED_M:
+        raise TouchOffFailed(
+            f"the tool is no longer held as before: its fingers have moved by {1e3 * moved_m:+.1f} mm (at most "
+            f"{1e3 * SLIPPED_M:g}). Grasp harder than {holding.grasp.force_N:g} N (--grasp-force), or roughen the "
+            f"handle, and run again. {_KEPT}"
+        )
 
 
 def touches_of(
     set_downs: Sequence[SetDown], true_rad: Sequence[Array], designed: Array
 ) -> tuple[list[Touched], list[Touched]]:
-    """The inputs of `solve` for fingers and for the tool, from the true joints (7,) of every set-down.
-
-    The table is measured by the middle of the edge, where the tool is assumed to be; the tool by both corners
-    everywhere.
-    """
+    """The inputs of `solve` for edge and tool, from the true joints (7,) of every set-down."""
     pairs = list(zip(set_downs, true_rad, strict=True))
-    unused = np.eye(3)  # the solution needs no planned orientation
-    fingers = [Touched(Probe(one.name, middle(one.corners, designed), one.xy_m, unused), q) for one, q in pairs[:TABLE]]
-    tool = [
-        Touched(Probe(f"{corner.name}, {one.name}", corner, one.xy_m, unused), q)
-        for one, q in pairs
-        for corner in one.corners
-    ]
-    return fingers, tool
+    edge = [Touched(one.name, middle(one.corners, designed), q_rad) for one, q_rad in pairs[:TABLE]]
+    tool = [Touched(f"{corner.name}, {one.name}", corner, q_rad) for one, q_rad in pairs for corner in one.corners]
+    return edge, tool
 
 
 class _Asking:

@@ -1,8 +1,7 @@
-"""Computes the correction and its uncertainty from the touches.
+"""Computes the correction and its uncertainty from the set-downs.
 
-Closed, empty fingers have a known length, so five touches give the table's plane (three numbers). Then the tool's
-corners touch that table at different pitches: eight touches give the tool's height, forward shift, pitch and roll (four
-numbers). The height of an edge alone could not separate table and tool; the fingers can.
+The middle of the edge, where the tool is assumed to be, gives the table's plane (three numbers). Both corners of every
+set-down then give the tool's height, forward shift, pitch and roll on that table (four numbers).
 """
 
 from __future__ import annotations
@@ -16,14 +15,13 @@ from hw.collision import Table
 from hw.kinematics import forward
 from hw.records import Record
 from hw.types import Array
-from sim.panda.tool import ToolCorrection
-from sim.panda.touching import Probe
+from sim.panda.tool import Feeler, ToolCorrection
 
+TOGETHER = 2
+"""The corners of a set-down share an error: they count as one touch in every interval."""
 FLOOR_M = 0.00005
 """No touch counts as more precise than this, however well a few of them agree."""
 COVERAGE = 0.95
-DIFFER_M = 0.0006
-"""Repeats at one place that differ by more are not the same contact."""
 MISFIT_M = 0.0010
 """A place that deviates by more from all others: an object lies there, or something gives way."""
 UNCERTAIN_M, UNCERTAIN_RAD = 0.0015, 0.035
@@ -34,9 +32,10 @@ MOST_PITCH_RAD, MOST_ROLL_RAD, MOST_HEIGHT_M = 0.075, 0.05, 0.015
 
 @dataclass(frozen=True, eq=False)
 class Touched:
-    """One slow touch: its probe, and the true joints where it began."""
+    """One corner, or the middle of the edge, on the table: where, and the true joints at rest."""
 
-    probe: Probe
+    name: str
+    feeler: Feeler
     q_rad: Array  # (7,)
 
 
@@ -60,13 +59,12 @@ class Result(Record):
     tool_roll_rad: MeasuredValue
     edge_over_table_m: float  # half width of the 95 % interval of the edge's height over the table
     edge_too_high_m: float  # the edge is higher over the table than assumed by at most this, in 95 % of touch-offs
-    repeat_m: float  # spread of repeats, one standard deviation
     misfit_m: float  # largest residual of a place
 
 
 def table_of(touches: Sequence[Touched]) -> tuple[Table, Array, Array]:
-    """The plane through the lowest points of the fingers -> (table, residuals (N,) in m, normal matrix (3, 3))."""
-    tips = np.array([_lowest(forward(t.q_rad), t.probe) for t in touches])
+    """The plane through the lowest points of the edge -> (table, residuals (N,) in m, normal matrix (3, 3))."""
+    tips = np.array([_lowest(forward(t.q_rad), t.feeler) for t in touches])
     A = np.column_stack([np.ones(len(tips)), tips[:, :2]])
     plane, *_ = np.linalg.lstsq(A, tips[:, 2], rcond=None)
     return Table(*(float(v) for v in plane)), np.asarray(tips[:, 2] - A @ plane), A.T @ A
@@ -83,7 +81,7 @@ def tool_of(touches: Sequence[Touched], designed: Array, table: Table) -> tuple[
 
     def above(x: Array) -> Array:
         X_FT = correction(x).X_FT(designed)
-        lowest = np.array([_lowest(X @ X_FT, t.probe) for X, t in zip(X_BF, touches, strict=True)])
+        lowest = np.array([_lowest(X @ X_FT, t.feeler) for X, t in zip(X_BF, touches, strict=True)])
         return np.asarray(lowest[:, 2] - table.height_at(lowest))
 
     fit = least_squares(above, np.zeros(4), x_scale=[1e-3, 1e-3, 1e-2, 1e-2])
@@ -91,22 +89,19 @@ def tool_of(touches: Sequence[Touched], designed: Array, table: Table) -> tuple[
 
 
 def solve(
-    fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array, work_m: Array, together: int = 1
+    edge: Sequence[Touched], tool: Sequence[Touched], designed: Array, work_m: Array
 ) -> tuple[Result, tuple[str, ...]]:
-    """The result from all slow touches, and the reasons against its use. `work_m` (2,): place of the stated height.
-
-    `together` touches of the tool share an error: they count as one in every interval.
+    """The result from all touches, and the reasons against its use. `work_m` (2,): place of the stated height.
 
     Needs touches at three places for the table and with both ends of the tool at two pitches; raises ValueError.
     """
-    if len({t.probe.name for t in fingers}) < 3 or len({t.probe.name for t in tool}) < 4:
-        raise ValueError("a touch-off needs the fingers at 3 places, and the tool held in 4 ways, at least")
-    table, table_off, table_N = table_of(fingers)
+    if len({t.name for t in edge}) < 3 or len({t.name for t in tool}) < 4:
+        raise ValueError("a touch-off needs the edge at 3 places, and the tool held in 4 ways, at least")
+    table, table_off, table_N = table_of(edge)
     correction, tool_off, tool_N = tool_of(tool, designed, table)
-    repeat_m = _repeatability(fingers, tool, designed)
-    table_cov = _covariance(table_off, table_N, repeat_m)
-    tool_cov = _covariance(tool_off, tool_N / together, repeat_m)
-    tool_free = (len(tool_off) - 4) // together
+    table_cov = _covariance(table_off, table_N)
+    tool_cov = _covariance(tool_off, tool_N / TOGETHER)
+    tool_free = (len(tool_off) - 4) // TOGETHER
     at = np.array([1.0, *work_m])
     table_var = float(at @ table_cov @ at)
     wide = [_quantile(len(table_off) - 3), _quantile(tool_free)]
@@ -129,33 +124,21 @@ def solve(
         tool_roll_rad=measured_value(correction.roll_rad, wide[1] * float(sigma[3])),
         edge_over_table_m=wide[1] * float(sigma[0]),
         edge_too_high_m=_one_sided(tool_free) * float(sigma[0]),
-        repeat_m=repeat_m,
         misfit_m=float(max(np.abs(table_off).max(), np.abs(tool_off).max())),
     )
     uncertain = _uncertain(result.edge_over_table_m, result.tool_pitch_rad.within)
-    return result, (*_misfits(fingers, table_off), *_misfits(tool, tool_off), *uncertain, *_implausible(correction))
+    return result, (*_misfits(edge, table_off), *_misfits(tool, tool_off), *uncertain, *_implausible(correction))
 
 
-def _lowest(X_BT: Array, probe: Probe) -> Array:
-    """(3,) the lowest point of the probe's feeler."""
-    p_m: Array = X_BT[:3, :3] @ probe.feeler.p_T_m + X_BT[:3, 3]
-    return np.asarray(p_m - [0.0, 0.0, probe.feeler.radius_m])
+def _lowest(X_BT: Array, feeler: Feeler) -> Array:
+    """(3,) the lowest point of the feeler."""
+    p_m: Array = X_BT[:3, :3] @ feeler.p_T_m + X_BT[:3, 3]
+    return np.asarray(p_m - [0.0, 0.0, feeler.radius_m])
 
 
-def _repeatability(fingers: Sequence[Touched], tool: Sequence[Touched], designed: Array) -> float:
-    """Pooled spread of the repeats of each place, one standard deviation."""
-    squares, free = 0.0, 0
-    for touches, X_FT in ((fingers, np.eye(4)), (tool, designed)):
-        for name in {t.probe.name for t in touches}:
-            heights = [_lowest(forward(t.q_rad) @ X_FT, t.probe)[2] for t in touches if t.probe.name == name]
-            squares += float(np.sum((np.array(heights) - np.mean(heights)) ** 2))
-            free += len(heights) - 1
-    return float(np.sqrt(squares / max(free, 1)))
-
-
-def _covariance(off_m: Array, normal: Array, repeat_m: float) -> Array:
+def _covariance(off_m: Array, normal: Array) -> Array:
     free = max(len(off_m) - len(normal), 1)
-    sigma_m = max(float(np.sqrt(np.sum(off_m**2) / free)), repeat_m, FLOOR_M)
+    sigma_m = max(float(np.sqrt(np.sum(off_m**2) / free)), FLOOR_M)
     return np.asarray(sigma_m**2 * np.linalg.inv(normal))
 
 
@@ -176,7 +159,7 @@ def _misfits(touches: Sequence[Touched], off_m: Array) -> tuple[str, ...]:
     if abs(off_m[worst]) <= MISFIT_M:
         return ()
     return (
-        f"{touches[worst].probe.name} lies {1e3 * off_m[worst]:+.1f} mm off the plane of the other places (at most "
+        f"{touches[worst].name} lies {1e3 * off_m[worst]:+.1f} mm off the plane of the other places (at most "
         f"{1e3 * MISFIT_M:.1f}): check that nothing lies there and that the tool is tight",
     )
 

@@ -18,15 +18,15 @@ FILE, PREFIX = "touch-off.json", "touch-off-"
 FORMAT = 1
 
 
-class SlowTouchRecord(Record):
-    """One slow touch."""
+class SetDownRecord(Record):
+    """One corner, or the middle of the edge, on the table."""
 
     place: str
     q_rad: tuple[float, ...]  # true joints by the calibration
 
 
 class SlipCheckRecord(Record):
-    """How the tool held when it was pressed onto the table."""
+    """How the tool held when an earlier version pressed it onto the table."""
 
     moved_m: float  # how far a corner moved
     pressed_N: float
@@ -53,11 +53,11 @@ class SavedTouchOff(StoredRecord):
     tool_roll_rad: MeasuredValue
     edge_over_table_m: float
     edge_too_high_m: float  # at most, in 95 % of touch-offs
-    repeat_m: float
+    repeat_m: float = 0.0  # spread of repeats at one place; an earlier version made some
     misfit_m: float
-    slip: SlipCheckRecord | None = None  # None: set down by hand, so nothing was pressed
+    slip: SlipCheckRecord | None = None  # None: nothing was pressed
     joint_zeros_rad: tuple[float, ...]  # of the calibration in use then
-    touches: tuple[SlowTouchRecord, ...]
+    touches: tuple[SetDownRecord, ...]
     versions: dict[str, str]
 
     def correction(self) -> ToolCorrection:

@@ -11,9 +11,9 @@ from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from adaptsim_cli.bench.touch_off.parts import GuidedTouchRig, TouchRig
+from adaptsim_cli.bench.touch_off.parts import GuidedTouchRig
 from adaptsim_cli.bench.touch_off.solving import Result
-from adaptsim_cli.bench.touch_off.store import SavedTouchOff, SlipCheckRecord
+from adaptsim_cli.bench.touch_off.store import SavedTouchOff
 from adaptsim_cli.screen import views
 
 _DEG = float(np.rad2deg(1.0))
@@ -36,40 +36,18 @@ COLUMNS = ("table", "tool higher", "pitch")
 """The columns of a list beside name, time and remark."""
 
 
-def explanation(rig: TouchRig) -> RenderableType:
-    """The announcement of the touch-off."""
-    lines = (
-        "Finds how high the table is and how the tool sits in the hand, by touching. About five minutes.",
-        f"1  The hand is homed, empty; its closed fingers touch the table at {len(rig.plan.table)} places.",
-        f"2  You hand it the {rig.tool_name}; its corners touch the table, held in {len(rig.plan.tool)} ways.",
-        "3  It presses once as hard as the task will, and touches again: has it slipped?",
-        "The arm comes down at 15 mm/s at most, stops at the first 4 N and goes back up. Keep the table empty.",
-    )
-    return Group(
-        views.badge(rig.name, rig.title),
-        Text("Touch-off", style="bold"),
-        *(Padding(Text(line), (0, 0, 0, 2)) for line in lines),
-    )
-
-
-def touched(number: int, of: int, name: str, heights_m: Sequence[float]) -> RenderableType:
-    """One line for one place."""
-    heights = ", ".join(f"{1e3 * h:+.2f}" for h in heights_m)
-    return Text.assemble((f"  {number:2d} of {of}", "bold"), f"  {name}: {heights} mm from the expected height")
-
-
-def guided_explanation(rig: GuidedTouchRig) -> RenderableType:
+def explanation(rig: GuidedTouchRig) -> RenderableType:
     """The announcement of a touch-off by hand."""
     lines = (
-        "Finds how high the table is and how the tool sits, by setting it down. About three minutes; nothing moves "
-        "by itself.",
+        "Finds how high the table is and how the tool sits, by setting it down. About three minutes; the "
+        "arm never moves by itself.",
         f"Guide the arm so that the {rig.tool_name} stands on the table at {len(rig.set_downs)} places, both corners "
         "touching, and let go each time.",
         "It may stand lightly: a corner in the air is an error, a pressed one bends the blade. Keep the table empty.",
     )
     return Group(
         views.badge(rig.name, rig.title),
-        Text("Touch-off by hand", style="bold"),
+        Text("Touch-off", style="bold"),
         *(Padding(Text(line), (0, 0, 0, 2)) for line in lines),
     )
 
@@ -82,7 +60,7 @@ def set_down(number: int, of: int, name: str, height_m: float, pitch_rad: float)
     )
 
 
-def result(fit: Result | SavedTouchOff, slip: SlipCheckRecord | None) -> RenderableType:
+def result(fit: Result | SavedTouchOff) -> RenderableType:
     """The results with their intervals."""
     values = [(words, getattr(fit, field), factor, unit) for field, _, words, factor, unit in QUANTITIES]
     rows = [
@@ -90,11 +68,6 @@ def result(fit: Result | SavedTouchOff, slip: SlipCheckRecord | None) -> Rendera
         ("edge against table", "", f"± {1e3 * fit.edge_over_table_m:.2f} mm"),
         ("largest misfit of a place", "", f"{1e3 * fit.misfit_m:.2f} mm"),
     ]
-    if slip is not None:
-        rows += [
-            ("repeats differ by (one sigma)", "", f"{1e3 * fit.repeat_m:.2f} mm"),
-            (f"moved when pressed with {slip.pressed_N:.0f} N", f"{1e3 * slip.moved_m:+.2f} mm", ""),
-        ]
     too_high = f"The edge may be up to {1e3 * fit.edge_too_high_m:.2f} mm higher than assumed (one-sided 95 %)."
     return Group(Text(""), views.rows(("quantity", "value", "95 % within"), rows), Text(too_high))
 
@@ -106,9 +79,7 @@ def summary(saved: SavedTouchOff) -> dict[str, Any]:
         **{name: {"value": k * e.value, "within_95": k * e.within} for name, (e, k) in values.items()},
         "edge_over_table_within_95_mm": 1e3 * saved.edge_over_table_m,
         "edge_too_high_95_mm": 1e3 * saved.edge_too_high_m,
-        "repeat_mm": 1e3 * saved.repeat_m,
         "misfit_mm": 1e3 * saved.misfit_m,
-        "slip_mm": None if saved.slip is None else 1e3 * saved.slip.moved_m,
         "touches": len(saved.touches),
         "sha256": saved.sha256(),
     }
@@ -116,7 +87,7 @@ def summary(saved: SavedTouchOff) -> dict[str, Any]:
 
 def shown(record: SavedTouchOff, path: Path) -> Sequence[RenderableType]:
     """One touch-off, and when it was made."""
-    return f"{path.name}, made {record.created}, with {record.tool}", result(record, record.slip)
+    return f"{path.name}, made {record.created}, with {record.tool}", result(record)
 
 
 def listing_row(record: SavedTouchOff, path: Path) -> dict[str, Any]:

@@ -16,7 +16,6 @@ from adaptsim_cli.bench.calibration import running as calibrating
 from adaptsim_cli.bench.devices.consent import SLOW_PACE
 from adaptsim_cli.bench.devices.opening import open_lab
 from adaptsim_cli.bench.motion import mounted_for
-from adaptsim_cli.bench.touch_off import flow as touching
 from adaptsim_cli.bench.touch_off import guiding
 from adaptsim_cli.commands.setup_steps.answers import Answers
 from adaptsim_cli.commands.setup_steps.describing import board_payload
@@ -64,19 +63,17 @@ def calibrate(answers: Answers) -> None:
 
 
 def touch(answers: Answers) -> None:
-    """Find table and tool by touch; on a real rig by hand."""
+    """Find table and tool: the tool is set down by hand."""
     config, screen = answers.config, answers.screen
-    store, sessions = (
+    guiding.run(
+        answers.resolved,
+        touch_off.grasp_of(config),
         touch_off.touch_offs(config, answers.places),
         rig_sessions.open_sessions(config, answers.places),
+        partial(touch_off.open_guided_rig, screen=answers.prompt_screen),
+        screen,
+        yes=answers.defaults,
     )
-    if not config.is_simulated:
-        open_guided = partial(touch_off.open_guided_rig, screen=screen)
-        guiding.run(answers.resolved, store, sessions, open_guided, screen, yes=answers.defaults)
-        return
-    open_rig = partial(touch_off.open_touch_rig, screen=answers.prompt_screen)
-    grasp = touch_off.grasp_of(config)
-    touching.run(_slowly(answers, practice=False), grasp, store, sessions, open_rig, screen, yes=answers.defaults)
 
 
 def stop(answers: Answers) -> None:

@@ -46,7 +46,7 @@ COMPUTER = (
 STEPS = (
     Step("computer", lambda _: None, COMPUTER),
     Step(
-        "arm", describing.arm, ("rig file", "network", "arm"),
+        "arm", describing.arm, ("rig file", "network", "arm", "arm model"),
         "asks for the arm's address; shows version, mode and limits of the arm, and how fast it answers",
     ),
     Step(

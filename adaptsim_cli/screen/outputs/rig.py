@@ -165,9 +165,7 @@ class TouchOff(Output):
     edge_too_high_95_mm: float = described(
         "how much higher than assumed the edge may be, at most, in 95 % of touch-offs"
     )
-    repeat_mm: float = described("spread of touches of one place")
     misfit_mm: float = described("differences of the touches from the solution")
-    slip_mm: float | None = described("how far the tool slipped in the hand; none if it was set down by hand")
     touches: int = described("touches that it was computed from")
     sha256: str = described("hash of the values")
     folder: str = described("its folder")
@@ -217,7 +215,7 @@ class Doctor(Output):
     """The checklist."""
 
     ready: bool = described("whether an iteration can run")
-    hw: str = described("hardware that was checked: fake, panda or fr3")
+    hw: str = described("hardware that was checked: fake, panda, fr3 or fr3v2")
     task: str = described("which task")
     checks: list[CheckOutput] = described("one each")
 

@@ -15,7 +15,7 @@ class SessionRow(Record):
 
     session: str = described("its name")
     task: str = described("which task")
-    hw: str = described("hardware: fake, panda or fr3")
+    hw: str = described("hardware: fake, panda, fr3 or fr3v2")
     world: str = described("world of the simulated lab; empty on a real arm")
     method: str = described("method of adaptation")
     seed: int = described("seed of all random numbers")

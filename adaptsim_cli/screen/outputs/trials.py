@@ -136,7 +136,7 @@ class IterationOutput(Output):
     task: str = described("which task")
     session: str = described("which session")
     iteration: int = described("number of the iteration, from 1")
-    hw: str = described("hardware: fake, panda or fr3")
+    hw: str = described("hardware: fake, panda, fr3 or fr3v2")
     world: str = described("world of the simulated lab; empty on a real arm")
     seed: int = described("seed of all random numbers")
     units: dict[str, str] = described(UNITS)
@@ -219,7 +219,7 @@ class Rollout(PlayedTrial, Output):
     """One single trial, with its conditions."""
 
     task: str = described("which task")
-    hw: str = described("hardware: fake, panda or fr3")
+    hw: str = described("hardware: fake, panda, fr3 or fr3v2")
     world: str = described("world of the simulated lab; empty on a real arm")
     seed: int = described("seed of all random numbers")
     units: dict[str, str] = described(UNITS)

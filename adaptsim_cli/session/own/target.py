@@ -44,8 +44,6 @@ class OwnTarget:
     method: str
     _impossible: list[tuple[Array, Array]] = field(default_factory=list)  # (context, action), normalised
 
-    owns_devices = False
-
     def __post_init__(self) -> None:
         for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
             exchange = Exchange(file.parent, "trial")

@@ -7,12 +7,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from players import InstantArm
 
 from adaptsim_cli.bench.devices.mounted import MountedTask, mounted
 from adaptsim_cli.bench.rig import Paths
 from adaptsim_cli.bench.rig_file.description import as_shipped
 from hw.errors import MotionRefused
-from hw.fake import FakeArm, FakeClock
 from hw.kinematics import forward
 from hw.workcell import Workcell, arm_model
 from sim.errors import NotExecutable
@@ -52,7 +52,7 @@ def refuses(cell: Workcell, path: Paths) -> bool:
 
 def test_an_arm_that_knows_its_zeros_refuses_no_scoop_that_was_planned():
     for there, _, paths in planned(SCOOPS):
-        with FakeArm(there.home_rad, FakeClock(), there.cell) as arm:
+        with InstantArm(there.home_rad, there.cell) as arm:
             for path in paths:
                 there.planner().check(path)
                 arm.execute(path)

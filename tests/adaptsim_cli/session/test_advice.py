@@ -65,7 +65,7 @@ def test_a_suspicion_of_the_task_comes_first_with_the_command_that_tells():
         proposal_s=0.0,
     )  # fmt: skip
     first, *rest = after_iteration(FACTS, result)
-    assert first == (f"adaptsim touch-off --guide {same_lab('scooping', 'fake', 'ood-1', 3)}", HINT.question)
+    assert first == (f"adaptsim touch-off {same_lab('scooping', 'fake', 'ood-1', 3)}", HINT.question)
     assert rest[0][0] == "adaptsim run-iteration --session s"
 
 

@@ -25,7 +25,6 @@ from adaptsim_cli.session.keeping import mark, prune, verify
 from adaptsim_cli.session.operator import Review
 from adaptsim_cli.session.records import to_json
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.storage.durable import seal_json
 from perception.types import Outcome
 from sim.adaptation.stages import TrialKey
 
@@ -57,13 +56,6 @@ def test_a_note_leaves_every_seal_whole(root):
     assert (after.damage, after.files) == ((), before.files + 1)
     (root / NAME / keeping.ABOUT).write_text((root / NAME / keeping.ABOUT).read_text().replace("moved", "stood"))
     assert len(verify(root, NAME).damage) == 1
-
-
-def test_tags_of_an_earlier_version_are_part_of_the_note(root):
-    content = b'{\n "note": "the first one",\n "tags": [\n  "paper"\n ]\n}\n'
-    (root / NAME / keeping.ABOUT).write_bytes(seal_json(content))
-    assert keeping.about(root / NAME) == keeping.About(note="the first one #paper")
-    assert verify(root, NAME).newer_keys == ()
 
 
 def test_a_session_that_runs_is_not_marked_or_deleted(root):

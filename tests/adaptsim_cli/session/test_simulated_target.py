@@ -99,7 +99,7 @@ def test_only_its_own_parts_are_opened(tmp_path: Path) -> None:
     with opening.open_parts(config.load({"task": "pendulum", "world": "wd"}).config, tmp_path) as parts:
         assert [check.name for check in parts.target.checks()] == ["devices"]
         assert parts.provenance.calibration == ""
-        assert not (parts.target.moves or parts.target.needs_consent or parts.target.owns_devices)
+        assert not (parts.target.moves or parts.target.needs_consent)
 
 
 @pytest.mark.long

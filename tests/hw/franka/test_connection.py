@@ -19,7 +19,7 @@ SETTINGS = FrankaSettings(
     CollisionThresholds(torque_collision_Nm=np.array([50.0] * 4 + [10.0] * 3)),
     np.full(7, 2500.0),
 )
-MODELS = ["panda", "fr3"]
+MODELS = ["panda", "fr3", "fr3v2"]
 
 
 def connected(model: str, sdk: FakeSdk | None = None, *, realtime: bool = True) -> tuple[Connection, FakeSdk]:

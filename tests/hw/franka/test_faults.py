@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from fault_hand import HAND_FAULTS, IGNORED, Fingers, one_hand
 from fault_lab import drawn, one_motion
+from fault_stop import one_stop
 from fault_world import IN_MOTION, World, release
 from kept import Kept
 
+from adaptsim_cli.bench.devices import stop_check
 from hw.franka import playback
 from hw.franka.hand_stop import Stopped
 from hw.watchdog import Watchdog
@@ -55,7 +57,7 @@ def test_a_player_that_brakes_too_late_or_too_hard_is_found(monkeypatch: pytest.
         assert any("acceleration" in note or "velocity" in note for note in stopped("at once"))
 
 
-@pytest.mark.parametrize("motion", ["trial", "touch", "calibration"])
+@pytest.mark.parametrize("motion", ["trial", "calibration"])
 def test_a_motion_is_long_enough_for_a_fault(motion: str) -> None:
     course = drawn(motion, "panda", np.random.default_rng(SEED))
     assert len(course.path.t_s) > 500
@@ -85,3 +87,16 @@ def test_a_stop_that_is_believed_without_its_widths_is_caught(monkeypatch: pytes
     monkeypatch.setattr(Stopped, "is_certain", property(lambda self: True))
     notes = [note for number in range(3) for note in one_hand(IGNORED, np.random.default_rng([SEED, number])).wrong]
     assert "a hand that went on is said to have stopped" in notes
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", range(2))
+def test_a_stop_that_coasts_is_beyond_the_worst_case_on_either_joint(
+    number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outcome = one_stop(number, np.random.default_rng([SEED, number]))
+    assert outcome.effective
+    assert outcome.wrong == []
+    if number == 1:  # the flange stays where joint 7 turns it
+        monkeypatch.setattr(stop_check, "travel_m", lambda q_rad, cell: 0.0)
+        assert any("0 mm measured" in note for note in one_stop(number, np.random.default_rng(SEED)).wrong)

@@ -154,7 +154,7 @@ def test_requests_are_answered_in_order(pipe: list[int]) -> None:
     driver = Follower()
     asked = motion(driver)
     connected, before, outcome, after = answers(
-        driver, pipe, CONNECT, Call("reading"), Call("play", (asked, None, since_boot_s())), Call("reading")
+        driver, pipe, CONNECT, Call("reading"), Call("play", (asked, since_boot_s())), Call("reading")
     )
     assert connected == Follower.notes
     assert isinstance(before, Reading)
@@ -168,7 +168,7 @@ def test_requests_are_answered_in_order(pipe: list[int]) -> None:
 def test_a_fault_keeps_the_log_until_then_and_the_player_goes_on(pipe: list[int]) -> None:
     driver = Follower(fails_at=200)
     asked = motion(driver)
-    _, outcome, recovered = answers(driver, pipe, CONNECT, Call("play", (asked, None, since_boot_s())), Call("recover"))
+    _, outcome, recovered = answers(driver, pipe, CONNECT, Call("play", (asked, since_boot_s())), Call("recover"))
     assert isinstance(outcome, PlayOutcome)
     assert outcome.failure is not None
     assert outcome.failure.kind == FAULT

@@ -1,4 +1,4 @@
-"""A touch is not searched with a dead sense of force: it is refused before the arm moves."""
+"""Nothing presses on a table with a dead sense of force: the motion is refused before the arm moves."""
 
 from __future__ import annotations
 
@@ -6,18 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from guarded_paths import GUARD, Q_AWAY_RAD, Q_TOP_RAD, TOOL, approach, down
+from fingertip_paths import FORCE_N, Q_AWAY_RAD, Q_TOP_RAD, TOOL, approach
 from players import arm_of
 from sdk_fake import FakeSdk, alive
+from torque_errors import TORQUE_NOISE_NM
 
-from hw.contact import TORQUE_NOISE_NM, predicted_force_N
 from hw.errors import MotionRefused
 from hw.types import ContactWindow, JointPath
 
-PATH = down(0.005, 0.008)
-PRESSING = JointPath(
-    np.arange(200) / 1000, np.tile(Q_TOP_RAD, (200, 1)), ContactWindow(0.0, 0.199, 0.001, predicted_force_N(GUARD, 0.0))
-)
+PRESSING = JointPath(np.arange(200) / 1000, np.tile(Q_TOP_RAD, (200, 1)), ContactWindow(0.0, 0.199, 0.001, FORCE_N))
 """A task's motion with a contact window, which stays where it is."""
 Feels = Callable[[list[float]], list[float]]
 
@@ -50,23 +47,10 @@ def test_a_dead_estimate_moves_nothing_not_even_the_first_free_motion(model: str
     sdk = FakeSdk(k=model == "panda", q_rad=Q_TOP_RAD.tolist(), feels=feels)
     with arm_of(sdk, model, tool=TOOL) as arm:
         with pytest.raises(MotionRefused, match=match):
-            arm.execute_until_contact(PATH, GUARD)
+            arm.execute(PRESSING)
         with pytest.raises(MotionRefused, match="dead"):
-            arm.execute(JointPath(PATH.t_s[:50], np.tile(Q_TOP_RAD, (50, 1))))
+            arm.execute(JointPath(PRESSING.t_s[:50], PRESSING.q_rad[:50]))
     assert commands(sdk) == 0
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("model", ["panda", "fr3"])
-def test_an_estimate_that_dies_later_ends_the_touching(model: str) -> None:
-    sdk = FakeSdk(k=model == "panda", q_rad=Q_AWAY_RAD.tolist())
-    with arm_of(sdk, model, tool=TOOL) as arm:
-        arm.execute(approach())
-        arm.execute(PRESSING)
-        sdk.feels, before = (lambda q: [0.0] * 7), commands(sdk)
-        with pytest.raises(MotionRefused, match=r"dead: joint 1.*Nothing has moved.*Desk"):
-            arm.execute_until_contact(PATH, GUARD)
-    assert commands(sdk) == before
 
 
 def test_noise_around_a_constant_is_no_sense_of_force() -> None:
@@ -77,34 +61,25 @@ def test_noise_around_a_constant_is_no_sense_of_force() -> None:
         with pytest.raises(
             MotionRefused, match=r"does not follow the arm: in two postures 0\.10 rad apart it is the same"
         ):
-            arm.execute_until_contact(PATH, GUARD)
+            arm.execute(PRESSING)
     assert commands(sdk) == before
 
 
 def test_one_posture_proves_nothing() -> None:
     sdk = FakeSdk(k=True, q_rad=Q_TOP_RAD.tolist())
     with arm_of(sdk, tool=TOOL) as arm, pytest.raises(MotionRefused, match=r"one posture only.*Guide the arm by hand"):
-        arm.execute_until_contact(PATH, GUARD)
+        arm.execute(PRESSING)
     assert commands(sdk) == 0
 
 
 @pytest.mark.long
-def test_the_contact_window_of_a_task_motion_needs_it_too() -> None:
-    sdk = FakeSdk(k=True, q_rad=Q_AWAY_RAD.tolist())
-    with arm_of(sdk, tool=TOOL) as arm:
+@pytest.mark.parametrize("model", ["panda", "fr3"])
+def test_an_estimate_that_dies_later_ends_the_contacts(model: str) -> None:
+    sdk = FakeSdk(k=model == "panda", q_rad=Q_AWAY_RAD.tolist())
+    with arm_of(sdk, model, tool=TOOL) as arm:
         arm.execute(approach())
         arm.execute(PRESSING)
         sdk.feels, before = (lambda q: [0.8] * 7), commands(sdk)
-        with pytest.raises(MotionRefused, match="dead"):
+        with pytest.raises(MotionRefused, match=r"dead: joint 1.*Nothing has moved.*Desk"):
             arm.execute(PRESSING)
     assert commands(sdk) == before
-
-
-def test_what_leans_on_the_arm_is_not_tared_away() -> None:
-    """Each touch weighs anew."""
-    sdk = FakeSdk(k=True, q_rad=Q_AWAY_RAD.tolist())
-    with arm_of(sdk, tool=TOOL) as arm:
-        arm.execute(approach())
-        sdk.feels = alive(lambda q: np.array([0.0, 12.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-        with pytest.raises(MotionRefused, match=r"kg more or less than the declared"):
-            arm.execute_until_contact(PATH, GUARD)

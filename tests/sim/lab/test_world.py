@@ -147,11 +147,3 @@ def test_a_world_file_says_how_table_and_tool_are_off(tmp_path: Path) -> None:
     for line, match in (("table_height_mm = 80.0", "table_height_mm"), ("tool_hight_mm = 1.0", "tool_height_mm")):
         with pytest.raises(WorldError, match=match):
             load(tmp_path, f"{head}{line}\n")
-
-
-def test_a_key_of_an_earlier_version_is_read_by_its_new_name(tmp_path: Path) -> None:
-    head = f'task = "slider"\n{PARAMS}[mount]\n'
-    assert load(tmp_path, head + "table_tilt_mrad = [3.0, -2.0]\n").mount == Mount(table_rise_mrad=(3.0, -2.0))
-    both = head + "table_tilt_mrad = [3.0, -2.0]\ntable_rise_mrad = [0.0, 0.0]\n"
-    with pytest.raises(WorldError, match="unknown key 'table_tilt_mrad'"):
-        load(tmp_path, both)

@@ -28,7 +28,7 @@ def test_drakes_kinematics_equal_the_numpy_model(plant: MultibodyPlant) -> None:
     assert len(names) == FLANGE + 1
 
 
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_joints_are_in_order_with_actuators_and_the_makers_limits(model: str) -> None:
     plant = MultibodyPlant(0.001)
     instance = add_panda(plant, model)

@@ -37,7 +37,7 @@ def paths(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 @pytest.mark.parametrize("action", [(-0.3, 0.8), (0.3, 0.4)])
 def test_extreme_pushes_are_executable_and_the_bottle_is_left_alone_on_the_way(
     action: tuple[float, float], model: str
@@ -51,7 +51,7 @@ def test_extreme_pushes_are_executable_and_the_bottle_is_left_alone_on_the_way(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", ["panda", "fr3"])
+@pytest.mark.parametrize("model", ["panda", "fr3", "fr3v2"])
 def test_every_push_is_executable(model: str) -> None:
     low, high = PUSHING.action.low, PUSHING.action.high
     for action in product(np.linspace(low[0], high[0], 9), np.linspace(low[1], high[1], 5)):

@@ -3,12 +3,13 @@ motion that did not come to its end is remembered."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from cells import cell
-from players import arm_of
+from clocks import FakeClock
+from players import InstantArm, arm_of
 from real_lab import (
     READY_RAD,
     ToyPedal,
@@ -26,14 +27,13 @@ from adaptsim_cli.bench.devices.recovery import offer_recovery
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from hw.errors import ArmFault, DeviceUnavailable, FingersMoved, HandError, MotionRefused
-from hw.fake import FakeArm, FakeClock
-from hw.types import Execution, JointPath
+from hw.types import JointPath
 
 STILL = JointPath(np.linspace(0.0, 0.01, 11), np.tile(READY_RAD, (11, 1)))
 
 
 def test_the_model_is_typed_once_before_the_first_motion(monkeypatch):
-    bare, screen = FakeArm(READY_RAD, FakeClock(), cell()), quiet()
+    bare, screen = InstantArm(READY_RAD, cell()), quiet()
     typing(monkeypatch, "", "y", "yes", "Panda")
     with ConfirmedArm(bare, Consent(screen, "panda at 10.0.0.1", operator="Kim"), None) as arm:
         arm.execute(STILL)
@@ -45,7 +45,7 @@ def test_the_model_is_typed_once_before_the_first_motion(monkeypatch):
 
 @pytest.mark.parametrize("answers", [("q",), ("yes", "q"), ()])
 def test_nothing_moves_unless_it_is_typed(answers, monkeypatch):
-    bare = FakeArm(READY_RAD, FakeClock(), cell())
+    bare = InstantArm(READY_RAD, cell())
     typing(monkeypatch, *answers)
     with (
         ConfirmedArm(bare, Consent(quiet(), "panda", operator="Kim"), None) as arm,
@@ -57,7 +57,7 @@ def test_nothing_moves_unless_it_is_typed(answers, monkeypatch):
 
 def test_a_motion_waits_for_the_pedal_and_gives_up(monkeypatch):
     typing(monkeypatch, "panda")
-    bare, clock, screen = FakeArm(READY_RAD, FakeClock(), cell()), FakeClock(), quiet()
+    bare, clock, screen = InstantArm(READY_RAD, cell()), FakeClock(), quiet()
     pedal = ToyPedal([False, False, False, True]).__enter__()
     consent = Consent(screen, "panda", operator="Kim")
     with ConfirmedArm(bare, consent, pedal, now_s=clock.now_s, pause=clock.sleep) as arm:
@@ -111,15 +111,8 @@ def remembering(screen: Screen, known: KnownArm) -> Consent:
 
 def test_every_motion_says_how_many_commands_came_in_time(monkeypatch):
     typing(monkeypatch, "panda")
-    screen, rates = quiet(), [0.9995, 0.9312]
-
-    class Late(FakeArm):
-        notes = ("the processor may fall asleep",)
-
-        def execute(self, path: JointPath) -> Execution:
-            return replace(super().execute(path), control_success_rate=rates.pop(0))
-
-    bare = Late(READY_RAD, FakeClock(), cell())
+    screen, notes = quiet(), ("the processor may fall asleep",)
+    bare = InstantArm(READY_RAD, cell(), notes=notes, rates=iter([0.9995, 0.9312]))
     with ConfirmedArm(bare, Consent(screen, "panda", operator="Kim"), None) as arm:
         assert "the processor may fall asleep" in said(screen)
         arm.execute(STILL)
@@ -133,7 +126,7 @@ def test_every_motion_says_how_many_commands_came_in_time(monkeypatch):
 @pytest.mark.parametrize(
     ("error", "why"),
     [
-        (ArmFault("panda stopped 0.4 s into the path: joint_reflex"), "joint_reflex"),
+        ("joint_reflex", "joint_reflex"),
         (KeyboardInterrupt(), "KeyboardInterrupt"),
         (None, "the program ended during the motion: it was killed"),
     ],
@@ -141,29 +134,19 @@ def test_every_motion_says_how_many_commands_came_in_time(monkeypatch):
 def test_a_stop_is_never_forgotten(error, why, tmp_path, monkeypatch):
     known = KnownArm(tmp_path / "arms" / "panda-lab")
 
-    class Stopping(FakeArm):
-        wrong: BaseException | None = error
-
-        def execute(self, path: JointPath) -> Execution:
-            if self.wrong is not None:
-                raise self.wrong
-            return super().execute(path)
-
-    def arm(screen: Screen) -> ConfirmedArm:
+    def arm(screen: Screen, **player: Any) -> ConfirmedArm:
         typing(monkeypatch, "panda")
-        bare = Stopping(READY_RAD, FakeClock(), cell())
-        return ConfirmedArm(bare, remembering(screen, known), None)
+        return ConfirmedArm(InstantArm(READY_RAD, cell(), **player), remembering(screen, known), None)
 
     if error is None:  # killed: nobody came to take the note away
         moving = known.moving()
         moving.__enter__()
     else:
         first = quiet()
-        with arm(first) as moved, pytest.raises(type(error)):
+        with arm(first, faults={1: error}) as moved, pytest.raises((ArmFault, KeyboardInterrupt)):
             moved.execute(STILL)
         assert "last motion" not in said(first)
     screen = quiet()
-    Stopping.wrong = None
     with arm(screen) as moved:
         moved.execute(STILL)
     assert why in said(screen)
@@ -175,7 +158,7 @@ def test_a_refused_motion_is_no_stop(tmp_path, monkeypatch):
     typing(monkeypatch, "panda")
     known = KnownArm(tmp_path)
     far = JointPath(STILL.t_s, STILL.q_rad + 0.5)
-    bare = FakeArm(READY_RAD, FakeClock(), cell())
+    bare = InstantArm(READY_RAD, cell())
     with (
         ConfirmedArm(bare, remembering(quiet(), known), None) as arm,
         pytest.raises(MotionRefused),
@@ -202,7 +185,7 @@ def test_a_damaged_note_of_the_last_motion_counts_as_a_stop(tmp_path):
 def test_fingers_that_may_still_move_latch_the_arm_until_a_recovery(error, latches, tmp_path, monkeypatch):
     typing(monkeypatch, "panda")
     known = KnownArm(tmp_path)
-    with ConfirmedArm(FakeArm(READY_RAD, FakeClock(), cell()), remembering(quiet(), known), None) as arm:
+    with ConfirmedArm(InstantArm(READY_RAD, cell()), remembering(quiet(), known), None) as arm:
         with pytest.raises(type(error)), arm.hand_moving():
             raise error
         assert (known.unended() is not None) is latches

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cells import cell, stick
+from players import InstantArm
 from real_lab import READY_RAD, RIG, WAIVED, ToyDevices, calibrated, quiet, said, typing, waiver, waivers, write_rig
 from toy_rig import ToyLab, rig_target, toy_parts
 from toy_session import unattended
@@ -32,7 +33,6 @@ from adaptsim_cli.screen.log import read as read_log
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.opening import open_trials
 from adaptsim_cli.session.watching import SessionLog
-from hw.fake import FakeArm, FakeClock
 from hw.ports import Arm, ArmWrapper
 from hw.types import ArmState, Execution, JointPath
 from sim.adaptation.stages import TrialKey
@@ -42,8 +42,8 @@ STILL = JointPath(np.arange(11, dtype=np.float64) * 1e-3, np.tile(np.asarray(REA
 NOW = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
 
 
-def arm_with(consent: Consent) -> tuple[ConfirmedArm, FakeArm]:
-    bare = FakeArm(READY_RAD, FakeClock(), cell())
+def arm_with(consent: Consent) -> tuple[ConfirmedArm, InstantArm]:
+    bare = InstantArm(READY_RAD, cell())
     return ConfirmedArm(bare, consent, None), bare
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from cells import cell
-from guarded_paths import GUARD, Q_TOP_RAD, TOOL, down
+from clocks import FakeClock
+from fingertip_paths import Q_TOP_RAD, TOOL
+from players import InstantArm
 
 from adaptsim_cli import config
 from adaptsim_cli.bench.devices.consent import SLOW_PACE
@@ -13,12 +15,11 @@ from adaptsim_cli.bench.devices.opening import open_lab
 from adaptsim_cli.bench.devices.pacing import PacedArm, at_speed
 from adaptsim_cli.errors import UsageError
 from hw.braking import slowed
-from hw.collision import Table
 from hw.errors import ArmFault
-from hw.fake import FakeArm, FakeClock
 from hw.kinematics import forward
+from hw.ports import ArmWrapper
 from hw.stopping import REDUCED_M_S, speeds_m_s
-from hw.types import Contact, Execution, Guard, JointPath
+from hw.types import Execution, JointPath
 from sim.panda.moves import move_path
 from sim.tasks import get_task
 
@@ -27,31 +28,19 @@ STRETCHED = np.array([0.0, -0.1, 0.0, -1.4, 0.0, 1.9, np.pi / 4])
 PATH = move_path(Q_TOP_RAD, Q_TOP_RAD + 0.2 * np.eye(7)[0], CELL.arm.limits, 0.3)
 
 
-class SlowArm(FakeArm):
+class SlowArm(ArmWrapper[InstantArm]):
     """It takes a while to compute a motion."""
 
     computing_s, wall = 0.0, FakeClock()
 
     def execute(self, path: JointPath) -> Execution:
         self.wall.sleep(self.computing_s)
-        return super().execute(path)
-
-
-class FeelingArm(FakeArm):
-    """Its way to the table and back takes 2.5 s."""
-
-    def __init__(self) -> None:
-        self.clock = FakeClock()
-        super().__init__(Q_TOP_RAD, self.clock, CELL, plane=Table(0.0))
-
-    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
-        self.clock.sleep(2.5)
-        return super().execute_until_contact(path, guard)
+        return self._arm.execute(path)
 
 
 @pytest.mark.parametrize(("computing_s", "taken_s"), [(0.0, PATH.duration_s), (0.3, PATH.duration_s), (99.0, 99.0)])
 def test_a_motion_takes_as_long_as_the_arm_or_as_computing_it(computing_s, taken_s):
-    inner = SlowArm(Q_TOP_RAD, FakeClock(5.0), CELL)
+    inner = SlowArm(InstantArm(Q_TOP_RAD, CELL, FakeClock(5.0)))
     inner.wall, inner.computing_s = FakeClock(70.0), computing_s
     with PacedArm(inner, CELL, realtime=True, now_s=inner.wall.now_s, pause=inner.wall.sleep) as arm:
         played = arm.execute(PATH)
@@ -61,7 +50,7 @@ def test_a_motion_takes_as_long_as_the_arm_or_as_computing_it(computing_s, taken
 
 def test_a_motion_that_stops_takes_until_its_stop():
     wall = FakeClock()
-    inner = FakeArm(Q_TOP_RAD, FakeClock(), CELL, faults={1: ArmFault("reflex")})
+    inner = InstantArm(Q_TOP_RAD, CELL, faults={1: "reflex"})
     with (
         PacedArm(inner, CELL, realtime=True, now_s=wall.now_s, pause=wall.sleep) as arm,
         pytest.raises(ArmFault, match="reflex"),
@@ -70,17 +59,10 @@ def test_a_motion_that_stops_takes_until_its_stop():
     assert wall.now_s() == pytest.approx(PATH.duration_s / 2, abs=0.002)
 
 
-def test_a_touch_takes_its_way_there_and_back():
-    wall = FakeClock()
-    with PacedArm(FeelingArm(), CELL, realtime=True, now_s=wall.now_s, pause=wall.sleep) as arm:
-        assert arm.execute_until_contact(down(), GUARD).t_s > 0.0
-    assert wall.now_s() == 2.5
-
-
 @pytest.mark.parametrize("realtime", [False, True])
 def test_only_who_asks_for_it_waits(realtime):
     wall = FakeClock()
-    inner = FakeArm(Q_TOP_RAD, FakeClock(), CELL)
+    inner = InstantArm(Q_TOP_RAD, CELL)
     with PacedArm(inner, CELL, 0.5, realtime=realtime, now_s=wall.now_s, pause=wall.sleep) as arm:
         played = arm.execute(PATH)
     assert played.t_s[-1] == pytest.approx(2.0 * PATH.duration_s, abs=0.002), "at half the pace"
@@ -90,7 +72,7 @@ def test_only_who_asks_for_it_waits(realtime):
 def test_the_slow_pace_of_first_motions_keeps_every_point_under_250_mm_s():
     """A ratio alone does not: 0.3 of a fast motion is still fast."""
     fast = move_path(STRETCHED, STRETCHED + 1.2 * np.eye(7)[0], CELL.arm.limits, 0.9)
-    arm = PacedArm(FakeArm(STRETCHED, FakeClock(), CELL), CELL, SLOW_PACE)
+    arm = PacedArm(InstantArm(STRETCHED, CELL), CELL, SLOW_PACE)
     assert speeds_m_s(slowed(fast, SLOW_PACE), CELL).max() > 1.05 * REDUCED_M_S
     with arm:
         played = arm.execute(fast)

@@ -122,7 +122,7 @@ def test_the_devices_are_given_what_the_rig_file_says(place):
         assert [box.name for box in arm["cell"].keep_out] == ["the camera", "the person's side (left)"]
         assert (camera["part"].serial, camera["infrared"]) == ("000123", False)
         assert devices.opened["pedal"]["port"] == "/dev/ttyACM0"
-        assert real.moves and real.needs_consent and real.owns_devices
+        assert real.moves and real.needs_consent
         assert "lab-1, panda at 172.16.0.2" in real.title
         assert beside(real).mounted.hardware.X_FT[2, 3] != SCOOPING.require_hardware().X_FT[2, 3], (
             "the tool hangs where it was touched off"

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from cells import READY, cell, joint
 from fault_world import user_stop
+from hard_paths import LOADED
 from living_sdk import LivingSdk
 from players import arm_of
 from real_lab import quiet, said, typing
@@ -18,13 +19,15 @@ from real_lab import quiet, said, typing
 from adaptsim_cli import config
 from adaptsim_cli.bench.devices.known_arm import KnownArm, StopMeasurement, folder_of
 from adaptsim_cli.bench.devices.opening import open_lab
-from adaptsim_cli.bench.devices.stop_check import StopCheck, swing
+from adaptsim_cli.bench.devices.stop_check import JOINTS, StopCheck, measurement, swing
 from adaptsim_cli.bench.motion import mounted_for
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.release import Release
+from hw.braking import brake
 from hw.collision import KeepOut
 from hw.errors import ArmFault, MotionRefused
-from hw.stopping import REDUCED_M_S, speeds_m_s
+from hw.franka.motions import BUTTON, StopReport
+from hw.stopping import REDUCED_M_S, speeds_m_s, travel_m, worst_stop
 from sim.tasks import get_task
 
 CELL = cell("fr3")
@@ -133,6 +136,31 @@ def test_a_stop_beyond_the_worst_case_says_so() -> None:
     late = StopMeasurement("2026-03-01T08:00:00+00:00", "Kim", 0.6, 0.02, 0.47, 0.1)
     assert not late.is_within
     assert "0.60 s and 20 mm, BEYOND the worst case of 0.47 s and 100 mm (2026-03-01, Kim)" in str(late)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", JOINTS)
+def test_a_stop_that_coasts_three_times_too_long_is_beyond_whichever_joint_swings(number: int) -> None:
+    within = cell("fr3", LOADED)
+    path = swing(READY, within, (number,))
+    worst = worst_stop(within, (path,))
+    fastest = int(np.abs(np.diff(path.q_rad[:, number])).argmax())
+
+    def stopped(q_rad: np.ndarray | None) -> StopMeasurement:
+        return measurement(StopReport(BUTTON, 1.0, 0.0, 0.99 * worst.time_s, 0.0, 0.0, q_rad), path, within, "Kim")
+
+    coasted = stopped(path.q_rad[fastest : fastest + round(3e3 * worst.time_s)])
+    assert coasted.distance_m > 2.0 * worst.distance_m
+    assert "BEYOND" in str(coasted)
+    braked = brake(path, fastest / 1e3, within.motion).q_rad[fastest:]
+    assert 0.001 < stopped(braked).distance_m < worst.distance_m
+    assert stopped(braked).is_within
+    assert "an unknown way, BEYOND" in str(stopped(None))
+
+
+def test_the_noise_of_measured_joints_is_no_way() -> None:
+    noise = np.random.default_rng(0).normal(0.0, 1e-5, (500, 7))
+    assert travel_m(READY + noise, CELL) < 0.002
 
 
 @pytest.mark.long

@@ -16,6 +16,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from arm_urdf import limited
+from own_judge import MAKERS
 from real_lab import READY_RAD, RIG, calibrated, calibration, write_rig
 from replies import output
 from rich.console import Console
@@ -34,8 +36,11 @@ from hw.camera.probe import FoundDevice, ProbeReport
 from hw.camera.process import CameraProcess, served
 from hw.errors import DeviceUnavailable
 from hw.franka.driver import Reading
+from hw.franka.identity import ArmReport, mass_matrix
 from hw.franka.playback import Rhythm
 from hw.franka.process import Inspection
+from hw.franka.starting import Rehearsal
+from hw.mass import NOTHING
 from hw.serial.pedal_protocol import PERIOD_S, line_for
 
 OK, ADVICE, MISSING, SKIPPED = Severity.OK, Severity.ADVICE, Severity.MISSING, Severity.SKIPPED
@@ -62,6 +67,14 @@ def seen(
 HAVE = {"numpy": "2.4.0", "torch": "2.13.0", "pylibfranka": "0.21.3", "panda-python": "1.0.0"}
 
 
+NARROW = limited("fr3", [*list(zip(*MAKERS["fr3"][:3], strict=True))[:6], (-3.0508, 2.0, 5.26)])
+
+
+def reported(model: str, urdf: str = "") -> ArmReport:
+    """What an arm of that model says of itself."""
+    return ArmReport(READY_RAD, mass_matrix(model, READY_RAD, NOTHING), NOTHING, urdf)
+
+
 def always(value: object) -> Callable[..., object]:
     return lambda *_, **__: value
 
@@ -78,7 +91,7 @@ def lab_of(place: Path, hw: str = "fr3", **parts: object) -> Examined:
     """A lab whose rig file can be read."""
     lab = Examined(config.load({"hw": hw}, {"ADAPTSIM_HOME": str(place)}, place))
     vars(lab)["rig"] = rig_with(**parts)
-    lab.findings |= {name: ok("") for name in ("rig file", "network", "camera")}
+    lab.findings |= {name: ok("") for name in ("rig file", "network", "arm", "arm model", "camera")}
     return lab
 
 
@@ -132,6 +145,15 @@ def aged(days: int) -> SavedCalibration:
          "longest gap 1.2 ms; a priority of 80 is needed"),
         ("arm", {"arm": always(seen(priority=0)), "kernel": always(("6.1", False))}, OK, "real-time priority 0"),
         ("arm", {"arm": always(seen(mode="UserStopped"))}, MISSING, "would not move: the stop button is pressed"),
+        ("arm model", {"arm_report": always(reported("fr3"))}, OK, "an FR3: its mass matrix is that of fr3; its joint"),
+        ("arm model", {"arm_report": always(reported("fr3v2"))}, MISSING, "says fr3, and it is an FR3 v2"),
+        ("arm model", {"arm_report": always(ArmReport())}, ADVICE, "compare its type plate with the rig file"),
+        ("arm model", {"arm_report": always(reported("fr3", NARROW))}, ADVICE, "joint 7: the arm says at most 2.0"),
+        ("arm model", {"arm_report": always(reported("fr3", "<robot"))}, MISSING, "description cannot be read"),
+        ("starts", {"rehearsal": always(Rehearsal(10, 0.05, 0.1, 60.0, 1e-6))}, OK, "10 starts and 60 s at rest:"),
+        ("starts", {"rehearsal": always(Rehearsal(10, 0.2, 0.1, 60.0, 1e-6))}, ADVICE, "unwatched_s 0.2 s of 0.2"),
+        ("starts", {"rehearsal": always(Rehearsal(10, 0.05, 0.1, 60.0, 5e-5))}, ADVICE, "held_rad 5e-05 rad of 3e-05"),
+        ("starts", {"rehearsal": always(Rehearsal(10, 0.4, 0.1, 60.0, 1e-6))}, MISSING, "unwatched_s needs more than"),
         ("camera", {"cameras": always(kinect("12"))}, OK, "12, firmware colour 1.6, Microsoft library 1.4.1"),
         ("camera", {"cameras": always(bolt("1.1.1"))}, MISSING, "its maker withdrew 1.1.1, whose time stamps overflow"),
         ("camera", {"cameras": always(bolt("1.1.2"))}, OK, "firmware colour 1.1.2, depth 1.1.2, Orbbec library 2.0.11"),
@@ -163,7 +185,7 @@ def test_each_check_over_its_readings(
     for what, made_up in reading.items():
         if what != "rig":
             monkeypatch.setattr(what if "." in what else f"adaptsim_cli.bench.doctor.readings.{what}", made_up)
-    found = CHECKS[name](lab_of(tmp_path, **reading.get("rig", {})))
+    found = (CHECKS | checks.MEASUREMENTS)[name](lab_of(tmp_path, **reading.get("rig", {})))
     assert found.verdict is verdict
     assert says in f"{found.detail}; {found.fix}"
     assert bool(found.fix) == (verdict in (ADVICE, MISSING)), "a remedy for what needs one, and for nothing else"

@@ -2,59 +2,40 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from cells import cell
 from fr3_process import RELAXED, Fr3Process
-from real_lab import RIG, ToyDevices, calibrated, quiet, said, typing, waivers, write_rig
-from touch_rig import HARDWARE, PITCH_RAD, TASK, world
+from players import InstantArm
+from real_lab import quiet, said
+from touch_rig import CELL, CREATED, HARDWARE, PITCH_RAD, PLACES, TASK, TOUCHED, Guided, plain, shown, world
 
-from adaptsim_cli import config
 from adaptsim_cli.bench.touch_off import guiding
-from adaptsim_cli.bench.touch_off.parts import GuidedTouchRig, TouchOffFailed
+from adaptsim_cli.bench.touch_off.parts import Grasp, GuidedTouchRig, HoldingHand, TouchOffFailed
 from adaptsim_cli.bench.touch_off.store import SavedTouchOff
-from adaptsim_cli.bench.touch_off_in_use import open_guided_rig, touch_offs
-from adaptsim_cli.commands import app
-from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from hw.errors import DeviceUnavailable
-from hw.fake import FakeArm, FakeClock
 from hw.franka.arm import franka
 from hw.franka.settings import FrankaSettings
+from hw.grasping import FakeHand
+from hw.ports import Hand
 from hw.types import ArmState, Array
 from hw.workcell import arm_model
-from sim.lab.setting_down import set_down_q_rad, true_X_FT
+from sim.lab.setting_down import true_X_FT
 from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab
 from sim.lab.world import World
-from sim.panda.setting_down import TABLE, set_downs
-from sim.panda.tool import cell_as_shipped, feeling, touchable
-
-TOUCHED = touchable(HARDWARE)
-PLACES = set_downs(TOUCHED.feelers, TOUCHED.centre_m)
-CELL = cell_as_shipped(HARDWARE, "panda").holding(feeling(HARDWARE))
-CREATED = "2026-01-01T00:00:00+00:00"
+from sim.panda.setting_down import TABLE
 
 
-def shown(of: World, seed: int = 0, model: str = "panda") -> list[Array]:
-    """(7,) joints of every set-down in a world."""
-    rng, q_rad, at = np.random.default_rng(seed), READY_RAD, arm_model(model, np.zeros(7))
-    found = []
-    for place in PLACES:
-        q_rad = set_down_q_rad(place, of, HARDWARE.X_FT, at, q_rad, rng)
-        found.append(q_rad)
-    return found
-
-
-def rig_of(arm: object, person: object = None, model: str = "panda", name: str = "fake") -> GuidedTouchRig:
+def rig_of(arm: object, person: object = None, model: str = "panda", hand: Hand | None = None) -> GuidedTouchRig:
     return GuidedTouchRig(
-        name=name,
+        name="fake",
         title="lab",
         key="test",
         tool_name="scooping tool",
@@ -65,6 +46,7 @@ def rig_of(arm: object, person: object = None, model: str = "panda", name: str =
         set_downs=PLACES,
         work_m=np.array(TOUCHED.centre_m),
         pause=lambda _: None,
+        holding=None if hand is None else HoldingHand(hand, Grasp(TOUCHED.held_m)),
         person=person,  # type: ignore[arg-type]
     )
 
@@ -87,41 +69,23 @@ def edge_error_m(saved: SavedTouchOff, of: World) -> float:
 def test_seven_set_downs_find_the_edge_and_the_pitch(seed: int) -> None:
     of = world()
     with TouchLab(TASK, of, seed, CELL, home_q_rad=READY_RAD) as lab:
-        saved = guiding.touch_off(rig_of(lab.arm, lab), quiet(), unattended=True, created=CREATED)
+        hand = None if seed else lab.hand
+        saved = guiding.touch_off(rig_of(lab.arm, lab, hand=hand), quiet(), unattended=True, created=CREATED)
     assert abs(edge_error_m(saved, of)) < 1e-3
     assert saved.tool_pitch_rad.value == pytest.approx(PITCH_RAD, abs=0.03)
     assert saved.tool_roll_rad.value == pytest.approx(1e-3 * of.mount.tool_roll_mrad, abs=0.012)
     assert 0.0 < saved.edge_too_high_m < saved.edge_over_table_m
-    assert saved.slip is None
+    assert lab.hand.commands == ([] if seed else ["home", "move", "grasp"])
     assert len({touch.place for touch in saved.touches}) == TABLE + 2 * len(PLACES)
-
-
-class Guided:
-    """A person at the terminal: each Enter comes with the next posture; another answer leaves the arm where it is."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, arm: FakeArm, steps: list[tuple[str, Array | None]]) -> None:
-        self._arm, self._steps = arm, iter(steps)
-        monkeypatch.setattr("sys.stdin", self)
-        monkeypatch.setattr("adaptsim_cli.screen.console.read_line", self.answer)
-
-    def answer(self) -> str:
-        typed, q_rad = next(self._steps)
-        if q_rad is not None:
-            self._arm._q_rad = np.array(q_rad)
-        return f"{typed}\n"
 
 
 def by_hand(
     monkeypatch: pytest.MonkeyPatch, steps: Callable[[list[Array]], list[tuple[str, Array | None]]]
 ) -> tuple[SavedTouchOff, Screen]:
     screen, postures = quiet(), shown(world())
-    with FakeArm(READY_RAD, FakeClock(), CELL) as arm:
+    with InstantArm(READY_RAD, CELL) as arm:
         Guided(monkeypatch, arm, steps(postures))
         return guiding.touch_off(rig_of(arm), screen, unattended=False, created=CREATED), screen
-
-
-def plain(postures: list[Array]) -> list[tuple[str, Array | None]]:
-    return [("", q) for q in postures]
 
 
 def test_a_place_that_is_shown_again_replaces_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -156,55 +120,53 @@ def test_q_stops_and_nothing_is_stored(monkeypatch: pytest.MonkeyPatch) -> None:
         by_hand(monkeypatch, lambda q: [("", q[0]), ("q", None)])
 
 
-SCREWED = RIG + waivers("hand")
-
-
-def resolved(place: Path, text: str) -> Resolved:
-    write_rig(place, text)
-    return config.load({"hw": "panda", "task": "scooping"})
-
-
-@pytest.mark.usefixtures("kim")
-@pytest.mark.parametrize("text", [RIG, SCREWED], ids=["held", "screwed on"])
-def test_a_real_lab_connects_the_arm_alone_and_moves_nothing(
-    place: Path, monkeypatch: pytest.MonkeyPatch, text: str
+@pytest.mark.parametrize(
+    ("width_m", "holds", "said_then"),
+    [
+        (TOUCHED.held_m, True, ""),
+        (TOUCHED.held_m - 0.0015, True, r"moved by -1\.5 mm \(at most 1\)"),
+        (0.0, False, "no longer"),
+    ],
+)
+def test_a_tool_that_slips_while_it_is_set_down_is_noticed(
+    width_m: float, holds: bool, said_then: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    there, devices, screen = resolved(place, text), ToyDevices(), quiet()
-    calibrated(there)
-    with open_guided_rig(there.config, there.places, devices.drivers(), screen) as rig:
-        assert devices.arm is not None
-        quick, postures = replace(rig, pause=lambda _: None), shown(world())
-        Guided(monkeypatch, devices.arm, plain(postures))
-        saved = guiding.touch_off(quick, screen, unattended=False, created=CREATED)
-        assert devices.arm.executed == []
-    assert "hand" not in devices.opened
-    assert saved.hw == "panda"
-    assert saved.tool == "scooping tool"
-    touch_offs(there.config, there.places).save(saved)
+    hand = FakeHand(TOUCHED.held_m, holds=True)
+
+    def slip() -> str:
+        hand.width_m, hand.holds = width_m, holds
+        return guided()
+
+    with InstantArm(READY_RAD, CELL) as arm, hand:
+        guided = Guided(monkeypatch, arm, plain(shown(world()))).answer
+        monkeypatch.setattr("adaptsim_cli.screen.console.read_line", slip)
+        ends = pytest.raises(TouchOffFailed, match=said_then) if said_then else nullcontext()
+        with ends:
+            guiding.touch_off(rig_of(arm, hand=hand), quiet(), unattended=False, created=CREATED)
+    assert hand.commands == [], "it held the tool before, so it does not move"
 
 
-@pytest.mark.usefixtures("kim")
-def test_on_a_real_arm_the_automatic_one_waits_for_its_flag_and_proposes_the_hand(
-    place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    calibrated(resolved(place, RIG))
-    devices = ToyDevices()
-    monkeypatch.setattr("adaptsim_cli.bench.devices.lab.makers_drivers", devices.drivers)
-    assert app.run(["touch-off", "--hw", "panda"]) == 2
-    said_then = " ".join(capfd.readouterr().err.split())
-    assert "the automatic touch-off has never run on a real arm" in said_then
-    assert "add --guide" in said_then
-    assert "add --automatic" in said_then
-    assert app.run(["touch-off", "--hw", "panda", "--guide", "--automatic"]) == 2
-    assert "exclude each other" in capfd.readouterr().err
-    assert devices.opened == {}
-    monkeypatch.setattr("sys.stdin", io.StringIO("q\n"))
-    monkeypatch.setattr("adaptsim_cli.screen.console.require_terminal", lambda *said: None)
-    assert app.run(["touch-off", "--hw", "panda", "--guide"]) == 7
-    assert "arm" in devices.opened
-    typing(monkeypatch, "q")
-    assert app.run(["touch-off", "--hw", "panda", "--automatic"]) == 7
-    assert "hand" in devices.opened
+def test_a_hand_whose_connection_ended_with_the_guiding_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    hand = FakeHand(TOUCHED.held_m, holds=True)
+
+    def lose() -> str:
+        hand.__exit__()
+        return guided()
+
+    with InstantArm(READY_RAD, CELL) as arm, hand:
+        guided = Guided(monkeypatch, arm, plain(shown(world()))).answer
+        monkeypatch.setattr("adaptsim_cli.screen.console.read_line", lose)
+        assert guiding.touch_off(rig_of(arm, hand=hand), quiet(), unattended=False, created=CREATED).touches
+
+
+def test_a_tool_that_nobody_offers_is_not_grasped() -> None:
+    class Absent:
+        def offer_tool(self, present: bool) -> None: ...
+
+    hand = FakeHand()
+    with hand, pytest.raises(TouchOffFailed, match="does not hold the tool"):
+        guiding.touch_off(rig_of(None, Absent(), hand=hand), quiet(), unattended=True, created=CREATED)
+    assert hand.commands == ["home", "move"]
 
 
 class Dropping:

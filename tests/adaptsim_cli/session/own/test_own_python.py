@@ -81,7 +81,7 @@ def test_a_task_that_no_lab_can_report_says_so(refused) -> None:
     [
         ("calibrate", "--hw", "own", "--yes"),
         ("touch-off", "--task", "scooping", "--hw", "own", "--yes"),
-        ("touch-off", "--task", "scooping", "--hw", "own", "--guide"),
+        ("touch-off", "--task", "scooping", "--hw", "own"),
         ("preview", "--task", "pushing", "--hw", "own"),
         ("setup", "--hw", "own"),
     ],

@@ -1,4 +1,4 @@
-"""Slow ways down with the closed fingers, without a planner."""
+"""Slow ways down with the closed fingers, which touch the table lightly, without a planner."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from hw.collision import fingertips
-from hw.contact import predicted_force_N
+from hw.collision import HAND_MASS, Tool
 from hw.kinematics import forward
-from hw.types import Array, ContactWindow, Guard, JointPath, frozen_array
+from hw.outline import COARSE_HAND, FINGERS, HAND
+from hw.types import Array, ContactWindow, JointPath, frozen_array
 from hw.wrist import FINGERTIP_M
 
 TIP = frozen_array([0.0, 0.0, FINGERTIP_M])
-TOOL = fingertips(TIP)
-GUARD = Guard(4.0, TIP)
+TOOL = Tool("fingertips", HAND_MASS, HAND, np.array([TIP]), FINGERS, COARSE_HAND)
+"""The empty hand whose fingers may touch the table."""
+FORCE_N = 20.0
 XY_M, TOP_M = (0.5, 0.0), 0.02
 _NEAR = np.array([0.0, 0.25, 0.0, -2.3, 0.0, 2.55, np.pi / 4])
 
@@ -42,7 +43,7 @@ def tip_m(q_rad: ArrayLike) -> float:
 
 Q_TOP_RAD = frozen_array(over(TOP_M))
 Q_AWAY_RAD = frozen_array(Q_TOP_RAD + np.array([0.1, -0.1, 0.1, 0.0, 0.1, 0.1, 0.1]))
-"""Where an arm felt its load before: a touch needs two postures."""
+"""Where an arm felt its load before: a contact needs two postures."""
 
 
 def approach() -> JointPath:
@@ -53,7 +54,7 @@ def approach() -> JointPath:
 
 @cache
 def down(way_m: float = 0.034, speed_m_s: float = 0.012) -> JointPath:
-    """From 20 mm over the table straight down by `way_m`, at most at `speed_m_s`; a guard may end it anywhere."""
+    """From 20 mm over the table straight down by `way_m`, at most at `speed_m_s`."""
     knots = np.linspace(0.0, way_m, 7)
     postures = [Q_TOP_RAD]
     for depth in knots[1:]:
@@ -63,5 +64,4 @@ def down(way_m: float = 0.034, speed_m_s: float = 0.012) -> JointPath:
     share = smooth(np.clip((t_s - 0.25) / duration_s, 0.0, 1.0))
     q_rad = CubicSpline(knots, np.array(postures))(way_m * share)
     q_rad[0] = q_rad[1] = Q_TOP_RAD
-    force_N = predicted_force_N(GUARD, speed_m_s)
-    return JointPath(t_s, q_rad, ContactWindow(0.0, float(t_s[-1]), 0.005, force_N))
+    return JointPath(t_s, q_rad, ContactWindow(0.0, float(t_s[-1]), 0.005, FORCE_N))

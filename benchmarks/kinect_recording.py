@@ -1,5 +1,5 @@
 """Recordings of an Azure Kinect: Matroska files with colour as JPEG, depth and infrared as 16-bit grey, and the
-device's factory calibration attached. Needs PyAV (`pip install adaptsim[kinect]`).
+device's factory calibration attached. Needs PyAV (`pip install av`).
 
 The calibration gives lengths as shares of a reference image; each mode is a part of it. The tables below are those of
 the maker's SDK.
@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from hw.bounded import IMAGE_PIXELS, VIDEO_BYTES, Unreadable, parse_table, require_file
+from hw.bounded import IMAGE_PIXELS, Unreadable, parse_table, require_file
 from hw.errors import CameraError, DeviceUnavailable
-from hw.extras import install_line
 from hw.types import Array, CameraModel, Frame, Intrinsics
 
 if TYPE_CHECKING:
     import av.container
     import av.video
 
+VIDEO_BYTES = 64 * 2**30
 _MODELS = ("CALIBRATION_LensDistortionModelBrownConrady", "CALIBRATION_LensDistortionModel6KT")
 
 
@@ -116,7 +116,7 @@ class KinectRecording:
         try:
             import av  # noqa: PLC0415 an optional extra
         except ImportError as error:
-            raise DeviceUnavailable(f"recordings need PyAV: {install_line('kinect')}") from error
+            raise DeviceUnavailable("recordings need PyAV: install it with pip install av") from error
         try:
             require_file(self._path, VIDEO_BYTES)
             # Matroska only: a playlist under this name could make FFmpeg open other files.

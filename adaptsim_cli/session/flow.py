@@ -414,6 +414,14 @@ def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Pl
         deferred.settle()
 
 
+def _drawn(session: RunningSession, stage: RunTrial) -> Array:
+    """(c,) a random context without the rim; the same for the same attempt."""
+    space, seed = session.parts.task.context, session.store.facts.seed
+    rng = generator(seed, Draw.CONTEXT, stage.iteration, stage.particle, stage.trial, stage.key.attempt)
+    unit = space.normalise(space.sample(rng, 1)[0])
+    return space.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
+
+
 def _left_s(store: SessionStore, stage: RunTrial) -> float:
     """How long the rest of the iteration takes, answers aside, if each trial takes as long as those of this iteration
     or the one before; 0 without any.

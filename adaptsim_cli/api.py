@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from adaptsim_cli import config
+from adaptsim_cli.bench.rig import Recording
 from adaptsim_cli.errors import AnswerAwaited, SessionError, UsageError
 from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.screen.outputs.trials import BestRecord
@@ -37,7 +38,6 @@ from adaptsim_cli.screen.views import between
 from adaptsim_cli.session import exporting, folders, history, recording, store
 from adaptsim_cli.session.exporting import Row
 from adaptsim_cli.session.judgement import mean_of, trial_std
-from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, TrialRecord
 from sim.adaptation import methods
 from sim.adaptation.stages import Role

@@ -85,7 +85,7 @@ def pushes(seed: int) -> list[Push]:
 def row(result: Result | None, push: Push, offsets_rad: Array, zeros_rad: Array, found_m: Array) -> dict[str, float]:
     if result is None:
         return dict.fromkeys(NAMES, float("nan"))
-    q_rad = push.q_at(push.execution.t_start_s)
+    q_rad = push.execution.q_at(push.execution.t_start_s)
     tool_m, believed_m = ((forward(q_rad + extra) @ HARDWARE.X_FT)[:2, 3] for extra in (zeros_rad, offsets_rad))
     bottle_m = push.bottle(push.execution.t_start_s)[:2, 3]
     relative_mm = 1e3 * float(np.linalg.norm((tool_m - bottle_m) - (believed_m - found_m)))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from adaptsim_cli.bench.devices.trackers import BOTTLE_AREA, tracker_of
-from adaptsim_cli.bench.rig import Tracker, TrackRequest
+from adaptsim_cli.bench.rig import Recording, Tracker, TrackRequest
 from hw.kinematics import FLANGE, forward, link_poses
 from hw.poses import pose
 from hw.types import Array, CameraModel, Execution, Frame, JointPath
@@ -85,12 +85,8 @@ class Push:
         """(2,) of the bottle as training counts it: after a fall, where it fell."""
         return self.bottle(min(t_s, self.fell_s))[:2, 3]
 
-    def q_at(self, t_s: float) -> Array:
-        since_s = t_s - self.execution.t_start_s
-        return np.array([np.interp(since_s, self.execution.t_s, q) for q in self.execution.q_measured_rad.T])
-
     def tool(self, t_s: float) -> Array:
-        return np.asarray(forward(self.q_at(t_s)) @ HARDWARE.X_FT)
+        return np.asarray(forward(self.execution.q_at(t_s)) @ HARDWARE.X_FT)
 
 
 def lean_deg(X_BO: Array) -> float:
@@ -170,7 +166,7 @@ class DepthEye:
         before = Frame(start_s - 1.0, self._colour, self._shot([(self._bottle, push.bottle(start_s))], noise, rng))
         frames = []
         for t_s in times:
-            poses = link_poses(push.q_at(t_s))
+            poses = link_poses(push.execution.q_at(t_s))
             moving = [(body, _link(poses, name)) for name, body in self._links.items() if name != "world"]
             moving += [(self._tool, push.tool(t_s)), (self._bottle, push.bottle(t_s)), (self._hand, hand_at(t_s))]
             frames.append(Frame(float(t_s), self._colour, self._shot(moving, noise, rng)))
@@ -232,7 +228,7 @@ def judged(
         print(f"    refused: {error}")
         return None
     duration_s = float(push.execution.t_s[-1])
-    request = TrackRequest(frames, model, X_BC, detection, push.tool, push.q_at, start_s, duration_s)
+    request = TrackRequest(Recording(before, frames, model, X_BC, push.execution), detection, push.tool, duration_s)
     spent_s = []
     for _ in range(repeats):
         began_s = time.process_time()

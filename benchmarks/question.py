@@ -114,7 +114,14 @@ def target_of(recording: Path) -> RigTarget:
         find=lambda frame, model, X_BC: bottle.find_bottle(frame, model, X_BC, body, area, circle.centre_m),
         overlay=lambda frame, *_: frame.colour,
         track=lambda it: bottle.track_bottle(
-            it.frames, it.model, it.X_BC, it.detection, lambda _: NO_ARM, it.t_start_s, it.duration_s, area
+            frames=it.recording.frames,
+            model=it.recording.model,
+            X_BC=it.recording.X_BC,
+            detection=it.detection,
+            arm_at=lambda _: NO_ARM,
+            t_start_s=it.recording.execution.t_start_s,
+            duration_s=it.duration_s,
+            area=area,
         ),
         placement=lambda drawn: circle.centre_m,
         context=lambda drawn, detection: drawn,

@@ -189,6 +189,11 @@ class Execution:
             object.__setattr__(self, name, frozen_array(getattr(self, name), (len(t_s), 7), name))
         number(self.control_success_rate, "control success rate", 0.0, 1.0)
 
+    def q_at(self, t_s: float) -> Array:
+        """Arm clock -> measured joints (7,), held beyond the ends."""
+        since_s = t_s - self.t_start_s
+        return np.array([np.interp(since_s, self.t_s, joint) for joint in self.q_measured_rad.T])
+
 
 @dataclass(frozen=True)
 class HandState:

@@ -16,7 +16,7 @@ from adaptsim_cli.screen.views import Readiness
 from calib.types import HandEye
 from hw.braking import slowed
 from hw.ports import Arm, Camera, ObjectPlacer
-from hw.types import Array, CameraModel, Frame, JointPath
+from hw.types import Array, CameraModel, Execution, Frame, JointPath
 from perception.types import ObjectTrack, Outcome
 from sim.types import ToolMotion
 
@@ -35,17 +35,25 @@ class Detection(Protocol):
         """(2,) the object's place on the table, in the base frame."""
 
 
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One recorded motion, with everything that tracking needs, for a new or an old trial."""
+
+    before: Frame  # before the tool came: exactly the pixels in which the object was found
+    frames: Sequence[Frame]  # colour as decoded from JPEG
+    model: CameraModel
+    X_BC: Array  # (4, 4)
+    execution: Execution
+    after: Frame | None = None  # with the arm at home again; None: it did not arrive, or nothing was carried
+
+
 @dataclass(frozen=True)
 class TrackRequest:
     """All inputs of tracking one trial."""
 
-    frames: Sequence[Frame]
-    model: CameraModel
-    X_BC: Array  # (4, 4)
+    recording: Recording
     detection: Any  # by `find`, before the motion
     X_BT_at: Callable[[float], Array]  # arm clock -> measured pose of the tool (4, 4)
-    q_at: Callable[[float], Array]  # arm clock -> measured joints (7,), held beyond the ends
-    t_start_s: float  # arm clock at the start of the tool's motion
     duration_s: float  # of the tool's motion
 
 
@@ -64,13 +72,13 @@ class Tracker:
     """(drawn context, detection) -> the context for the policy."""
     outcomes: tuple[Outcome, ...]
     """The outcomes that an operator may choose between."""
-    at_home: Callable[[ObjectTrack, Any, Frame, Frame, CameraModel, Array], ObjectTrack] = lambda track, *_: track
-    """(track, detection, picture before, picture after, model, X_BC) -> the track, with the outcome as the arm is home.
+    at_home: Callable[[ObjectTrack, Any, Recording], ObjectTrack] = lambda track, *_: track
+    """(track, detection, recording) -> the track, with the outcome as the arm is home, if a picture shows that.
 
     For a task that carries its object.
     """
-    lies_at_home: Callable[[ObjectTrack, Any, Frame, Frame, CameraModel, Array], ObjectTrack | None] = lambda *_: None
-    """As `at_home`, for a hidden end -> the track with its outcome; None: the picture does not show it."""
+    lies_at_home: Callable[[ObjectTrack, Any, Recording], ObjectTrack | None] = lambda *_: None
+    """As `at_home`, for a hidden end -> the track with its outcome; None: no picture shows it."""
 
 
 @dataclass(frozen=True)

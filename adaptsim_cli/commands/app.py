@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -35,6 +35,9 @@ from adaptsim_cli.commands import (
 )
 from adaptsim_cli.screen import loading
 from adaptsim_cli.screen.pages import addressed
+
+if TYPE_CHECKING:
+    from adaptsim_cli.session.target import Openers
 
 EXIT_CODES = (
     "Exit codes: 0 done, 1 a simulation failed, 2 usage or configuration, 3 preflight failed, "
@@ -141,14 +144,24 @@ def _version(flag: bool) -> None:
         raise typer.Exit
 
 
+def openers() -> Openers:
+    """What commands open; the only place of the command line that knows labs, trackers and own robots by name."""
+    from adaptsim_cli.session import opening
+    from adaptsim_cli.session.target import Openers
+
+    return Openers(opening.open_parts, opening.seen_by_camera)
+
+
 @app.callback()
 def options(
+    context: typer.Context,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
     version: Annotated[
         bool, typer.Option("--version", help="Show the version and exit.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
     """Options before a command."""
+    context.obj = openers
     if debug:
         os.environ["ADAPTSIM_DEBUG"] = "1"
 

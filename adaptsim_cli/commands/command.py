@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.reply import Reply
 
-_PROVIDED = ("screen", "resolved")
-"""Parameters that no option fills: the terminal, and the settings with their origins."""
+_PROVIDED = ("screen", "resolved", "openers")
+"""Parameters that no option fills: the terminal, the settings with their origins, and what `app` opens for commands."""
 
 
 def command(
@@ -37,7 +37,7 @@ def command(
 
     def declare(function: Callable[..., Reply]) -> Callable[..., None]:
         inputs = inspect.signature(function).parameters
-        unloaded = dict.fromkeys(("Screen", "Resolved", "Reply"), Any)
+        unloaded = dict.fromkeys(("Screen", "Resolved", "Openers", "Reply"), Any)
         hints = get_type_hints(function, localns=unloaded, include_extras=True)
         own = [_parameter(name, hints[name], p.default) for name, p in inputs.items() if name not in _PROVIDED]
         switches = {name for name, kind in declared.items() if get_args(kind)[0] is bool}
@@ -57,6 +57,8 @@ def command(
                 values["screen"] = screen
             if "resolved" in inputs:
                 values["resolved"] = _resolved(flags)
+            if "openers" in inputs:
+                values["openers"] = invocation.obj()
             screen.end(invocation.command_path.partition(" ")[2], function(**values))
 
         run.__name__, run.__doc__, run.__module__ = function.__name__, function.__doc__, function.__module__

@@ -14,6 +14,7 @@ from adaptsim_cli.screen.reply import Reply
 if TYPE_CHECKING:
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
+    from adaptsim_cli.session.target import Openers
 
 _RigFile = Annotated[str | None, typer.Option("--hw", help="Plan for the lab of the rig file: panda, fr3 or fr3v2.")]
 
@@ -22,6 +23,7 @@ _RigFile = Annotated[str | None, typer.Option("--hw", help="Plan for the lab of 
 def rollout(
     screen: Screen,
     resolved: Resolved,
+    openers: Openers,
     context: options.Context = None,
     action: options.Action = None,
     param: Annotated[
@@ -64,7 +66,7 @@ def rollout(
         raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
     open_view = partial(live_view, port=view_port) if view or view_port is not None else None
     request = rollouts.RolloutRequest(context or (), action or (), param or (), session, trials, out, yes)
-    return rollouts.run(resolved, request, screen, page.write, open_view)
+    return rollouts.run(resolved, request, openers.parts, screen, page.write, open_view)
 
 
 @command("task", hw=_RigFile)

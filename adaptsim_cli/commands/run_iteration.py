@@ -13,6 +13,7 @@ from adaptsim_cli.screen.reply import Reply
 if TYPE_CHECKING:
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
+    from adaptsim_cli.session.target import Openers
 
 
 @command(
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 def run_iteration(
     screen: Screen,
     resolved: Resolved,
+    openers: Openers,
     iterations: Annotated[
         int | None, typer.Option("--iterations", "-n", min=1, help="How many iterations to run.", show_default="1")
     ] = None,
@@ -59,7 +61,6 @@ def run_iteration(
 
     from adaptsim_cli.commands import settings
     from adaptsim_cli.session import running
-    from adaptsim_cli.session.opening import open_parts
     from adaptsim_cli.show.first_look import with_first_look
     from adaptsim_cli.show.live import beside
     from adaptsim_cli.show.reports import Reports
@@ -68,7 +69,7 @@ def run_iteration(
     request = running.SessionRequest(session, settings.named_by_flags(resolved), most, yes, until_done)
     looking_on = beside(view_port) if view or view_port is not None else running.terminal_alone
     begun = running.facts_of(resolved, request) if own_calibration else None
-    opener = partial(open_parts, own=begun, screen=None if resolved.config.unattended(yes) else screen)
+    opener = partial(openers.parts, own=begun, screen=None if resolved.config.unattended(yes) else screen)
     reports = Reports()
     view_of_session = with_first_look(looking_on)
     return running.run_session(resolved, request, opener, reports.draw, screen, view_of_session, reports.ending)

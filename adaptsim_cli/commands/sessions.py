@@ -14,6 +14,7 @@ from adaptsim_cli.screen.reply import Reply, Step
 if TYPE_CHECKING:
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
+    from adaptsim_cli.session.target import Openers
 
 app = typer.Typer(help="List, check, mark, correct, prune and export stored sessions.", no_args_is_help=True)
 app.command()(exporting.export)
@@ -265,6 +266,7 @@ def accept(
 def amend(
     screen: Screen,
     resolved: Resolved,
+    openers: Openers,
     name: options.Session,
     trial: options.Trial,
     outcome: Annotated[
@@ -280,13 +282,12 @@ def amend(
     """
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import correcting, terminal_views
-    from adaptsim_cli.session.opening import seen_by_camera
     from adaptsim_cli.session.operator import choose_amendment
 
     if outcome is None:
         console.require_terminal("there is no terminal to ask at: give the outcome with --outcome")
     opened = options.stored(name)
-    task, outcomes = seen_by_camera(resolved.config, opened.facts)
+    task, outcomes = openers.seen_by_camera(resolved.config, opened.facts)
     record, choices = correcting.amendable(opened, task, outcomes, trial)
     chosen = choose_amendment(screen, opened, record, choices, outcome)
     return terminal_views.amended(*correcting.amend(opened, task, trial, chosen, choices[chosen], reason))

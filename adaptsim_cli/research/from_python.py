@@ -99,13 +99,12 @@ def _place(solver: Solver, world: World, seed: int, through: Through) -> Iterato
     if through != "lab":
         raise UsageError(f"through = {through!r}: it must be 'direct' or 'lab'")
     from adaptsim_cli.research.lab_place import InLab, rig_in_lab
-    from adaptsim_cli.session.opening import executable_on
 
     task: Task = solver.task
     task.require_hardware()
     world.require_lab()
     with rig_in_lab(task, world, seed) as (_, rig):
-        yield InLab(rig, direct, executable_on(rig.hardware, rig.planner))
+        yield InLab(rig, direct, rig.executable)
 
 
 def _columns(of: str, space: Space, values: Array) -> Row:

@@ -14,7 +14,6 @@ from adaptsim_cli.bench.devices.mounted import mounted_as_shipped
 from adaptsim_cli.bench.devices.simulated import nominal_hand_eye
 from adaptsim_cli.bench.devices.trackers import tracker_of
 from adaptsim_cli.bench.rig import Rig
-from adaptsim_cli.session.opening import executable_on
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.rig_target import RigTarget
 from hw.errors import MotionRefused
@@ -115,7 +114,7 @@ def in_lab(job: Job) -> Iterator[InLab]:
     task = get_task(job.task)
     assert job.world is not None and job.table is not None, "only a task without hardware has no table"
     with rig_in_lab(task, job.world, job.seed) as (_, rig):
-        yield InLab(rig, TableTrials(task, job.table), executable_on(rig.hardware, rig.planner))
+        yield InLab(rig, TableTrials(task, job.table), rig.executable)
 
 
 @contextmanager

@@ -1,14 +1,15 @@
 """One iteration of a session, from the first question to the next proposal. Read from the top.
 
-`run_iteration` plays the loop of every session (`sim.adaptation.sessions`): a trial, or the adaptation. Each step is
-stored before the next one begins, so a session can stop or be killed between any two lines. The steps of a trial are in
-`rig_target` and `simulated_target`.
+`stages` plays the loop of every session (`sim.adaptation.sessions`): a trial, the adaptation, the end of an iteration.
+Each is stored before the next one begins, so a session can stop or be killed between any two lines. Rules around the
+loop (`ending`), the report and the printed result belong to whoever takes the stages (`running`). The steps of a trial
+are in `rig_target` and `simulated_target`.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -57,7 +58,7 @@ from sim.adaptation.learner import Learner
 from sim.adaptation.method import Iteration as LearntIteration
 from sim.adaptation.method import Particle
 from sim.adaptation.posterior import Posterior
-from sim.adaptation.sessions import Policies, PolicySource, Progress, play_iteration, train
+from sim.adaptation.sessions import Policies, PolicySource, Progress, iterate, train
 from sim.adaptation.stages import Adapt, Role, RunTrial, Show, Stage, TrialKey, changes_until, next_stage
 from sim.errors import ActionImpossible, NotExecutable
 from sim.tasks.task import SolvedPolicy
@@ -139,6 +140,10 @@ class RunningSession:
         """See `PlayableSession`."""
         keep_particles(self, stage, history, particles)
 
+    def mark_shown(self, iteration: int) -> None:
+        """See `PlayableSession`."""
+        self.store.mark_shown(iteration, now())
+
     def beside(self, stage: str | None = None) -> None:
         """Book the time since the last lap on the iteration instead of a trial; all of it on `stage`, if given."""
         lap_s = self.screen.lap_s()
@@ -147,13 +152,26 @@ class RunningSession:
         self.overhead_s.update(spent)
 
 
-def run_iteration(session: RunningSession) -> IterationOutput:
-    """Do the missing steps of the present iteration, show the result, and return its summary.
+def stages(session: RunningSession) -> Iterator[Stage]:
+    """Do one missing stage of the session after the other, and yield each once it is stored and told to the watchers.
 
-    Raises StoppedByOperator, HardwareError, PerceptionError, NotExecutable or SessionError; completed steps stay
-    stored.
+    Raises StoppedByOperator, HardwareError, PerceptionError, NotExecutable, AnswerAwaited or SessionError; completed
+    stages stay stored.
     """
-    return show(session, play_iteration(session))
+    for stage in iterate(session):
+        is_trial = isinstance(stage, RunTrial) and stage.key in session.store.existing().completed
+        if is_trial or isinstance(stage, Adapt):
+            tell(session)
+        yield stage
+
+
+def run_iteration(session: RunningSession) -> IterationOutput:
+    """Do the missing stages of the present iteration, show the result, and return its summary.
+
+    It counts as shown only after `mark_shown`. Raises the errors of `stages`.
+    """
+    complete = next(stage for stage in stages(session) if isinstance(stage, Show))
+    return show(session, complete)
 
 
 def run_trial(session: RunningSession, stage: RunTrial, policy: PolicySource) -> None:
@@ -298,7 +316,6 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> 
             record = overruled(task, record, review.outcome)
         record = record.model_copy(update={"timing_s": added(motion.timing_s, session.screen.lap_s())})
         store.save_trial(record, tracked_trial.files)
-    tell(session)
     if review.outcome is not None:
         session.screen.show(f"  Counts as {record.outcome_words}, reward {record.reward:.2f}.")
 
@@ -351,7 +368,6 @@ def keep_particles(
     shown = summary(store, result).model_dump(mode="json")
     store.save_result(result, json.dumps(shown, allow_nan=False).encode())
     session.overhead_s.clear()
-    tell(session)
 
 
 def _suspicion(session: RunningSession) -> SuspicionRecord | None:
@@ -390,11 +406,7 @@ def show(session: RunningSession, stage: Show) -> IterationOutput:
 def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Placement:
     """Announce the trial, then have the object placed and found; meanwhile the policy prepares for its drawn place."""
     task, parts = session.parts.task, session.parts
-    rng = generator(
-        session.store.facts.seed, Draw.CONTEXT, stage.iteration, stage.particle, stage.trial, stage.key.attempt
-    )
-    unit = task.context.normalise(task.context.sample(rng, 1)[0])
-    drawn = task.context.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
+    drawn = _drawn(session, stage) if session.context_of is None else session.context_of(stage)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
     left_s = _left_s(session.store, stage)
     session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle, left_s))
@@ -403,6 +415,14 @@ def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Pl
         return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
     finally:
         deferred.settle()
+
+
+def _drawn(session: RunningSession, stage: RunTrial) -> Array:
+    """(c,) a random context without the rim; the same for the same attempt."""
+    space, seed = session.parts.task.context, session.store.facts.seed
+    rng = generator(seed, Draw.CONTEXT, stage.iteration, stage.particle, stage.trial, stage.key.attempt)
+    unit = space.normalise(space.sample(rng, 1)[0])
+    return space.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
 
 
 def _left_s(store: SessionStore, stage: RunTrial) -> float:

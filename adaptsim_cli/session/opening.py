@@ -15,7 +15,7 @@ import numpy as np
 from adaptsim_cli.bench.checkpoints import checkpoint_of, task_of
 from adaptsim_cli.bench.devices.opening import open_lab
 from adaptsim_cli.bench.devices.trackers import tracker_of
-from adaptsim_cli.bench.rig import Planner, Rig
+from adaptsim_cli.bench.rig import Rig
 from adaptsim_cli.bench.rig_frames import ground_of, hash_of
 from adaptsim_cli.bench.touch_off_in_use import origin
 from adaptsim_cli.config import PERSON, Config, Places, is_own, places
@@ -38,17 +38,15 @@ from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts, Provenance, Target
 from adaptsim_cli.storage.durable import versions
 from hw.braking import FULL
-from hw.errors import MotionRefused
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.learner import Learner
 from sim.adaptation.methods import kind_of
 from sim.adaptation.worth_in_words import worth_in_words
-from sim.errors import NotExecutable
 from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.solver import Executable, Expectations, Policies
 from sim.tasks import files_of
-from sim.tasks.task import Hardware, Task
+from sim.tasks.task import Task
 
 if TYPE_CHECKING:
     from adaptsim_cli.bench.devices.lab import Drivers
@@ -209,7 +207,7 @@ def _open_target(
         yield (
             rig_target.task,
             rig_target,
-            executable_on(rig_target.hardware, rig_target.planner),
+            rig_target.executable,
             rig_target.rig,
         )
 
@@ -277,20 +275,6 @@ def _world_sha256(name_or_path: str) -> str:
     path = Path(name_or_path).expanduser()
     content = path.read_bytes() if path.is_file() else repr(name_or_path).encode()
     return hashlib.sha256(content).hexdigest()
-
-
-def executable_on(hardware: Hardware, planner: Planner) -> Executable:
-    """A test of (context, action): whether the motion passes every limit of the arm."""
-
-    def executable(context: Array, action: Array) -> bool:
-        try:
-            for path in planner.paths(hardware.plan(context, action)):
-                planner.check(path)
-        except (NotExecutable, MotionRefused):
-            return False
-        return True
-
-    return executable
 
 
 def seen_by_camera(config: Config, facts: Facts) -> tuple[Task, tuple[Outcome, ...]]:

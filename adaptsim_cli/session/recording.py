@@ -22,6 +22,7 @@ from mcap.writer import Writer as McapWriter
 from numpy.typing import NDArray
 from zstandard import ZstdError
 
+from adaptsim_cli.bench.rig import Recording
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import topics
 from adaptsim_cli.session.records import corrupt
@@ -49,18 +50,6 @@ _JPEG_QUALITY = 95
 
 Bytes = NDArray[np.uint8]
 Depth = NDArray[np.uint16]
-
-
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """Everything that tracking needs, for a new or an old trial."""
-
-    before: Frame  # before the tool came: exactly the pixels in which the object was found
-    frames: tuple[Frame, ...]  # colour as decoded from JPEG
-    model: CameraModel
-    X_BC: Array  # (4, 4)
-    execution: Execution
-    after: Frame | None = None  # with the arm at home again; None: it did not arrive, or nothing was carried
 
 
 @dataclass(frozen=True, eq=False)

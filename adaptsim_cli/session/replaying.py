@@ -17,11 +17,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from adaptsim_cli.bench.rig import Image
+from adaptsim_cli.bench.rig import Image, Recording
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import recording, topics
 from adaptsim_cli.session.film import draw_way, way_px, write
-from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, TrialRecord
 from adaptsim_cli.session.retracking import tool_poses
 from adaptsim_cli.session.store import SessionStore
@@ -196,7 +195,7 @@ def _scene(rr: Any, stream: Any, trial: WholeTrial) -> None:
 def _motion(rr: Any, stream: Any, trial: WholeTrial) -> None:
     """Images, the links, the tool and the joints over time."""
     played, tool_at = trial.stored.execution, tool_poses(trial.file)
-    q_at = topics.joints_at(played)
+    q_at = played.q_at
     for t_s, jpeg in jpegs(trial):
         _at(stream, t_s)
         stream.log(f"{CAMERA}/image", rr.EncodedImage(contents=jpeg, media_type="image/jpeg"))

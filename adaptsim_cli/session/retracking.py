@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from adaptsim_cli.bench.rig import Tracker
+from adaptsim_cli.bench.rig import Tracker, TrackRequest
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.screen.outputs.sessions import Now, RetrackedTrial, Stored
 from adaptsim_cli.screen.outputs.trials import named
@@ -17,7 +17,6 @@ from adaptsim_cli.screen.views import words
 from adaptsim_cli.session import recording, topics
 from adaptsim_cli.session.history import played_of
 from adaptsim_cli.session.records import TrialRecord, corrupt
-from adaptsim_cli.session.rig_tracking import come_home, track_request
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from perception.errors import PerceptionError, TrackingFailed
@@ -95,8 +94,8 @@ def _again(store: SessionStore, task: Task, tracker: Tracker, record: TrialRecor
     tracked = record.overruled_from or record.outcome
     try:
         detection = tracker.find(stored.before, stored.model, stored.X_BC)
-        track = tracker.track(track_request(stored, detection, X_BT_at, float(played.t_s[-1])))
-        track = come_home(tracker, stored, detection, track)
+        track = tracker.track(TrackRequest(stored, detection, X_BT_at, float(played.t_s[-1])))
+        track = tracker.at_home(track, detection, stored)
     except PerceptionError as error:
         failure = str(error)
     else:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from adaptsim_cli.bench.facts import RigFacts
-from adaptsim_cli.bench.rig import Detection, Paths, Planner, Rig, Tracker
+from adaptsim_cli.bench.rig import Detection, Paths, Planner, Recording, Rig, Tracker, TrackRequest
 from adaptsim_cli.errors import Interrupted
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness, clear_to_move, top_speed_m_s
@@ -22,10 +22,8 @@ from adaptsim_cli.session.live_trial import MotionPreview, OutcomeUndecided, Pla
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import brightness, rig_checks
 from adaptsim_cli.session.records import RIG, to_json
-from adaptsim_cli.session.rig_tracking import come_home, shown_at_home, track_request
-from adaptsim_cli.session.topics import joints_at
 from hw.braking import FULL
-from hw.errors import ArmFault, HardwareError, Rehearsed
+from hw.errors import ArmFault, HardwareError, MotionRefused, Rehearsed
 from hw.kinematics import FLANGE, link_poses
 from hw.poses import inverse
 from hw.types import Array, Execution, Frame, JointPath
@@ -35,10 +33,8 @@ from perception.sightings import OutcomeUnseen
 from perception.types import SETTLE_S, ObjectTrack, Outcome
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
+from sim.errors import NotExecutable
 from sim.tasks.task import Hardware, Task
-
-Followed = tuple[Detection, ObjectTrack]
-"""The object found before the motion, and its track."""
 
 
 @dataclass(eq=False)
@@ -49,9 +45,10 @@ class RigMotion:
     context: Array  # (c,)
     action: Array  # (a,)
     stopped: HardwareError | None = None
-    followed: Future[Followed] | None = None  # the track, if it was begun beside the way back
-    finish: Callable[[], tuple[Mapping[str, bytes], recording.Recording]] | None = None  # None: it was read
-    recorded: recording.Recording | None = None  # None: not finished yet
+    detection: Detection | None = None  # before the motion; None: it is found again in the recording
+    followed: Future[ObjectTrack] | None = None  # the track, if it was begun beside the way back
+    finish: Callable[[], tuple[Mapping[str, bytes], Recording]] | None = None  # None: it was read
+    recorded: Recording | None = None  # None: not finished yet
 
     def files(self) -> Mapping[str, bytes]:
         """See `Motion`: recording, overlay, and the facts of a real rig."""
@@ -103,6 +100,15 @@ class RigTarget:
     def outcomes(self) -> tuple[Outcome, ...]:
         """The outcomes that a person may choose between."""
         return self.tracker.outcomes
+
+    def executable(self, context: Array, action: Array) -> bool:
+        """Whether the motion passes every limit of the arm; an `Executable` of solvers."""
+        try:
+            for path in self.planner.paths(self.hardware.plan(context, action)):
+                self.planner.check(path)
+        except (NotExecutable, MotionRefused):
+            return False
+        return True
 
     def checks(self) -> tuple[Readiness, ...]:
         """Check calibration, arm and camera; before that, an operator may clear a fault of the arm."""
@@ -210,30 +216,33 @@ class RigTarget:
                 "command without --pace makes the trial"
             )
         finish = partial(self._finished, planned, begun, after)
-        return RigMotion(self, planned.context, planned.action, stopped, followed, finish)
+        return RigMotion(self, planned.context, planned.action, stopped, planned.detection, followed, finish)
 
     def read(self, folder: Path, context: Array, action: Array) -> RigMotion:
         """See `Target`."""
         return RigMotion(self, context, action, recorded=recording.read(folder / recording.FILE))
 
-    def track(self, rig_motion: RigMotion, stored: recording.Recording, progress: Progress = silently) -> TrackedTrial:
-        """Find the object again in the same pixels as before the motion, and track it; see `Motion.track`."""
+    def track(self, rig_motion: RigMotion, stored: Recording, progress: Progress = silently) -> TrackedTrial:
+        """Track the object as it was found before the motion; of a recording that was read, find it in the same pixels.
+
+        See `Motion.track`.
+        """
         context, action = rig_motion.context, rig_motion.action
         motion, played = self.hardware.plan(context, action), stored.execution
         with progress(f"Tracking the {self.task.object_name} in {len(stored.frames)} frames", "tracking"):
-            unseen = None
+            unseen, detection = None, rig_motion.detection
+            if detection is None:
+                detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
             try:
-                detection, track = (
-                    self._follow(context, action, stored)
-                    if rig_motion.followed is None
-                    else rig_motion.followed.result()
-                )
-                track = come_home(self.tracker, stored, detection, track)
+                if rig_motion.followed is None:
+                    track = self._follow(context, action, stored, detection)
+                else:
+                    track = rig_motion.followed.result()
+                track = self.tracker.at_home(track, detection, stored)
             except OutcomeUnseen as error:
                 if not error.followed:
                     raise
-                detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
-                at_home = shown_at_home(self.tracker, stored, detection, error.track)
+                at_home = self.tracker.lies_at_home(error.track, detection, stored)
                 unseen, track = (error, error.track) if at_home is None else (None, at_home)
         with progress("Choosing the pictures of its key moments", "storing"):
             goal_m = None if self.task.goal_m is None else np.asarray(self.task.goal_m(context))
@@ -256,8 +265,8 @@ class RigTarget:
 
     def tool_pose(self, played: Execution) -> Callable[[float], Array]:
         """Arm clock -> tool pose in the base frame, from the measured joints; held beyond the ends."""
-        q_at, flange, X_FT = joints_at(played), self.planner.flange, self.hardware.X_FT
-        return lambda t_s: flange(q_at(t_s)) @ X_FT
+        flange, X_FT = self.planner.flange, self.hardware.X_FT
+        return lambda t_s: flange(played.q_at(t_s)) @ X_FT
 
     def in_time(self, frame: Frame) -> Frame:
         """The frame with its time on the arm's clock: the camera delay found by the calibration is subtracted."""
@@ -310,7 +319,7 @@ class RigTarget:
 
     def _behind(
         self, planned: Placement, before: Frame, filmed: Sequence[Frame], played: Execution | None
-    ) -> tuple[Future[recording.PartialRecording], Future[Followed] | None]:
+    ) -> tuple[Future[recording.PartialRecording], Future[ObjectTrack] | None]:
         """While the arm goes back: every frame compressed and decoded, the recording encoded, the object tracked in it.
 
         `filmed` are on the camera's clock; those of the simulated lab may still be rendering. `played` is None if the
@@ -324,8 +333,8 @@ class RigTarget:
             moved = _motionless((*frames, first)[0].frame.t_s) if played is None else played
             return recording.begin(first, frames, model, X_BC, moved, self.tool_pose(moved), late_s, arm)
 
-        def followed() -> Followed:
-            return self._follow(planned.context, planned.action, begun.result().recording)
+        def followed() -> ObjectTrack:
+            return self._follow(planned.context, planned.action, begun.result().recording, _detected(planned))
 
         pool = ThreadPoolExecutor(4, thread_name_prefix="behind")  # OpenCV and zstd release the interpreter
         compressed = [pool.submit(recording.stored, before, lossless=True)]
@@ -336,17 +345,14 @@ class RigTarget:
         pool.shutdown(wait=False)
         return begun, tracked
 
-    def _follow(self, context: Array, action: Array, stored: recording.Recording) -> Followed:
-        """Find the object in the picture before the motion, and track it through its frames."""
-        detection = self.tracker.find(stored.before, stored.model, stored.X_BC)
+    def _follow(self, context: Array, action: Array, stored: Recording, detection: Detection) -> ObjectTrack:
+        """Track the object through the frames of a recording."""
         duration_s = float(self.hardware.plan(context, action).t_s[-1])
-        return detection, self.tracker.track(
-            track_request(stored, detection, self.tool_pose(stored.execution), duration_s)
-        )
+        return self.tracker.track(TrackRequest(stored, detection, self.tool_pose(stored.execution), duration_s))
 
     def _finished(
         self, planned: Placement, begun: Future[recording.PartialRecording], after: Frame | None
-    ) -> tuple[Mapping[str, bytes], recording.Recording]:
+    ) -> tuple[Mapping[str, bytes], Recording]:
         """(recording, overlay, and the facts of a real rig; the recording as it is tracked)."""
         mcap, stored = begun.result().finish(None if after is None else recording.stored(after, lossless=True))
         files, rig = {}, self.rig

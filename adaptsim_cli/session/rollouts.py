@@ -14,12 +14,12 @@ from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.reply import Reply
-from adaptsim_cli.session import opening, single
+from adaptsim_cli.session import single
 from adaptsim_cli.session.best import best_of
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.single import Chosen
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import OpenParts, Parts
 from adaptsim_cli.session.watching import Watcher
 from sim.tasks import get_task
 
@@ -48,7 +48,12 @@ class RolloutRequest:
 
 
 def run(
-    resolved: Resolved, request: RolloutRequest, screen: Screen, draw: DrawPage, open_view: OpenRolloutView | None
+    resolved: Resolved,
+    request: RolloutRequest,
+    open_parts: OpenParts,
+    screen: Screen,
+    draw: DrawPage,
+    open_view: OpenRolloutView | None,
 ) -> Reply:
     """Run the trials and print them; the reply names the page. Raises the errors of trials."""
     settings, chosen = _policy(resolved, request)
@@ -59,7 +64,7 @@ def run(
         place = folder / "naf" if settings.is_own else Path(learnt)  # questions to an own robot lie beside the session
         asking = None if settings.unattended(request.yes) else screen
         with screen.busy("Loading the task, the policies and the devices", "loading"):
-            parts = stack.enter_context(opening.open_parts(settings, place, screen=asking))
+            parts = stack.enter_context(open_parts(settings, place, screen=asking))
         screen.show(views.badge(settings.hw, parts.target.title))
         watcher = None
         if open_view is not None:

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 
 from rich.console import RenderableType
@@ -18,12 +17,12 @@ from adaptsim_cli.errors import AnswerRefused, StoppedByOperator, UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.keys import Key, agree
-from adaptsim_cli.screen.outputs.trials import IterationOutput
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import folders, terminal_views
 from adaptsim_cli.session.advice import after_iteration
-from adaptsim_cli.session.deferred import submit
-from adaptsim_cli.session.flow import RunningSession, rows_of, run_iteration, tell
+from adaptsim_cli.session.deferred import Deferred, submit
+from adaptsim_cli.session.ending import EndRule, after_iterations, asked_at_the_verdict, at_the_verdict
+from adaptsim_cli.session.flow import RunningSession, rows_of, show, stages, tell
 from adaptsim_cli.session.history import results_of
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.own.trust import require_trusted
@@ -44,9 +43,10 @@ from adaptsim_cli.session.target import Parts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
 from hw.memory import return_pictures
 from hw.plugins import did_you_mean
+from sim.adaptation.stages import Show
 from sim.errors import MomentsMissing
 
-OpenParts = Callable[[Config, Path], AbstractContextManager[Parts]]
+OpenSessionParts = Callable[[Config, Path], AbstractContextManager[Parts]]
 """(settings, folder for a solver's policies) -> the connected parts."""
 
 OpenView = Callable[[Screen, SessionStore, Parts], AbstractContextManager[Watcher]]
@@ -73,6 +73,7 @@ class SessionRequest:
     iterations: int | None = 1  # None: as many as the task's horizon
     yes: bool = False
     until_done: bool = False  # end where the verdict says stop
+    rules: tuple[EndRule, ...] = ()  # further rules for its end
 
 
 def terminal_alone(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
@@ -83,7 +84,7 @@ def terminal_alone(screen: Screen, store: SessionStore, parts: Parts) -> Abstrac
 def run_session(
     resolved: Resolved,
     request: SessionRequest,
-    open_parts: OpenParts,
+    open_parts: OpenSessionParts,
     draw: Callable[[SessionStore], Path],
     screen: Screen | None = None,
     open_view: OpenView = terminal_alone,
@@ -91,7 +92,8 @@ def run_session(
 ) -> Reply:
     """Run the iterations; `draw` makes the report beside the session after each. JSON is printed as they end.
 
-    The reply has the words of `ending` and the report.
+    It ends by the rules of the request, with the report of all that is stored. The reply has the words of `ending` and
+    the report.
 
     The last iteration is done only once its result and report have reached the operator; a run that was killed just
     before shows them after a restart. Raises any error that stops a session or a report, with the command to continue.
@@ -111,11 +113,7 @@ def run_session(
     screen = screen or Screen()
     _confirm_session(screen, request, resolved, earlier)
     with ExitStack() as stack:
-        parts = _opened(open_parts, config, root, name, screen, stack)
-        if earlier and parts.train_policies is not None and parts.train_policies(screen):
-            parts = _opened(open_parts, config, root, name, screen, stack)
-        for sentence in () if earlier else parts.worth:
-            screen.plain(sentence)
+        parts = _opened(open_parts, config, folders.folder_of(root, name), screen, stack, begun=earlier is not None)
         operator = _operator(config, parts, request, screen)
         store = _same_parts(earlier, parts, screen) if earlier else begin(root, name, config, parts)
         watcher = stack.enter_context(open_view(screen, store, parts))
@@ -128,22 +126,25 @@ def run_session(
         session = RunningSession(store, parts, operator, screen, AllOf(watcher, log), thread)
         also = (AnswerRefused, MomentsMissing)
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}", also=also))
-        left, report = request.iterations or parts.task.adaptation.horizon, None
-        require_ready(session, config, left)
+        most = request.iterations or parts.task.adaptation.horizon
+        verdict = at_the_verdict if request.until_done else asked_at_the_verdict
+        rules = (after_iterations(most), *request.rules, verdict)
+        require_ready(session, config, most)
         tell(session)
-        while left:
-            summary, left = run_iteration(session), left - 1
-            if report is not None:
-                report.drop()
-            report = submit(thread, partial(_report, session, draw, store.until(summary.iteration)))
-            screen.data("run-iteration", summary)
-            unattended = isinstance(operator, Unattended)
-            if left and summary.verdict.stops and not _goes_on(screen, store, request, summary, unattended=unattended):
-                left = 0
-            if not left:
-                with screen.busy("Drawing the report", "reporting"):
-                    path = report.result()
-            store.mark_shown(summary.iteration - 1, now())
+        report = None
+        for stage in stages(session):
+            if isinstance(stage, Show):
+                summary = show(session, stage)
+                report = _drawn_anew(session, draw, store.until(summary.iteration), report)
+                screen.data("run-iteration", summary)
+            if any(rule(session, stage) for rule in rules):
+                break
+        if report is None or not isinstance(stage, Show):  # it ends within an iteration
+            report = _drawn_anew(session, draw, store, report)
+        with screen.busy("Drawing the report", "reporting"):
+            path = report.result()
+        if isinstance(stage, Show):
+            session.mark_shown(stage.iteration)
     words = None if ending is None else ending(store)
     results = results_of(store)
     return Reply(
@@ -169,27 +170,19 @@ def _import_for_a_film() -> None:
     load_open3d()
 
 
-def _report(session: RunningSession, draw: Callable[[SessionStore], Path], store: SessionStore) -> Path:
-    """Draw the iterations in `store`, while the session may be beyond them."""
-    path = draw(store)
-    session.watcher.reported(path)
-    return path
+def _drawn_anew(
+    session: RunningSession, draw: Callable[[SessionStore], Path], store: SessionStore, earlier: Deferred[Path] | None
+) -> Deferred[Path]:
+    """Draw the iterations in `store` in place of the `earlier` report, while the session may be beyond them."""
+    if earlier is not None:
+        earlier.drop()
 
+    def report() -> Path:
+        path = draw(store)
+        session.watcher.reported(path)
+        return path
 
-def _goes_on(
-    screen: Screen, store: SessionStore, request: SessionRequest, summary: IterationOutput, *, unattended: bool
-) -> bool:
-    """Whether the session goes on although the verdict says stop: asked at a terminal, decided by --until-done."""
-    if request.until_done:
-        return False
-    if unattended:
-        earlier = store.result(summary.iteration - 2) if summary.iteration > 1 else None
-        if earlier is None or not earlier.verdict.stops:
-            screen.note("The verdict says stop. The command runs on; with --until-done it would end here.")
-        return True
-    on = agree("to run the next iteration", "The session goes on with the next iteration.")
-    end = Key("", "to end here", "The command ends. The session can be continued at any time.", is_way_out=True)
-    return screen.choose("The verdict says stop. Run another iteration?", on, end) == "y"
+    return submit(session.thread, report)
 
 
 def _meant(root: Path, config: Config, request: SessionRequest) -> str:
@@ -284,9 +277,24 @@ def settings_of(store: SessionStore, config: Config) -> Config:
     return config.model_copy(update={**begun_with, "checkpoint": config.checkpoint or own})
 
 
-def _opened(open_parts: OpenParts, config: Config, root: Path, name: str, screen: Screen, stack: ExitStack) -> Parts:
-    with screen.busy("Loading the task, the policies and the devices", "loading"):
-        return stack.enter_context(open_parts(config, folders.folder_of(root, name) / "naf"))
+def _opened(
+    open_parts: OpenSessionParts, config: Config, folder: Path, screen: Screen, stack: ExitStack, *, begun: bool
+) -> Parts:
+    """The connected parts of a session; one that was `begun` has its missing policies trained, and a new one hears
+    what its checkpoint is worth.
+    """
+
+    def opened() -> Parts:
+        with screen.busy("Loading the task, the policies and the devices", "loading"):
+            return stack.enter_context(open_parts(config, folder / "naf"))
+
+    parts = opened()
+    if not begun:
+        for sentence in parts.worth:
+            screen.plain(sentence)
+    elif parts.train_policies is not None and parts.train_policies(screen):
+        parts = opened()
+    return parts
 
 
 def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:

@@ -16,7 +16,8 @@ from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.outputs.trials import PlayedTrial, Rollout
 from adaptsim_cli.screen.views import failures
-from adaptsim_cli.session.flow import RunningSession, rows_of
+from adaptsim_cli.session.ending import before_adapting
+from adaptsim_cli.session.flow import RunningSession, rows_of, stages
 from adaptsim_cli.session.folders import folder_of
 from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.records import ROLLOUT, SessionStart, TrialRecord
@@ -27,7 +28,6 @@ from adaptsim_cli.session.watching import AllOf, Watcher, logged
 from hw.errors import MotionRefused
 from hw.types import Array
 from sim.adaptation.method import Iteration, Particle
-from sim.adaptation.sessions import play_trials
 from sim.adaptation.stages import RunTrial
 from sim.errors import NotExecutable
 from sim.tasks.task import SolvedPolicy, Task
@@ -125,7 +125,9 @@ def rollout(
             watchers = AllOf(log) if watcher is None else AllOf(watcher, log)
             session = RunningSession(store, parts, operator, screen, watchers, context_of=context_of)
             session.policies[0, 0] = ChosenActions(task, policy, chosen.action)
-            play_trials(session)
+            for stage in stages(session):
+                if before_adapting(session, stage):
+                    break
     except (NotExecutable, MotionRefused) as error:
         error.add_note(
             "Nothing has moved. Choose another --action: adaptsim preview "

@@ -8,17 +8,21 @@ motion are on the disk before it is tracked, so a trial interrupted there can co
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from adaptsim_cli.bench.rig import Image
+from adaptsim_cli.config import Config
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.control import ControlPolicies
 from adaptsim_cli.session.live_trial import Motion, Placement
 from adaptsim_cli.session.operator import Operator
+from adaptsim_cli.session.own.exchange import Answerer
+from adaptsim_cli.session.records import Facts
 from hw.types import Array
 from perception.types import Outcome
 from sim.adaptation.learner import Learner
@@ -108,3 +112,32 @@ class Parts:
     train_policies: Callable[[Screen], bool] | None = None
     """Trains the missing policies of the session; whether there are new ones, so that the parts are opened again. None:
     the task trains none in a session."""
+
+
+class OpenParts(Protocol):
+    """Opens all parts of a session, with its devices connected; `session.opening` does."""
+
+    def __call__(
+        self,
+        config: Config,
+        learnt: Path,
+        *,
+        own: Facts | None = None,
+        screen: Screen | None = None,
+        answerer: Answerer | None = None,
+    ) -> AbstractContextManager[Parts]:
+        """The settings, and a folder for a solver's policies, which no other process may use meanwhile.
+
+        `own`: with the calibration and the touch-off of this session instead of those in use. `answerer`: who answers
+        for a robot of one's own, instead of the program or the person of the settings. Raises SimError,
+        DeviceUnavailable, CalibrationMissing, UsageError.
+        """
+
+
+@dataclass(frozen=True)
+class Openers:
+    """The openings that commands get from the program's entry, so that a command and its loop know contracts alone."""
+
+    parts: OpenParts
+    seen_by_camera: Callable[[Config, Facts], tuple[Task, tuple[Outcome, ...]]]
+    """A session's task with its ranges, and its outcomes. Raises UsageError for a task without a camera."""

@@ -251,16 +251,6 @@ def _quantity(t_ns: int, quantity: Quantity, values: list[float]) -> bytes:
     return joint_state(t_ns, JOINT_NAMES, **fields)
 
 
-def joints_at(played: Execution) -> Callable[[float], Array]:
-    """Arm clock -> measured joints (7,), held beyond the ends."""
-
-    def q_at(t_s: float) -> Array:
-        since_s = t_s - played.t_start_s
-        return np.array([np.interp(since_s, played.t_s, joint) for joint in played.q_measured_rad.T])
-
-    return q_at
-
-
 def link_frames(q_rad: Array) -> Iterator[tuple[str, Array]]:
     """Every one of `FRAMES` with its pose (4, 4) in the base, for joints (7,)."""
     poses = link_poses(q_rad)
@@ -271,7 +261,7 @@ def transforms(
     times_s: Sequence[float], played: Execution, X_BT_at: Callable[[float], Array], model: CameraModel, X_BC: Array
 ) -> Iterator[Message]:
     """Base to tool and to every link at each image, from the measured joints; base to both cameras once."""
-    q_at = joints_at(played)
+    q_at = played.q_at
     for t_s in times_s if len(played.t_s) else ():
         yield _transform(t_s, "base", "tool", X_BT_at(t_s))
         for name, X in link_frames(q_at(t_s)):

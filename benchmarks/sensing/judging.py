@@ -11,9 +11,8 @@ import numpy as np
 
 from adaptsim_cli.bench.devices.mounted import mounted_as_shipped
 from adaptsim_cli.bench.devices.trackers import tracker_of
+from adaptsim_cli.bench.rig import TrackRequest
 from adaptsim_cli.session import recording
-from adaptsim_cli.session.rig_tracking import come_home, shown_at_home, track_request
-from adaptsim_cli.session.topics import joints_at
 from hw.types import Array
 from perception.errors import PerceptionError
 from perception.piece.tracking import reach_of
@@ -54,11 +53,10 @@ def judged(task: Task, folder: Path) -> Judged:
     truth = json.loads((folder / TRUTH).read_text())
     film, mount = recording.read(folder / recording.FILE), mounted_as_shipped(task, "panda")
     hardware, planner, tracker = mount.task.require_hardware(), mount.planner(), tracker_of(mount.task)
-    q_at = joints_at(film.execution)
     places_m = np.array(truth["xyz_m"])
 
     def X_BT_at(t_s: float) -> Array:
-        return np.asarray(planner.flange(q_at(t_s)) @ hardware.X_FT)
+        return np.asarray(planner.flange(film.execution.q_at(t_s)) @ hardware.X_FT)
 
     end_mm = found_mm = float("nan")
     tracked, refused, flags, true = "", "", tuple[str, ...](), truth["outcome"]
@@ -69,11 +67,10 @@ def judged(task: Task, folder: Path) -> Judged:
             true = Outcome.LOST.value  # it rolled farther than it is followed; both earn nothing
         duration_s = float(hardware.plan(np.array(truth["context"]), np.array(truth["action"])).t_s[-1])
         try:
-            track = come_home(
-                tracker, film, detection, tracker.track(track_request(film, detection, X_BT_at, duration_s))
-            )
+            track = tracker.track(TrackRequest(film, detection, X_BT_at, duration_s))
+            track = tracker.at_home(track, detection, film)
         except OutcomeUnseen as unseen:
-            at_home = shown_at_home(tracker, film, detection, unseen.track) if unseen.followed else None
+            at_home = tracker.lies_at_home(unseen.track, detection, film) if unseen.followed else None
             if at_home is None:
                 raise
             track = at_home

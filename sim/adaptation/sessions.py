@@ -1,6 +1,7 @@
 """The loop of a session, the same wherever its trials happen. Read from the top.
 
-`play_iteration` asks the session for the next missing stage and does it: a trial, or the adaptation. A stored session
+`iterate` asks the session for the next missing stage, does it, and yields it: a trial, the adaptation, or the end of an
+iteration. Whoever takes the stages decides when the session ends, and what else happens at them. A stored session
 (`adaptsim_cli.session.flow`) keeps every stage on the disk before the next one begins. A `MemorySession` forgets all
 at its end: the benchmark and the evaluation of a pretraining need no more.
 """
@@ -11,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
 from typing import Protocol
 
 import numpy as np
@@ -69,25 +71,28 @@ class PlayableSession(Protocol):
     def keep_particles(self, stage: Adapt, history: Sequence[Iteration], particles: tuple[Particle, ...]) -> None:
         """Keep the particles of the next iteration, chosen after `history`."""
 
-
-def play_iteration(session: PlayableSession) -> Show:
-    """Do the missing stages of the present iteration; it is complete then. Raises the errors of its trials."""
-    while not isinstance(stage := play_trials(session), Show):
-        history = session.history(stage.iteration + 1)
-        with session.progress("Adapting the simulation parameters", "adapting"):
-            particles = session.learner.next(history, session.generator(stage.iteration))
-        session.keep_particles(stage, history, particles)
-    return stage
+    def mark_shown(self, iteration: int) -> None:
+        """Keep that a complete iteration has reached the operator; once more changes nothing."""
 
 
-def play_trials(session: PlayableSession) -> Adapt | Show:
-    """Run the missing trials of the present iteration; returns the stage after them.
+def iterate(session: PlayableSession) -> Iterator[Stage]:
+    """Do one missing stage after the other, and yield each once it is done; there is always a next one.
 
-    A rollout ends here: it has trials and no learner. Raises the errors of the trials.
+    A complete iteration is yielded as `Show`. It counts as shown once the stage after it is asked for, so a session
+    that ends before that yields it again. Raises the errors of trials.
     """
-    while isinstance(stage := session.next_stage(), RunTrial):
-        session.play_trial(stage, partial(policy_of_particle, session, stage.iteration, stage.particle))
-    return stage
+    while True:
+        match stage := session.next_stage():
+            case RunTrial():
+                session.play_trial(stage, partial(policy_of_particle, session, stage.iteration, stage.particle))
+            case Adapt():
+                history = session.history(stage.iteration + 1)
+                with session.progress("Adapting the simulation parameters", "adapting"):
+                    particles = session.learner.next(history, session.generator(stage.iteration))
+                session.keep_particles(stage, history, particles)
+        yield stage
+        if isinstance(stage, Show):
+            session.mark_shown(stage.iteration)
 
 
 def policy_of_particle(session: PlayableSession, iteration: int, index: int) -> SolvedPolicy:
@@ -153,12 +158,16 @@ class MemorySession:
         """See `PlayableSession`."""
         self.steps.append(particles)
 
+    def mark_shown(self, iteration: int) -> None:
+        """See `PlayableSession`."""
+        self.shown.add(iteration)
+
     def iterations(self, count: int) -> Iterator[tuple[Iteration, ...]]:
         """Play `count` iterations: the history after each."""
-        for _ in range(count):
-            complete = play_iteration(self).iteration
-            self.shown.add(complete)
-            yield self.history(complete + 1)
+        complete = (stage.iteration for stage in iterate(self) if isinstance(stage, Show))
+        for iteration in islice(complete, count):
+            self.mark_shown(iteration)
+            yield self.history(iteration + 1)
 
 
 def begin_in_memory(

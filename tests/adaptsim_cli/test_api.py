@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from adaptsim_cli import api
+from adaptsim_cli.bench.rig import Recording
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, to_toml
 from sim.errors import NoHardware, OutOfRange
 from sim.tasks import files_of

@@ -193,7 +193,7 @@ def find(frame: Frame, model: CameraModel, X_BC: np.ndarray) -> Found:
 
 
 def track(request: TrackRequest) -> ObjectTrack:
-    pitch = float(request.X_BT_at(request.t_start_s + 0.1)[0, 3])
+    pitch = float(request.X_BT_at(request.recording.execution.t_start_s + 0.1)[0, 3])
     start = request.detection.xy_m
     state = np.stack([start[0] + pitch * TIMES_S * 0.2, np.full(3, start[1]), np.full(3, 0.01)], axis=1)
     miss = abs(pitch - 0.6)

@@ -77,19 +77,19 @@ class RealLab:
         self._stack.enter_context(arm)
         beside = PersonBeside(arm, camera, mounted_task, self._screen, scales, watch, instruments)
         return Rig(
-            self.rig.arm.model,
-            self.title,
-            PacedArm[Arm](arm, mounted_task.cell, self._pace),
-            camera,
-            Person(),
-            hand_eye,
-            days,
-            beside,
-            time.sleep,
-            arm.await_enabled,
-            () if watch is None else (watch.check,),
-            self._pace,
-            arm.release,
+            name=self.rig.arm.model,
+            title=self.title,
+            arm=PacedArm[Arm](arm, mounted_task.cell, self._pace),
+            camera=camera,
+            bench=Person(),
+            hand_eye=hand_eye,
+            calibration_days=days,
+            attendant=beside,
+            wait=time.sleep,
+            await_enabled=arm.await_enabled,
+            more_checks=() if watch is None else (watch.check,),
+            pace=self._pace,
+            release=arm.release,
         )
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:

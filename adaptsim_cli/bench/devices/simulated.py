@@ -80,9 +80,17 @@ class WorldLab:
         release = self._release("nothing on the table but the object")
         arm = PacedArm[Arm](ReleasedArm[Arm](lab.arm, release), mounted_task.cell, self._pace, realtime=self._realtime)
         return Rig(
-            SIMULATED, self.title, arm, lab.camera, lab.bench, hand_eye, days,
-            await_enabled=release.path, pace=self._pace, release=release,
-        )  # fmt: skip
+            name=SIMULATED,
+            title=self.title,
+            arm=arm,
+            camera=lab.camera,
+            bench=lab.bench,
+            hand_eye=hand_eye,
+            calibration_days=days,
+            await_enabled=release.path,
+            pace=self._pace,
+            release=release,
+        )
 
     def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
         """See `Lab`."""

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from adaptsim_cli.bench.rig import Detection, Tracker, TrackRequest
-from hw.types import Array, CameraModel, Frame
+from adaptsim_cli.bench.rig import Recording, Tracker, TrackRequest
 from perception.types import ObjectTrack, Outcome
 from sim.errors import UnknownName
 from sim.tasks.task import Task
-
-Find = Callable[[Frame, CameraModel, Array], Detection]
-"""(frame, model, X_BC) -> detection; see `Tracker.find`."""
 
 SMALLEST_HALF_M, LARGEST_HALF_M = 0.004, 0.025
 """Half widths along X of the pieces that are searched for."""
@@ -25,22 +21,7 @@ def tracker_of(task: Task) -> Tracker:
     name = task.require_hardware().tracker
     if name not in TRACKERS:
         raise UnknownName(f"no tracker {name!r} for {task.name}: there are {', '.join(TRACKERS)}")
-    tracker = TRACKERS[name](task)
-    return replace(tracker, find=_once(tracker.find))
-
-
-def _once(find: Find) -> Find:
-    """`find` that searches a picture once: the object is needed before the motion, and again for its track."""
-    last: list[tuple[tuple[bytes, ...], Detection]] = []
-
-    def detect(frame: Frame, model: CameraModel, X_BC: Array) -> Detection:
-        lenses = (model.colour.K, model.colour.distortion, model.depth.K, model.depth.distortion, model.X_CD)
-        key = (frame.colour.tobytes(), frame.depth_mm.tobytes(), *(part.tobytes() for part in (X_BC, *lenses)))
-        if not last or last[0][0] != key:
-            last[:] = [(key, find(frame, model, X_BC))]
-        return last[0][1]
-
-    return detect
+    return TRACKERS[name](task)
 
 
 def _piece(task: Task) -> Tracker:
@@ -55,16 +36,27 @@ def _piece(task: Task) -> Tracker:
     centres = (x.low + SMALLEST_HALF_M, x.high + LARGEST_HALF_M, y.low, y.high)
 
     def track(request: TrackRequest) -> ObjectTrack:
+        film = request.recording
         return piece.track_piece(
-            request.frames,
-            request.model,
-            request.X_BC,
-            request.detection,
-            mesh,
-            request.X_BT_at,
-            request.t_start_s,
-            request.duration_s,
+            frames=film.frames,
+            model=film.model,
+            X_BC=film.X_BC,
+            detection=request.detection,
+            tool_mesh=mesh,
+            X_BT_at=request.X_BT_at,
+            t_start_s=film.execution.t_start_s,
+            duration_s=request.duration_s,
         )
+
+    def at_home(track: ObjectTrack, detection: Any, film: Recording) -> ObjectTrack:
+        if film.after is None:
+            return track
+        return piece.at_home(track, detection, film.before, film.after, film.model, film.X_BC)
+
+    def lies_at_home(track: ObjectTrack, detection: Any, film: Recording) -> ObjectTrack | None:
+        if film.after is None:
+            return None
+        return piece.lies_at_home(track, detection, film.before, film.after, film.model, film.X_BC)
 
     return Tracker(
         find=lambda frame, model, X_BC: piece.find_piece(frame, model, X_BC, centres),
@@ -75,8 +67,8 @@ def _piece(task: Task) -> Tracker:
         placement=lambda drawn: drawn,
         context=lambda drawn, detection: detection.near_m,
         outcomes=(Outcome.ON_BLADE, Outcome.ON_TABLE, Outcome.LOST),
-        at_home=piece.at_home,
-        lies_at_home=piece.lies_at_home,
+        at_home=at_home,
+        lies_at_home=lies_at_home,
     )
 
 
@@ -104,19 +96,21 @@ def _bottle(task: Task) -> Tracker:
     radii_m = np.array([capsule.radius_m for capsule in outline])
 
     def track(request: TrackRequest) -> ObjectTrack:
+        film = request.recording
+
         def arm_at(t_s: float) -> ArmShape:
-            ends_m = segments(link_poses(request.q_at(t_s)), outline)
+            ends_m = segments(link_poses(film.execution.q_at(t_s)), outline)
             return ArmShape(Capsules(ends_m, radii_m), tool, request.X_BT_at(t_s))
 
         return bottle.track_bottle(
-            request.frames,
-            request.model,
-            request.X_BC,
-            request.detection,
-            arm_at,
-            request.t_start_s,
-            request.duration_s,
-            BOTTLE_AREA,
+            frames=film.frames,
+            model=film.model,
+            X_BC=film.X_BC,
+            detection=request.detection,
+            arm_at=arm_at,
+            t_start_s=film.execution.t_start_s,
+            duration_s=request.duration_s,
+            area=BOTTLE_AREA,
         )
 
     return Tracker(

@@ -17,6 +17,7 @@ TASK = Task(
     observation=params.OBSERVATION,
     adaptation=params.ADAPTATION,
     unmodelled=params.PendulumUnmodelled,
+    plausible=params.PLAUSIBLE,
     simulate=rollout.simulate,
     simulate_many=rollout.simulate_many,
     reference_context=params.REFERENCE_CONTEXT,

@@ -110,3 +110,7 @@ ADAPTATION = AdaptationSettings(
 @dataclass(frozen=True)
 class PendulumUnmodelled:
     """Unmodelled effects of a world: none, because this is the control experiment."""
+
+
+PLAUSIBLE: dict[str, tuple[float, float]] = {}
+"""The plausible range of each unmodelled effect; see `Task.plausible`."""

@@ -12,7 +12,7 @@ import pytest
 from toy_rig import OUTCOMES, ToyLab, rig_target
 from toy_session import NAME, ScriptedOperator, attended, run, silent, summary
 
-from adaptsim_cli.bench.rig import Tracker, TrackRequest
+from adaptsim_cli.bench.rig import Recording, Tracker, TrackRequest
 from adaptsim_cli.errors import Interrupted, SessionError, StoppedByOperator
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.correcting import redo
@@ -76,7 +76,7 @@ def stop_at_second_review(home: Path, name: str = "fake") -> SessionStore:
     return session.store
 
 
-def recorded(store: SessionStore, key: TrialKey = SECOND) -> recording.Recording:
+def recorded(store: SessionStore, key: TrialKey = SECOND) -> Recording:
     return recording.read(store.trial_folder(0, key) / recording.FILE)
 
 
@@ -113,6 +113,29 @@ def test_a_trial_cut_short_after_its_motion_goes_on_from_its_recording(name, mom
     assert summary(continued.store, 0)["particles"] == summary(undisturbed, 0)["particles"]
     assert continued.store.trial(0, SECOND).files == undisturbed.trial(0, SECOND).files
     assert continued.store.trial(0, SECOND).timing_s["moving"] == moving_s
+
+
+def searching(finds: list[int]) -> Change:
+    """A tracker that counts how often it searches a picture."""
+
+    def changed(tracker: Tracker) -> Tracker:
+        def find(*picture: Any) -> Any:
+            finds.append(1)
+            return tracker.find(*picture)
+
+        return dataclasses.replace(tracker, find=find)
+
+    return changed
+
+
+def test_the_object_is_searched_once_for_action_and_track_and_again_in_a_recording_that_was_read(tmp_path):
+    finds = list[int]()
+    session = with_tracker(attended(tmp_path, AtReview(StoppedByOperator("q")), ToyLab(0)), searching(finds))
+    with pytest.raises(StoppedByOperator):
+        run_iteration(session)
+    assert len(finds) == 2, "once for each of two trials"
+    run_iteration(with_tracker(attended(tmp_path, ScriptedOperator(), ToyLab(0)), searching(finds)))
+    assert len(finds) == 2 + 3, "the second trial goes on from its recording, and two more are made"
 
 
 def test_the_review_comes_again_and_may_be_answered_otherwise(tmp_path):

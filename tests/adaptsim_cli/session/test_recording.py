@@ -14,6 +14,7 @@ import pytest
 from mcap.reader import make_reader
 from toy_rig import MODEL, X_BC
 
+from adaptsim_cli.bench.rig import Recording
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import recording, topics
 from adaptsim_cli.session.film import COLUMNS, FILM, MOST_BYTES, ROWS, Filmed
@@ -53,7 +54,7 @@ def measuring(names: Sequence[str] = tuple(quantity.name for quantity in QUANTIT
     )
 
 
-def encoded(played: Execution, after: Frame | None = None) -> tuple[bytes, recording.Recording]:
+def encoded(played: Execution, after: Frame | None = None) -> tuple[bytes, Recording]:
     film, first = [recording.stored(frame) for frame in frames()], recording.stored(before(), lossless=True)
     home = None if after is None else recording.stored(after, lossless=True)
     return recording.begin(first, film, MODEL, X_BC, played, lambda _: np.eye(4), 0.0123456789).finish(home)

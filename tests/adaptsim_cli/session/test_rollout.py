@@ -69,6 +69,12 @@ def test_an_action_by_hand_is_executed_as_given(lab, printed):
     assert record["params"] is None
 
 
+def test_a_context_by_hand_is_where_the_object_is_placed(lab, tmp_path, printed):
+    printed(*RUN, "--json", "--context", "x=0.665", "--out", str(tmp_path / "one"))
+    (trial,) = trials_of(SessionStore.open(tmp_path, "one"))
+    assert trial.drawn_context == {"x": 0.665, "y": TASK.reference_context[1]}
+
+
 @pytest.mark.parametrize("option", ["--action", "--context", "--param"])
 def test_a_wrong_value_moves_nothing(lab, tmp_path, monkeypatch, option, refused):
     def opened(*_: object, **__: object) -> None:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import Any, cast
 
 import numpy as np
 
 from sim.adaptation.learner import Learner
 from sim.adaptation.method import Particle, Trial
-from sim.adaptation.sessions import MemorySession, begin_in_memory, play_trials
-from sim.adaptation.stages import Adapt
+from sim.adaptation.sessions import MemorySession, begin_in_memory, iterate
+from sim.adaptation.stages import Adapt, RunTrial, Show
 
 
 class CountingLearner:
@@ -56,9 +57,18 @@ def test_every_particle_plays_its_trials_with_a_policy_trained_once_on_what_came
     assert learner.drawn == [np.random.default_rng(i).random() for i in range(2)]
 
 
-def test_a_session_without_a_learner_ends_after_its_trials():
+def test_a_session_yields_its_stages_as_they_are_done_and_ends_where_nobody_asks_for_more():
     learner, played = CountingLearner(), list[tuple[str, int, int]]()
     one = session(learner, played)
-    assert isinstance(play_trials(one), Adapt)
-    assert len(played) == 2
-    assert not learner.drawn
+    stages = [(type(stage), len(played), len(learner.drawn)) for stage in islice(iterate(one), 5)]
+    assert stages == [(RunTrial, 1, 0), (RunTrial, 2, 0), (Adapt, 2, 1), (Show, 2, 1), (RunTrial, 3, 1)]
+    assert one.shown == {0}
+
+
+def test_an_iteration_counts_as_shown_once_the_next_stage_is_asked_for():
+    one = session(CountingLearner(), [])
+    stages = iterate(one)
+    assert isinstance(next(stage for stage in stages if isinstance(stage, Show)), Show)
+    assert one.shown == set() and next(iterate(one)) == Show(0), "an end before that yields it again"
+    next(stages)
+    assert one.shown == {0}

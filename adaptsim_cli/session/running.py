@@ -112,7 +112,7 @@ def run_session(
     _confirm_session(screen, request, resolved, earlier)
     with ExitStack() as stack:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
-            parts = stack.enter_context(open_parts(config, folders.folder_of(root, name) / "naf"))
+            parts = stack.enter_context(open_parts(config, folders.folder_of(root, name) / folders.SOLVER))
         operator = _operator(config, parts, request, screen)
         store = _same_parts(earlier, parts) if earlier else begin(root, name, config, parts)
         watcher = stack.enter_context(open_view(screen, store, parts))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,6 +44,7 @@ class RecordedTrials:
     contexts: Array | None  # (N, c) in units; None: not recorded, for a task in which a context only scores
     actions: Array  # (N, a) in units
     tracks: tuple[ObjectTrack, ...]
+    notes: tuple[str, ...] = ()  # sentences about the reading, without a full stop
 
     def __post_init__(self) -> None:
         task, n = self.task, len(self.names)
@@ -73,7 +74,7 @@ class RecordedTrials:
         """The trials of these rows alone."""
         contexts = None if self.contexts is None else self.contexts[rows]
         names, tracks = tuple(self.names[i] for i in rows), tuple(self.tracks[i] for i in rows)
-        return RecordedTrials(self.task, names, contexts, self.actions[rows], tracks)
+        return replace(self, names=names, contexts=contexts, actions=self.actions[rows], tracks=tracks)
 
     def split(self, held_out: float, seed: int) -> tuple[RecordedTrials, RecordedTrials]:
         """The trials for a session, and those held out for scores: a share of `held_out`, drawn by `seed`.
@@ -94,7 +95,7 @@ class RecordedTrials:
         """The same actions with the trajectories of other trials: a control, from which nothing can be learnt."""
         order = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0x9E47,))).permutation(len(self))
         contexts = None if self.contexts is None else self.contexts[order]
-        return RecordedTrials(self.task, self.names, contexts, self.actions, tuple(self.tracks[i] for i in order))
+        return replace(self, contexts=contexts, tracks=tuple(self.tracks[i] for i in order))
 
     def context_of(self, row: int, context: Array) -> Array:
         """(c,) the context of a trial: its own, or the requested `context` if contexts only score in this task."""

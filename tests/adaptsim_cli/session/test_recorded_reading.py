@@ -175,9 +175,11 @@ def jump(t: Array, s: Array, i: int) -> tuple[Array, Array]:
         (lambda t, s, i: (t, np.c_[t, s[:, 1:]]), "at time 0 the object lies at (0.000, +0.000) m, 560 mm from"),
         (lambda t, s, i: (t, np.tile([0.56, 0.0, 0.05], (len(t), 1))), "all 10 trajectories are alike"),
         (jump, "trial p4: after 0.5 s there is no sample for 3600 s"),
+        (lambda t, s, i: (t, s + [0.06, 0.0, 0.0]), "begins 60 mm aside of its place, by (+60, +0) mm in the median"),
+        (lambda t, s, i: (t, s + [0.0, -0.09, 0.0]), "begins 90 mm aside of its place, by (+0, -90) mm in the median"),
         (lambda t, s, i: (t[:12], s[:12]), "it ends at 0.3667 s while the object moves"),
     ],
-    ids=["mm", "ms", "unix", "swapped", "time as x", "still", "jump", "short"],
+    ids=["mm", "ms", "unix", "swapped", "time as x", "still", "jump", "ahead", "right", "short"],
 )
 def test_other_units_clocks_and_columns_are_refused_by_what_they_are(tmp_path, change, message):
     with pytest.raises(RecordingsRefused) as refused:

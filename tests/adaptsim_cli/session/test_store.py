@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import fcntl
 import json
+import re
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
@@ -55,6 +56,26 @@ def test_a_value_of_another_kind_and_another_format_are_named(store, old, new, t
     path = store.folder / "session.toml"
     body, _, _ = path.read_bytes().rpartition(b"# sha256 ")
     path.write_bytes(seal_toml(body.replace(old, new)))
+    with pytest.raises(SessionError, match=told):
+        reopened(store)
+
+
+@pytest.mark.parametrize(
+    ("version", "told"),
+    [
+        (
+            "0.2.0.dev1171+gf37a330e1",
+            r"wrote it \(0\.2\.0\.dev1171\+gf37a330e1; in a clone .*: git checkout f37a330e1\)",
+        ),
+        ("0.1.0", r"wrote it \(0\.1\.0\), or start"),
+    ],
+)
+def test_an_earlier_format_names_the_version_that_wrote_it(store, version, told):
+    path = store.folder / "session.toml"
+    body, _, _ = path.read_bytes().rpartition(b"# sha256 ")
+    old = body.replace(b"format = 4", b"format = 3") + b""
+    written = re.sub(rb'(?m)^adaptsim = ".*"$', f'adaptsim = "{version}"'.encode(), old)
+    path.write_bytes(seal_toml(written))
     with pytest.raises(SessionError, match=told):
         reopened(store)
 

@@ -167,8 +167,8 @@ def _samples(answer: Answer, task: Task, columns: tuple[str, ...]) -> tuple[Arra
         )
     if abs(t_s[0]) > NEAR_S:
         raise AnswerRefused(
-            f"its first state is at {t_s[0]:.6g} s, and time 0 is the start of the motion, {NEAR_S:g} s before or after "
-            "at most: subtract the start of the motion from the clock, and leave out what came long before"
+            f"its first state is at {t_s[0]:.6g} s, and time 0 is the start of the motion, {NEAR_S:g} s before or "
+            "after at most: subtract the start of the motion from the clock, and leave out what came long before"
         )
     if t_s[-1] <= 0.0:
         raise AnswerRefused(f"its last state is at {t_s[-1]:.4g} s, and time 0 is the start of the motion")

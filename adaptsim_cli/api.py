@@ -363,7 +363,7 @@ def begin(
     if folders.folder_of(root, chosen).is_dir():
         raise UsageError(f"session {chosen!r} exists already: api.open_session continues it; or choose another name")
     answerer = Mailbox() if settings.is_own else None
-    with opening.open_parts(settings, folders.folder_of(root, chosen) / "naf", answerer=answerer) as parts:
+    with opening.open_parts(settings, folders.folder_of(root, chosen) / folders.SOLVER, answerer=answerer) as parts:
         running.begin(root, chosen, settings, parts)
     return Session(chosen, root)
 

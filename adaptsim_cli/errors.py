@@ -80,5 +80,7 @@ def plain(message: str) -> str:
 
 def explained(error: ValidationError) -> str:
     """The first defect of a file, with its place."""
+    from hw.records import number_hint  # pydantic is slow to import, and no other error needs it
+
     first = error.errors()[0]
-    return f"{place(first['loc']) or 'the whole file'}: {plain(first['msg'])}"
+    return f"{place(first['loc']) or 'the whole file'}: {plain(first['msg'])}{number_hint(first['input'])}"

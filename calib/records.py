@@ -16,7 +16,7 @@ from calib.pose_records import LARGEST, PoseKeys, PosesRecord
 from calib.target_records import AnyTargetRecord
 from calib.types import FORMAT, Matrix, Numbers, StoredRecord
 from hw.bounded import Unreadable, read_table
-from hw.records import AnyRecord, Record, from_any_version
+from hw.records import AnyRecord, Record, from_any_version, number_hint
 from hw.types import Array, Intrinsics
 
 
@@ -191,7 +191,7 @@ def explained(error: ValueError) -> str:
     if not isinstance(error, ValidationError):
         return str(error)
     first = error.errors(include_url=False)[0]
-    return f"{'.'.join(str(part) for part in first['loc'])} {first['msg']}".strip()
+    return f"{'.'.join(str(part) for part in first['loc'])} {first['msg']}{number_hint(first['input'])}".strip()
 
 
 class TouchRecord(Record):

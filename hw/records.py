@@ -71,6 +71,18 @@ class HandWritten(Record):
     model_config = ConfigDict(strict=True)
 
 
+def number_hint(value: object) -> str:
+    """The way to write a number that is given as a text, with a point and without quotes; "" for any other value."""
+    if not isinstance(value, str):
+        return ""
+    try:
+        float(number := value.strip().replace(",", "."))
+    except ValueError:
+        return ""
+    point = "with a point, not a comma, and " if "," in value else ""
+    return f": write {number} instead of {value!r}, {point}without quotes"
+
+
 def from_any_version(kind: type[AnyRecord], table: Mapping[str, Any]) -> AnyRecord:
     """The record in a table that this version, or a newer one of the same format, wrote.
 

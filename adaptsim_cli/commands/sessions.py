@@ -131,7 +131,9 @@ def verify(
     if not damage:
         return Reply(data, [terminal_views.verified(checked)], [("adaptsim sessions list", "all files are intact")])
     others = f" And {len(damage) - 1} more." if len(damage) > 1 else ""
-    failure = SessionError(f"{damage[0]}.{others} A trial can be done again: adaptsim sessions redo NAME TRIAL")
+    is_open = any(one.damage and one.files > 1 for one in checked)  # else it names its own next step
+    again = " A trial can be done again: adaptsim sessions redo NAME TRIAL" if is_open else ""
+    failure = SessionError(f"{damage[0]}.{others}{again}")
     return Reply(data, [terminal_views.verified(checked)], failure=failure)
 
 

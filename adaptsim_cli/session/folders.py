@@ -1,9 +1,11 @@
-"""The folders of sessions: their names, the newest one, and their files."""
+"""The folders of sessions: their names, the newest one, their parts and files."""
 
 from __future__ import annotations
 
 import os
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
@@ -16,8 +18,12 @@ from hw.bounded import read_table
 from hw.plugins import did_you_mean
 
 FACTS = "session.toml"
+QUESTIONS = "questions"
+"""The folder of the questions to a robot of one's own, and of their answers."""
+SOLVER = "naf"
+"""The folder of a solver's own files."""
 
-
+_ITERATION = re.compile(r"iteration-(\d+)")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
@@ -83,6 +89,25 @@ def _begun(folder: Path) -> tuple[float, int]:
     except (OSError, KeyError, ValueError):
         created_s = 1e-9 * changed_ns
     return created_s, changed_ns
+
+
+@dataclass(frozen=True)
+class SessionParts:
+    """The folders in a session's folder, by their contents."""
+
+    iterations: Mapping[int, Path]  # by index from 0, in order
+    questions: Path | None
+    solver: Path | None
+    others: tuple[Path, ...]  # none of this version: of a newer one, or a person's own
+
+
+def session_parts(folder: Path) -> SessionParts:
+    """The parts of the session in `folder`. A new kind of folder needs a line here, and nowhere else."""
+    folders = [entry for entry in entries(folder) if entry.is_dir()]
+    numbered = {int(match[1]) - 1: entry for entry in folders if (match := _ITERATION.fullmatch(entry.name))}
+    named = {entry.name: entry for entry in folders if not _ITERATION.fullmatch(entry.name)}
+    questions, solver = named.pop(QUESTIONS, None), named.pop(SOLVER, None)
+    return SessionParts(dict(sorted(numbered.items())), questions, solver, tuple(named.values()))
 
 
 def entries(folder: Path) -> list[Path]:

@@ -17,10 +17,13 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
 
-from adaptsim_cli.errors import SessionError
+from pydantic import ValidationError
+
+from adaptsim_cli.errors import SessionError, explained
+from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.screen.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import recording, records
-from adaptsim_cli.session.folders import entries, existing_folder, folder_of, own_files
+from adaptsim_cli.session.folders import SOLVER, entries, existing_folder, folder_of, own_files, session_parts
 from adaptsim_cli.session.records import (
     Amendment,
     MotionRecord,
@@ -37,6 +40,8 @@ from hw.records import AnyRecord, Record
 from sim.storage.files import flush_folder, sha256
 
 T = TypeVar("T")
+
+QUESTION_FILE = ".question.json"
 
 _MARKERS: dict[str, type[Note]] = {".started.": Started, ".amended": Amendment}
 """The kinds of markers beside a trial that hold more than a sentence."""
@@ -72,7 +77,13 @@ class _Examination:
         self.newer_keys.update(dict.fromkeys(store.additions()))
         if (store.folder / ABOUT).exists():
             self._record(About, store.folder / ABOUT)
-        for folder in store.entries():
+        parts = session_parts(store.folder)
+        if parts.questions is not None:
+            for file in own_files(parts.questions):
+                self.files += 1
+                if file.name.endswith(QUESTION_FILE):  # an answer may say anything, and a person may correct it
+                    self._look(_require_question, file)
+        for folder in parts.iterations.values():
             for entry in entries(folder):
                 if entry.is_file():
                     self._record(next((kind for name, kind in _MARKERS.items() if name in entry.name), Note), entry)
@@ -137,6 +148,14 @@ def _sha256(path: Path) -> str:
         return sha256(path)
     except OSError as error:
         raise records.corrupt(path, error.strerror or str(error)) from error
+
+
+def _require_question(path: Path) -> None:
+    try:
+        Question.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError) as error:
+        why = explained(error) if isinstance(error, ValidationError) else error.strerror
+        raise records.corrupt(path, str(why)) from error
 
 
 def _require_trials(store: SessionStore) -> None:
@@ -235,7 +254,6 @@ def _held(folder: Path) -> AbstractContextManager[None]:
 
 
 TEXT = (".json", ".toml", ".jsonl")
-SOLVER = "naf"  # the folder of a solver's own files
 PICTURES = (".jpg", ".mcap", ".html")
 """Files that show a lab: images, recordings, and pages with images."""
 

@@ -118,6 +118,7 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
     recordings = recordings_of(checkpoint, config)
     solver = recordings.checkpoint.solver
     title = f"recorded trials of {config.recorded}, {len(recordings.held_out)} of them held out"
+    title = "; ".join((title, *recordings.shown.notes))
     target = RecordedTarget(recordings.shown, title, _spent(recordings.shown, session))
     learner = _learner(config, recordings.checkpoint, solver, solver, target.executable)
     return Parts(solver.task, target, learner, _provenance(checkpoint, prior, recordings.sha256))

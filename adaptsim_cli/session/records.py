@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import json
 import math
+import re
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from enum import IntEnum
 from pathlib import Path
@@ -326,7 +328,7 @@ def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
     data = _table(path, is_sealed=True)
     if (version := data.get("format", FORMAT)) not in (FORMAT, WITH_CONTROL):
         is_newer = isinstance(version, int) and version > WITH_CONTROL
-        way = "Update adaptsim" if is_newer else "Open it with the version that wrote it"
+        way = "Update adaptsim" if is_newer else f"Open it with the version that wrote it{_writer(data)}"
         raise SessionError(
             f"{path} is of format {version}, and this version of adaptsim reads format {WITH_CONTROL}. {way}, or start "
             "another session with --session"
@@ -335,6 +337,16 @@ def read(kind: type[AnyRecord], path: Path) -> AnyRecord:
         return from_any_version(kind, data)
     except ValidationError as error:
         raise corrupt(path, explained(error)) from error
+
+
+def _writer(data: Mapping[str, Any]) -> str:
+    """The version that wrote a record, and the command that gets it, in brackets; "" if the record does not say."""
+    versions = data.get("versions")
+    version = versions.get("adaptsim") if isinstance(versions, dict) else None
+    if not isinstance(version, str):
+        return ""
+    commit = re.search(r"\+g([0-9a-f]{7,40})", version)
+    return f" ({version}{f'; in a clone of adaptsim: git checkout {commit[1]}' if commit else ''})"
 
 
 def _table(path: Path, *, is_sealed: bool) -> dict[str, Any]:

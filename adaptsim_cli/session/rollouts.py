@@ -16,6 +16,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import single
 from adaptsim_cli.session.best import best_of
+from adaptsim_cli.session.folders import SOLVER
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.single import Chosen
 from adaptsim_cli.session.store import SessionStore
@@ -61,7 +62,7 @@ def run(
     folder = request.out or resolved.places.sessions / f"rollout-{settings.task}-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}"
     folder = folder.absolute()
     with TemporaryDirectory() as learnt, ExitStack() as stack:
-        place = folder / "naf" if settings.is_own else Path(learnt)  # questions to an own robot lie beside the session
+        place = folder / SOLVER if settings.is_own else Path(learnt)  # questions to an own robot lie beside the session
         asking = None if settings.unattended(request.yes) else screen
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(open_parts(settings, place, screen=asking))

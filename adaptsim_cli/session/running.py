@@ -286,7 +286,7 @@ def _opened(
 
     def opened() -> Parts:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
-            return stack.enter_context(open_parts(config, folder / "naf"))
+            return stack.enter_context(open_parts(config, folder / folders.SOLVER))
 
     parts = opened()
     if not begun:

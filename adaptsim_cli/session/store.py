@@ -12,7 +12,7 @@ from pathlib import Path
 
 from adaptsim_cli.bench.facts import RigFacts
 from adaptsim_cli.session import records
-from adaptsim_cli.session.folders import FACTS, entries, existing_folder, folder_of
+from adaptsim_cli.session.folders import FACTS, entries, existing_folder, folder_of, session_parts
 from adaptsim_cli.session.records import (
     Amendment,
     Facts,
@@ -30,7 +30,6 @@ from hw.records import AnyRecord, Record
 from sim.adaptation.stages import Existing, Role, TrialKey, current_key
 
 START = "start.json"
-_ITERATION = re.compile(r"iteration-(\d+)")
 _TRIAL = re.compile(r"trial-(\d+)-attempt-(\d+)(?:\.(started|rejected|restored|amended)(?:-(\d+))?\.json)?")
 _RESULT = re.compile(r"result-(\d+)(\.shown\.json)?")
 MOTION, TRIAL, PRUNED = "motion.json", "trial.json", "pruned.json"
@@ -212,10 +211,6 @@ class SessionStore:
         if not path.exists():
             durable.write_file(path, records.to_json(Note(at=at, text="shown to the operator")))
 
-    def entries(self) -> list[Path]:
-        """The folders of the iterations, and the files beside them."""
-        return [entry for entry in entries(self.folder) if entry.is_dir()]
-
     def iterations(self) -> int:
         """How many iterations have begun."""
         return max((number + 1 for number, _ in self._iterations()), default=0)
@@ -315,10 +310,9 @@ class SessionStore:
         return folder.with_name(f"{folder.name}.{kind}.json")
 
     def _iterations(self) -> Iterator[tuple[int, Path]]:
-        for entry in entries(self.folder):
-            match = _ITERATION.fullmatch(entry.name)
-            if match and (self._most is None or int(match[1]) <= self._most):
-                yield int(match[1]) - 1, entry
+        for number, folder in session_parts(self.folder).iterations.items():
+            if self._most is None or number < self._most:
+                yield number, folder
 
     @contextmanager
     def locked(self) -> Iterator[None]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,9 @@ START_M = 0.10
 """How far from its known start an object may begin (m)."""
 _REST_SHARE, _REST_S = 0.01, 0.1
 """An object at rest moves by less than this share of the range of observations in the last so many seconds."""
+ASIDE_M, _ASIDE_TRIALS = 0.03, 3
+"""Starts that lie aside of the known place by more than this in the median of so many trials, all alike, are those of
+another frame (m)."""
 _ALIKE = 0.002
 """Trajectories that differ by less than this share of the range of observations are the same."""
 LEAST = 8
@@ -44,6 +47,7 @@ class RecordedTrials:
     contexts: Array | None  # (N, c) in units; None: not recorded, for a task in which a context only scores
     actions: Array  # (N, a) in units
     tracks: tuple[ObjectTrack, ...]
+    notes: tuple[str, ...] = ()  # sentences about the reading, without a full stop
 
     def __post_init__(self) -> None:
         task, n = self.task, len(self.names)
@@ -60,6 +64,8 @@ class RecordedTrials:
         for i in range(n):
             self._check(i)
         self._check_duplicates()
+        if aside := frame_aside([start_offset_m(task, track, self._context(i)) for i, track in enumerate(self.tracks)]):
+            raise RecordingsRefused(aside)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -73,7 +79,7 @@ class RecordedTrials:
         """The trials of these rows alone."""
         contexts = None if self.contexts is None else self.contexts[rows]
         names, tracks = tuple(self.names[i] for i in rows), tuple(self.tracks[i] for i in rows)
-        return RecordedTrials(self.task, names, contexts, self.actions[rows], tracks)
+        return replace(self, names=names, contexts=contexts, actions=self.actions[rows], tracks=tracks)
 
     def split(self, held_out: float, seed: int) -> tuple[RecordedTrials, RecordedTrials]:
         """The trials for a session, and those held out for scores: a share of `held_out`, drawn by `seed`.
@@ -94,7 +100,7 @@ class RecordedTrials:
         """The same actions with the trajectories of other trials: a control, from which nothing can be learnt."""
         order = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0x9E47,))).permutation(len(self))
         contexts = None if self.contexts is None else self.contexts[order]
-        return RecordedTrials(self.task, self.names, contexts, self.actions, tuple(self.tracks[i] for i in order))
+        return replace(self, contexts=contexts, tracks=tuple(self.tracks[i] for i in order))
 
     def context_of(self, row: int, context: Array) -> Array:
         """(c,) the context of a trial: its own, or the requested `context` if contexts only score in this task."""
@@ -171,7 +177,7 @@ class RecordedTrials:
                 f"{observation.times_s[row]:.3g} s, and {task.name} expects {low[column]:.3g} to {high[column]:.3g}: "
                 "are the columns of the state in the task's order, its units (m, rad) and its frame, the arm's base?"
             )
-        place_m = start_m(task, None if self.contexts is None else self.contexts[i])
+        place_m = start_m(task, self._context(i))
         if place_m is None:
             return
         off_m = float(np.linalg.norm(track.at(np.zeros(1))[0, :2] - place_m))
@@ -183,6 +189,9 @@ class RecordedTrials:
                 "order, in m, in the frame of the arm's base, and is time 0 the start of the motion?"
             )
 
+    def _context(self, i: int) -> Array | None:
+        return None if self.contexts is None else self.contexts[i]
+
     def _check_duplicates(self) -> None:
         names = dict[bytes, str]()
         for name, action in zip(self.names, self.actions, strict=True):
@@ -190,6 +199,16 @@ class RecordedTrials:
                 raise RecordingsRefused(f"trial {name} is there twice: remove one of them")
             if (other := names.setdefault(action.tobytes(), name)) != name:
                 raise RecordingsRefused(f"trials {other} and {name} have the same action: remove one of them")
+        names = {}
+        for name, track in zip(self.names, self.tracks, strict=True):
+            if not np.ptp(track.state[:, list(self.task.observation.columns)], axis=0).any():
+                continue  # an object that stays where it is does so alike in every trial
+            content = track.t_s.tobytes() + track.state.tobytes()
+            if (other := names.setdefault(content, name)) != name:
+                raise RecordingsRefused(
+                    f"trials {other} and {name} have the same trajectory, to the last digit, under two actions: one of "
+                    "them is a copy, so remove the wrong one"
+                )
 
 
 def require_enough(trials: RecordedTrials) -> RecordedTrials:
@@ -218,6 +237,30 @@ def rests(task: Task, track: ObjectTrack) -> bool:
         lately = track.state[-2:, columns]
     moved = np.ptp(lately, axis=0) / (observation.high - observation.low)
     return bool((moved < _REST_SHARE).all())
+
+
+def start_offset_m(task: Task, track: ObjectTrack, context: Array | None) -> Array | None:
+    """(2,) how far from its known start the object lies at time 0; None: the task does not say, or it was not seen."""
+    place_m = start_m(task, context)
+    if place_m is None or track.t_s[0] > 0.0 or track.t_s[-1] < 0.0:
+        return None
+    return np.asarray(track.at(np.zeros(1))[0, :2] - place_m)
+
+
+def frame_aside(offsets_m: Sequence[Array | None]) -> str:
+    """A sentence about starts (2,) that all lie aside of their places by the same way: another frame; "" if not."""
+    starts = np.array([offset for offset in offsets_m if offset is not None]).reshape(-1, 2)
+    if len(starts) < _ASIDE_TRIALS:
+        return ""
+    x_m, y_m = median = np.median(starts, axis=0)
+    aside_m, spread_m = float(np.linalg.norm(median)), np.linalg.norm(starts - median, axis=1)
+    if aside_m <= ASIDE_M or float(np.quantile(spread_m, 0.8)) > aside_m / 3.0:
+        return ""
+    return (
+        f"in {len(starts)} trials the object begins {1e3 * aside_m:.0f} mm aside of its place, by ({1e3 * x_m:+.0f}, "
+        f"{1e3 * y_m:+.0f}) mm in the median and always alike (limit {1e3 * ASIDE_M:.0f}): are x and y in the task's "
+        "frame? Subtract this offset if the object stood on its place"
+    )
 
 
 def start_m(task: Task, context: Array | None) -> Array | None:

@@ -87,3 +87,17 @@ def test_only_the_needed_columns_are_read_and_capitals_in_a_suffix_do_not_matter
     parquet.write_table(wide, folder / "T.PARQUET")
     (folder / "recorded.toml").write_text(PARQUET.replace("trajectories.parquet", "T.PARQUET"))
     assert digest(read_recorded(TASK, folder)) == plain
+
+
+def test_a_column_that_is_there_twice_is_named(tmp_path):
+    from pyarrow import parquet  # noqa: PLC0415
+
+    folder = write_parquet(tmp_path / "parquet")
+    for name in ("trials", "trajectories"):
+        table = parquet.read_table(folder / f"{name}.parquet")
+        parquet.write_table(
+            table.append_column("k11" if name == "trials" else "q1", table.column(1)), folder / f"{name}.parquet"
+        )
+        with pytest.raises(RecordingsRefused, match=rf"{name}\.parquet names a column twice: "):
+            read_recorded(TASK, folder)
+        parquet.write_table(table, folder / f"{name}.parquet")

@@ -7,7 +7,7 @@ from enum import StrEnum
 import pytest
 from pydantic import ValidationError
 
-from hw.records import HandWritten, Record, content_of, from_any_version
+from hw.records import HandWritten, Record, content_of, from_any_version, number_hint
 from sim.adaptation.verdict import Kind, Verdict
 
 
@@ -100,3 +100,18 @@ def test_a_number_in_quotes_is_an_error_in_a_file_of_a_person():
     assert Typed.model_validate({"mass_kg": 1}).mass_kg == 1.0
     with pytest.raises(ValidationError, match="valid number"):
         Typed.model_validate({"mass_kg": "1"})
+
+
+@pytest.mark.parametrize(
+    ("value", "hint"),
+    [
+        ("0,94", ": write 0.94 instead of '0,94', with a point, not a comma, and without quotes"),
+        (" 1.5 ", ": write 1.5 instead of ' 1.5 ', without quotes"),
+        ("1,234,5", ""),
+        ("far", ""),
+        (None, ""),
+        (0.94, ""),
+    ],
+)
+def test_a_number_that_is_given_as_a_text_is_named_as_it_should_be_written(value, hint):
+    assert number_hint(value) == hint

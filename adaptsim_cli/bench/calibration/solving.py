@@ -9,6 +9,7 @@ from pathlib import Path
 from statistics import median
 
 from adaptsim_cli.bench.calibration import checking, sights
+from adaptsim_cli.bench.calibration.orders import fitting_order
 from adaptsim_cli.storage.durable import versions
 from calib import files
 from calib.checks import Residuals, residuals
@@ -70,7 +71,7 @@ def solve_folder(
     stored = files.read_folder(folder, any_arm)
     looked = sights.look(stored)
     views, forward = _chosen_views(looked.views, looked.setup, stored.forward, options), stored.forward
-    solution, setup, tried = _solution(views, looked.setup, forward, refine=options.refine_intrinsics)
+    solution, setup, tried = _solution(stored, views, looked.setup, refine=options.refine_intrinsics)
     refined = options.refine_intrinsics and tried is not None and len(tried.used) >= TO_REFINE
     wrong = pairing.faults(views, setup, forward, solution)
     left = residuals(views, setup, solution, forward)
@@ -121,14 +122,17 @@ def _advice(record: SavedCalibration, wrong: Sequence[Fault], tried: IntrinsicsC
 
 
 def _solution(
-    views: Sequence[View], setup: Setup, forward: Forward | None, *, refine: bool
+    stored: files.Folder, views: Sequence[View], setup: Setup, *, refine: bool
 ) -> tuple[Solution, Setup, IntrinsicsCheck | None]:
-    """Raises UnusableViews, with the fault of the series if one is found."""
+    """Raises UnusableViews, with the order of quaternions that fits, or the fault of the series if one is found."""
     from calib.foreign.intrinsics_check import settle
 
+    forward = stored.forward
     try:
         return settle(views, setup, forward, refine=refine)
     except UnusableViews as error:
+        if order := fitting_order(stored):
+            raise type(error)(order) from error
         for fault in pairing.faults(views, setup, forward, None):
             error.add_note(f"{fault.sentence}{f'. Try again with {fault.option}' if fault.option else ''}")
         raise

@@ -21,8 +21,6 @@ from hw.bounded import Unreadable, read_bytes
 from sim.adaptation.sessions import Progress
 from sim.adaptation.stages import TrialKey
 
-QUESTIONS = "questions"
-
 
 @dataclass(frozen=True)
 class Exchange:

@@ -22,6 +22,7 @@ from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.own.exchange import Exchange
 from adaptsim_cli.session.own.reading import MOST_BYTES, measured_context, read_answer, track_of
 from hw.bounded import Unreadable, read_bytes
+from hw.records import number_hint
 from perception.types import Outcome
 from sim.adaptation.sessions import Progress
 from sim.tasks.task import Task
@@ -187,5 +188,6 @@ def _of_csv(content: bytes, question: Question) -> dict[str, Any]:
         try:
             rows.append([float(line[head.index(name)]) for name in names])
         except (ValueError, IndexError) as error:
-            raise AnswerRefused(f"line {number} does not hold a number for each of {', '.join(names)}") from error
+            hint = next((hint for cell in line if "," in cell and (hint := number_hint(cell))), "")
+            raise AnswerRefused(f"line {number} does not hold a number for each of {', '.join(names)}{hint}") from error
     return {"t_s": [row[0] for row in rows], "state": [row[1:] for row in rows]}

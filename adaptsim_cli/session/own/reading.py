@@ -14,7 +14,7 @@ from adaptsim_cli.screen.outputs.exchange import VERSION, Answer, Question
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.errors import OutOfRange
-from sim.rollouts.recorded import LONGEST_GAP_S, START_M, WIDENED, rests, start_m
+from sim.rollouts.recorded import LONGEST_GAP_S, NEAR_S, START_M, WIDENED, rests, start_m
 from sim.tasks.task import Task
 
 MOST_BYTES = 16 * 2**20
@@ -165,6 +165,13 @@ def _samples(answer: Answer, task: Task, columns: tuple[str, ...]) -> tuple[Arra
         raise AnswerRefused(
             f"t_s does not increase after {t_s[back[0]]:.4g} s: the next time is {t_s[back[0] + 1]:.4g} s"
         )
+    if abs(t_s[0]) > NEAR_S:
+        raise AnswerRefused(
+            f"its first state is at {t_s[0]:.6g} s, and time 0 is the start of the motion, {NEAR_S:g} s before or "
+            "after at most: subtract the start of the motion from the clock, and leave out what came long before"
+        )
+    if t_s[-1] <= 0.0:
+        raise AnswerRefused(f"its last state is at {t_s[-1]:.4g} s, and time 0 is the start of the motion")
     end_s = float(task.observation.times_s[-1])
     gaps = np.diff(t_s[: int(np.searchsorted(t_s, end_s)) + 1])
     if len(gaps) and gaps.max() > LONGEST_GAP_S:

@@ -14,9 +14,10 @@ from adaptsim_cli.screen.outputs.exchange import Answer, PolicyFile, Question
 from adaptsim_cli.screen.outputs.trials import TrackRecord, as_row, named
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
+from adaptsim_cli.session.folders import QUESTIONS
 from adaptsim_cli.session.live_trial import Placement
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.own.exchange import QUESTIONS, Answerer, Exchange
+from adaptsim_cli.session.own.exchange import Answerer, Exchange
 from adaptsim_cli.session.own.reading import measured_context, track_of
 from adaptsim_cli.session.records import read
 from adaptsim_cli.session.simulated_target import FILE, KnownMotion

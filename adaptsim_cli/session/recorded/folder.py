@@ -45,7 +45,8 @@ def read_recorded(task: Task, folder: Path) -> RecordedTrials:
     manifest = read_manifest(folder / MANIFEST)
     if manifest.task != task.name:
         raise RecordingsRefused(f"{folder / MANIFEST} is of task {manifest.task}, not of {task.name}")
-    return require_enough(checked(task, _raw(task, folder, manifest), manifest.outcome))
+    raw, notes = _raw(task, folder, manifest)
+    return require_enough(checked(task, raw, manifest.outcome, notes))
 
 
 def digest(trials: RecordedTrials) -> str:
@@ -57,18 +58,19 @@ def digest(trials: RecordedTrials) -> str:
     return total.hexdigest()
 
 
-def _raw(task: Task, folder: Path, manifest: Manifest) -> list[RawTrial]:
+def _raw(task: Task, folder: Path, manifest: Manifest) -> tuple[list[RawTrial], tuple[str, ...]]:
+    """The trials of the one source, and sentences about their reading."""
     if manifest.tables is not None:
         return _of_tables(folder, manifest.tables)
     if manifest.mcap is not None:
-        return of_mcap(folder, manifest.mcap)
+        return of_mcap(folder, manifest.mcap), ()
     trials = []
     for name in manifest.sessions:
         where = folder / name
         if "\0" in name or not (where / FACTS).exists():
             raise RecordingsRefused(f"{folder / MANIFEST}: {where} is no session")
         trials += _of_session(task, where)
-    return trials
+    return trials, ()
 
 
 def _of_session(task: Task, folder: Path) -> list[RawTrial]:
@@ -88,12 +90,12 @@ def _of_session(task: Task, folder: Path) -> list[RawTrial]:
     return raw
 
 
-def _of_tables(folder: Path, tables: Tables) -> list[RawTrial]:
-    """The trials of the two files. Raises RecordingsRefused, ExtraMissing."""
+def _of_tables(folder: Path, tables: Tables) -> tuple[list[RawTrial], tuple[str, ...]]:
+    """The trials of the two files, and sentences about unused columns. Raises RecordingsRefused, ExtraMissing."""
     listed, sampled = folder / tables.trials, folder / tables.trajectories
     trial, time = tables.named(TRIAL), tables.named(TIME)
     rows, samples = read_columns(listed), read_columns(sampled, list(dict.fromkeys([trial, time, *tables.state])))
-    ours = {theirs: name for name, theirs in tables.columns.items()}
+    ours = tables.our_names(rows)
     require_columns(listed, list(rows), [trial, *(c for n, c in tables.columns.items() if n != TIME)])
     require_columns(sampled, list(samples), [trial, time, *tables.state])
     values = np.array([numbers(sampled, samples, name) for name in (time, *tables.state)]).T
@@ -106,8 +108,8 @@ def _of_tables(folder: Path, tables: Tables) -> list[RawTrial]:
         if name not in by_trial:
             raise RecordingsRefused(f"trial {name} has no sample in {sampled}")
         mine = values[by_trial[name]]
-        cells = {ours.get(column, column): column_cells[i] for column, column_cells in rows.items()}
+        cells = {name: rows[column][i] for column, name in ours.items()}
         trials.append(RawTrial(name, cells, mine[:, 0], mine[:, 1:]))
     if strange := sorted(set(by_trial) - set(names)):
         raise RecordingsRefused(f"{sampled} has samples of trial {strange[0]}, which is not listed")
-    return trials
+    return trials, tables.unused(tables.trials, rows)

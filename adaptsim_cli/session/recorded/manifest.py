@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -13,7 +13,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from adaptsim_cli.errors import explained
 from hw.bounded import Unreadable, read_table
-from hw.records import Record
+from hw.records import Record, number_hint
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import RecordingsRefused
@@ -35,9 +35,33 @@ class Tables(Record):
         description="our name = theirs, for trial, t_s, outcome, reward, contexts, actions, end_in_tool_x_m (y, z)",
     )
 
+    @model_validator(mode="after")
+    def _one_name_each(self) -> Tables:
+        names = dict[str, str]()
+        for ours, theirs in self.columns.items():
+            if (other := names.setdefault(theirs, ours)) != ours:
+                raise ValueError(f"columns reads {other} and {ours} from {theirs!r}: each needs a column of its own")
+        if repeated := next((name for i, name in enumerate(self.state) if name in self.state[:i]), None):
+            raise ValueError(f"state names the column {repeated!r} twice: each quantity needs a column of its own")
+        return self
+
     def named(self, ours: str) -> str:
         """The file's name of a column."""
         return self.columns.get(ours, ours)
+
+    def our_names(self, columns: Iterable[str]) -> dict[str, str]:
+        """Our name of each column that counts. A mapped name wins over a column that is called so."""
+        renamed = {theirs: name for name, theirs in self.columns.items()}
+        return {c: renamed.get(c, c) for c in columns if c in renamed or c not in self.columns}
+
+    def unused(self, file: str, columns: Iterable[str]) -> tuple[str, ...]:
+        """A sentence for each column whose name is mapped to another column of the same file."""
+        present = list(columns)
+        return tuple(
+            f"the column {ours!r} of {file} is not used, because {ours} is read from {theirs!r}"
+            for ours, theirs in self.columns.items()
+            if ours != theirs and ours in present and theirs in present and ours not in self.columns.values()
+        )
 
 
 class Mcap(Record):
@@ -105,8 +129,10 @@ class RawTrial:
     end_in_tool_m: Array = field(default_factory=lambda: np.full(3, np.nan))
 
 
-def checked(task: Task, raw: Sequence[RawTrial], outcome: Outcome | None) -> RecordedTrials:
-    """The trials as the task knows them. Raises RecordingsRefused."""
+def checked(
+    task: Task, raw: Sequence[RawTrial], outcome: Outcome | None, notes: tuple[str, ...] = ()
+) -> RecordedTrials:
+    """The trials as the task knows them, with `notes` about their reading. Raises RecordingsRefused."""
     named = set(raw[0].values) if raw else set()
     has_context = set(task.context.names) <= named
     trials = RecordedTrials(
@@ -115,6 +141,7 @@ def checked(task: Task, raw: Sequence[RawTrial], outcome: Outcome | None) -> Rec
         np.array([_point(trial, task.context) for trial in raw]) if has_context else None,
         np.array([_point(trial, task.action) for trial in raw]).reshape(len(raw), len(task.action)),
         tuple(_track(trial, outcome) for trial in raw),
+        notes,
     )
     _require_ends(trials)
     if trials.contexts is not None and REWARD in named:
@@ -133,7 +160,8 @@ def _number(trial: RawTrial, name: str) -> float:
         listing = ", ".join(sorted(trial.values))
         raise RecordingsRefused(f"trial {trial.name}: {name} is missing; there are {listing}") from error
     except (TypeError, ValueError) as error:
-        raise RecordingsRefused(f"trial {trial.name}: {name} = {trial.values[name]!r} is no number") from error
+        cell = trial.values[name]
+        raise RecordingsRefused(f"trial {trial.name}: {name} = {cell!r} is no number{number_hint(cell)}") from error
     if not math.isfinite(value):
         raise RecordingsRefused(f"trial {trial.name}: {name} = {value:g} is not finite")
     return value

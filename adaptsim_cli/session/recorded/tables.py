@@ -12,6 +12,7 @@ import numpy as np
 
 from hw.bounded import Unreadable, read_bytes
 from hw.extras import missing
+from hw.records import number_hint
 from hw.types import Array
 from sim.errors import ExtraMissing, RecordingsRefused
 
@@ -45,6 +46,11 @@ def require_columns(path: Path, columns: Sequence[str], required_names: Sequence
         raise RecordingsRefused(f"{path} has no column {missing[0]!r}; its columns are {', '.join(columns)}")
 
 
+def _require_unique(path: Path, names: Sequence[str]) -> None:
+    if len(set(names)) < len(names):
+        raise RecordingsRefused(f"{path} names a column twice: {', '.join(names)}")
+
+
 def numbers(path: Path, columns: Columns, name: str) -> Array:
     """(N,) the numbers of a column. Raises RecordingsRefused naming the line of a cell that is none."""
     cells = columns[name]
@@ -58,8 +64,8 @@ def numbers(path: Path, columns: Columns, name: str) -> Array:
         try:
             float(cell)
         except (TypeError, ValueError) as error:
-            hint = ": write numbers with a point, not a comma" if isinstance(cell, str) and "," in cell else ""
-            raise RecordingsRefused(f"{path}, line {line}: {name} = {cell!r} is no number{hint}") from error
+            what = f"{path}, line {line}: {name} = {cell!r}"
+            raise RecordingsRefused(f"{what} is no number{number_hint(cell)}") from error
     raise RecordingsRefused(f"{path}: the column {name} holds no numbers")
 
 
@@ -79,8 +85,7 @@ def _csv(path: Path, content: bytes) -> Columns:
             f"{path} separates its columns by semicolons: save it with commas between columns, and with points in "
             "numbers (1.5, not 1,5)"
         )
-    if len(set(head)) < len(head):
-        raise RecordingsRefused(f"{path} names a column twice: {', '.join(head)}")
+    _require_unique(path, head)
     for number, line in enumerate(lines[1:], start=2):
         if len(line) != len(head):
             raise RecordingsRefused(f"{path}, line {number}: {len(line)} cells instead of {len(head)}")
@@ -96,6 +101,7 @@ def _parquet(path: Path, content: bytes, required_names: Sequence[str] | None) -
     try:
         file = parquet.ParquetFile(io.BytesIO(content))
         names = list(file.schema_arrow.names)
+        _require_unique(path, names)
         if required_names is not None:
             require_columns(path, names, required_names)
         read, rows = names if required_names is None else list(required_names), file.metadata.num_rows

@@ -175,9 +175,11 @@ def jump(t: Array, s: Array, i: int) -> tuple[Array, Array]:
         (lambda t, s, i: (t, np.c_[t, s[:, 1:]]), "at time 0 the object lies at (0.000, +0.000) m, 560 mm from"),
         (lambda t, s, i: (t, np.tile([0.56, 0.0, 0.05], (len(t), 1))), "all 10 trajectories are alike"),
         (jump, "trial p4: after 0.5 s there is no sample for 3600 s"),
+        (lambda t, s, i: (t, s + np.array([0.06, 0.0, 0.0])), "begins 60 mm aside of its place, by (+60, +0) mm"),
+        (lambda t, s, i: (t, s + np.array([0.0, -0.09, 0.0])), "begins 90 mm aside of its place, by (+0, -90) mm"),
         (lambda t, s, i: (t[:12], s[:12]), "it ends at 0.3667 s while the object moves"),
     ],
-    ids=["mm", "ms", "unix", "swapped", "time as x", "still", "jump", "short"],
+    ids=["mm", "ms", "unix", "swapped", "time as x", "still", "jump", "ahead", "right", "short"],
 )
 def test_other_units_clocks_and_columns_are_refused_by_what_they_are(tmp_path, change, message):
     with pytest.raises(RecordingsRefused) as refused:
@@ -362,3 +364,43 @@ def test_recorded_scoops_carry_their_end_in_the_tool_and_are_scored_by_it(tmp_pa
 def test_scoops_without_a_finite_score_are_refused(tmp_path, end, reward, message):
     with pytest.raises(RecordingsRefused, match=message):
         read_recorded(get_task("scooping"), scoops(tmp_path / "without", end, reward))
+
+
+def with_twin(folder: Path, columns: str) -> Path:
+    """Pushes whose speed is commanded in one column and measured in another, and this mapping of columns."""
+
+    def change(name: str, text: str) -> str:
+        if name == "recorded.toml":
+            return text + f"[tables.columns]\n{columns}"
+        head, *lines = text.splitlines()
+        if name != "trials.csv":
+            return text
+        at = head.split(",").index("speed")
+        measured = [f"{line},{0.9 * float(line.split(',')[at])!r}" for line in lines]
+        return "\n".join([f"{head.replace('speed', 'flange_speed')},speed", *measured]) + "\n"
+
+    pushes(folder)
+    for name in ("recorded.toml", "trials.csv"):
+        (folder / name).write_text(change(name, (folder / name).read_text()))
+    return folder
+
+
+def test_a_mapped_column_wins_over_one_of_the_name_and_the_other_is_named(tmp_path):
+    plain = read_recorded(PUSHING, pushes(tmp_path / "plain"))
+    mapped = read_recorded(PUSHING, with_twin(tmp_path / "mapped", 'speed = "flange_speed"\n'))
+    assert digest(mapped) == digest(plain)
+    assert plain.notes == ()
+    assert mapped.notes == ("the column 'speed' of trials.csv is not used, because speed is read from 'flange_speed'",)
+    swapped = with_twin(tmp_path / "swapped", 'speed = "flange_speed"\nflange_speed = "speed"\n')
+    assert read_recorded(PUSHING, swapped).notes == ()
+    assert digest(read_recorded(PUSHING, swapped)) == digest(plain)
+
+
+def test_two_names_of_one_column_are_refused(tmp_path):
+    folder = with_twin(tmp_path / "twice", 'speed = "flange_speed"\nyaw = "flange_speed"\n')
+    with pytest.raises(RecordingsRefused, match="columns reads speed and yaw from 'flange_speed'"):
+        read_recorded(PUSHING, folder)
+    manifest = folder / "recorded.toml"
+    manifest.write_text(manifest.read_text().partition("[tables.columns]")[0].replace('"y"', '"x"'))
+    with pytest.raises(RecordingsRefused, match="state names the column 'x' twice"):
+        read_recorded(PUSHING, folder)

@@ -10,7 +10,7 @@ from recordings import recordings
 
 from sim.errors import RecordingsRefused
 from sim.research.benchmark.trial_sources import FromRecordings
-from sim.rollouts.recorded import LEAST, RecordedTrials, require_enough, scores_only
+from sim.rollouts.recorded import LEAST, RecordedTrials, frame_aside, require_enough, scores_only
 from sim.tasks import get_task
 from sim.tasks.pendulum import TASK
 
@@ -79,3 +79,20 @@ def test_a_context_that_changes_the_motion_must_be_recorded() -> None:
     assert not scores_only(get_task("scooping"))
     with pytest.raises(RecordingsRefused, match=r"context .* is missing"):
         RecordedTrials(get_task("scooping"), (), None, np.zeros((0, 3)), ())
+
+
+def test_a_trajectory_under_two_actions_is_a_copy() -> None:
+    with pytest.raises(RecordingsRefused, match=r"trials 2 and 9 have the same trajectory, to the last digit"):
+        replace(trials(), tracks=(*TRACKS[:9], TRACKS[2], *TRACKS[10:16]))
+
+
+def test_starts_that_all_lie_aside_by_the_same_way_are_those_of_another_frame() -> None:
+    rng = np.random.default_rng(0)
+    by_hand = [rng.normal(0.0, 0.012, 2) for _ in range(12)]
+    assert frame_aside(by_hand) == ""
+    assert frame_aside([None] * 12) == ""
+    aside = [np.array([0.0, 0.09]) + offset for offset in by_hand]
+    assert frame_aside(aside[:2]) == "", "two starts may lie so by chance"
+    assert "in 12 trials the object begins 8" in frame_aside(aside) or "begins 9" in frame_aside(aside)
+    scattered = [np.array([0.05, 0.0]), np.array([-0.05, 0.0]), np.array([0.0, 0.05]), np.array([0.0, 0.06])]
+    assert frame_aside(scattered) == ""

@@ -14,7 +14,7 @@ from documents import ROOT
 from scipy.spatial.transform import Rotation
 
 from adaptsim_cli.bench.calibration.solving import solve_folder
-from calib.errors import ViewFolderError
+from calib.errors import UnusableViews, ViewFolderError
 from calib.geometry import distance_mm, move
 from hw.kinematics import forward
 from hw.poses import inverse
@@ -111,3 +111,30 @@ def test_the_script_of_the_page_reads_the_files_of_three_programs(tmp_path, monk
         solved.append(np.array(solve_folder(tmp_path / "pairs").record.X_AC))
     assert all(distance_mm(X, TRUE.X_AC) < 2.0 for X in solved)
     assert np.allclose(solved[0], inverse(inverse(solved[1])), atol=1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("first", [("hand",), ("hand", "target"), ("target",), ("stated",)], ids="-".join)
+def test_quaternions_in_another_order_than_their_keys_say_are_named_with_the_order_that_fits(tmp_path, first):
+    def view(X_BF: Array, X_CM: Array) -> dict[str, object]:
+        stated = quaternions(X_BF, X_CM)
+        for who, key in (("hand", "quaternion_xyzw"), ("target", "target_quaternion_xyzw")):
+            if who in first or (who, *first) == ("hand", "stated"):
+                stated[key] = np.roll(stated[key], 1).tolist()  # type: ignore[arg-type]
+        if "stated" in first:
+            stated["quaternion"] = stated.pop("quaternion_xyzw")
+        return stated
+
+    names = {"hand": "quaternion_xyzw", "target": "target_quaternion_xyzw", "stated": "quaternion"}
+    keys, folder = [names[who] for who in first], written(tmp_path / "pairs", view)
+    if "stated" in first:
+        with (folder / "setup.toml").open("a") as setup:
+            setup.write('[poses]\nquaternion = "xyzw"\n')
+    with pytest.raises(UnusableViews) as refused:
+        solve_folder(folder)
+    message = str(refused.value)
+    assert re.match(r"(18|19|20) of 20 views agree if ", message)
+    for key in keys:
+        assert f"{key} holds w first" in message
+        assert f"{key} to {key.removesuffix('_xyzw')}_wxyz" in message
+    assert message.count("holds") == len(keys)

@@ -49,6 +49,9 @@ FAULTS: dict[str, tuple[str, str]] = {
     "one state": (printing(answer(t_s=[0.0], state=[[0.68, 0.0, 0.0]])), "has 1 states, and needs two"),
     "ragged": (printing(answer(state=[*rows(0.68, 0.0, 0.0)[:-1], [0.68, 0.0]])), r"row 12 of state has 2 numbers"),
     "back in time": (printing(answer(t_s=[*LONG[:5], 0.3, *LONG[6:]])), "does not increase after 0.4 s"),
+    "Unix times": (printing(answer(t_s=[1.7e9 + t for t in LONG])), "its first state is at 1.7e.09 s.*subtract"),
+    "clock of the end": (printing(answer(t_s=[t - 1.5 for t in LONG])), "its first state is at -1.5 s"),
+    "all before": (printing(answer(t_s=[0.3 * t - 0.4 for t in LONG])), "its last state is at -0.07 s"),
     "gap": (
         printing(answer(t_s=[0.0, *(t + 0.6 for t in LONG[1:])])),
         "after 0 s there is no state for 0.7 s, limit 0.5",

@@ -42,7 +42,7 @@ class NotCovered(Exception):
 
 
 @dataclass(frozen=True)
-class Claim:
+class FileClaim:
     """Something of the current folder that counts only once it is confirmed."""
 
     kind: str  # of KINDS
@@ -51,7 +51,7 @@ class Claim:
     meaning: str  # its effect, in sentences for the person who confirms it
 
     @classmethod
-    def of_files(cls, kind: str, files: Sequence[Path], meaning: str) -> Claim:
+    def of_files(cls, kind: str, files: Sequence[Path], meaning: str) -> FileClaim:
         """That of single files, the first of which names it. Raises UsageError for one that cannot be read."""
         try:
             content = contents(*(file.absolute() for file in files))
@@ -66,18 +66,18 @@ class Trust:
 
     file: Path
 
-    def holds(self, claim: Claim) -> bool:
+    def holds(self, claim: FileClaim) -> bool:
         """Whether exactly this was confirmed."""
         return any(_same(entry, claim) and entry.get("content") == dict(claim.content) for entry in self._entries())
 
-    def changes(self, claim: Claim) -> tuple[str, ...]:
+    def changes(self, claim: FileClaim) -> tuple[str, ...]:
         """The files or words that are not as they were confirmed; none if it never was."""
         was = next((entry["content"] for entry in self._entries() if _same(entry, claim)), None)
         if not isinstance(was, dict):
             return ()
         return tuple(name for name in sorted({*was, *claim.content}) if was.get(name) != claim.content.get(name))
 
-    def confirm(self, claim: Claim) -> None:
+    def confirm(self, claim: FileClaim) -> None:
         """Keep a confirmation; it replaces an earlier one of the same place. Raises SessionError, DiskFull."""
         at = datetime.now(UTC).isoformat(timespec="seconds")
         new = {"kind": claim.kind, "place": str(claim.place), "on": at, "content": dict(claim.content)}
@@ -95,7 +95,7 @@ class Trust:
         return [entry for entry in entries if isinstance(entry, dict) and {"kind", "place", "content"} <= entry.keys()]
 
 
-def require(claims: Iterable[Claim], trust: Trust, screen: Screen, *, asks: bool, command: str) -> None:
+def require(claims: Iterable[FileClaim], trust: Trust, screen: Screen, *, asks: bool, command: str) -> None:
     """Returns once every claim is confirmed; Enter alone never confirms.
 
     Raises UsageError with the `command` that asks, if nobody can be asked here; StoppedByOperator at q.
@@ -119,7 +119,7 @@ def require(claims: Iterable[Claim], trust: Trust, screen: Screen, *, asks: bool
         trust.confirm(claim)
 
 
-def settings_claims(where: Places) -> tuple[Claim, ...]:
+def settings_claims(where: Places) -> tuple[FileClaim, ...]:
     """The settings files of the current folder that set anything. Raises UsageError for one that cannot be read."""
     claims = []
     for file in map(Path, where.foreign_settings):
@@ -131,7 +131,7 @@ def settings_claims(where: Places) -> tuple[Claim, ...]:
             raise UsageError(f"{file} {error}") from error
         if table:
             lines = ", ".join(f"{key} = {json.dumps(value, default=str)}" for key, value in table.items())
-            claims.append(Claim.of_files(SETTINGS, [file], f"It sets {lines}."))
+            claims.append(FileClaim.of_files(SETTINGS, [file], f"It sets {lines}."))
     return tuple(claims)
 
 
@@ -169,7 +169,7 @@ def contents(*roots: Path) -> dict[str, str]:
     return digests
 
 
-def _same(entry: Mapping[str, Any], claim: Claim) -> bool:
+def _same(entry: Mapping[str, Any], claim: FileClaim) -> bool:
     return (entry["kind"], entry["place"]) == (claim.kind, str(claim.place))
 
 

@@ -11,7 +11,7 @@ from typing import Literal
 
 
 @dataclass(frozen=True)
-class Quantity:
+class MeasuredQuantity:
     """A quantity that an arm reports in every cycle."""
 
     name: str  # in `Execution.measured`
@@ -32,7 +32,7 @@ def _of_joints(name: str, unit: str) -> tuple[str, ...]:
 
 
 QUANTITIES = (
-    Quantity(
+    MeasuredQuantity(
         "joint_torque_Nm",
         "tau_J",
         _of_joints("joint_torque", "Nm"),
@@ -40,7 +40,7 @@ QUANTITIES = (
         "effort",
         "torque of every joint, measured behind its gear: weight, acceleration and contact together",
     ),
-    EXTERNAL_TORQUE := Quantity(
+    EXTERNAL_TORQUE := MeasuredQuantity(
         "external_torque_Nm",
         "tau_ext_hat_filtered",
         _of_joints("external_torque", "Nm"),
@@ -48,7 +48,7 @@ QUANTITIES = (
         "effort",
         "the arm's filtered estimate of the torque that external forces put on every joint",
     ),
-    Quantity(
+    MeasuredQuantity(
         "external_wrench",
         "O_F_ext_hat_K",
         tuple(f"external_{part}_{axis}_{unit}" for part, unit in (("force", "N"), ("torque", "Nm")) for axis in "xyz"),

@@ -11,7 +11,7 @@ from adaptsim_cli import config
 from adaptsim_cli.config import Config, Resolved
 
 if TYPE_CHECKING:
-    from adaptsim_cli.trust import Claim
+    from adaptsim_cli.trust import FileClaim
     from sim.adaptation.checkpoint import Checkpoint
     from sim.tasks.task import Task
 
@@ -33,15 +33,15 @@ def resolve(flags: Mapping[str, Any] | None = None) -> Resolved:
     return replace(resolved, config=resolved.config.model_copy(update={"task": task.name}))
 
 
-def task_claims(resolved: Resolved) -> tuple[Claim, ...]:
+def task_claims(resolved: Resolved) -> tuple[FileClaim, ...]:
     """The task file that the current folder's settings name: it may be somebody else's, and reading it runs it."""
-    from adaptsim_cli.trust import TASK, Claim
+    from adaptsim_cli.trust import TASK, FileClaim
 
     named = resolved.config.task
     file = Path(named.rpartition(":")[0] or named)
     if resolved.sources["task"] != str(resolved.places.project_file) or file.suffix != ".py":
         return ()
-    return (Claim.of_files(TASK, [file], f"Reading it runs its code, as {resolved.places.project_file} asks."),)
+    return (FileClaim.of_files(TASK, [file], f"Reading it runs its code, as {resolved.places.project_file} asks."),)
 
 
 def _require_trusted(resolved: Resolved) -> None:

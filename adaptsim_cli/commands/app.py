@@ -10,8 +10,6 @@ import io
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from importlib.util import find_spec
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -193,25 +191,7 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without Unicode
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: a second thread costs more than it saves
-    if foreign := foreign_packages():
-        _say(foreign)
-        sys.exit(2)
     sys.exit(run())
-
-
-def foreign_packages() -> str:
-    """A message if another project's package of the same name hides one of this program's; "" if not."""
-    own = Path(__file__).parents[2]
-    for name in ("sim", "perception", "hw", "calib"):
-        spec = find_spec(name)
-        origin = Path(spec.origin).parent if spec is not None and spec.origin else None
-        if origin is None or origin.resolve() != (own / name).resolve():
-            return (
-                f"the package {name!r} is {'missing' if origin is None else f'another one, in {origin}'}; adaptsim's "
-                f"own is in {own / name}. Run from another folder, remove the other one from PYTHONPATH, or install "
-                "adaptsim in an environment of its own"
-            )
-    return ""
 
 
 def documented_errors() -> tuple[type[BaseException], ...]:

@@ -12,7 +12,7 @@ from mcap_ros2._dynamic import generate_dynamic, serialize_dynamic  # its public
 from numpy.typing import NDArray
 
 from hw.kinematics import FLANGE, link_poses
-from hw.quantities import QUANTITIES, Quantity
+from hw.quantities import QUANTITIES, MeasuredQuantity
 from hw.types import Array, CameraModel, Execution, Intrinsics
 from hw.wrist import X_FH
 from sim.panda.model import FLANGE_NAME, HAND_NAME, JOINT_NAMES, urdf
@@ -227,7 +227,7 @@ def joints(played: Execution) -> Iterator[Message]:
             yield t_ns, quantity.topic, _quantity(t_ns, quantity, log[i].tolist())
 
 
-def reported(names: Container[str]) -> tuple[Quantity, ...]:
+def reported(names: Container[str]) -> tuple[MeasuredQuantity, ...]:
     """The quantities with these names; a name that only a newer version knows is none."""
     return tuple(quantity for quantity in QUANTITIES if quantity.name in names)
 
@@ -237,14 +237,14 @@ def quantity_types(names: Container[str]) -> dict[str, str]:
     return {quantity.topic: WRENCH if quantity.field == "wrench" else JOINTS for quantity in reported(names)}
 
 
-def quantity_values(quantity: Quantity, message: Any) -> tuple[float, ...]:
+def quantity_values(quantity: MeasuredQuantity, message: Any) -> tuple[float, ...]:
     """The values of a quantity in a decoded message of its topic."""
     if quantity.field == "wrench":
         return tuple(getattr(getattr(message.wrench, part), axis) for part in ("force", "torque") for axis in "xyz")
     return tuple(getattr(message, quantity.field))
 
 
-def _quantity(t_ns: int, quantity: Quantity, values: list[float]) -> bytes:
+def _quantity(t_ns: int, quantity: MeasuredQuantity, values: list[float]) -> bytes:
     if quantity.field == "wrench":
         return wrench(t_ns, "base", values)
     fields: dict[str, Sequence[float]] = {"position": (), quantity.field: values}

@@ -42,7 +42,7 @@ STOP_S = 1.0
 """The longest wait for the answer to a stop."""
 
 
-class Watcher:
+class HandWatcher:
     """`hw.franka.hand_stop.Reader`: a worker that reads widths with a connection of its own, meanwhile."""
 
     def __init__(self, worker: Child) -> None:
@@ -149,7 +149,7 @@ class Keeper:
                     return self._halt(why, reader)
             answer = _answer(self._worker)
         finally:
-            widths = reader.end() if isinstance(reader, Watcher) else ()
+            widths = reader.end() if isinstance(reader, HandWatcher) else ()
         return HandError(f"{answer}; {_closed(widths)}") if isinstance(answer, NothingGrasped) else answer
 
     def _wait(self, within_s: float) -> Answer:
@@ -212,7 +212,7 @@ def opened(call: Call, listener: Watchdog) -> tuple[Keeper | None, Answer]:
             "could stop it: end other programs that use it, or screw the tool on (docs/guide/rig.md#waivers)"
         )
     watcher, _ = _connected(call, THIRD_S)
-    watch: Callable[[], Reader] = partial(Poller, stopper) if watcher is None else partial(Watcher, watcher)
+    watch: Callable[[], Reader] = partial(Poller, stopper) if watcher is None else partial(HandWatcher, watcher)
     return Keeper(call.arguments[1], listener, worker, lambda: _stopped(stopper), watch), answer
 
 

@@ -18,19 +18,20 @@ PACKAGES = ("adaptsim_cli", "hw", "perception", "sim", "calib")
 COMMANDS = "adaptsim_cli.commands."
 MOST_LINES = {
     "benchmark": 45_000,
-    "calibrate": 38_000,
-    "checkpoints": 24_000,
-    "config": 18_000,
-    "exporting": 28_000,
-    "lab": 23_000,
-    "measurements": 32_000,
-    "own_object": 26_000,
-    "pretrain": 24_000,
-    "rollout": 40_000,
+    "calibrate": 40_000,
+    "checkpoints": 26_000,
+    "config": 22_000,
+    "exporting": 30_000,
+    "lab": 25_000,
+    "measurements": 34_000,
+    "own_object": 28_000,
+    "pretrain": 26_000,
+    "rollout": 43_000,
     "run_iteration": 30_000,
-    "sessions": 30_000,
-    "setup": 52_000,
-    "touch_off": 33_000,
+    "sessions": 31_000,
+    "setup": 53_000,
+    "task": 30_000,
+    "touch_off": 35_000,
 }
 """Of the modules that a command's module reaches, itself included."""
 SHARED = {"__init__", "app", "command", "options", "settings"}

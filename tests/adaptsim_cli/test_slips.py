@@ -145,7 +145,7 @@ def test_a_slip_costs_nothing(
     shutil.copytree(before, home)
     for name, value in {"ADAPTSIM_HOME": str(home), **slip.env}.items():
         monkeypatch.setenv(name, value)
-    monkeypatch.chdir(tmp_path)
+    monkeypatch.chdir(tmp_path / "here")
     monkeypatch.setattr(opening, "open_parts", opener(lab))
     monkeypatch.setattr("sys.stdin", Keyboard(slip.typed))
     if slip.code in (7, 130):
@@ -157,7 +157,8 @@ def test_a_slip_costs_nothing(
     assert kept(home) == kept(before)
     assert begun(home) == {"study"}
     assert len(lab.executions) == slip.motions
-    assert not [folder for folder in tmp_path.iterdir() if folder.name != "home"]
+    assert {folder.name for folder in tmp_path.iterdir()} <= {"home", "here"}
+    assert not list((tmp_path / "here").iterdir())
 
 
 def test_a_trial_done_again_is_not_lost(

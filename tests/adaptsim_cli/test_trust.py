@@ -31,7 +31,7 @@ from adaptsim_cli.errors import StoppedByOperator, UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.own.trust import own_claims, require_trusted
-from adaptsim_cli.trust import KINDS, PROGRAM, SETTINGS, TASK, Claim, Trust
+from adaptsim_cli.trust import KINDS, PROGRAM, SETTINGS, TASK, FileClaim, Trust
 from adaptsim_cli.trust import RIG as RIG_KIND
 from hw.workcell import Workcell
 from sim.tasks import get_task
@@ -49,21 +49,23 @@ class Case:
     file: str
     text: str
     other: str  # another content of the file
-    claims: Callable[[], tuple[Claim, ...]]
+    claims: Callable[[], tuple[FileClaim, ...]]
 
 
-def real_claims() -> tuple[Claim, ...]:
+def real_claims() -> tuple[FileClaim, ...]:
     resolved = config.load({"hw": "panda", "task": "scooping"})
     return rig_claims(resolved.config, resolved.places)
 
 
-def program_claims() -> tuple[Claim, ...]:
+def program_claims() -> tuple[FileClaim, ...]:
     Path("adaptsim.toml").write_text('hw = "own"\nanswer_with = "python3 -m robot"\n')
     return own_claims(config.load())
 
 
-def task_claims() -> tuple[Claim, ...]:
-    return (Claim.of_files(TASK, [Path("task.py"), Path("scene.toml")], "It makes the motions of the task `curl`."),)
+def task_claims() -> tuple[FileClaim, ...]:
+    return (
+        FileClaim.of_files(TASK, [Path("task.py"), Path("scene.toml")], "It makes the motions of the task `curl`."),
+    )
 
 
 CASES: dict[str, Case] = {
@@ -74,7 +76,7 @@ CASES: dict[str, Case] = {
 }
 
 
-def asked(claims: tuple[Claim, ...], screen: Screen | None = None, *, asks: bool = True) -> None:
+def asked(claims: tuple[FileClaim, ...], screen: Screen | None = None, *, asks: bool = True) -> None:
     trust.require(
         claims, Trust(config.places().trust_file), screen or quiet(), asks=asks, command="adaptsim config trust"
     )

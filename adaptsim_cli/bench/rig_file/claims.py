@@ -7,16 +7,16 @@ from pathlib import Path
 from adaptsim_cli.bench.rig_file.description import RigDescription
 from adaptsim_cli.bench.rig_file.reading import read, tasks_with_tools
 from adaptsim_cli.config import Config, Places
-from adaptsim_cli.trust import RIG, Claim, settings_claims
+from adaptsim_cli.trust import RIG, FileClaim, settings_claims
 
 
-def rig_claims(config: Config, where: Places) -> tuple[Claim, ...]:
+def rig_claims(config: Config, where: Places) -> tuple[FileClaim, ...]:
     """The claims of the current folder on a real arm. Raises UsageError for a file that cannot be read."""
     settings = settings_claims(where)
     if config.rig_is_own or not config.rig:
         return settings
     file = Path(config.rig)
-    claim = Claim.of_files(RIG, [file], "")
+    claim = FileClaim.of_files(RIG, [file], "")
     rig = read(file, tasks_with_tools())
     pedal = "no pedal" if rig.pedal is None else f"a pedal at {rig.pedal.port}"
     waivers = ", ".join(waiver.safeguard for waiver in rig.waivers) or "none"
@@ -25,7 +25,7 @@ def rig_claims(config: Config, where: Places) -> tuple[Claim, ...]:
         f"one {rig.consent or 'motion'}. Its waivers ({waivers}) do not count, and the arm's memory and the "
         "calibrations of your own rig file are not used."
     )
-    return (*settings, Claim(RIG, claim.place, claim.content, meaning))
+    return (*settings, FileClaim(RIG, claim.place, claim.content, meaning))
 
 
 def boxes_in_words(rig: RigDescription) -> str:

@@ -17,7 +17,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.trust import (
     PROGRAM,
     UNREAD,
-    Claim,
+    FileClaim,
     NotCovered,
     Trust,
     contents,
@@ -34,7 +34,7 @@ def require_trusted(resolved: Resolved, screen: Screen, *, yes: bool) -> None:
     require(claims, trust, screen, asks=not yes, command="adaptsim config trust --hw own")
 
 
-def own_claims(resolved: Resolved) -> tuple[Claim, ...]:
+def own_claims(resolved: Resolved) -> tuple[FileClaim, ...]:
     """What the current folder decides about a robot of one's own: nothing, if a person answers or types the program."""
     command, folder = resolved.config.answer_with, resolved.places.project_file.parent.resolve()
     source = resolved.sources.get("answer_with")
@@ -46,7 +46,7 @@ def own_claims(resolved: Resolved) -> tuple[Claim, ...]:
     return (*settings, _claim(resolved, folder, [])) if _names_file_of(command, folder) else settings
 
 
-def _claim(resolved: Resolved, folder: Path, elsewhere: list[Path]) -> Claim:
+def _claim(resolved: Resolved, folder: Path, elsewhere: list[Path]) -> FileClaim:
     """The command with its folder, its settings, and paths `elsewhere`."""
     command, moves = resolved.config.answer_with, resolved.config.answer_moves
     by = resolved.sources["answer_with"]
@@ -65,7 +65,7 @@ def _claim(resolved: Resolved, folder: Path, elsewhere: list[Path]) -> Claim:
         bound |= files
         where = ", ".join(map(str, ("this folder", *elsewhere)))
         meaning += f" Bound to {len(files)} files of {where} ({UNREAD} aside): a change of any of them asks again."
-    return Claim(PROGRAM, folder, bound, meaning)
+    return FileClaim(PROGRAM, folder, bound, meaning)
 
 
 def _words(command: str) -> Iterator[str]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -197,20 +195,6 @@ def test_a_session_of_another_checkpoint_is_refused(tmp_path: Path, monkeypatch:
     path.write_bytes(seal_toml(body.replace(b"c" * 64, b"d" * 64)))
     with pytest.raises(UsageError, match="the checkpoint has changed since session"):
         run(tmp_path)
-
-
-def test_another_package_of_the_same_name_is_named_at_the_start(tmp_path: Path) -> None:
-    for name in ("sim", "calib"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "__init__.py").write_text("")
-    own = str(Path(app.__file__).parents[2])
-    program = (
-        f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {own!r}]; from adaptsim_cli.commands.app import main; main()"
-    )
-    found = subprocess.run([sys.executable, "-c", program, "--version"], capture_output=True, text=True, check=False)
-    assert found.returncode == 2
-    assert f"'sim' is another one, in {tmp_path / 'sim'}" in found.stderr
-    assert app.foreign_packages() == ""
 
 
 def test_a_wrong_line_is_answered_with_the_commands_example(capfd: pytest.CaptureFixture[str]) -> None:

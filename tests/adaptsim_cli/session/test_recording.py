@@ -21,7 +21,7 @@ from adaptsim_cli.session.film import COLUMNS, FILM, MOST_BYTES, ROWS, Filmed
 from adaptsim_cli.session.store import SessionStore
 from hw.bounded import decode_image
 from hw.poses import inverse
-from hw.quantities import QUANTITIES, Quantity
+from hw.quantities import QUANTITIES, MeasuredQuantity
 from hw.types import Execution, Frame
 from perception.geometry import project
 from perception.types import ObjectTrack, Outcome
@@ -256,7 +256,7 @@ def test_an_older_recordings_modelled_effort_is_not_taken_for_a_measured_one(tmp
 
 
 def test_a_quantity_of_a_newer_version_is_left_out_and_the_recording_opens(tmp_path, monkeypatch):
-    newer = Quantity("motor_position_rad", "theta", ("a",) * 7, "/joints/motor", "position", "of the motors")
+    newer = MeasuredQuantity("motor_position_rad", "theta", ("a",) * 7, "/joints/motor", "position", "of the motors")
     types_of, reported = topics.quantity_types, topics.reported
     monkeypatch.setattr(topics, "QUANTITIES", (*QUANTITIES, newer))
     monkeypatch.setattr("hw.types.QUANTITIES", (*QUANTITIES, newer))

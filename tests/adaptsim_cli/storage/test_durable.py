@@ -16,10 +16,10 @@ def full_disk(_: int) -> None:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def test_a_folder_appears_whole(tmp_path):
-    durable.write_folder(tmp_path / "trial", {"a.bin": b"1", "b.json": b"{}"})
-    assert {f.name: f.read_bytes() for f in (tmp_path / "trial").iterdir()} == {"a.bin": b"1", "b.json": b"{}"}
-    assert [entry.name for entry in tmp_path.iterdir()] == ["trial"]
+def test_a_folder_appears_whole(place):
+    durable.write_folder(place / "trial", {"a.bin": b"1", "b.json": b"{}"})
+    assert {f.name: f.read_bytes() for f in (place / "trial").iterdir()} == {"a.bin": b"1", "b.json": b"{}"}
+    assert [entry.name for entry in place.iterdir()] == ["trial"]
 
 
 def test_nothing_is_ever_overwritten(tmp_path):
@@ -29,15 +29,15 @@ def test_nothing_is_ever_overwritten(tmp_path):
     assert (tmp_path / "a").read_bytes() == b"first"
 
 
-def test_of_two_who_write_the_same_file_the_second_is_told(tmp_path, monkeypatch):
+def test_of_two_who_write_the_same_file_the_second_is_told(place, monkeypatch):
     """Also where the first finishes between the second's look and its last step."""
     monkeypatch.setattr(Path, "exists", lambda _: False)
     for write, content in ((durable.write_file, b"1"), (durable.write_folder, {"a": b"1"})):
         name = write.__name__
-        write(tmp_path / name, content)  # type: ignore[arg-type]
+        write(place / name, content)  # type: ignore[arg-type]
         with pytest.raises(SessionError, match="never overwritten"):
-            write(tmp_path / name, content)  # type: ignore[arg-type]
-    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["write_file", "write_folder"]
+            write(place / name, content)  # type: ignore[arg-type]
+    assert sorted(entry.name for entry in place.iterdir()) == ["write_file", "write_folder"]
 
 
 def test_a_file_system_without_second_names_does_too(tmp_path, monkeypatch):

@@ -111,7 +111,7 @@ def test_without_mujoco_the_install_line_is_named(monkeypatch: pytest.MonkeyPatc
     for module in [name for name in sys.modules if name.startswith("sim.research.mujoco")]:
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(ExtraMissing, match=r'pip install "adaptsim\[mujoco\]"'):
+    with pytest.raises(ExtraMissing, match=r"needs the package mujoco.*pip install .*\[mujoco\]'"):
         simulate_of("scooping", "mujoco")
 
 

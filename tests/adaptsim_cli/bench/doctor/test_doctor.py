@@ -109,7 +109,7 @@ def aged(days: int) -> SavedCalibration:
         ("python", {"platform.python_version": always("3.10.2")}, MISSING, "3.10.2, needed <3.14,>=3.11"),
         ("disk space", {"shutil.disk_usage": always(SimpleNamespace(free=1e8))}, MISSING, "MB needed (min_free_mb)"),
         ("packages", {"installed": HAVE.get}, MISSING, "mcap is not installed, needed >=1.3"),
-        ("packages", {"installed": always("999")}, MISSING, "numpy 999, needed <2.5,>=2.2"),
+        ("packages", {"installed": always("999")}, MISSING, "opencv-python-headless 999, needed <5,>=4.13"),
         ("libraries", {"loads": always(True)}, OK, "find theirs"),
         ("libraries", {"loads": lambda name: "usb" not in name}, MISSING, "libusb-1.0-0"),
         ("libraries", {"installed": lambda name: "1" if name == "drake" else None}, OK, "Drake finds its"),

@@ -13,9 +13,11 @@ import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from hw.types import Array
 from perception.types import ObjectTrack
 from sim.rollouts.dataset import build_dataset
 from sim.rollouts.executors import process_pool
@@ -28,9 +30,11 @@ class Sleeping:
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
 
-    def __call__(self, *values: object) -> ObjectTrack:
+    def __call__(
+        self, parameters: Array, context: Array, action: Array, nuisance: Array, unmodelled: Any = None
+    ) -> ObjectTrack:
         time.sleep(self.seconds)
-        return PENDULUM.simulate(*values)  # type: ignore[arg-type]
+        return PENDULUM.simulate(parameters, context, action, nuisance, unmodelled)
 
 
 def main() -> None:

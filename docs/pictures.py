@@ -16,6 +16,7 @@ import hashlib
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -131,8 +132,6 @@ def film(recording: Path) -> None:
 
 def trial(page: Tab, folder: Path) -> None:
     """The first trial of a session in a terminal of 96 columns, until the question about its outcome."""
-    from film import plain  # noqa: PLC0415
-
     tmux = ["tmux", "-L", f"pictures-{os.getpid()}", "-f", "/dev/null"]
     command = f"{sys.executable} -m adaptsim_cli run-iteration {' '.join(WORLD)} --session trial"
     subprocess.run([*tmux, "new-session", "-d", "-x", "96", "-y", "70", command], check=True)
@@ -151,10 +150,13 @@ def trial(page: Tab, folder: Path) -> None:
     shoot(page, "guide-trial.webp", 900, 28 + 21 * len(lines[first:]))
 
 
+def plain(shown: str) -> str:
+    """Without colours."""
+    return "\n".join(line.rstrip() for line in re.sub(r"\x1b\[[0-9;]*m", "", shown).splitlines())
+
+
 def _terminal(tmux: Sequence[str], question: str) -> str:
     """The screen with its colours, once it ends with a question that has these words. Raises TimeoutError."""
-    from film import plain  # noqa: PLC0415
-
     for _ in range(300):
         time.sleep(1.0)
         capture = [*tmux, "capture-pane", "-e", "-p", "-J"]

@@ -81,9 +81,10 @@ def _is_argument(parameter: inspect.Parameter) -> bool:
 def _resolved(flags: dict[str, Any]) -> Resolved:
     """The settings, with the flags that were given; a switch that is off was not."""
     from adaptsim_cli import config
+    from adaptsim_cli.bench.checkpoints import resolve
     from adaptsim_cli.commands import settings
 
     on = {name: value for name, value in flags.items() if value is not False}
     if "world" in flags:
         return settings.load(on)
-    return settings.resolve(on) if "task" in flags else config.load(on)
+    return resolve(on) if "task" in flags else config.load(on)

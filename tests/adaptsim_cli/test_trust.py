@@ -63,9 +63,8 @@ def program_claims() -> tuple[FileClaim, ...]:
 
 
 def task_claims() -> tuple[FileClaim, ...]:
-    return (
-        FileClaim.of_files(TASK, [Path("task.py"), Path("scene.toml")], "It makes the motions of the task `curl`."),
-    )
+    files = [Path("task.py"), Path("scene.toml")]
+    return (FileClaim.of_files(TASK, files, "It makes the motions of the task `curl`."),)
 
 
 CASES: dict[str, Case] = {

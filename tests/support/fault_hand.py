@@ -247,7 +247,7 @@ def misjudged(fingers: Fingers, error: BaseException | None, wanted_m: float, ar
     return notes
 
 
-def raised(act: Callable[[], None]) -> BaseException | None:
+def raised(act: Callable[[], object]) -> BaseException | None:
     try:
         act()
     except (HardwareError, CliError) as error:

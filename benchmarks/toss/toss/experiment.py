@@ -168,10 +168,11 @@ def points() -> Array:
 
 def simulated(tosses: RecordedTrials, folder: Path) -> GridSolver:
     """Every toss at every point, from the shards in `folder`; missing ones are simulated."""
-    grid = GridSolver(TASK, points(), tosses.actions[:PROBES])
-    k, nothing = len(grid.points), np.zeros(0)
+    every, nothing = points(), np.zeros(0)
+    k = len(every)
+    context = np.tile(np.asarray(TASK.reference_context), (k, 1))
+    grid = GridSolver(TASK, every, context, tosses.actions[:PROBES])
     for i, (name, action) in enumerate(zip(tosses.names, tosses.actions, strict=True)):
-        context = np.tile(np.asarray(TASK.reference_context), (k, 1))
         asked = Requests(grid.points, context, np.tile(action, (k, 1)), np.zeros((k, 0)))
         path = folder / f"toss-{int(name):04d}.npz"
         rollouts = read_rollouts(path, asked)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from adaptsim_cli.bench.checkpoints import resolve
 from adaptsim_cli.commands import settings
 from adaptsim_cli.errors import UsageError
 from sim.own.template import template
@@ -22,7 +23,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_flag_names_the_file_and_its_name_works_from_any_folder(folder, monkeypatch):
-    assert settings.resolve({"task": "mine.py"}).config.task == "mine"
+    assert resolve({"task": "mine.py"}).config.task == "mine"
     monkeypatch.chdir(folder)
     assert settings.load({"task": "mine", "world": "heavy"}).config.task == "mine"
     assert get_task("mine").file.path == str(folder / "work/mine.py")
@@ -33,7 +34,7 @@ def test_a_file_of_the_users_settings_is_relative_to_them(folder):
     (folder / "home").mkdir()
     (folder / "home/config.toml").write_text('task = "mine.py"\n', encoding="utf-8")
     (folder / "home/mine.py").write_text(template("mine"), encoding="utf-8")
-    assert settings.resolve().config.task == "mine"
+    assert resolve().config.task == "mine"
     assert get_task("mine").file.path == str(folder / "home/mine.py")
 
 
@@ -41,4 +42,4 @@ def test_a_file_of_the_current_folder_is_not_run_unasked(folder):
     Path("mine.py").write_text("raise SystemExit('it ran')", encoding="utf-8")
     Path("adaptsim.toml").write_text('task = "mine.py"\n', encoding="utf-8")
     with pytest.raises(UsageError, match=r"mine.py belongs to the current folder.*adaptsim config trust"):
-        settings.resolve()
+        resolve()

@@ -45,7 +45,10 @@ def execution() -> Execution:
     return Execution(12.0, t_s, q, q + 1e-3, 0.98)
 
 
-def measuring(names: Sequence[str] = tuple(quantity.name for quantity in QUANTITIES)) -> Execution:
+EVERY = [quantity.name for quantity in QUANTITIES]
+
+
+def measuring(names: Sequence[str] = tuple(EVERY)) -> Execution:
     """An execution with quantities that the arm reported."""
     rng, played = np.random.default_rng(3), execution()
     sizes = {quantity.name: quantity.size for quantity in QUANTITIES}
@@ -264,7 +267,7 @@ def test_a_quantity_of_a_newer_version_is_left_out_and_the_recording_opens(tmp_p
     assert reported(["motor_position_rad"]) == (newer,)
     path = tmp_path / recording.FILE
     q_rad = execution().q_measured_rad
-    played = dataclasses.replace(measuring(), measured=measuring().measured | {"motor_position_rad": 2.0 * q_rad})
+    played = dataclasses.replace(measuring(), measured={**measuring().measured, "motor_position_rad": 2.0 * q_rad})
     path.write_bytes(encoded(played)[0])
     assert np.array_equal(recording.read(path).execution.measured["motor_position_rad"], 2.0 * q_rad)
     monkeypatch.undo()

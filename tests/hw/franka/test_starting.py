@@ -107,7 +107,7 @@ class Slow(FakeSdk):
 
     answer_s, wander_rad = 0.0, 0.0
 
-    def Robot(self, host: str, realtime: str):  # type: ignore[no-untyped-def]
+    def Robot(self, host: str, realtime: str):
         robot = super().Robot(host, realtime)
         slow, state, sdk = robot.set_joint_impedance, robot._state, self
 
@@ -115,12 +115,12 @@ class Slow(FakeSdk):
             slow(stiffness)
             sdk.idle(sdk.answer_s)
 
-        def wandering():  # type: ignore[no-untyped-def]
+        def wandering():
             one = state()
             one.q_d = (np.array(one.q_d) + sdk.wander_rad * np.sin(20.0 * sdk.now_s)).tolist()
             return one
 
-        robot.set_joint_impedance, robot._state = answered, wandering
+        vars(robot).update(set_joint_impedance=answered, _state=wandering)
         return robot
 
 

@@ -18,7 +18,8 @@ from hw.franka.connection import Connection, drive_fr3
 from hw.franka.driver import LOST, UNMOVED, Failure
 from hw.franka.playback import PlayOutcome
 from hw.franka.settings import FrankaSettings
-from hw.franka.states import UNWATCHED_S, WAITED_FOR, States
+from hw.franka.starting import UNWATCHED_S
+from hw.franka.states import WAITED_FOR, States
 from hw.types import JointPath
 
 MODELS = ["panda", "fr3"]

@@ -95,7 +95,7 @@ cluster.versions = lambda: {**here, "drake": "1.0.0"}
 def test_a_late_worker_with_other_versions_is_left_out_and_the_others_finish(two_workers, tmp_path):
     preload = tmp_path / "another_version.py"
     preload.write_text(ANOTHER_VERSION, encoding="utf-8")
-    address, sentences = two_workers.scheduler_address, []
+    address, sentences = two_workers.scheduler_address, list[str]()
     command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny"]
     requests = dataset_requests(TOY, 3, 800)
     with serial_executor() as executor:

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -117,10 +118,10 @@ def test_the_script_of_the_page_reads_the_files_of_three_programs(tmp_path, monk
 @pytest.mark.parametrize("first", [("hand",), ("hand", "target"), ("target",), ("stated",)], ids="-".join)
 def test_quaternions_in_another_order_than_their_keys_say_are_named_with_the_order_that_fits(tmp_path, first):
     def view(X_BF: Array, X_CM: Array) -> dict[str, object]:
-        stated = quaternions(X_BF, X_CM)
+        stated: dict[str, Any] = {**quaternions(X_BF, X_CM)}
         for who, key in (("hand", "quaternion_xyzw"), ("target", "target_quaternion_xyzw")):
             if who in first or (who, *first) == ("hand", "stated"):
-                stated[key] = np.roll(stated[key], 1).tolist()  # type: ignore[arg-type]
+                stated[key] = np.roll(stated[key], 1).tolist()
         if "stated" in first:
             stated["quaternion"] = stated.pop("quaternion_xyzw")
         return stated

@@ -46,14 +46,17 @@ def squares(expectations: Expectations, context: Array, observation: Array, path
 
     Over the observed values alone: those that are missing (NaN) count for nothing; 0 if all are.
     """
+    off = offsets(expectations, context, observation, paths)
+    return np.asarray((off**2).mean(axis=-1)) if off.shape[-1] else np.zeros(off.shape[:-1])
+
+
+def offsets(expectations: Expectations, context: Array, observation: Array, paths: Array) -> Array:
+    """(..., observed) expected minus observed values, in standard deviations; arguments as for `squares`."""
     task, sight = expectations.task, expectations.task.observation
     local_paths = task.relocate(paths, np.broadcast_to(context, (*paths.shape[:-1], len(context))))
     expected = sight.normalise(sight.denormalise(local_paths) + sight.noise_mean)
     shown = np.isfinite(observation)
-    if not shown.any():
-        return np.zeros(expected.shape[:-1])
-    off = (expected[..., shown] - observation[shown]) / tolerance(expectations)[shown]
-    return np.asarray((off**2).mean(axis=-1))
+    return np.asarray((expected[..., shown] - observation[shown]) / tolerance(expectations)[shown])
 
 
 def tolerance(expectations: Expectations) -> Array:

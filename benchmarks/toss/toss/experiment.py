@@ -25,8 +25,8 @@ from sim.adaptation.judging import Misfits, assess, final_policy
 from sim.adaptation.judging import judge as verdict_of
 from sim.adaptation.method import Iteration, Method
 from sim.adaptation.methods.adaptsim import AdaptSim
-from sim.adaptation.reality import Simulators
 from sim.adaptation.reward_table import RewardTable
+from sim.adaptation.simulators import Simulators
 from sim.research.benchmark.sessions import Conditions, judge, judged_contexts, run_iterations, udr_policies
 from sim.research.benchmark.trial_sources import FromRecordings
 from sim.research.methods.search import RandomSearch

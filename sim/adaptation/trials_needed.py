@@ -20,7 +20,7 @@ from sim.adaptation.learner import Learner
 from sim.adaptation.method import FAILED, Iteration, Trial, trials_of_rows
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import Udr
-from sim.adaptation.paired import ALPHA, capital
+from sim.adaptation.paired import is_gain_shown
 from sim.adaptation.sessions import begin_in_memory
 from sim.adaptation.simulators import Simulators
 from sim.adaptation.trials_forecast import MOST_PAIRS, PairsNeeded, SessionShare, TrialsForecast, TrialsNeeded
@@ -227,6 +227,6 @@ def pairs_until_shown(sessions: Sequence[Array], difference: float, seed: int = 
         own = sessions[index]
         moved = np.clip(own + difference - own.mean(), -1.0, 1.0)
         drawn = rng.choice(moved, (_FUTURES // ALIKE, MOST_PAIRS))
-        is_shown = capital(drawn, np.zeros(len(drawn))) >= 2.0 / ALPHA
+        is_shown = is_gain_shown(drawn, MOST_PAIRS)
         counts += [int(row.argmax()) + 1 if row.any() else None for row in is_shown]
     return counts

@@ -212,6 +212,11 @@ class RealityPolicy(CandidatePolicy):
         return float(earned.mean()), float(low), float(high)
 
     @property
+    def prefers_interior(self) -> bool:
+        """Before any trial, for the action that has to be safe."""
+        return self.optimism <= 0.0 and not self.reality.trials and self.reality.simulators.refines
+
+    @property
     def everywhere(self) -> Outcomes:
         """The outcomes of the candidate actions."""
         return self.reality.answers

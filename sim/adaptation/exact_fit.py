@@ -56,7 +56,7 @@ def exact_fit(expectations: Expectations, trials: Sequence[Trial], cloud: Array)
 
     def residuals(points: Array) -> Array:
         parts = [_offsets(expectations, trial, space.denormalise(points)) for trial in trials]
-        return np.concatenate(parts, axis=1) / count**0.5
+        return np.asarray(np.concatenate(parts, axis=1) / count**0.5)
 
     starts = unit[np.argsort((residuals(unit) ** 2).sum(axis=1), kind="stable")[:STARTS]]
     points, left = descend(residuals, starts, (low, high))
@@ -73,7 +73,7 @@ def exact_fit(expectations: Expectations, trials: Sequence[Trial], cloud: Array)
         squared = [(_offsets(expectations, trial, parameters) ** 2).sum(axis=1) for trial in trials]
         shares = [observed_share(trial.observation) for trial in trials]
         terms = (log_likelihood(s[:, None] / misfit**2, share) for s, share in zip(squared, shares, strict=True))
-        return np.sum(list(terms), axis=0)
+        return np.asarray(np.sum(list(terms), axis=0))
 
     around = np.linalg.inv(3.0 * count * curvature(residuals, best, (low, high)) / misfit**2 + 12.0 * np.eye(len(best)))
     first = Proposal(best[None], np.linalg.cholesky(around))
@@ -88,4 +88,4 @@ def _offsets(expectations: Expectations, trial: Trial, parameters: Array) -> Arr
     nothing = np.zeros((len(parameters), len(expectations.task.nuisance)))
     paths = expectations.trajectories(parameters, action, nothing)
     off = offsets(expectations, trial.context, trial.observation, paths)
-    return off / max(off.shape[1], 1) ** 0.5
+    return np.asarray(off / max(off.shape[1], 1) ** 0.5)

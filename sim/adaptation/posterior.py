@@ -141,7 +141,7 @@ def _posterior(belief: Belief, history: Sequence[Iteration], log: Array) -> Post
 
     def log_likelihoods(points: Array) -> Array:
         parameters = space.spread(points)
-        return np.sum([belief.compare(trial, parameters) for trial in trials], axis=0)
+        return np.asarray(np.sum([belief.compare(trial, parameters) for trial in trials], axis=0))
 
     cloud, p = space.unspread(truths, np.random.default_rng(0).random(truths.shape)), len(space)
     finer = refined(log_likelihoods, cloud, log, (np.zeros(p), np.ones(p)), DRAWN, GENERATIONS)

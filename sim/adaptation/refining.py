@@ -86,8 +86,10 @@ def refined(
         is_resolved = 1.0 / (weights**2).sum() >= RESOLVED and (first is None or proposals)
         if len(proposals) == most or is_resolved:
             return WeightedPoints(points, weights, prior)
-        is_begun = bool(proposals) or first is None
-        proposals.append(_around(points, _tempered(prior, log), rng) if is_begun else first)
+        if first is not None and not proposals:
+            proposals.append(first)
+        else:
+            proposals.append(_around(points, _tempered(prior, log), rng))
         fresh = np.clip(proposals[-1].draw(drawn, rng), low - (high - low), high + (high - low))
         within = np.clip(fresh, low, high)
         new = np.where((fresh == within).all(axis=1), log_likelihood(within), -np.inf)

@@ -109,7 +109,7 @@ class Simulators:
         nowhere = np.asarray(task.reference_context)[None]
         policies = task.exact(task).policies(parameters[:, None], np.random.default_rng(0))
         best = np.concatenate([policy.actions(nowhere) for policy in policies])
-        return np.clip(best, task.action.low, task.action.high)
+        return np.asarray(np.clip(best, task.action.low, task.action.high))
 
     @cached_property
     def cloud(self) -> Array:

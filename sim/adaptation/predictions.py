@@ -20,7 +20,7 @@ ALPHA = 0.05
 """Chance that rewards with the predicted means ever refute the predictions."""
 
 LEAST = 8
-"""Fewer trials say too little about the order of predictions."""
+"""Fewer trials say too little about predictions."""
 
 MISS = 0.2
 """An error below this leaves a choice between good and bad actions."""
@@ -34,12 +34,13 @@ NO_ORDER = 0.5
 STILL = 0.1
 """Errors of the latest iteration below this: whatever was wrong is over."""
 
-STAKE, DEAREST = 0.5, 6.0
-"""Share of the largest possible bet at stake, and the limit of that bet, so that predictions near 0 or 1 are not
-refuted by a small error.
+STAKES, DEAREST = (0.5, 0.95), 6.0
+"""Shares of the largest possible bet at stake, each with half of the capital: the larger one finds trials that all
+fail, the smaller one a mixture. And the limit of that bet, so that predictions near 0 or 1 are not refuted by a small
+error.
 """
 
-TOO_HIGH, TOO_LOW, DISORDERED = 0.5, 0.2, 0.3
+TOO_HIGH, TOO_LOW, DISORDERED = 0.6, 0.15, 0.25
 """Shares of the first capital that bet on lower rewards, on higher ones, and on the reverse order."""
 
 
@@ -61,7 +62,7 @@ class PredictionQuality:
         """Whether the predictions are refuted, many of them miss by much, in no order either; and not only earlier:
         those of the latest iteration are wrong as well.
         """
-        is_refuted = self.capital >= 1.0 / ALPHA
+        is_refuted = self.trials >= LEAST and self.capital >= 1.0 / ALPHA
         is_ordered = self.rank_correlation is not None and self.rank_correlation >= NO_ORDER
         return is_refuted and self.misses >= MISSES and self.latest_error > STILL and not is_ordered
 
@@ -76,8 +77,9 @@ def capital_against(predicted: Array, observed: Array) -> float:
         (DISORDERED, -np.sign(predicted - mean_so_far)),
     ):
         most_lost = np.where(side < 0.0, 1.0 - predicted, predicted)  # if the reward is 1, or 0
-        bets = side * STAKE * np.minimum(1.0 / np.maximum(most_lost, 1e-9), DEAREST)
-        total += share * float(np.prod(1.0 + bets * (observed - predicted)))
+        largest = side * np.minimum(1.0 / np.maximum(most_lost, 1e-9), DEAREST)
+        after = [np.prod(1.0 + stake * largest * (observed - predicted)) for stake in STAKES]
+        total += share * float(np.mean(after))
     return total
 
 

@@ -31,20 +31,20 @@ import numpy as np
 
 from adaptsim_cli import config
 from adaptsim_cli.errors import AnswerAwaited, SessionError, UsageError
-from adaptsim_cli.outputs.exchange import Question
-from adaptsim_cli.outputs.trials import BestRecord
-from adaptsim_cli.report.agreement import mean_of, trial_std
+from adaptsim_cli.screen.outputs.exchange import Question
+from adaptsim_cli.screen.outputs.trials import BestRecord
 from adaptsim_cli.screen.views import between
 from adaptsim_cli.session import exporting, folders, history, recording, store
 from adaptsim_cli.session.exporting import Row
+from adaptsim_cli.session.judgement import mean_of, trial_std
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, TrialRecord
 from sim.adaptation import methods
 from sim.adaptation.stages import Role
 
 if TYPE_CHECKING:
-    from adaptsim_cli.wiring.best import TaskPolicy
-    from adaptsim_cli.wiring.hindsight import Hindsight
+    from adaptsim_cli.session.best import TaskPolicy
+    from adaptsim_cli.session.hindsight import Hindsight
     from hw.types import Array
     from sim.adaptation.posterior import Posterior
     from sim.adaptation.verdict import Verdict
@@ -166,9 +166,9 @@ class Session:
         Raises UsageError for a session on a real arm, and the errors of `adaptsim run-iteration`. Completed steps stay
         stored, and another call continues.
         """
+        from adaptsim_cli.session import opening as wiring
         from adaptsim_cli.session import running
-        from adaptsim_cli.wiring import session as wiring
-        from adaptsim_cli.wiring.hindsight import Reports
+        from adaptsim_cli.show.reports import Reports
 
         stored = self._stored
         if config.is_own(stored.facts.hw):
@@ -255,11 +255,11 @@ class Session:
         """Take what was told, and go on until the next answers are awaited or an iteration is complete."""
         from functools import partial
 
+        from adaptsim_cli.session import opening as wiring
         from adaptsim_cli.session import running
         from adaptsim_cli.session.own.mailbox import Mailbox
-        from adaptsim_cli.wiring import session as wiring
-        from adaptsim_cli.wiring.first_look import with_first_look
-        from adaptsim_cli.wiring.hindsight import Reports
+        from adaptsim_cli.show.first_look import with_first_look
+        from adaptsim_cli.show.reports import Reports
 
         request = running.SessionRequest(self.name, frozenset(), yes=True)
         opener = partial(wiring.open_parts, answerer=Mailbox())
@@ -282,7 +282,7 @@ class Session:
 
     def hindsight(self) -> Hindsight:
         """The session's checkpoint, ready to evaluate its trajectories. Raises CheckpointError."""
-        from adaptsim_cli.wiring.hindsight import Hindsight
+        from adaptsim_cli.session.hindsight import Hindsight
 
         return Hindsight.of(self._stored)
 
@@ -295,15 +295,15 @@ class Session:
 
     def best_policy(self) -> TaskPolicy:
         """The final task policy of the session if it ended now. Raises CheckpointError, SessionError."""
-        from adaptsim_cli.wiring.best import TaskPolicy, policy_of_session
-        from adaptsim_cli.wiring.settings import checkpoint_of_session
+        from adaptsim_cli.session.best import TaskPolicy, policy_of_session
+        from adaptsim_cli.session.checkpoint import checkpoint_of_session
 
         checkpoint = checkpoint_of_session(self._stored)
         return TaskPolicy(self.name, checkpoint.solver.task, policy_of_session(self._stored, checkpoint))
 
     def report(self, out: Path | None = None) -> Path:
         """Write the session's page and return its path. Raises SessionError."""
-        from adaptsim_cli.wiring.hindsight import Reports
+        from adaptsim_cli.show.reports import Reports
 
         return Reports().draw(self._stored, out)
 
@@ -345,9 +345,9 @@ def begin(
     this one begins with its posterior. Without a name it gets the default name of `adaptsim run-iteration`. Raises
     UsageError if a session of this name exists, UnknownName, WorldError, CheckpointError, RecordingsRefused.
     """
+    from adaptsim_cli.session import opening as wiring
     from adaptsim_cli.session import running
     from adaptsim_cli.session.own.mailbox import Mailbox
-    from adaptsim_cli.wiring import session as wiring
 
     flags: dict[str, Any] = {
         "task": task, "world": world, "method": method, "seed": seed, "particles": particles, "checkpoint": checkpoint,

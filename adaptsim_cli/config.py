@@ -14,8 +14,7 @@ from typing import Annotated, Any, Literal
 import platformdirs
 from pydantic import Field, ValidationError
 
-from adaptsim_cli.errors import UsageError
-from adaptsim_cli.storage.validation import place, plain, unknown
+from adaptsim_cli.errors import UsageError, place, plain, unknown
 from hw.bounded import Unreadable, read_table
 from hw.records import Record
 

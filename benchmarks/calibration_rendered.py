@@ -25,12 +25,12 @@ import numpy as np
 from kept import Kept
 from rich.console import Console
 
-from adaptsim_cli.calibration import flow, solving, visits
-from adaptsim_cli.calibration.parts import CalibrationRig
-from adaptsim_cli.calibration.store import CalibrationStore
-from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.bench.calibration import flow, solving, visits
+from adaptsim_cli.bench.calibration.parts import CalibrationRig
+from adaptsim_cli.bench.calibration.store import CalibrationStore
+from adaptsim_cli.bench.calibration_in_use import BOARD_HOME_RAD, ways
+from adaptsim_cli.bench.devices.trackers import tracker_of
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.wiring.calibration import BOARD_HOME_RAD, ways
 from calib.errors import CalibrationRejected
 from calib.geometry import angle_deg, distance_mm
 from calib.saved import SavedCalibration

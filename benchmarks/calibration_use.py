@@ -31,7 +31,7 @@ from kept import Kept
 from pushes import GONE, DepthEye, Push, Result, judged, pushed
 from simulated_views import BOUNDS, Quality, Truth, random_poses, seen
 
-from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.bench.devices.trackers import tracker_of
 from calib.solve import solve
 from calib.types import Mounting, Setup
 from hw.kinematics import forward

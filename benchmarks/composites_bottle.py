@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from composites import Result, judged, tell
 
-from adaptsim_cli.devices.trackers import BOTTLE_AREA
+from adaptsim_cli.bench.devices.trackers import BOTTLE_AREA
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import NO_ARM
 from perception.bottle import find_bottle, track_bottle

@@ -24,7 +24,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import ListedColormap
 
-from adaptsim_cli.devices.rig_file.description import PersonPart
+from adaptsim_cli.bench.rig_file.description import PersonPart
 from hw.braking import check_braking
 from hw.collision import KeepOut, Side, camera_box
 from hw.kinematics import forward

@@ -45,16 +45,16 @@ import recordings
 import toy_session
 
 from adaptsim_cli import config
-from adaptsim_cli.calibration import checking, printing
-from adaptsim_cli.calibration.solving import solve_folder
-from adaptsim_cli.devices.known_arm import KnownArm
-from adaptsim_cli.devices.rig_file import reading
+from adaptsim_cli.bench.calibration import checking, printing
+from adaptsim_cli.bench.calibration.solving import solve_folder
+from adaptsim_cli.bench.devices.known_arm import KnownArm
+from adaptsim_cli.bench.rig_file import reading
+from adaptsim_cli.bench.touch_off import store as touch_offs
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.session import recording, watching
+from adaptsim_cli.session.recorded.folder import read_recorded
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
-from adaptsim_cli.touch_off import store as touch_offs
-from adaptsim_cli.wiring.recorded.folder import read_recorded
 from calib import files
 from calib.errors import CalibrationError
 from calib.foreign.chains import any_arm

@@ -23,6 +23,7 @@ from typing import TypeVar
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the program does
 
 import numpy as np
+from adaptsim_cli.show.reports import Reports
 from rich.console import Console
 
 from adaptsim_cli import config
@@ -30,10 +31,9 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session import recording, records, running
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.folders import names
+from adaptsim_cli.session.opening import open_parts
 from adaptsim_cli.session.operator import Unattended
 from adaptsim_cli.session.summary import overview_or_damage
-from adaptsim_cli.wiring.hindsight import Reports
-from adaptsim_cli.wiring.session import open_parts
 from hw.records import AnyRecord
 from hw.types import Execution, Frame
 from sim.lab.kinect import kinect_model

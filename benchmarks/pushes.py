@@ -13,11 +13,11 @@ from functools import cached_property
 from itertools import islice
 
 import numpy as np
+from adaptsim_cli.bench.rig import Tracker, TrackRequest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
-from adaptsim_cli.devices.trackers import BOTTLE_AREA, tracker_of
-from adaptsim_cli.session.target import Tracker, TrackRequest
+from adaptsim_cli.bench.devices.trackers import BOTTLE_AREA, tracker_of
 from hw.kinematics import FLANGE, forward, link_poses
 from hw.poses import pose
 from hw.types import Array, CameraModel, Execution, Frame, JointPath

@@ -21,12 +21,12 @@ from typing import Any, cast
 
 import cv2
 import numpy as np
+from adaptsim_cli.bench.rig import Rig, Tracker
 from mug import UP, Survey, survey
 from numpy.typing import NDArray
 
-from adaptsim_cli.devices.mounted import mounted_as_shipped
+from adaptsim_cli.bench.devices.mounted import mounted_as_shipped
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Rig, Tracker
 from adaptsim_cli.storage import durable
 from calib.types import HandEye
 from hw.camera.grabber import Capture

@@ -137,7 +137,7 @@ def main() -> None:
 
 def call(arguments: Sequence[str]) -> None:
     """Run adaptsim; its progress goes to this terminal. Raises SystemExit with its code where it fails."""
-    program = "import sys; from adaptsim_cli.app import main; main()"
+    program = "import sys; from adaptsim_cli.commands.app import main; main()"
     done = subprocess.run([sys.executable, "-c", program, *arguments], check=False)
     if done.returncode:
         raise SystemExit(done.returncode)

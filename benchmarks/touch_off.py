@@ -20,11 +20,11 @@ import numpy as np
 from rich.console import Console
 from scipy.spatial.transform import Rotation
 
+from adaptsim_cli.bench.touch_off.flow import touch_off
+from adaptsim_cli.bench.touch_off.guiding import touch_off as by_hand
+from adaptsim_cli.bench.touch_off.parts import Grasp, GuidedTouchRig, Plan, TouchOffFailed, TouchRig, plan_of
+from adaptsim_cli.bench.touch_off.store import SavedTouchOff
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.touch_off.flow import touch_off
-from adaptsim_cli.touch_off.guiding import touch_off as by_hand
-from adaptsim_cli.touch_off.parts import Grasp, GuidedTouchRig, Plan, TouchOffFailed, TouchRig, plan_of
-from adaptsim_cli.touch_off.store import SavedTouchOff
 from hw.collision import Table
 from hw.poses import pose
 from hw.workcell import Workcell

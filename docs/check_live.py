@@ -149,7 +149,7 @@ def free_port() -> int:
 
 def adaptsim(*arguments: str) -> list[str]:
     """The program, as this Python runs it."""
-    return [sys.executable, "-c", "from adaptsim_cli.app import main; main()", *arguments]
+    return [sys.executable, "-c", "from adaptsim_cli.commands.app import main; main()", *arguments]
 
 
 @contextmanager

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 
-from adaptsim_cli.devices.rig_file.description import PersonPart, TablePart
+from adaptsim_cli.bench.rig_file.description import PersonPart, TablePart
 from sim.lab.kinect import default_X_BC
 from sim.tasks import get_task
 

@@ -37,12 +37,12 @@ WORLD = ("--task", "scooping", "--world", "cucumber", "--seed", "0")
 DRAWN_BY: Mapping[str, Sequence[str]] = {
     "guide-camera-view.webp": ("sim/worlds/scooping/cucumber.toml", "sim/render/renderer.py", "sim/lab/kinect.py"),
     "guide-preview.webp": ("sim/lab/preview.py",),
-    "guide-report.webp": ("adaptsim_cli/report/page.html.j2", "adaptsim_cli/report/style.css"),
-    "live-page.webp": ("adaptsim_cli/view/page.html",),
+    "guide-report.webp": ("adaptsim_cli/show/page.html.j2", "adaptsim_cli/screen/style.css"),
+    "live-page.webp": ("adaptsim_cli/show/live.html",),
     "guide-trial.webp": (
         "adaptsim_cli/session/operator.py",
         "adaptsim_cli/session/terminal_views.py",
-        "adaptsim_cli/devices/consent.py",
+        "adaptsim_cli/bench/devices/consent.py",
     ),
     "scoop.webp": ("sim/render/renderer.py", "sim/lab/kinect.py"),
     "board-in-hand.jpg": ("sim/render/renderer.py", "sim/lab/board.py"),

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from adaptsim_cli import options
-from adaptsim_cli.command import command
+from adaptsim_cli.commands import options
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.commands.measurements import RIG, MeasurementKind, add_to
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
-    from adaptsim_cli.calibration.store import CalibrationStore
+    from adaptsim_cli.bench.calibration.store import CalibrationStore
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
 
@@ -40,9 +40,9 @@ def calibrate(
     """
     from functools import partial
 
-    from adaptsim_cli.calibration import running
-    from adaptsim_cli.wiring import calibration as wiring
-    from adaptsim_cli.wiring import rig_frames
+    from adaptsim_cli.bench import calibration_in_use as wiring
+    from adaptsim_cli.bench import rig_frames
+    from adaptsim_cli.bench.calibration import running
 
     open_rig = partial(wiring.open_calibration_rig, screen=None if resolved.config.unattended(yes) else screen)
     sessions = rig_frames.open_sessions(resolved.config, resolved.places)
@@ -74,7 +74,7 @@ def board(
 
     Example: adaptsim calibrate board --paper a4 --out board.pdf
     """
-    from adaptsim_cli.calibration import running
+    from adaptsim_cli.bench.calibration import running
 
     return running.board(resolved, out, paper, square_mm, width_mm, screen)
 
@@ -88,8 +88,8 @@ def check(screen: Screen, resolved: Resolved, guide: _Guide = False, yes: option
     """
     from functools import partial
 
-    from adaptsim_cli.calibration import running
-    from adaptsim_cli.wiring import calibration as wiring
+    from adaptsim_cli.bench import calibration_in_use as wiring
+    from adaptsim_cli.bench.calibration import running
 
     open_rig = partial(wiring.open_calibration_rig, screen=None if resolved.config.unattended(yes) else screen)
     return running.check(resolved, _store(resolved), open_rig, screen, guide=guide, yes=yes)
@@ -138,8 +138,8 @@ def solve(
 
     Example: adaptsim calibrate solve my-views --json
     """
-    from adaptsim_cli.calibration import running
-    from adaptsim_cli.calibration.solving import SolveOptions
+    from adaptsim_cli.bench.calibration import running
+    from adaptsim_cli.bench.calibration.solving import SolveOptions
     from adaptsim_cli.errors import UsageError
 
     pairs = tuple(tuple(pair.split(":")) for pair in exchange or ())
@@ -172,7 +172,7 @@ def together(
 
     Example: adaptsim calibrate together camera-0 camera-1 camera-2
     """
-    from adaptsim_cli.calibration import running
+    from adaptsim_cli.bench.calibration import running
     from adaptsim_cli.errors import UsageError
 
     named = [tuple(one.rsplit(":", 2)) for one in exchange or ()]
@@ -196,19 +196,19 @@ def overlay(
 
     Example: adaptsim calibrate overlay my-views
     """
-    from adaptsim_cli.calibration import running
+    from adaptsim_cli.bench.calibration import running
 
     return running.overlay(folder, out, screen)
 
 
 def _store(resolved: Resolved) -> CalibrationStore:
-    from adaptsim_cli.wiring import calibration as wiring
+    from adaptsim_cli.bench import calibration_in_use as wiring
 
     return wiring.calibrations(resolved.config, resolved.places)
 
 
 def _views() -> Any:
-    from adaptsim_cli.calibration import terminal_views
+    from adaptsim_cli.bench.calibration import terminal_views
 
     return terminal_views
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from adaptsim_cli.command import command
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def show(screen: Screen, resolved: Resolved) -> Reply:
     """
     from dataclasses import asdict
 
-    from adaptsim_cli.devices.rig_file import reading
+    from adaptsim_cli.bench.rig_file import reading
     from adaptsim_cli.screen import views
 
     settings = {k: {"value": v, "source": resolved.sources[k]} for k, v in resolved.config.model_dump().items()}
@@ -74,8 +74,8 @@ def schema(
     import json
 
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.outputs import catalogue
     from adaptsim_cli.screen import views
+    from adaptsim_cli.screen.outputs import catalogue
 
     name = " ".join(command or ()).removeprefix("adaptsim ").strip()
     if name and name not in catalogue.SCHEMAS:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from adaptsim_cli import options
-from adaptsim_cli.command import command
+from adaptsim_cli.commands import options
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session.formats import FORMATS
 
@@ -29,8 +29,8 @@ def report(
     """
     import shlex
 
+    from adaptsim_cli.show.reports import Reports
     from adaptsim_cli.storage import durable
-    from adaptsim_cli.wiring.hindsight import Reports
 
     opened = options.stored(session)
     if out is not None:
@@ -60,9 +60,9 @@ def compare(
     """
     import hashlib
 
-    from adaptsim_cli.report import comparison
     from adaptsim_cli.screen import views
-    from adaptsim_cli.wiring.hindsight import believed
+    from adaptsim_cli.session.hindsight import believed
+    from adaptsim_cli.show import comparison
 
     names = tuple(dict.fromkeys(sessions))
     stores = [options.stored(name) for name in names]
@@ -120,7 +120,7 @@ def export(
     Example: adaptsim sessions export scooping-oreo --format mcap
     """
     from adaptsim_cli.session import formats
-    from adaptsim_cli.wiring.best import scene_files
+    from adaptsim_cli.session.best import scene_files
 
     opened = options.stored(name)
     path = out or Path(formats.default_name(opened, kind))
@@ -215,7 +215,7 @@ def retrack(
 
     Example: adaptsim retrack scooping-oreo --trial 2
     """
-    from adaptsim_cli.devices.trackers import tracker_of
+    from adaptsim_cli.bench.devices.trackers import tracker_of
     from adaptsim_cli.screen import views
     from adaptsim_cli.session import retracking
     from sim.tasks import get_task

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from adaptsim_cli import options
-from adaptsim_cli.command import command
+from adaptsim_cli.commands import options
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
@@ -67,9 +67,9 @@ def show(
 def _truth(resolved: Resolved, task: Task, truth: dict[str, Any]) -> tuple[dict[str, Any], list[RenderableType]]:
     """The truth for a program, and for a person; with the belief of the newest session in this world."""
     from adaptsim_cli.screen import views
-    from adaptsim_cli.session import truth_view
-    from adaptsim_cli.wiring.hindsight import Reports
-    from adaptsim_cli.wiring.truth import newest_in
+    from adaptsim_cli.show import truth_view
+    from adaptsim_cli.show.reports import Reports
+    from adaptsim_cli.show.truth import newest_in
 
     spaces = (task.parameters, task.nuisance)
     store = newest_in(resolved.places.sessions, task.name, resolved.config.lab_world)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from adaptsim_cli.command import command
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply, Step
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def add_to(app: typer.Typer, kind: MeasurementKind) -> None:
     )
     @command(*RIG)
     def list_all(resolved: Resolved) -> Reply:
-        from adaptsim_cli.wiring import rig_frames
+        from adaptsim_cli.bench import rig_frames
 
         return _listed(kind, kind.store(resolved), rig_frames.open_sessions(resolved.config, resolved.places))
 
@@ -76,8 +76,8 @@ def add_to(app: typer.Typer, kind: MeasurementKind) -> None:
     def restore(screen: Screen, resolved: Resolved, name: Name) -> Reply:
         from datetime import UTC, datetime
 
+        from adaptsim_cli.bench import rig_frames
         from adaptsim_cli.storage.durable import locked
-        from adaptsim_cli.wiring import rig_frames
 
         store = kind.store(resolved)
         source = store.numbered.named(name)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from adaptsim_cli import options
-from adaptsim_cli.command import command
+from adaptsim_cli.commands import options
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def rollout(
     Example: adaptsim rollout --task scooping --action pitch_rate=0.1 --world wd --yes
     """
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.wiring import rollouts
+    from adaptsim_cli.session import rollouts
 
     if best != (session is not None):
         raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
@@ -83,9 +83,9 @@ def preview(
 
     Example: adaptsim preview --task scooping --action pitch_rate=0.1 --context y=0.02
     """
+    from adaptsim_cli.bench import motion
     from adaptsim_cli.config import SIMULATED
     from adaptsim_cli.screen import keys, views
-    from adaptsim_cli.wiring import motion
 
     with screen.busy("Planning the motion"):
         planned = motion.planned(motion.mounted_for(resolved, arm), context or [], action or [])

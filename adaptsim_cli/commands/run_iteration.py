@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from adaptsim_cli import options
-from adaptsim_cli.command import command
+from adaptsim_cli.commands import options
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
@@ -57,11 +57,11 @@ def run_iteration(
     """
     from functools import partial
 
+    from adaptsim_cli.session import checkpoint as settings
+    from adaptsim_cli.session import opening as wiring
     from adaptsim_cli.session import running
-    from adaptsim_cli.wiring import session as wiring
-    from adaptsim_cli.wiring import settings
-    from adaptsim_cli.wiring.first_look import with_first_look
-    from adaptsim_cli.wiring.hindsight import Reports
+    from adaptsim_cli.show.first_look import with_first_look
+    from adaptsim_cli.show.reports import Reports
 
     most = iterations or (None if until_done else 1)
     request = running.SessionRequest(session, settings.named_by_flags(resolved), most, yes, until_done)

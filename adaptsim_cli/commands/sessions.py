@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from adaptsim_cli import options
-from adaptsim_cli.command import command
-from adaptsim_cli.commands import exporting
+from adaptsim_cli.commands import exporting, options
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply, Step
 
 if TYPE_CHECKING:
@@ -41,7 +40,7 @@ def list_sessions(
 
     Example: adaptsim sessions list
     """
-    from adaptsim_cli.outputs.sessions import Damaged
+    from adaptsim_cli.screen.outputs.sessions import Damaged
     from adaptsim_cli.session import folders, summary, terminal_views
 
     root = resolved.places.sessions
@@ -91,7 +90,7 @@ def index(
 
     Example: adaptsim sessions index
     """
-    from adaptsim_cli.report import index as page
+    from adaptsim_cli.show import index as page
 
     path, count = page.write(resolved.places.sessions, out)
     step = (f"xdg-open {path}", "opens the page; its links lead to the files beside it")
@@ -281,8 +280,8 @@ def amend(
     """
     from adaptsim_cli.screen import console
     from adaptsim_cli.session import correcting, terminal_views
+    from adaptsim_cli.session.opening import seen_by_camera
     from adaptsim_cli.session.operator import choose_amendment
-    from adaptsim_cli.wiring.session import seen_by_camera
 
     if outcome is None:
         console.require_terminal("there is no terminal to ask at: give the outcome with --outcome")
@@ -309,8 +308,8 @@ def policy(
     import json
 
     from adaptsim_cli.screen import console
+    from adaptsim_cli.session import best
     from adaptsim_cli.session.exporting import written
-    from adaptsim_cli.wiring import best
 
     if out is None:
         screen = console.Screen(as_json=True)  # stdout is for the policy alone

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from adaptsim_cli import options
-from adaptsim_cli.command import command
+from adaptsim_cli.commands import options
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
@@ -36,9 +36,9 @@ def setup(
 
     Example: adaptsim setup --hw fr3 --task scooping
     """
+    from adaptsim_cli.commands.setup_steps import walk
+    from adaptsim_cli.commands.setup_steps.answers import begun
     from adaptsim_cli.config import same_lab
-    from adaptsim_cli.setup import walk
-    from adaptsim_cli.setup.answers import begun
 
     answers = begun(resolved, screen, yes=yes)
     if waive:
@@ -64,8 +64,8 @@ def doctor(
 
     Example: adaptsim doctor --hw fr3
     """
-    from adaptsim_cli.doctor import assessment as risks
-    from adaptsim_cli.doctor import checks, table
+    from adaptsim_cli.bench.doctor import assessment as risks
+    from adaptsim_cli.bench.doctor import checks, table
 
     if assessment is not None:
         risks.write(resolved, assessment, screen)
@@ -88,8 +88,8 @@ def parts(
 
     Example: adaptsim parts --out parts
     """
+    from adaptsim_cli.bench import printed_parts as sheet
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.report import parts as sheet
     from adaptsim_cli.storage import durable
 
     if out.exists():

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from adaptsim_cli import options
-from adaptsim_cli.command import command
+from adaptsim_cli.commands import options
+from adaptsim_cli.commands.command import command
 from adaptsim_cli.commands.measurements import RIG, MeasurementKind, add_to
 from adaptsim_cli.screen.reply import Reply
 
 if TYPE_CHECKING:
+    from adaptsim_cli.bench.touch_off.store import TouchOffStore
     from adaptsim_cli.config import Resolved
     from adaptsim_cli.screen.console import Screen
-    from adaptsim_cli.touch_off.store import TouchOffStore
 
 app = typer.Typer()
 
@@ -56,10 +56,10 @@ def touch_off(
     """
     from functools import partial
 
+    from adaptsim_cli.bench import rig_frames
+    from adaptsim_cli.bench import touch_off_in_use as wiring
+    from adaptsim_cli.bench.touch_off import flow, guiding
     from adaptsim_cli.errors import UsageError
-    from adaptsim_cli.touch_off import flow, guiding
-    from adaptsim_cli.wiring import rig_frames
-    from adaptsim_cli.wiring import touch_off as wiring
 
     store, sessions = _store(resolved), rig_frames.open_sessions(resolved.config, resolved.places)
     if guide:
@@ -75,13 +75,13 @@ def touch_off(
 
 
 def _store(resolved: Resolved) -> TouchOffStore:
-    from adaptsim_cli.wiring import touch_off as wiring
+    from adaptsim_cli.bench import touch_off_in_use as wiring
 
     return wiring.touch_offs(resolved.config, resolved.places)
 
 
 def _views() -> Any:
-    from adaptsim_cli.touch_off import terminal_views
+    from adaptsim_cli.bench.touch_off import terminal_views
 
     return terminal_views
 

@@ -12,9 +12,9 @@ from typing import Any
 
 from rich.table import Table
 
-from adaptsim_cli.report.svg import Canvas, Scale
 from adaptsim_cli.research.benchmarking import PAGE, Comparison
 from adaptsim_cli.screen import views
+from adaptsim_cli.screen.svg import Canvas, Scale
 from adaptsim_cli.storage import durable
 from sim.adaptation.methods.udr import DRAWS
 from sim.research.benchmark.jobs import UDR
@@ -49,7 +49,7 @@ def render(comparison: Comparison) -> str:
     """The page as HTML."""
     from jinja2 import Environment, StrictUndefined
 
-    folder, shared = resources.files("adaptsim_cli.research"), resources.files("adaptsim_cli.report")
+    folder, shared = resources.files("adaptsim_cli.research"), resources.files("adaptsim_cli.show")
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     template = environment.from_string((folder / "benchmark.html.j2").read_text(encoding="utf-8"))
     return template.render(

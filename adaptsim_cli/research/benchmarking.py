@@ -51,7 +51,7 @@ class BenchmarkRequest:
     @property
     def plan(self) -> dict[str, Any]:
         """Everything that results depend on, and that may not change while they are gathered."""
-        from adaptsim_cli.wiring.recorded.folder import digest
+        from adaptsim_cli.session.recorded.folder import digest
 
         plan = {
             "format": FORMAT,
@@ -126,7 +126,7 @@ def request_of(
 
     Raises UsageError, UnknownName, WorldError, OutOfRange, CheckpointError, ExtraMissing.
     """
-    from adaptsim_cli.wiring.recorded.folder import read_recorded
+    from adaptsim_cli.session.recorded.folder import read_recorded
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.adaptation.methods import make_method, method_names
     from sim.errors import CheckpointError
@@ -281,7 +281,7 @@ def _jobs(request: BenchmarkRequest, tables: Sequence[WorldTable | None]) -> lis
 
 
 def _recorded_jobs(request: BenchmarkRequest, trials: RecordedTrials) -> list[Job]:
-    from adaptsim_cli.wiring.recorded.folder import digest
+    from adaptsim_cli.session.recorded.folder import digest
     from sim.research.benchmark.jobs import Job
 
     config, answers = request.resolved.config, digest(trials)[:16]

@@ -99,7 +99,7 @@ def _place(solver: Solver, world: World, seed: int, through: Through) -> Iterato
     if through != "lab":
         raise UsageError(f"through = {through!r}: it must be 'direct' or 'lab'")
     from adaptsim_cli.research.lab_place import InLab, rig_in_lab
-    from adaptsim_cli.wiring.session import executable_on
+    from adaptsim_cli.session.opening import executable_on
 
     task: Task = solver.task
     task.require_hardware()

@@ -10,13 +10,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from adaptsim_cli.devices.mounted import mounted_as_shipped
-from adaptsim_cli.devices.simulated import nominal_hand_eye
-from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.bench.devices.mounted import mounted_as_shipped
+from adaptsim_cli.bench.devices.simulated import nominal_hand_eye
+from adaptsim_cli.bench.devices.trackers import tracker_of
+from adaptsim_cli.bench.rig import Rig
+from adaptsim_cli.session.opening import executable_on
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Rig
-from adaptsim_cli.wiring.session import executable_on
 from hw.errors import MotionRefused
 from hw.types import Array
 from perception.errors import PerceptionError

@@ -126,7 +126,7 @@ class Screen:
         """
         if not self._as_json:
             return False
-        from adaptsim_cli.outputs import catalogue
+        from adaptsim_cli.screen.outputs import catalogue
 
         sys.stdout.write(json.dumps(catalogue.output(command, value), allow_nan=False) + "\n")
         sys.stdout.flush()

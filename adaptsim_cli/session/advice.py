@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from adaptsim_cli.config import is_own, same_lab
-from adaptsim_cli.outputs.trials import BestRecord, ControlRecord
+from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord
 from adaptsim_cli.screen.views import predicted_between, signed
 from adaptsim_cli.session.records import Facts, ResultRecord
 from sim.adaptation.method import WORTHWHILE

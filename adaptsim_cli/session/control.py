@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.outputs.trials import ControlRecord
+from adaptsim_cli.screen.outputs.trials import ControlRecord
 from adaptsim_cli.session.folders import names
 from adaptsim_cli.session.history import played_of
 from adaptsim_cli.session.records import Draw, Facts, TrialRecord, generator

@@ -8,8 +8,8 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.outputs.sessions import Amended
-from adaptsim_cli.outputs.trials import as_observed
+from adaptsim_cli.screen.outputs.sessions import Amended
+from adaptsim_cli.screen.outputs.trials import as_observed
 from adaptsim_cli.screen.views import words
 from adaptsim_cli.session import records
 from adaptsim_cli.session.history import completed

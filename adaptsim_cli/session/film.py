@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from adaptsim_cli.session.live_trial import Image
+from adaptsim_cli.bench.rig import Image
 from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import Film, KeyMoment
 from hw.poses import inverse

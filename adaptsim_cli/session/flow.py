@@ -16,7 +16,8 @@ from functools import partial
 import numpy as np
 
 from adaptsim_cli.errors import AnswerAwaited, SessionError
-from adaptsim_cli.outputs.trials import (
+from adaptsim_cli.screen.console import ANSWERING, Screen
+from adaptsim_cli.screen.outputs.trials import (
     BestRecord,
     IterationOutput,
     OutlookRecord,
@@ -24,7 +25,6 @@ from adaptsim_cli.outputs.trials import (
     as_row,
     named,
 )
-from adaptsim_cli.screen.console import ANSWERING, Screen
 from adaptsim_cli.screen.stopwatch import added
 from adaptsim_cli.session import correcting, terminal_views
 from adaptsim_cli.session.control import ControlPolicy, compared, is_hidden, policy_of_trial

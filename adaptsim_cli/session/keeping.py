@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 from pydantic import Field
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.outputs.sessions import Marked, PrunedRecordings, Verified
+from adaptsim_cli.screen.outputs.sessions import Marked, PrunedRecordings, Verified
 from adaptsim_cli.session import recording, records
 from adaptsim_cli.session.folders import entries, existing_folder, folder_of, own_files
 from adaptsim_cli.session.records import (

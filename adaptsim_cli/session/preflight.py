@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from adaptsim_cli.bench.facts import RigFacts
+from adaptsim_cli.bench.rig import Rig
 from adaptsim_cli.screen.views import Readiness
-from adaptsim_cli.session.records import Facts, RigFacts
-from adaptsim_cli.session.target import Rig, Target
+from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.target import Target
 from calib.types import HandEye
 from hw.errors import CameraError, DeviceUnavailable
 

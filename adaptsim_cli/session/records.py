@@ -16,11 +16,10 @@ import numpy as np
 import tomli_w
 from pydantic import Field, ValidationError
 
-from adaptsim_cli.errors import SessionError
-from adaptsim_cli.outputs import Quantities
-from adaptsim_cli.outputs.trials import BestRecord, ControlRecord, OutlookRecord, SuspicionRecord, TrackRecord
+from adaptsim_cli.errors import SessionError, explained
+from adaptsim_cli.screen.outputs import Quantities
+from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord, OutlookRecord, SuspicionRecord, TrackRecord
 from adaptsim_cli.storage import durable
-from adaptsim_cli.storage.validation import explained
 from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
 from hw.records import AnyRecord, Record, content_of, from_any_version
 from hw.types import Array

@@ -17,10 +17,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from adaptsim_cli.bench.rig import Image
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import recording, topics
 from adaptsim_cli.session.film import draw_way, way_px, write
-from adaptsim_cli.session.live_trial import Image
 from adaptsim_cli.session.recording import Recording
 from adaptsim_cli.session.records import Facts, TrialRecord
 from adaptsim_cli.session.retracking import tool_poses

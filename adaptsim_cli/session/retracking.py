@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
+from adaptsim_cli.bench.rig import Tracker
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.outputs.sessions import Now, RetrackedTrial, Stored
-from adaptsim_cli.outputs.trials import named
+from adaptsim_cli.screen.outputs.sessions import Now, RetrackedTrial, Stored
+from adaptsim_cli.screen.outputs.trials import named
 from adaptsim_cli.screen.views import words
 from adaptsim_cli.session import recording, topics
 from adaptsim_cli.session.history import played_of
 from adaptsim_cli.session.records import TrialRecord, corrupt
 from adaptsim_cli.session.rig_tracking import come_home, track_request
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Tracker
 from hw.types import Array
 from perception.errors import PerceptionError, TrackingFailed
 from sim.tasks.task import Task

@@ -11,17 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
+from adaptsim_cli.bench.facts import RigFacts
+from adaptsim_cli.bench.rig import Detection, Paths, Planner, Rig, Tracker
 from adaptsim_cli.errors import Interrupted
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness, clear_to_move, top_speed_m_s
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.film import Filmed, key_moments
-from adaptsim_cli.session.live_trial import Detection, MotionPreview, OutcomeUndecided, Paths, Placement, TrackedTrial
+from adaptsim_cli.session.live_trial import MotionPreview, OutcomeUndecided, Placement, TrackedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import brightness, rig_checks
-from adaptsim_cli.session.records import RIG, RigFacts, to_json
+from adaptsim_cli.session.records import RIG, to_json
 from adaptsim_cli.session.rig_tracking import come_home, shown_at_home, track_request
-from adaptsim_cli.session.target import Planner, Rig, Tracker
 from adaptsim_cli.session.topics import joints_at
 from hw.braking import FULL
 from hw.errors import ArmFault, HardwareError, Rehearsed

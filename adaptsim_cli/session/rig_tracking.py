@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from adaptsim_cli.bench.rig import Detection, Tracker, TrackRequest
 from adaptsim_cli.session import recording
-from adaptsim_cli.session.live_trial import Detection
-from adaptsim_cli.session.target import Tracker, TrackRequest
 from adaptsim_cli.session.topics import joints_at
 from hw.types import Array
 from perception.types import ObjectTrack

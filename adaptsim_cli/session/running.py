@@ -15,10 +15,10 @@ from rich.console import RenderableType
 
 from adaptsim_cli.config import Config, Resolved, is_own
 from adaptsim_cli.errors import AnswerRefused, StoppedByOperator, UsageError
-from adaptsim_cli.outputs.trials import IterationOutput
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.keys import Key, agree
+from adaptsim_cli.screen.outputs.trials import IterationOutput
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import folders, terminal_views
 from adaptsim_cli.session.advice import after_iteration

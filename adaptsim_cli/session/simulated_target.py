@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from adaptsim_cli.outputs.trials import TrackRecord
+from adaptsim_cli.screen.outputs.trials import TrackRecord
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.live_trial import Placement, TrackedTrial

@@ -12,9 +12,9 @@ import numpy as np
 
 from adaptsim_cli.config import Config
 from adaptsim_cli.errors import PreflightFailed, UsageError
-from adaptsim_cli.outputs.trials import PlayedTrial, Rollout
 from adaptsim_cli.screen import console, views
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.outputs.trials import PlayedTrial, Rollout
 from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session.flow import RunningSession, rows_of
 from adaptsim_cli.session.folders import folder_of

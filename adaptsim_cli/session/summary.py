@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.outputs.sessions import (
+from adaptsim_cli.screen.outputs.sessions import (
     Damaged,
     SessionRow,
     SessionShown,
@@ -16,7 +16,7 @@ from adaptsim_cli.outputs.sessions import (
     ShownResult,
     ShownWaiting,
 )
-from adaptsim_cli.outputs.trials import IterationOutput, ParticleShown, PlayedTrial, named
+from adaptsim_cli.screen.outputs.trials import IterationOutput, ParticleShown, PlayedTrial, named
 from adaptsim_cli.session.history import particles_of, played_of, results_of, trials_of
 from adaptsim_cli.session.keeping import about, size_bytes
 from adaptsim_cli.session.records import ResultRecord, Samples, TrialRecord

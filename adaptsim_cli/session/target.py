@@ -11,13 +11,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+from adaptsim_cli.bench.facts import RigFacts
+from adaptsim_cli.bench.rig import Detection, Image, Paths
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.control import ControlPolicies
-from adaptsim_cli.session.live_trial import Detection, Image, Motion, Paths, Placement
+from adaptsim_cli.session.live_trial import Motion, Placement
 from adaptsim_cli.session.operator import Operator
-from adaptsim_cli.session.records import RigFacts
 from calib.types import HandEye
 from hw.braking import slowed
 from hw.ports import Arm, Camera, ObjectPlacer

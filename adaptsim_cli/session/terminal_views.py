@@ -10,14 +10,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from adaptsim_cli.outputs.sessions import (
-    Amended,
-    Damaged,
-    SessionRow,
-    SessionShown,
-    Verified,
-)
 from adaptsim_cli.screen import views
+from adaptsim_cli.screen.outputs.sessions import Amended, Damaged, SessionRow, SessionShown, Verified
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session.advice import ENOUGH_ITERATIONS, HEADLINES, compared_in_words, in_words, tried_in
 from adaptsim_cli.session.records import ROLLOUT, Facts, MotionRecord, ResultRecord, TrialRecord

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from adaptsim_cli.outputs.trials import (
-    TrackRecord,
-    as_observed,
-    as_row,
-    named,
-)
+from adaptsim_cli.screen.outputs.trials import TrackRecord, as_observed, as_row, named
 from adaptsim_cli.session.live_trial import Motion, Placement, TrackedTrial
 from adaptsim_cli.session.records import (
     MotionRecord,

@@ -19,8 +19,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptsim_cli import app
-from adaptsim_cli.devices import lab
+from adaptsim_cli.bench.devices import lab
+from adaptsim_cli.commands import app
 from hw.errors import DeviceUnavailable
 from hw.franka.arm import FrankaArm, franka
 from hw.franka.playback import Timing

@@ -175,7 +175,7 @@ class Lab:
         return found
 
     def _alone(self, *arguments: str) -> None:
-        program = [sys.executable, "-c", "from adaptsim_cli.app import main; main()", *arguments]
+        program = [sys.executable, "-c", "from adaptsim_cli.commands.app import main; main()", *arguments]
         subprocess.run(program, check=True, env=self._environment, cwd=self._out, stdout=subprocess.DEVNULL)
 
     def _start(self, script: str, *arguments: str) -> None:

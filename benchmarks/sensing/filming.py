@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from adaptsim_cli.bench.rig import Detection
 
-from adaptsim_cli.devices.trackers import BOTTLE_AREA
+from adaptsim_cli.bench.devices.trackers import BOTTLE_AREA
 from adaptsim_cli.research.lab_place import rig_in_lab
 from adaptsim_cli.session import recording
-from adaptsim_cli.session.live_trial import Detection, Placement
+from adaptsim_cli.session.live_trial import Placement
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.storage import durable
 from hw.errors import MotionRefused

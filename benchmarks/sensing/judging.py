@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from adaptsim_cli.devices.mounted import mounted_as_shipped
-from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.bench.devices.mounted import mounted_as_shipped
+from adaptsim_cli.bench.devices.trackers import tracker_of
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.rig_tracking import come_home, shown_at_home, track_request
 from adaptsim_cli.session.topics import joints_at

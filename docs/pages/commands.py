@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
 from pages import cell
 
 COMMANDS_HEAD = """# Commands

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from adaptsim_cli.devices.rig_file.devices import DEVICES, INSTRUMENTS
+from adaptsim_cli.bench.rig_file.devices import DEVICES, INSTRUMENTS
 
 FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
     (
@@ -14,18 +14,18 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "rig.toml",
         "One lab with a real arm; [the rig file](../guide/rig.md) explains it.",
         (
-            ("", "adaptsim_cli.devices.rig_file.description", "RigDescription"),
-            ("[arm]", "adaptsim_cli.devices.rig_file.description", "ArmPart"),
-            ("[arm.collision]", "adaptsim_cli.devices.rig_file.description", "Collision"),
-            ("[table]", "adaptsim_cli.devices.rig_file.description", "TablePart"),
-            ("[camera]", "adaptsim_cli.devices.rig_file.description", "CameraPart"),
+            ("", "adaptsim_cli.bench.rig_file.description", "RigDescription"),
+            ("[arm]", "adaptsim_cli.bench.rig_file.description", "ArmPart"),
+            ("[arm.collision]", "adaptsim_cli.bench.rig_file.description", "Collision"),
+            ("[table]", "adaptsim_cli.bench.rig_file.description", "TablePart"),
+            ("[camera]", "adaptsim_cli.bench.rig_file.description", "CameraPart"),
             *((f"[{name}]", kind.part.__module__, kind.part.__name__) for name, kind in DEVICES.items()),
             *((f"[devices.{name}]", kind.part.__module__, kind.part.__name__) for name, kind in INSTRUMENTS.items()),
-            ("[tools.TASK]", "adaptsim_cli.devices.rig_file.description", "ToolPart"),
-            ("[tools.TASK.payload]", "adaptsim_cli.devices.rig_file.description", "PayloadPart"),
-            ("[person]", "adaptsim_cli.devices.rig_file.description", "PersonPart"),
-            ("[[keep_out]]", "adaptsim_cli.devices.rig_file.description", "KeepOutPart"),
-            ("[[waivers]]", "adaptsim_cli.devices.rig_file.waivers", "WaiverPart"),
+            ("[tools.TASK]", "adaptsim_cli.bench.rig_file.description", "ToolPart"),
+            ("[tools.TASK.payload]", "adaptsim_cli.bench.rig_file.description", "PayloadPart"),
+            ("[person]", "adaptsim_cli.bench.rig_file.description", "PersonPart"),
+            ("[[keep_out]]", "adaptsim_cli.bench.rig_file.description", "KeepOutPart"),
+            ("[[waivers]]", "adaptsim_cli.bench.rig_file.waivers", "WaiverPart"),
         ),
     ),
     (
@@ -64,7 +64,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "One completed trial.",
         (
             ("the fields of motion.json, and", "adaptsim_cli.session.records", "TrialRecord"),
-            ("track", "adaptsim_cli.outputs.trials", "TrackRecord"),
+            ("track", "adaptsim_cli.screen.outputs.trials", "TrackRecord"),
             ("moments", "adaptsim_cli.session.records", "KeyMoment"),
         ),
     ),
@@ -82,7 +82,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "| `stored` | a trial or a result was stored | `trials` and `iterations` so far |\n"
         "| `reported` | the report was drawn | |\n"
         "| `ended` | the command ends | `error`, where one ended it |",
-        (("", "adaptsim_cli.session.watching", "LogLine"),),
+        (("", "adaptsim_cli.screen.log", "LogLine"),),
     ),
     ("about.json", "Note and tags of a session.", (("", "adaptsim_cli.session.keeping", "About"),)),
     ("pruned.json", "Beside a trial whose recordings were removed.", (("", "adaptsim_cli.session.records", "Pruned"),)),
@@ -90,8 +90,8 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "rig.json",
         "Beside a trial on a real rig.",
         (
-            ("", "adaptsim_cli.session.records", "RigFacts"),
-            ("waivers", "adaptsim_cli.session.records", "WaiverRecord"),
+            ("", "adaptsim_cli.bench.facts", "RigFacts"),
+            ("waivers", "adaptsim_cli.bench.facts", "WaiverRecord"),
         ),
     ),
     (
@@ -99,7 +99,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "What the trials of one iteration led to.",
         (
             ("", "adaptsim_cli.session.records", "ResultRecord"),
-            ("best", "adaptsim_cli.outputs.trials", "BestRecord"),
+            ("best", "adaptsim_cli.screen.outputs.trials", "BestRecord"),
             ("verdict", "sim.adaptation.verdict", "Verdict"),
         ),
     ),
@@ -135,9 +135,9 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "touch-off.json",
         "A stored touch-off.",
         (
-            ("", "adaptsim_cli.touch_off.store", "SavedTouchOff"),
-            ("every value with an interval", "adaptsim_cli.touch_off.solving", "MeasuredValue"),
-            ("touches", "adaptsim_cli.touch_off.store", "SlowTouchRecord"),
+            ("", "adaptsim_cli.bench.touch_off.store", "SavedTouchOff"),
+            ("every value with an interval", "adaptsim_cli.bench.touch_off.solving", "MeasuredValue"),
+            ("touches", "adaptsim_cli.bench.touch_off.store", "SlowTouchRecord"),
         ),
     ),
     (

@@ -10,8 +10,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from adaptsim_cli.outputs import Output, unit_of
-from adaptsim_cli.outputs.catalogue import OUTPUTS
+from adaptsim_cli.screen.outputs import Output, unit_of
+from adaptsim_cli.screen.outputs.catalogue import OUTPUTS
 from pages import cell
 
 HEAD = """# JSON output

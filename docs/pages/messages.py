@@ -8,7 +8,7 @@ import inspect
 import re
 from collections.abc import Iterator
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
 from pages import PACKAGES, ROOT
 
 Entry = tuple[str, str]

@@ -207,7 +207,7 @@ class Hardware:
     time_step_s: Callable[[Any], float]  # time step of the plant, given the unmodelled effects (None: training)
     rest_pose: Callable[[Array, Array, Array, Any], Array]
     """(context, parameters, nuisance, unmodelled) -> X_BO (4, 4) of the object at rest before the trial."""
-    tracker: str  # the key of the tracker in adaptsim_cli.devices.trackers
+    tracker: str  # the key of the tracker in adaptsim_cli.bench.devices.trackers
     standing: Standing | None = None  # for a tracker of objects that stand on a mark
     home_pitch_rad: float = 0.0
     """Pitch of the tool between trials; positive: front down."""

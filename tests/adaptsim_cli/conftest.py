@@ -10,7 +10,7 @@ import pytest
 from documents import parse
 from toy_session import NAME, run
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
 from adaptsim_cli.screen import console
 from adaptsim_cli.session.store import SessionStore
 

@@ -7,7 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from adaptsim_cli import api, app
+from adaptsim_cli import api
+from adaptsim_cli.commands import app
 from sim.adaptation.judging import SAME_ACTION
 from sim.adaptation.method import FAILED
 from sim.tasks import get_task

@@ -10,8 +10,8 @@ import pytest
 import typer
 from toy_rig import ToyLab, opener
 
-from adaptsim_cli import app
-from adaptsim_cli.wiring import session as wiring
+from adaptsim_cli.commands import app
+from adaptsim_cli.session import opening as wiring
 from perception.errors import TrackingFailed
 
 

@@ -9,11 +9,12 @@ from collections.abc import Iterator
 import pytest
 from real_lab import RIG, ToyDevices, calibrated, waivers, write_rig
 
-from adaptsim_cli import app, config
-from adaptsim_cli.devices.known_arm import KnownArm, folder_of
-from adaptsim_cli.devices.rig_file.reading import read
-from adaptsim_cli.doctor import checks
-from adaptsim_cli.setup import describing
+from adaptsim_cli import config
+from adaptsim_cli.bench.devices.known_arm import KnownArm, folder_of
+from adaptsim_cli.bench.doctor import checks
+from adaptsim_cli.bench.rig_file.reading import read
+from adaptsim_cli.commands import app
+from adaptsim_cli.commands.setup_steps import describing
 from hw.grasping import FakeHand
 
 BOX = '[[keep_out]]\nname = "lamp"\nlow_m = [0.5, -0.9, 0.6]\nhigh_m = [0.7, -0.7, 1.0]\n'
@@ -56,7 +57,7 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[OnlyEnter]:
 @pytest.fixture
 def devices(monkeypatch: pytest.MonkeyPatch) -> ToyDevices:
     toys = ToyDevices(hand=FakeHand(0.012, holds=True))
-    monkeypatch.setattr("adaptsim_cli.devices.lab.makers_drivers", toys.drivers)
+    monkeypatch.setattr("adaptsim_cli.bench.devices.lab.makers_drivers", toys.drivers)
     monkeypatch.setattr(describing, "serial_ports", lambda _: ())
     monkeypatch.setattr(describing, "_Drawn", lambda _: None)
     monkeypatch.setattr(checks, "examine", lambda *_: iter(()))  # a computer and devices that lack nothing

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from adaptsim_cli import config
-from adaptsim_cli.devices.rig_file import reading
+from adaptsim_cli.bench.rig_file import reading
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.session.store import SessionStore
 from calib.errors import CalibrationError

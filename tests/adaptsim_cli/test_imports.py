@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
 from adaptsim_cli.screen import loading
 
 HEAVY = ("cv2", "dash", "matplotlib", "mujoco", "open3d", "pydrake", "scipy", "torch")
@@ -18,14 +18,14 @@ PROGRAM = "import sys; {}; sys.stderr.write(' '.join(m for m in {} if m in sys.m
 @pytest.mark.parametrize(
     ("program", "needed"),
     [
-        ("from adaptsim_cli.app import run; run(['--help'])", ""),
-        ("from adaptsim_cli.app import run; run(['config', 'path'])", ""),
-        ("from adaptsim_cli.app import run; run(['lab', 'list'])", "pydrake"),
+        ("from adaptsim_cli.commands.app import run; run(['--help'])", ""),
+        ("from adaptsim_cli.commands.app import run; run(['config', 'path'])", ""),
+        ("from adaptsim_cli.commands.app import run; run(['lab', 'list'])", "pydrake"),
         ("import sim.tasks, hw.workcell", ""),
         ("import adaptsim_cli.session.store", ""),
-        ("import adaptsim_cli.wiring.session, adaptsim_cli.wiring.hindsight", "cv2 scipy"),
+        ("import adaptsim_cli.session.opening, adaptsim_cli.session.hindsight", "cv2 scipy"),
         ("from perception.raycasting import load_open3d; load_open3d()", "open3d"),
-        ("import sim.tasks.scooping, sim.lab.simulated, adaptsim_cli.wiring.session", "cv2 pydrake scipy"),
+        ("import sim.tasks.scooping, sim.lab.simulated, adaptsim_cli.session.opening", "cv2 pydrake scipy"),
     ],
 )
 def test_nothing_heavy_is_imported_that_is_not_needed(program, needed):

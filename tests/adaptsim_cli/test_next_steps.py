@@ -7,7 +7,7 @@ import re
 import pytest
 from documents import parse
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
 
 SESSION = ["run-iteration", "--task", "pendulum", "--world", "wd", "--yes", "--session"]
 NAMED = re.compile(r"^(?:Next: |  or: )(.*)$", re.MULTILINE)

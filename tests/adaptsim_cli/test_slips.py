@@ -17,9 +17,9 @@ import pytest
 from lab_session import ADAPTSIM, environment
 from toy_rig import ToyLab, opener
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
 from adaptsim_cli.screen import console
-from adaptsim_cli.wiring import session as wiring
+from adaptsim_cli.session import opening as wiring
 
 CTRL_C = "^C"
 GO_ON = ("run-iteration", "--session", "study")

@@ -9,7 +9,7 @@ import numpy as np
 import plain_lab
 import pytest
 
-from adaptsim_cli.devices.attended import Person
+from adaptsim_cli.bench.devices.attended import Person
 from hw.ports import ObjectPlacer
 from hw.types import Array
 from sim.lab.simulated import SimulatedLab

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adaptsim_cli.wiring.best import contexts_of
+from adaptsim_cli.session.best import contexts_of
 from sim.lab.scene_files import PlannedTrial, as_mjcf, as_sdf
 from sim.tasks import get_task
 

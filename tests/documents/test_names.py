@@ -17,7 +17,7 @@ from documents import ROOT
 PACKAGES = ("hw", "perception", "calib", "sim", "adaptsim_cli")
 NO_NOUNS = "found seen known told there made said asked given taken kept meant wanted afresh several"
 NAMED = ast.FunctionDef | ast.AsyncFunctionDef | ast.ExceptHandler | ast.MatchAs | ast.MatchStar
-KEYS = frozenset({("adaptsim_cli/outputs/learning.py", "found")})  # fields of JSON, whose names are a promise
+KEYS = frozenset({("adaptsim_cli/screen/outputs/learning.py", "found")})  # fields of JSON, whose names are a promise
 
 
 def _stored(tree: ast.AST) -> Iterator[tuple[int, str]]:

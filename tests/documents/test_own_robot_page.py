@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from documents import ROOT
 
-from adaptsim_cli.outputs.exchange import Question
+from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.session.own.reading import read_answer, track_of
 from sim.tasks.pushing import TASK
 

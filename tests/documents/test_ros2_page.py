@@ -12,8 +12,9 @@ import pytest
 import real_views
 from mcap_ros2.writer import Writer
 
-from adaptsim_cli import api, app
-from adaptsim_cli.wiring.recorded.folder import read_recorded
+from adaptsim_cli import api
+from adaptsim_cli.commands import app
+from adaptsim_cli.session.recorded.folder import read_recorded
 from calib.files import read_folder
 from calib.foreign.chains import any_arm
 from hw.types import Array

@@ -7,10 +7,10 @@ import re
 import pytest
 from documents import ROOT
 
-from adaptsim_cli.devices.mounted import mounted_as_shipped
-from adaptsim_cli.devices.rig_file.description import Model, PersonPart
-from adaptsim_cli.doctor.assessment import planned_actions
-from adaptsim_cli.doctor.separation import INTRUSION_M, WALKING_M_S, separation_m
+from adaptsim_cli.bench.devices.mounted import mounted_as_shipped
+from adaptsim_cli.bench.doctor.assessment import planned_actions
+from adaptsim_cli.bench.doctor.separation import INTRUSION_M, WALKING_M_S, separation_m
+from adaptsim_cli.bench.rig_file.description import Model, PersonPart
 from hw.braking import LONGEST_S
 from hw.stopping import HEARD_S, LAG_S, NEXT_STOP_S, REDUCED_M_S, WORST_STOP_S, worst_stop
 from hw.watchdog import SILENCE_S

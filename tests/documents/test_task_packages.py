@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from documents import ROOT, install, module, require_kept
 
-from adaptsim_cli.wiring.recorded.folder import read_recorded
+from adaptsim_cli.session.recorded.folder import read_recorded
 from hw import plugins
 from sim import tasks
 from sim.lab.world import load_world

@@ -15,22 +15,23 @@ from typing import Any
 import numpy as np
 import pytest
 import serial_lines
+from adaptsim_cli.bench.facts import RigFacts
 from documents import ROOT, cells_of, install, module, require_kept, run_cell
 from pydantic import ValidationError
 from real_lab import quiet, said
 
-from adaptsim_cli import api, app
+from adaptsim_cli import api
+from adaptsim_cli.bench.devices.attended import Instruments
+from adaptsim_cli.bench.doctor import checks
+from adaptsim_cli.bench.doctor.table import Examined
+from adaptsim_cli.bench.rig_file import devices
+from adaptsim_cli.bench.rig_file.description import CameraPart, RigDescription
+from adaptsim_cli.bench.rig_file.devices import BalancePart
+from adaptsim_cli.bench.rig_file.reading import described, fields_of
+from adaptsim_cli.bench.rig_file.template import template
+from adaptsim_cli.commands import app
 from adaptsim_cli.config import Config, Resolved, places
-from adaptsim_cli.devices.attended import Instruments
-from adaptsim_cli.devices.rig_file import devices
-from adaptsim_cli.devices.rig_file.description import CameraPart, RigDescription
-from adaptsim_cli.devices.rig_file.devices import BalancePart
-from adaptsim_cli.devices.rig_file.reading import described, fields_of
-from adaptsim_cli.devices.rig_file.template import template
-from adaptsim_cli.doctor import checks
-from adaptsim_cli.doctor.table import Examined
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session.records import RigFacts
 from hw import plugins
 from hw.camera import kinds
 from hw.camera.served import loaded

@@ -14,14 +14,15 @@ from typing import Self
 
 import numpy as np
 import pytest
+from adaptsim_cli.bench.rig import Planner, Rig
 from lab_session import ADAPTSIM, environment
 
-from adaptsim_cli import app
+from adaptsim_cli.bench.devices.trackers import tracker_of
+from adaptsim_cli.commands import app
 from adaptsim_cli.config import Config
-from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.session import opening as wiring
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Parts, Planner, Provenance, Rig
-from adaptsim_cli.wiring import session as wiring
+from adaptsim_cli.session.target import Parts, Provenance
 from calib.types import HandEye
 from hw.collision import KeepOut
 from hw.fake import FakeArm, FakeClock

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from adaptsim_cli import app
-from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.bench.devices.trackers import tracker_of
+from adaptsim_cli.commands import app
 from hw.types import Array
 from sim.lab.calibrating import nominal_X_BC
 from sim.lab.kinect import default_X_BC

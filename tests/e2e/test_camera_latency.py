@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from adaptsim_cli.bench.rig import Rig
 
-from adaptsim_cli.devices.mounted import mounted_as_shipped
-from adaptsim_cli.devices.trackers import tracker_of
+from adaptsim_cli.bench.devices.mounted import mounted_as_shipped
+from adaptsim_cli.bench.devices.trackers import tracker_of
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Rig
 from calib.types import HandEye
 from hw.types import Array
 from perception.types import Outcome

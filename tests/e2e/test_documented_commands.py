@@ -33,7 +33,7 @@ ELSEWHERE = {
     r"adaptsim object |--object tofu.toml": "minutes of two cores; tests/adaptsim_cli/commands, with a pendulum",
     r" --rerun": "opens a viewer; tests/extras",
     r" --recorded my-pushes": "needs bags of ROS 2; tests/documents runs the page's own commands",
-    r" overlay": "needs pictures; tests/adaptsim_cli/calibration/test_arm_picture.py",
+    r" overlay": "needs pictures; tests/adaptsim_cli/bench/calibration/test_arm_picture.py",
     r" amend \S+ \d+$": "asks at the terminal; tests/adaptsim_cli/session/test_amending.py",
 }
 """What is not executed here -> why."""

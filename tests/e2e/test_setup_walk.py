@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from lab_session import ADAPTSIM, environment
 
-from adaptsim_cli.devices.rig_file.reading import read
+from adaptsim_cli.bench.rig_file.reading import read
 
 COMMAND = [*ADAPTSIM, "setup", "--world", "cucumber"]
 PATIENCE_S = 600.0

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from recordings import write_tables
 
-from adaptsim_cli import api, app
-from adaptsim_cli.wiring.recorded.folder import digest, read_recorded
+from adaptsim_cli import api
+from adaptsim_cli.commands import app
+from adaptsim_cli.session.recorded.folder import digest, read_recorded
 from sim.errors import RecordingsRefused
 from sim.tasks.pendulum import TASK
 

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from real_lab import quiet
 
-from adaptsim_cli.calibration import flow, visits
-from adaptsim_cli.calibration.parts import CalibrationRig, Ways
-from adaptsim_cli.calibration.solving import SolvedFolder
-from adaptsim_cli.calibration.store import CalibrationStore
+from adaptsim_cli.bench.calibration import flow, visits
+from adaptsim_cli.bench.calibration.parts import CalibrationRig, Ways
+from adaptsim_cli.bench.calibration.solving import SolvedFolder
+from adaptsim_cli.bench.calibration.store import CalibrationStore
 from adaptsim_cli.screen.console import Screen
 from calib import poses
 from hw.errors import CameraError

@@ -16,7 +16,7 @@ from typing import Any
 
 import typer
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
 from sim import tasks
 
 ROOT = Path(__file__).parents[2]

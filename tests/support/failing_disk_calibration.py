@@ -20,9 +20,9 @@ from failing_disk import main
 from numpy.typing import NDArray
 
 import perception.board
-from adaptsim_cli.calibration import flow, page, pictures
-from adaptsim_cli.calibration.solving import SolvedFolder, solve_folder
-from adaptsim_cli.calibration.store import RESULT, VIEWS
+from adaptsim_cli.bench.calibration import flow, page, pictures
+from adaptsim_cli.bench.calibration.solving import SolvedFolder, solve_folder
+from adaptsim_cli.bench.calibration.store import RESULT, VIEWS
 from adaptsim_cli.storage.durable import LOCK
 from calib import files
 from hw.types import Execution, JointPath

@@ -11,11 +11,11 @@ from rich.console import Console
 from toy_rig import ToyLab, opener
 
 from adaptsim_cli import config
-from adaptsim_cli.report import page
 from adaptsim_cli.screen import console
 from adaptsim_cli.session import running
 from adaptsim_cli.session.keeping import verify
 from adaptsim_cli.session.store import TRIAL, SessionStore
+from adaptsim_cli.show import page
 
 NAME = "toy-wd"
 

@@ -16,9 +16,9 @@ from fault_lab import TYPED, Outcome
 from fault_world import Fault, World, hanging, killed, release, silent_pedal, slept
 from rich.console import Console
 
-from adaptsim_cli.devices.confirmed import ConfirmedArm
-from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.devices.released import ReleasedHand
+from adaptsim_cli.bench.devices.confirmed import ConfirmedArm
+from adaptsim_cli.bench.devices.consent import Consent
+from adaptsim_cli.bench.devices.released import ReleasedHand
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.screen.console import Screen
 from hw.child import Call, Child, ChildGone

@@ -28,14 +28,14 @@ from own_judge import MAKERS, Array, Scene, Touching, poses, wrong_within
 from real_lab import waiver
 from rich.console import Console
 
-from adaptsim_cli.devices.attended import ToolWatch
-from adaptsim_cli.devices.confirmed import ConfirmedArm
-from adaptsim_cli.devices.consent import Consent
-from adaptsim_cli.devices.known_arm import KnownArm
+from adaptsim_cli.bench.calibration_in_use import BOARD_HOME_RAD, held_board
+from adaptsim_cli.bench.devices.attended import ToolWatch
+from adaptsim_cli.bench.devices.confirmed import ConfirmedArm
+from adaptsim_cli.bench.devices.consent import Consent
+from adaptsim_cli.bench.devices.known_arm import KnownArm
 from adaptsim_cli.errors import CliError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.storage import durable
-from adaptsim_cli.wiring.calibration import BOARD_HOME_RAD, held_board
 from hw.collision import KeepOut, Tool
 from hw.errors import ArmFault, HardwareError, MotionRefused
 from hw.franka.arm import FrankaArm

@@ -22,8 +22,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from adaptsim_cli import app
-from adaptsim_cli.devices import lab, real
+from adaptsim_cli.bench.devices import lab, real
+from adaptsim_cli.commands import app
 from hw.errors import CameraError
 from hw.franka.arm import FrankaArm, franka
 from hw.franka.playback import Timing

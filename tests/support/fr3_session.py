@@ -29,7 +29,7 @@ from real_lab import HANDLE_M, calibration, waivers
 from serial_lines import Box, Line
 
 from adaptsim_cli import config
-from adaptsim_cli.wiring import calibration as wiring_calibration
+from adaptsim_cli.bench import calibration_in_use as wiring_calibration
 from hw.types import Array
 from sim.panda.planning import home
 from sim.panda.tool import cell_as_shipped

@@ -12,7 +12,7 @@ from pathlib import Path
 
 VOLATILE = {"timing_s", "proposal_s", "started", "created", "at", "checksums", "summary_sha256", "sealed"}
 
-ADAPTSIM = (sys.executable, "-c", "from adaptsim_cli.app import main; main()")
+ADAPTSIM = (sys.executable, "-c", "from adaptsim_cli.commands.app import main; main()")
 WORLD = """\
 task = "scooping"
 description = "the paper's OOD-2, seen by a small camera"

@@ -15,7 +15,6 @@ from toy_rig import TASK, ToyLab, toy_parts
 from toy_session import resolved, silent
 
 from adaptsim_cli.config import Config
-from adaptsim_cli.report import page
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session import running
 from adaptsim_cli.session.own.exchange import Answerer
@@ -23,6 +22,7 @@ from adaptsim_cli.session.own.program import Program
 from adaptsim_cli.session.own.target import OwnTarget
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import Parts
+from adaptsim_cli.show import page
 from perception.types import Outcome
 from sim.tasks.task import LabReport, Task
 

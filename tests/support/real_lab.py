@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from adaptsim_cli.bench import calibration_in_use as wiring_calibration
+from adaptsim_cli.bench.devices.lab import Drivers
+from adaptsim_cli.bench.rig_file.waivers import Waivable, WaiverPart
 from adaptsim_cli.config import Resolved
-from adaptsim_cli.devices.lab import Drivers
-from adaptsim_cli.devices.rig_file.waivers import Waivable, WaiverPart
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.wiring import calibration as wiring_calibration
 from calib.saved import SavedCalibration, UncertaintyRecord
 from calib.target_records import BoardRecord
 from hw.collision import Table

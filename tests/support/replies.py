@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from adaptsim_cli.outputs import catalogue
+from adaptsim_cli.screen.outputs import catalogue
 from adaptsim_cli.screen.reply import Reply
 
 

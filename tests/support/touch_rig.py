@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from touch_off import rig_of
 
-from adaptsim_cli.touch_off.parts import Plan, TouchRig
+from adaptsim_cli.bench.touch_off.parts import Plan, TouchRig
 from hw.collision import KeepOut
 from sim.lab.simulated import READY_RAD
 from sim.lab.touch import TouchLab

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from adaptsim_cli.bench.rig import Paths, Planner, Rig, Tracker, TrackRequest
 
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.control import ControlPolicies
-from adaptsim_cli.session.live_trial import Paths
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Parts, Planner, Provenance, Rig, Tracker, TrackRequest
+from adaptsim_cli.session.target import Parts, Provenance
 from calib.types import HandEye
 from hw.mass import NOTHING
 from hw.types import ArmState, CameraModel, ContactWindow, Execution, Frame, Intrinsics, JointPath

@@ -16,17 +16,18 @@ import pytest
 from rich.console import Console
 from toy_rig import ToyLab, opener, toy_parts
 
-from adaptsim_cli import app, config
-from adaptsim_cli.report import page
+from adaptsim_cli import config
+from adaptsim_cli.commands import app
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
+from adaptsim_cli.session import opening as wiring
 from adaptsim_cli.session import running
 from adaptsim_cli.session.flow import RunningSession
 from adaptsim_cli.session.live_trial import Placement
 from adaptsim_cli.session.operator import Choices, Operator, Review, Unattended
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.wiring import session as wiring
+from adaptsim_cli.show import page
 from sim.adaptation.stages import RunTrial
 
 NAME = "toy-wd"

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Protocol
 
 from adaptsim_cli.errors import AnswerRefused
-from adaptsim_cli.outputs.exchange import Answer, Question
+from adaptsim_cli.screen.outputs.exchange import Answer, Question
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.own.reading import MOST_BYTES, read_answer
 from adaptsim_cli.storage import durable

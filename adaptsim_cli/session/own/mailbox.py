@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from adaptsim_cli.errors import AnswerAwaited
-from adaptsim_cli.outputs.exchange import Question
+from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.own.exchange import Exchange
 from sim.adaptation.sessions import Progress

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from adaptsim_cli.errors import AnswerRefused, StoppedByOperator
-from adaptsim_cli.outputs.exchange import Answer, Question
 from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.outputs.exchange import Answer, Question
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.own.exchange import Exchange
 from adaptsim_cli.session.own.reading import MOST_BYTES, measured_context, read_answer, track_of

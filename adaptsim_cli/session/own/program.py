@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from adaptsim_cli.errors import AnswerRefused, UsageError
-from adaptsim_cli.outputs.exchange import Question
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, stop
+from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.own.exchange import Exchange
 from adaptsim_cli.session.own.reading import MOST_BYTES

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from adaptsim_cli.errors import AnswerRefused
-from adaptsim_cli.outputs.exchange import VERSION, Answer, Question
-from adaptsim_cli.storage.validation import explained
+from adaptsim_cli.errors import AnswerRefused, explained
+from adaptsim_cli.screen.outputs.exchange import VERSION, Answer, Question
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.errors import OutOfRange

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from adaptsim_cli.errors import AnswerRefused
-from adaptsim_cli.outputs.exchange import Answer, Question
-from adaptsim_cli.outputs.trials import TrackRecord, as_row, named
+from adaptsim_cli.screen.outputs.exchange import Answer, Question
+from adaptsim_cli.screen.outputs.trials import TrackRecord, as_row, named
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.live_trial import Placement

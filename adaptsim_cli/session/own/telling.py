@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from adaptsim_cli.outputs.exchange import Question
+from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.session.own.exchange import QUESTIONS, Exchange
 from adaptsim_cli.session.own.reading import measured_context, read_answer, track_of
 from adaptsim_cli.session.store import SessionStore

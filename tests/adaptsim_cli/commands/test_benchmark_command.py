@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from adaptsim_cli.app import run
+from adaptsim_cli.commands.app import run
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.research.working import working_in
 from sim.rollouts.shares import Share

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from adaptsim_cli import options
+from adaptsim_cli.commands import options
 from sim.tasks import TASKS
 
-PROGRAM = "import sys; sys.argv = ['adaptsim']; from adaptsim_cli.app import main; main()"
+PROGRAM = "import sys; sys.argv = ['adaptsim']; from adaptsim_cli.commands.app import main; main()"
 
 
 @pytest.fixture

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 import typer
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
+from adaptsim_cli.commands.options import ADVANCED, ROBOT
 from adaptsim_cli.config import Config
-from adaptsim_cli.options import ADVANCED, ROBOT
 
 RARE = {"--denser", "--episodes", "--judged", "--shift", "--refine-intrinsics", "--own-calibration"}
 RARE |= {"--view-port", "--square-mm", "--attempt", "--png"}

@@ -7,7 +7,7 @@ import json
 import cv2
 import numpy as np
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
 
 
 def test_show_prints_the_truth_as_json(printed):

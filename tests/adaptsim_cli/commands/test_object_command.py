@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from adaptsim_cli.bench.checkpoints import checkpoint_of
 
 from adaptsim_cli import config
 from adaptsim_cli.screen import console
-from adaptsim_cli.wiring.settings import checkpoint_of
 
 VALUES = ["--task", "pendulum", "--range", "m1=1.5:2.0"]
 
@@ -46,7 +46,7 @@ def test_a_wrong_value_writes_nothing(values, message, tmp_path, refused):
 
 
 def test_without_values_it_asks(monkeypatch):
-    from adaptsim_cli.research.own_object import _asked  # noqa: PLC0415 - what the command asks
+    from adaptsim_cli.commands.own_object import _asked  # noqa: PLC0415 - what the command asks
     from sim.tasks import get_task  # noqa: PLC0415
 
     answers = iter(["0.08:0.16", "", "1e4", "1e4:1e5", "", "", "", "heavy", "0,4"])
@@ -66,7 +66,7 @@ def test_without_values_it_asks(monkeypatch):
 
 
 def test_only_options_beyond_the_training_are_named_as_the_reason_to_learn():
-    from adaptsim_cli.research.own_object import _beyond  # noqa: PLC0415 - what the command says
+    from adaptsim_cli.commands.own_object import _beyond  # noqa: PLC0415 - what the command says
     from sim.tasks import get_task  # noqa: PLC0415
     from sim.tasks.own_object import OwnObject  # noqa: PLC0415
 
@@ -84,7 +84,7 @@ def test_the_picture_shows_the_object_small_middle_and_large_on_one_scale():
     import cv2  # noqa: PLC0415
     import numpy as np  # noqa: PLC0415
 
-    from adaptsim_cli.research.own_object import _png  # noqa: PLC0415 - what the command draws
+    from adaptsim_cli.commands.own_object import _png  # noqa: PLC0415 - what the command draws
     from sim.lab.preview import PANEL_PX, low_middle_high  # noqa: PLC0415
     from sim.tasks import get_task  # noqa: PLC0415
 

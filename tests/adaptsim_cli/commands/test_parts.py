@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from adaptsim_cli.bench import printed_parts as sheet
 from adaptsim_cli.commands.setup import all_parts
-from adaptsim_cli.report import parts as sheet
 from hw.types import Array
 from perception.raycasting import load_open3d
 from sim.tasks.pushing import TASK as PUSHING

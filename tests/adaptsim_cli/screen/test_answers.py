@@ -12,7 +12,7 @@ from real_lab import ToyDevices, ToyPedal, calibrated, quiet, said, write_rig
 
 from adaptsim_cli import config
 from adaptsim_cli.screen.keys import enter, stop
-from adaptsim_cli.wiring.session import open_trials
+from adaptsim_cli.session.opening import open_trials
 from sim.tasks import get_task
 
 

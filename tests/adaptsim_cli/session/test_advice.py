@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from adaptsim_cli.config import same_lab
-from adaptsim_cli.outputs.trials import BestRecord, SuspicionRecord
+from adaptsim_cli.screen.outputs.trials import BestRecord, SuspicionRecord
 from adaptsim_cli.session.advice import HEADLINES, after_iteration, in_words, tried_in
 from adaptsim_cli.session.records import Facts, ResultRecord
 from sim.adaptation.verdict import Kind, Reason, Verdict

@@ -11,7 +11,6 @@ from toy_rig import PARAMETERS, TASK, ToyLab, ToyPolicy, opener, toy_parts
 from toy_session import ScriptedOperator, resolved, silent, summary
 
 from adaptsim_cli.errors import Interrupted, SessionError, UsageError
-from adaptsim_cli.report import page
 from adaptsim_cli.session import records, running, terminal_views
 from adaptsim_cli.session.advice import compared_in_words
 from adaptsim_cli.session.control import ControlPolicy, compared, pairs_of, planned_pairs, power_in_words
@@ -23,7 +22,8 @@ from adaptsim_cli.session.keeping import verify
 from adaptsim_cli.session.records import Facts, MotionRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.watching import AllOf, SessionLog
-from adaptsim_cli.view.live import so_far, trial_shown
+from adaptsim_cli.show import page
+from adaptsim_cli.show.live import so_far, trial_shown
 from perception.types import Outcome
 from sim.adaptation.method import Particle
 from sim.adaptation.stages import Layout

@@ -11,11 +11,11 @@ from toy_rig import ToyLab, opener
 from toy_session import NAME, resolved, run
 
 from adaptsim_cli.errors import SessionError
-from adaptsim_cli.report import page
 from adaptsim_cli.session import running
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.history import results_of, trials_of
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.show import page
 
 WAIT_S = 30.0  # no test waits so long unless it fails
 

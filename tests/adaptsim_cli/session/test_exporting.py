@@ -11,9 +11,9 @@ from mcap.reader import make_reader
 from pages import files
 from toy_session import NAME
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
 from adaptsim_cli.session import exporting, formats, recording, replaying, topics
-from adaptsim_cli.wiring.best import scene_files
+from adaptsim_cli.session.best import scene_files
 
 
 def messages(file: Path) -> dict[str, list[bytes]]:

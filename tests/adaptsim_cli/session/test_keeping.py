@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from adaptsim_cli.bench.facts import RigFacts, WaiverRecord
 from toy_rig import OUTCOMES, TASK
 from toy_session import NAME, ScriptedOperator, attended, run
 
-from adaptsim_cli import app
-from adaptsim_cli.devices.rig_file.waivers import WaiverPart
+from adaptsim_cli.bench.rig_file.waivers import WaiverPart
+from adaptsim_cli.commands import app
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import keeping, recording
 from adaptsim_cli.session.correcting import amend, amendable, redo
@@ -22,7 +23,7 @@ from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.folders import entries, names, own_files
 from adaptsim_cli.session.keeping import mark, prune, verify
 from adaptsim_cli.session.operator import Review
-from adaptsim_cli.session.records import RigFacts, WaiverRecord, to_json
+from adaptsim_cli.session.records import to_json
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage.durable import seal_json
 from perception.types import Outcome

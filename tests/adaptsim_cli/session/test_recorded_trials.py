@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from adaptsim_cli.bench.rig import Tracker, TrackRequest
 from toy_rig import OUTCOMES, ToyLab, rig_target
 from toy_session import NAME, ScriptedOperator, attended, run, silent, summary
 
@@ -20,7 +21,6 @@ from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.operator import Attended, Choices, Review, Unattended
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.errors import ArmFault, CameraError
 from hw.types import Execution, JointPath
 from perception.errors import TrackingFailed

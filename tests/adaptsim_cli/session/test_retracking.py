@@ -10,17 +10,17 @@ from typing import NoReturn
 import numpy as np
 import pytest
 import toy_rig
+from adaptsim_cli.bench.rig import Tracker, TrackRequest
 from scipy.spatial.transform import Rotation
 from toy_rig import TASK, ToyLab
 
 import sim.tasks
-from adaptsim_cli import app
-from adaptsim_cli.devices import trackers
+from adaptsim_cli.bench.devices import trackers
+from adaptsim_cli.commands import app
 from adaptsim_cli.session import recording, retracking
 from adaptsim_cli.session.correcting import amend
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Tracker, TrackRequest
 from hw.types import CameraModel, Execution, Frame
 from perception.errors import ObjectNotFound
 from perception.types import ObjectTrack, Outcome

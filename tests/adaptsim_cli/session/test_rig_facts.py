@@ -12,16 +12,16 @@ from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from adaptsim_cli.bench.facts import RigFacts
 from mcap.reader import make_reader
 from real_lab import calibration, quiet, said
 from toy_rig import ToyLab, rig_target, toy_parts
 from toy_session import RUN, ScriptedOperator, attended, call, resolved, silent, unattended
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
 from adaptsim_cli.session import recording, running
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.preflight import calibration_check, drift
-from adaptsim_cli.session.records import RigFacts
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.store import SessionStore
 from calib.types import Check, Grade

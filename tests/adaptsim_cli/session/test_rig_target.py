@@ -8,12 +8,12 @@ from threading import Event
 
 import numpy as np
 import pytest
+from adaptsim_cli.bench.rig import TrackRequest
 from toy_rig import ToyLab, rig_target, toy_parts
 from toy_session import unattended
 
 from adaptsim_cli.research.lab_place import rig_in_lab
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import TrackRequest
 from hw.types import Array
 from perception.types import ObjectTrack
 from sim.adaptation.stages import TrialKey

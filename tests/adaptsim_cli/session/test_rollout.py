@@ -9,11 +9,11 @@ import pytest
 import toy_rig
 from toy_rig import TASK, ToyLab, opener
 
-from adaptsim_cli import app
+from adaptsim_cli.commands import app
+from adaptsim_cli.session import opening as wiring
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.records import ROLLOUT
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.wiring import session as wiring
 from hw.errors import MotionRefused
 from perception.errors import TrackingFailed
 from sim.errors import NotExecutable

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from toy_session import summary
 
-from adaptsim_cli import app, config
-from adaptsim_cli.report import page
+from adaptsim_cli import config
+from adaptsim_cli.commands import app
+from adaptsim_cli.session import opening as wiring
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.wiring import session as wiring
+from adaptsim_cli.show import page
 from sim.tasks.pendulum.solver import rewards
 
 NAME = "pendulum-ood-1"

@@ -9,11 +9,11 @@ from real_lab import quiet, said
 from toy_rig import ToyLab, opener
 from toy_session import NAME, resolved
 
-from adaptsim_cli.report import page
 from adaptsim_cli.screen import console
 from adaptsim_cli.session import running
 from adaptsim_cli.session.history import results_of
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.show import page
 
 ASKED = "The verdict says stop. Run another iteration?"
 

@@ -9,10 +9,10 @@ import pytest
 from toy_rig import ToyLab, opener
 from toy_session import NAME, resolved, run, silent
 
-from adaptsim_cli.report import page
 from adaptsim_cli.screen.console import CleanConsole, Screen
 from adaptsim_cli.session import running, watching
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.show import page
 from hw.errors import CameraError
 
 

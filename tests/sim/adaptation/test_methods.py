@@ -8,7 +8,7 @@ from documents import install
 from toy_learning import iteration, train_one, trained, tried
 from toy_task import PARAMETERS, TOY, Unmodelled
 
-from adaptsim_cli.doctor import checks
+from adaptsim_cli.bench.doctor import checks
 from hw import plugins
 from sim.adaptation import methods
 from sim.adaptation.judging import Misfits, assess, choose_best, final_policy, judge

@@ -13,7 +13,6 @@ from toy_session import resolved
 
 from adaptsim_cli import config
 from adaptsim_cli.errors import StoppedByOperator, UsageError
-from adaptsim_cli.report import page
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
@@ -24,6 +23,7 @@ from adaptsim_cli.session.own.person import TypedAnswers
 from adaptsim_cli.session.own.program import Program
 from adaptsim_cli.session.own.trust import require_trusted
 from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.show import page
 from sim.tasks.task import Task
 
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from documents import FENCE, ROOT
 
-from adaptsim_cli import api, app
+from adaptsim_cli import api
+from adaptsim_cli.commands import app
 from adaptsim_cli.errors import AnswerRefused, UsageError
 from sim.lab.world import load_world, rollouts_in
 from sim.tasks import get_task

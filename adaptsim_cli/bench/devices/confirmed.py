@@ -1,0 +1,132 @@
+"""A real arm and hand that ask before they move: a typed word once per command, a key and the pedal before a motion."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from typing import TYPE_CHECKING, Literal, Self
+
+from adaptsim_cli.bench.devices.consent import Consent
+from adaptsim_cli.bench.devices.lab import RealArm
+from adaptsim_cli.screen.release import Release
+from hw.collision import Tool
+from hw.errors import MotionRefused
+from hw.ports import ArmWrapper, Pedal
+from hw.types import Contact, Execution, Guard, JointPath
+
+if TYPE_CHECKING:
+    from hw.franka.motions import StopReport
+    from hw.franka.settings import Payload
+
+PATIENCE_S = 30.0
+"""How long a motion waits for the pedal to be pressed."""
+_LOOK_S = 0.02
+LEAST_RATE = 0.95
+"""Share of commands that should reach the arm in time, by the maker (libfranka's communication test)."""
+
+
+class ConfirmedArm(ArmWrapper[RealArm]):
+    """`hw.ports.GuardedArm` around a real one. Every motion needs the typed word; there is no way around it."""
+
+    def __init__(
+        self,
+        arm: RealArm,
+        consent: Consent,
+        pedal: Pedal | None,
+        *,
+        before: Callable[[], None] = lambda: None,
+        now_s: Callable[[], float] = time.monotonic,
+        pause: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """`before` is called before every motion, with the pedal held, and raises if the motion may not begin."""
+        super().__init__(arm)
+        self.consent, self._before = consent, before
+        self._screen, self._pedal = consent.screen, pedal
+        self.release = Release(consent.screen, arm.model, True, consent.each, self.confirm, consent.completed)
+        self._now_s, self._pause = now_s, pause
+
+    @property
+    def pedal(self) -> Literal["held", "waived"]:
+        """Returns "held" if it moves only while its pedal is held, "waived" without a pedal."""
+        return "waived" if self._pedal is None else "held"
+
+    def execute(self, path: JointPath) -> Execution:
+        """Raises StoppedByOperator without consent, MotionRefused if the pedal is not held in time."""
+        with self._allowed(path):
+            played = self._arm.execute(path)
+        self._say_rate(played.control_success_rate)
+        return played
+
+    def execute_until_contact(self, path: JointPath, guard: Guard) -> Contact:
+        """Raises the errors of `execute` and of a guarded motion."""
+        with self._allowed(path):
+            contact = self._arm.execute_until_contact(path, guard)
+        self._say_rate(contact.control_success_rate)
+        return contact
+
+    @property
+    def last_stop(self) -> StopReport | None:
+        """See `RealArm`."""
+        return self._arm.last_stop
+
+    def carry(self, tool: Tool, payload: Payload) -> None:
+        """Set the load on the flange from now on. Nothing moves."""
+        self._arm.carry(tool, payload)
+
+    def __enter__(self) -> Self:
+        super().__enter__()
+        for note in self._arm.notes:
+            self._screen.note(f"  {note}")
+        return self
+
+    def confirm(self) -> None:
+        """Ask everything that is asked once before the first motion of a command. Raises StoppedByOperator."""
+        self.consent.once(self._arm)
+
+    def await_enabled(self, what: str, duration_s: float) -> None:
+        """Wait until the next motion, which does `what`, is released, and for the pedal.
+
+        Raises StoppedByOperator, MotionRefused.
+        """
+        self.confirm()
+        self.release.motion(what, duration_s)
+        self.await_pedal()
+
+    def await_pedal(self, what: str = "arm") -> None:
+        """Wait until the pedal is held. Raises MotionRefused after `PATIENCE_S`."""
+        if self._pedal is None or self._pedal.enabled():
+            return
+        self._screen.note(f"  Hold the pedal to let the {what} move: {self._pedal.why_not()}")
+        until_s = self._now_s() + PATIENCE_S
+        while not self._pedal.enabled():
+            if self._now_s() > until_s:
+                raise MotionRefused(
+                    f"{self.model}: the pedal was not held within {PATIENCE_S:g} s ({self._pedal.why_not()}); the "
+                    "motion did not start. Hold the pedal and run the same command again"
+                )
+            self._pause(_LOOK_S)
+
+    @contextmanager
+    def _allowed(self, path: JointPath) -> Iterator[None]:
+        """Around one motion: consent, pedal, a note on the disk until it has come to its end."""
+        self.confirm()
+        self.release.motion(duration_s=path.duration_s)
+        self.await_pedal()
+        self._before()
+        self.release.begun()
+        known_arm = self.consent.known_arm
+        with nullcontext() if known_arm is None else known_arm.moving():
+            yield
+
+    def _say_rate(self, rate: float) -> None:
+        """Warn of a low success rate after a motion."""
+        sentence = f"{100.0 * rate:.1f} % of the commands reached the arm in time"
+        if rate >= LEAST_RATE:
+            self._screen.plain(f"  {sentence}")
+            self._screen.tell_listeners(sentence)
+            return
+        self._screen.note(
+            f"  Only {sentence} (at least {100.0 * LEAST_RATE:g} %): the computer or its network was too slow, and the "
+            f"motion may have been rough. End other programs; adaptsim doctor --hw {self.model} checks both"
+        )

@@ -1,0 +1,129 @@
+"""The interface of a lab, real or simulated: its description, known without any device, and its devices.
+
+`makers_drivers` names the drivers of real ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from adaptsim_cli.bench.calibration.parts import BoardHandler
+from adaptsim_cli.bench.devices.known_arm import StopMeasurement
+from adaptsim_cli.bench.devices.mounted import MountedTask
+from adaptsim_cli.bench.rig import Rig
+from adaptsim_cli.bench.rig_file.description import RigDescription
+from adaptsim_cli.bench.touch_off.parts import PersonAtTool
+from adaptsim_cli.screen.release import Release
+from calib.types import HandEye
+from hw.collision import KeepOut, Tool
+from hw.ports import Arm, Balance, Camera, GuardedArm, Hand, Pedal
+from hw.types import Array
+from hw.workcell import Workcell
+
+if TYPE_CHECKING:
+    from adaptsim_cli.bench.rig_file.description import CameraPart
+    from adaptsim_cli.bench.rig_file.devices import BalancePart, PedalPart
+    from hw.franka.motions import StopReport
+    from hw.franka.settings import FrankaSettings, Payload
+    from sim.lab.board import HeldBoard
+
+
+BoardDevices = tuple[Arm, Camera, Callable[[float], None], BoardHandler | None, Release]
+"""Arm and camera, connected, with the board in the gripper: the camera's frames have an infrared image. Then a pause of
+so many seconds, for which the simulated lab does not wait, the board's handler (None: a person at the terminal), and
+the questions that let the arm move."""
+
+TouchDevices = tuple[GuardedArm, Hand, Callable[[bool], None], Release]
+"""Arm and hand, connected, the hand empty. `tool_there(True)`: the person holds the tool between the open fingers;
+False: takes it away. Then the questions that let them move."""
+
+
+GuidedDevices = tuple[Arm, Callable[[float], None], PersonAtTool | None]
+"""The arm, connected, the tool in its hand or screwed on. Then a pause of so many seconds, for which the simulated lab
+does not wait, and the person who guides it; None: a person at the terminal."""
+
+
+class Lab(Protocol):
+    """A lab during one command. Opening it moves nothing; each `for_...` may raise DeviceUnavailable."""
+
+    @property
+    def rig(self) -> RigDescription:
+        """The content of the rig file; the simulated lab has one too."""
+
+    @property
+    def title(self) -> str:
+        """Its name for an operator."""
+
+    @property
+    def nominal(self) -> HandEye | None:
+        """The camera's pose before any calibration; None: unknown."""
+
+    def boxes_around_camera(self, X_BC: Array) -> tuple[KeepOut, ...]:
+        """Further keep-out boxes for trials, with the camera at X_BC (4, 4)."""
+
+    def note(self, message: str) -> None:
+        """Show a message to the person beside the arm, if there is one."""
+
+    def for_trials(self, mounted_task: MountedTask, hand_eye: HandEye, days: int) -> Rig:
+        """Devices for trials.
+
+        `hand_eye` is the camera's pose over the table; a calibration older than `days` gives a warning.
+        """
+
+    def for_calibration(self, held: HeldBoard, cell: Workcell, home_rad: Array) -> BoardDevices:
+        """Arm and camera, connected, with `held` in the gripper; `cell` decides which motions are allowed."""
+
+    def for_touch_off(self, cell: Workcell, loaded: Tool) -> TouchDevices:
+        """`cell` is with the empty hand, `loaded` the hand with the tool."""
+
+    def for_guided_touch_off(self, cell: Workcell) -> GuidedDevices:
+        """`cell` is with the tool. Nothing moves by itself."""
+
+    def measure_stop(self, mounted_task: MountedTask) -> StopMeasurement:
+        """Have the stop button pressed during a slow swing, and keep time and way until rest beside the worst case.
+
+        Raises StoppedByOperator, MotionRefused, HardwareError.
+        """
+
+
+class RealArm(GuardedArm, Protocol):
+    """The arm of a lab, which has to know the load in its hand."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Real-time properties that the computer denies its process, one sentence each; known once it is connected."""
+
+    @property
+    def last_stop(self) -> StopReport | None:
+        """How the arm's last motion stopped; None: it came to its end."""
+
+    def carry(self, tool: Tool, payload: Payload) -> None:
+        """Set the load, for the checks and for the arm's weight compensation. Nothing moves. Raises HardwareError."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drivers:
+    """One function per device: it makes the device, not connected. Raises DeviceUnavailable without its driver."""
+
+    arm: Callable[[Workcell, FrankaSettings, Pedal | None], RealArm]  # it refuses what the cell does not allow
+    camera: Callable[[CameraPart, bool], Camera]  # True: with the infrared image in every frame
+    pedal: Callable[[PedalPart], Pedal]
+    balance: Callable[[BalancePart], Balance]
+    hand: Callable[[str, str, Pedal | None], Hand]  # of the arm's model, at a host; with a pedal it moves while held
+
+
+def makers_drivers() -> Drivers:
+    """The adapters of `hw`. An SDK is loaded when its device is entered; DeviceUnavailable names a missing one."""
+    from adaptsim_cli.bench.rig_file.devices import BALANCE, PEDAL
+    from hw.franka.arm import open_franka
+    from hw.franka.hand_process import HandProcess
+
+    return Drivers(
+        arm=lambda cell, settings, pedal: open_franka(cell, settings, pedal=pedal),
+        camera=lambda part, infrared: part.camera(infrared=infrared),
+        pedal=PEDAL.driver,
+        balance=BALANCE.driver,
+        hand=lambda model, host, pedal: HandProcess(model, host, pedal=pedal),
+    )

@@ -1,0 +1,129 @@
+"""The stop button, measured: a person presses it during a slow motion; time and way until rest are kept.
+
+The motion is a swing of the first joint, or of the next one that the workcell allows, at the reduced speed of
+`hw.stopping`. What is measured begins with the last command that the arm took, and ends where every joint stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Protocol
+
+import numpy as np
+
+from adaptsim_cli.bench.devices.known_arm import KnownArm, StopMeasurement
+from adaptsim_cli.bench.devices.recovery import offer_recovery
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.release import Release
+from hw.braking import at_pace
+from hw.errors import ArmFault, MotionRefused
+from hw.franka.motions import BUTTON, StopReport
+from hw.ports import Arm
+from hw.stopping import REDUCED_M_S, reduced_pace, worst_stop
+from hw.types import Array, JointPath
+from hw.workcell import Workcell
+
+SWING_RAD = (0.8, 0.4, 0.15)
+"""The swing to either side, tried in turn."""
+SWING_S = 1.5
+"""The time from the middle to one side, at full pace."""
+JOINTS = (0, 6)
+
+
+class Reporting(Protocol):
+    """An arm that knows how its last motion stopped."""
+
+    @property
+    def last_stop(self) -> StopReport | None:
+        """How the last motion stopped; None: it came to its end."""
+
+
+def swing(q_rad: Array, cell: Workcell) -> JointPath:
+    """A slow motion from the reported joints (7,) that `cell` allows, back at its start. Raises MotionRefused."""
+    refused = ""
+    for path in _swings(q_rad):
+        slow = at_pace(path, reduced_pace(path, cell))
+        try:
+            cell.require(slow, q_rad)
+        except MotionRefused as error:
+            refused = str(error)
+            continue
+        return slow
+    raise MotionRefused(
+        f"no joint has room for the slow motion of the stop check ({refused}); guide the arm elsewhere by hand"
+    )
+
+
+def _swings(q_rad: Array) -> Iterator[JointPath]:
+    """The swings to one side, to the other and back, at rest at every turn."""
+    u = np.arange(1, round(1000 * SWING_S) + 1) / round(1000 * SWING_S)
+    step = u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
+    v = np.arange(1, 2 * len(u) + 1) / (2 * len(u))
+    across = 1.0 - 2.0 * v**4 * (35.0 - 84.0 * v + 70.0 * v**2 - 20.0 * v**3)
+    share = np.concatenate([[0.0], step, across, step - 1.0])
+    t_s = np.arange(len(share)) / 1000
+    for angle_rad in SWING_RAD:
+        for joint in JOINTS:
+            yield JointPath(t_s, q_rad + angle_rad * share[:, None] * np.eye(len(q_rad))[joint])
+
+
+def swinging(path: JointPath) -> str:
+    """The question before the swing."""
+    return (
+        f"The arm will swing to and fro for {path.duration_s:.0f} s, at up to {REDUCED_M_S:g} m/s. Press its stop "
+        "button while it swings. Is nobody within its reach?"
+    )
+
+
+def measurement(stopped: StopReport, path: JointPath, cell: Workcell, operator: str) -> StopMeasurement:
+    """The measured stop, beside the worst case of the same motion."""
+    worst = worst_stop(cell, (path,))
+    return StopMeasurement(
+        at=datetime.now(UTC).isoformat(timespec="seconds"),
+        by=operator,
+        time_s=stopped.still_after_s,
+        distance_m=stopped.way_m,
+        worst_time_s=worst.time_s,
+        worst_distance_m=worst.distance_m,
+    )
+
+
+@dataclass(frozen=True)
+class StopCheck:
+    """The person at the terminal, the arm behind its confirmation, and the arm that reports."""
+
+    screen: Screen
+    arm: Arm
+    reporting: Reporting
+    cell: Workcell
+    known_arm: KnownArm
+    release: Release
+
+    def measure(self, operator: Callable[[], str]) -> StopMeasurement:
+        """Have the stop button pressed during the swing, keep what was measured, and have the button released.
+
+        `operator` is asked for the name after the first question. Raises StoppedByOperator, MotionRefused, and ArmFault
+        for another fault than the stop button.
+        """
+        while True:
+            path = swing(self.arm.state().q_rad, self.cell)
+            self.release.one(swinging(path), "The arm swings until you press the stop button. Enter lets nothing move.")
+            if (stopped := self._swung(path)) is not None:
+                break
+            self.screen.note("  The arm came to the end of its swing: the stop button was not pressed.")
+        stop = measurement(stopped, path, self.cell, operator())
+        self.known_arm.stop_measured(stop)
+        offer_recovery(self.arm, self.screen)
+        return stop
+
+    def _swung(self, path: JointPath) -> StopReport | None:
+        try:
+            self.arm.execute(path)
+        except ArmFault:
+            stopped = self.reporting.last_stop
+            if stopped is None or stopped.why != BUTTON:
+                raise
+            return stopped
+        return None

@@ -1,0 +1,107 @@
+"""`adaptsim pretrain`: Phase 1."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from adaptsim_cli.commands import options
+from adaptsim_cli.commands.command import command
+from adaptsim_cli.screen.reply import Reply
+
+if TYPE_CHECKING:
+    from adaptsim_cli.config import Resolved
+    from adaptsim_cli.screen.console import Screen
+
+_Solver = Annotated[
+    str | None,
+    typer.Option("--solver", help="emulator (default), or naf: the paper's solver, on true rollouts alone."),
+]
+
+
+@command("task", "seed", "object", "workers", solver=_Solver)
+def pretrain(
+    screen: Screen,
+    resolved: Resolved,
+    budget: Annotated[str, typer.Option("--budget", help="Size of the whole pretraining: full or small.")] = "full",
+    rollouts: Annotated[
+        int | None,
+        typer.Option("--rollouts", rich_help_panel=options.ADVANCED, min=64, help="Simulated trials in the dataset."),
+    ] = None,
+    denser: Annotated[
+        int | None,
+        typer.Option(
+            "--denser", rich_help_panel=options.ADVANCED, min=0, help="Further trials where the outcome is uncertain."
+        ),
+    ] = None,
+    episodes: Annotated[
+        int | None,
+        typer.Option(
+            "--episodes",
+            rich_help_panel=options.ADVANCED,
+            min=64,
+            help="Episodes from which each adaptation policy learns.",
+        ),
+    ] = None,
+    judged: Annotated[
+        int | None,
+        typer.Option(
+            "--judged", rich_help_panel=options.ADVANCED, min=4, help="Unseen targets on which the result is evaluated."
+        ),
+    ] = None,
+    targets: Annotated[
+        str, typer.Option("--targets", help="Where they are drawn: paper (in the ranges) or wide (beyond them too).")
+    ] = "paper",
+    scheduler: options.Scheduler = "",
+    share: options.ShareOfWork = "",
+    out: options.WorkingFolder = None,
+    methods: Annotated[
+        bool, typer.Option("--methods", help="Train the paper's adaptation policies too, and their variants.")
+    ] = False,
+    evaluate: Annotated[
+        bool, typer.Option("--evaluate", help="Judge sessions of the methods on unseen targets, by true rollouts.")
+    ] = False,
+) -> Reply:
+    """Phase 1: simulate a dataset, fit the emulator, tabulate the prospects, write a checkpoint.
+
+    The method adaptsim needs no more. --methods adds the paper's adaptation policies, --evaluate judges all methods;
+    both take longer than all the rest. Add them whenever you like: finished stages are not repeated.
+
+    Stop it at any time: the same command continues. Use the checkpoint with the setting `checkpoint`.
+
+    --share K/N simulates a part of the dataset: first its even part, and run once more the denser one.
+
+    With --targets wide the targets to learn from and to be judged on may lie beyond the paper's ranges.
+
+    Example: adaptsim pretrain --task scooping --budget small
+    """
+    from adaptsim_cli.errors import UsageError
+    from adaptsim_cli.research import pretraining
+    from adaptsim_cli.research.working import complete, share_of, simulations
+    from sim.research.pretraining.budget import OptionalStages
+
+    if episodes is not None and not methods:
+        raise UsageError("--episodes sets how much the adaptation policies learn from: add --methods")
+    if judged is not None and not evaluate:
+        raise UsageError("--judged sets on how many targets the methods are judged: add --evaluate")
+    part = share_of(share, screen)
+    sizes = pretraining.RequestedSizes(rollouts, denser, episodes, judged)
+    request = pretraining.checked(resolved, out, budget, targets, sizes)
+    with screen.progress() as progress, simulations(resolved, scheduler) as crew:
+        if part is not None:
+            if pretraining.pretrain_share(request, part, crew, progress):
+                return complete(part, "its part of the dataset", request.folder)
+            even = f"Share {part} of the even part is complete in {request.folder}"
+            return Reply(text=[even, "Once all shares are, the same command simulates this share of the denser part."])
+        stages = OptionalStages(policies=methods, evaluation=evaluate)
+        folder = pretraining.pretrain(request, crew, progress, stages)
+    screen.plain(f"Checkpoint: {folder}")
+    chosen = resolved.config
+    own = f" --object {chosen.object}" if chosen.object else ""
+    steps = [
+        (f"ADAPTSIM_CHECKPOINT={folder} adaptsim run-iteration --task {chosen.task}{own}", "a session with it"),
+        (f"adaptsim checkpoints verify {folder}", "are the figures on its card right?"),
+    ]
+    data = {"checkpoint": str(folder), "card": pretraining.checkpoint_card(chosen.task, folder)}
+    return Reply(data, next=steps)

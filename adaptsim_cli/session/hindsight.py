@@ -1,0 +1,298 @@
+"""Evaluates the trajectories of a stored session again, with the checkpoint that it was begun with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adaptsim_cli.errors import SessionError
+from adaptsim_cli.screen.outputs.learning import Revealed
+from adaptsim_cli.screen.outputs.sessions import ParameterBelief
+from adaptsim_cli.session.checkpoint import checkpoint_of_session, recordings_of
+from adaptsim_cli.session.folders import names
+from adaptsim_cli.session.history import history_of, particles_of, results_of, trials_of
+from adaptsim_cli.session.judgement import HeldOutScore, Judgement, Prediction, end_error, mean_of
+from adaptsim_cli.session.records import ROLLOUT, TrialRecord, read_object
+from adaptsim_cli.session.store import RESULT, TRIAL, SessionStore
+from adaptsim_cli.show import page, truth_view
+from adaptsim_cli.show.truth import revealed
+from sim.errors import CollapsedPosterior, RecordingsRefused, SimError
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from sim.adaptation.checkpoint import Checkpoint
+    from sim.adaptation.method import Iteration, Method
+    from sim.adaptation.methods.belief import Belief
+    from sim.adaptation.posterior import Posterior
+    from sim.solvers.solver import SolvedPolicy
+    from sim.tasks.task import Task
+    from sim.types import Estimate
+
+JUDGED = 64
+"""Contexts in which a final policy chooses among the trials held out."""
+
+LIKELY = 24
+"""Number of trajectories drawn from the posterior for each trial."""
+
+BELIEVED = (0.05, 0.5, 0.95)
+"""Lower end, median and upper end of a session's posterior of a parameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hindsight:
+    """A checkpoint that evaluates the trajectories of its sessions. It caches the results of each trial."""
+
+    checkpoint: Checkpoint
+    belief: Belief
+    _methods: dict[str, Method] = field(default_factory=dict, repr=False)
+
+    @classmethod
+    def of(cls, store: SessionStore) -> Hindsight:
+        """Raises CheckpointError if the session's checkpoint is gone, or has no parts for inference."""
+        from sim.adaptation.methods.belief import create
+
+        checkpoint = checkpoint_of_session(store)
+        return cls(checkpoint, create(checkpoint.solver.task, checkpoint))
+
+    @cached_property
+    def _of_udr(self) -> tuple[SolvedPolicy, ...]:
+        return _of_udr(self.checkpoint)
+
+    def posterior(self, store: SessionStore, iterations: int | None = None) -> Posterior:
+        """The posterior after `iterations` iterations; by default after all trials. Raises SessionError."""
+        from sim.adaptation.posterior import posterior
+
+        begun = store.iterations() if iterations is None else min(iterations, store.iterations())
+        return posterior(self.belief, history_of(self.checkpoint.solver.task, store, begun - 1))
+
+    def judge(self, store: SessionStore) -> Judgement:
+        """The judgement that a report shows. Raises SessionError without trials."""
+        from sim.adaptation.posterior import posterior_after_each, prospect
+        from sim.solvers.solver import policy_for
+
+        checkpoint, trials = self.checkpoint, trials_of(store)
+        if not trials:
+            raise SessionError(f"session {store.facts.name} has no completed trial yet")
+        results = results_of(store)
+        history = history_of(checkpoint.solver.task, store, trials[-1].iteration - 1)
+        posteriors = posterior_after_each(self.belief, history)
+        posterior = posteriors[-1]
+
+        def expected(policies: Sequence[SolvedPolicy]) -> Estimate:
+            return prospect(checkpoint, posterior, policies, np.random.default_rng(0))  # the same targets for all
+
+        return Judgement(
+            posteriors=posteriors,
+            predictions=self._predictions(trials, posterior),
+            first=expected([policy_for(checkpoint.solver, one.samples) for one in particles_of(store, 0)]),
+            adapted=expected([self._final(store, history[: results[-1].iteration])]) if results else None,
+            udr=expected(self._of_udr),
+            unit=_unit(checkpoint.solver.task),
+            held_out=self._held_out(store, posteriors) if results and store.facts.held_out else None,
+        )
+
+    def _final(self, store: SessionStore, history: Sequence[Iteration]) -> SolvedPolicy:
+        """The final policy after `history`. The method is kept, with its predictions of earlier trials."""
+        from sim.adaptation.judging import final_policy
+        from sim.adaptation.methods import make_method
+
+        checkpoint, name = self.checkpoint, store.facts.method
+        if name not in self._methods:
+            self._methods[name] = make_method(name, checkpoint.solver.task, checkpoint)
+        return final_policy(self._methods[name], checkpoint.solver, checkpoint.solver.task, history)
+
+    def _held_out(self, store: SessionStore, posteriors: Sequence[Posterior]) -> HeldOutScore:
+        """The scores by the recordings that the session never saw. Raises RecordingsRefused."""
+        from sim.adaptation.judging import final_policy
+        from sim.adaptation.methods import make_method
+        from sim.adaptation.posterior import predicted
+
+        facts, recordings = store.facts, recordings_of(self.checkpoint, store.facts)
+        held, checkpoint = recordings.held_out, recordings.of_held_out
+        task, solver = checkpoint.solver.task, checkpoint.solver
+        contexts = task.context.sample(np.random.default_rng(facts.seed), JUDGED)
+        history = history_of(task, store, store.iterations() - 1)
+        final = final_policy(make_method(facts.method, task, checkpoint), solver, task, history)
+
+        def earned(policies: Sequence[SolvedPolicy]) -> tuple[float, float, float]:
+            rewards = [held.rewards(held.at(actions), contexts) for p in policies for actions in [p.actions(contexts)]]
+            of_all = mean_of(list(np.mean(rewards, axis=0)), 0.0)
+            return of_all.mean, of_all.low, of_all.high
+
+        every = range(len(held))
+        best = [held.rewards(every, np.tile(context, (len(held), 1))).max() for context in contexts]
+
+        def error(posterior: Posterior) -> float:
+            drawn, errors = posterior.draw(LIKELY, np.random.default_rng(0)), []
+            for row, track in enumerate(held.tracks):
+                context = held.context_of(row, np.asarray(task.reference_context))
+                ends = predicted(solver, drawn, context, held.actions[row])[:, -1]
+                end = track.at(task.observation.times_s[-1:])[0, list(task.observation.columns)]
+                errors.append(end_error(end, ends, _unit(task)))
+            return float(np.median(errors))
+
+        return HeldOutScore(
+            trials=len(held),
+            contexts=JUDGED,
+            final=earned([final]),
+            udr=earned(_of_udr(checkpoint)),
+            best=float(np.mean(best)),
+            before=error(posteriors[0]),
+            after=error(posteriors[-1]),
+        )
+
+    def _predictions(self, trials: Sequence[TrialRecord], posterior: Posterior) -> dict[int, Prediction]:
+        """The prediction of each trial, by its number: for the parameters of its policy, and for likely ones."""
+        from sim.adaptation.posterior import predicted
+
+        solver, each = self.checkpoint.solver, 1 + LIKELY
+        parameters = [
+            np.vstack([list(trial.parameters.values()), posterior.draw(LIKELY, np.random.default_rng(trial.trial))])
+            for trial in trials
+        ]
+        contexts = np.repeat([trial.context_array for trial in trials], each, axis=0)
+        actions = np.repeat([trial.action_array for trial in trials], each, axis=0)
+        states = predicted(solver, np.concatenate(parameters), contexts, actions)
+        observation, states = solver.task.observation, states.reshape(len(trials), each, *states.shape[1:])
+        return {
+            trial.trial: Prediction(observation.times_s, observation.columns, expected[0], expected[1:])
+            for trial, expected in zip(trials, states, strict=True)
+        }
+
+
+def _of_udr(checkpoint: Checkpoint) -> tuple[SolvedPolicy, ...]:
+    """Policies for all of Omega; always the same."""
+    from sim.adaptation.methods.udr import udr_policies
+
+    return udr_policies(checkpoint.solver, np.random.default_rng(0))
+
+
+def believed(stores: Sequence[SessionStore]) -> tuple[ParameterBelief, ...]:
+    """The belief of each session about each parameter, except sessions without a posterior. Raises SessionError."""
+    beliefs = list[ParameterBelief]()
+    for store in stores:
+        try:
+            levels = Hindsight.of(store).posterior(store).quantiles(BELIEVED).T.tolist()
+        except CollapsedPosterior:
+            levels = [(None, None, None)] * len(store.facts.parameters)
+        except SimError:
+            continue
+        for d, (low, median, high) in zip(store.facts.parameters, levels, strict=True):
+            named = {"session": store.facts.name, "parameter": d.name, "unit": d.unit}
+            beliefs.append(ParameterBelief(**named, low=low, median=median, high=high))
+    return tuple(beliefs)
+
+
+@dataclass
+class Reports:
+    """Writes the pages of sessions; the checkpoint of each is loaded once."""
+
+    _known: dict[str, Hindsight] = field(default_factory=dict)
+
+    def draw(self, store: SessionStore, out: Path | None = None) -> Path:
+        """Write the page of a session and return its path. Raises SessionError.
+
+        If its checkpoint is gone or has no parts for inference, the page says so.
+        """
+        judgement = self.judgement(store)
+        return page.write(store, out, judgement, measured_udr(store), confirmed(store), self.truth(store))
+
+    def ending(self, store: SessionStore) -> RenderableType | None:
+        """The last words of a session: truth, range and belief in a simulated world; None beside a real arm."""
+        shown = self.truth(store)
+        return None if shown is None else truth_view.table(shown)
+
+    def truth(self, store: SessionStore) -> Revealed | None:
+        """Truth, range and belief of a simulated session; None if there is none. Raises SessionError on damage."""
+        key = _key(store)
+        try:
+            if key not in self._known:
+                self._known[key] = Hindsight.of(store)
+        except SimError:
+            return None
+        hindsight = self._known[key]
+        return revealed(store, hindsight.checkpoint, lambda: hindsight.posterior(store))
+
+    def judgement(self, store: SessionStore) -> Judgement | str:
+        """The judgement of a session, or the reason why there is none. Raises SessionError on damage."""
+        sha256 = _key(store)
+        try:
+            if sha256 not in self._known:
+                self._known[sha256] = Hindsight.of(store)
+        except SimError as error:
+            return str(error)
+        try:
+            return self._known[sha256].judge(store) if store.existing().completed else "No trial is complete yet."
+        except RecordingsRefused as error:
+            return str(error)
+
+
+def _key(store: SessionStore) -> str:
+    """The same for sessions with the same checkpoint, prior and recordings."""
+    facts = store.facts
+    return facts.checkpoint_sha256 + facts.start_from_sha256 + (facts.name if facts.recorded else "")
+
+
+def _unit(task: Task) -> str:
+    """The unit of an error of a predicted end: mm if the first two observed columns are a place on the table, else that
+    of all curves; empty if they differ.
+    """
+    if task.goal_m is not None or not task.observation.curves:
+        return "mm"
+    units = {curve.partition("[")[2].rstrip("]") for curve in task.observation.curves}
+    return units.pop() if len(units) == 1 else ""
+
+
+def confirmed(store: SessionStore) -> tuple[float, ...]:
+    """Rewards of the rollouts of the session's present best policy: those since its newest result.
+
+    Older ones do not count; unreadable ones are skipped.
+    """
+    results = [file.stat().st_mtime_ns for file in store.folder.glob(f"iteration-*/result-*/{RESULT}")]
+    if not results:
+        return ()
+    values, root = _stored_alone(store, max(results)), store.folder.parent
+    for name in names(root):
+        with suppress(SessionError):
+            other = SessionStore.open(root, name)
+            if (other.facts.method, other.facts.policy_of) == (ROLLOUT, store.facts.name):
+                files = ((other.trial_folder(*trial.place) / TRIAL, trial.reward) for trial in trials_of(other))
+                values += [reward for file, reward in files if file.stat().st_mtime_ns >= max(results)]
+    return tuple(values)
+
+
+def _stored_alone(store: SessionStore, since_ns: int) -> list[float]:
+    """Rewards of the rollouts that earlier versions stored in folders of their own."""
+    rewards = list[float]()
+    for trial in sorted((store.folder.parents[1] / "rollouts").glob(f"*/{TRIAL}")):
+        if trial.stat().st_mtime_ns < since_ns:
+            continue
+        with suppress(SessionError, KeyError, TypeError, ValueError):
+            record = read_object(trial)
+            if record["session"] == store.facts.name:
+                rewards.append(float(record["reward"]))
+    return rewards
+
+
+def measured_udr(store: SessionStore) -> page.Reference | None:
+    """The UDR session with the most trials, of the same task in the same world or with the same real arm; None: none.
+
+    Unreadable sessions are skipped.
+    """
+    facts, references = store.facts, list[page.Reference]()
+    for name in names(store.folder.parent):
+        with suppress(SessionError):
+            other = SessionStore.open(store.folder.parent, name)
+            o = other.facts
+            same = (o.task, o.hw, o.world_sha256, o.object) == (facts.task, facts.hw, facts.world_sha256, facts.object)
+            if o.method == "udr" and same and name != facts.name:
+                rewards = tuple(trial.reward for trial in trials_of(other))
+                references += [page.Reference(name, rewards)] if rewards else []
+    return max(references, key=lambda reference: len(reference.rewards), default=None)

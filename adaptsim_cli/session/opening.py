@@ -1,0 +1,311 @@
+"""Joins the parts of a session: settings -> devices, tracker, planner and learner."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adaptsim_cli.bench.checkpoints import checkpoint_of, task_of
+from adaptsim_cli.bench.devices.opening import open_lab
+from adaptsim_cli.bench.devices.trackers import tracker_of
+from adaptsim_cli.bench.rig import Planner, Rig
+from adaptsim_cli.bench.rig_frames import ground_of, hash_of
+from adaptsim_cli.bench.touch_off_in_use import origin
+from adaptsim_cli.config import PERSON, Config, Places, is_own, places
+from adaptsim_cli.errors import UsageError
+from adaptsim_cli.screen.console import Screen
+from adaptsim_cli.screen.release import Release
+from adaptsim_cli.session.checkpoint import recordings_of, solver_of, started_from
+from adaptsim_cli.session.control_policies import control_of
+from adaptsim_cli.session.folders import FACTS
+from adaptsim_cli.session.own.exchange import Answerer
+from adaptsim_cli.session.own.person import TypedAnswers
+from adaptsim_cli.session.own.program import Program
+from adaptsim_cli.session.own.target import OwnTarget
+from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.rig_sessions import own_ground
+from adaptsim_cli.session.rig_target import RigTarget
+from adaptsim_cli.session.running import OpenView
+from adaptsim_cli.session.simulated_target import RecordedTarget, SimulatedTarget
+from adaptsim_cli.session.store import SessionStore
+from adaptsim_cli.session.target import Parts, Provenance, Target
+from adaptsim_cli.session.watching import Watcher
+from adaptsim_cli.show.live import live_view
+from adaptsim_cli.show.server import require_free
+from adaptsim_cli.storage.durable import versions
+from hw.braking import FULL
+from hw.errors import MotionRefused
+from hw.types import Array
+from perception.types import ObjectTrack, Outcome
+from sim.adaptation.learner import Learner
+from sim.adaptation.methods import kind_of
+from sim.errors import NotExecutable
+from sim.rollouts.recorded import RecordedTrials
+from sim.solvers.solver import Executable, Expectations, Policies
+from sim.tasks import files_of
+from sim.tasks.task import Hardware, Task
+
+if TYPE_CHECKING:
+    from adaptsim_cli.bench.devices.lab import Drivers
+    from sim.adaptation.checkpoint import Checkpoint
+
+
+@contextmanager
+def open_parts(
+    config: Config,
+    learnt: Path,
+    drivers: Drivers | None = None,
+    own: Facts | None = None,
+    screen: Screen | None = None,
+    answerer: Answerer | None = None,
+) -> Iterator[Parts]:
+    """All parts of a session, with its devices connected. `drivers` are those of a real lab's devices.
+
+    `own`: with the calibration and the touch-off of this session instead of those in use. `answerer`: who answers for a
+    robot of one's own, instead of the program or the person of the settings.
+
+    NAF stores policies and rollouts in the folder `learnt`, which no other process may use meanwhile.
+
+    Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
+    """
+    checkpoint, prior = started_from(checkpoint_of(config), config)
+    if config.recorded:
+        yield _recorded_parts(config, checkpoint, prior, learnt.parent)
+        return
+    if config.is_own:
+        yours = _own_target(config, checkpoint.solver.task, learnt.parent, screen, answerer)
+        with solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations):
+            learner = _learner(config, checkpoint, policies, expectations, yours.executable)
+            control, sha256 = control_of(config, checkpoint, policies, yours.executable)
+            origin = replace(_provenance(checkpoint, prior, ""), control_sha256=sha256)
+            yield Parts(yours.task, yours, learner, origin, control)
+        return
+    with (
+        _open_target(config, checkpoint.solver.task, drivers, own, screen) as (task, target, executable, rig),
+        solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
+    ):
+        learner = _learner(config, checkpoint, policies, expectations, executable)
+        origin = _provenance(checkpoint, prior, _world_sha256(config.lab_world))
+        if rig is not None:
+            origin = replace(
+                origin,
+                calibration=rig.hand_eye.source,
+                calibration_sha256=hash_of(rig.hand_eye.X_BC, task.require_hardware().X_FT),
+                camera_late_s=rig.hand_eye.camera_late_s,
+            )
+        control, sha256 = control_of(config, checkpoint, policies, executable)
+        newest = None if rig is None else rig.camera.newest
+        yield Parts(task, target, learner, replace(origin, control_sha256=sha256), control, newest)
+
+
+def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> Parts:
+    """The parts of a session in the folder `session` whose trials were recorded before. Raises UsageError, SimError."""
+    if not config.is_simulated:
+        raise UsageError(f"--recorded: nothing moves, so leave out --hw {config.hw}")
+    if config.solver:
+        raise UsageError(f"--recorded: policies choose among recorded actions, so leave out --solver {config.solver}")
+    if config.control:
+        raise UsageError(f"--recorded: no further trial can be made, so leave out --control {config.control}")
+    recordings = recordings_of(checkpoint, config)
+    solver = recordings.checkpoint.solver
+    title = f"recorded trials of {config.recorded}, {len(recordings.held_out)} of them held out"
+    target = RecordedTarget(recordings.shown, title, _spent(recordings.shown, session))
+    learner = _learner(config, recordings.checkpoint, solver, solver, target.executable)
+    return Parts(solver.task, target, learner, _provenance(checkpoint, prior, recordings.sha256))
+
+
+def _own_target(
+    config: Config, task: Task, session: Path, screen: Screen | None, answerer: Answerer | None
+) -> OwnTarget:
+    """The target that asks and is told. Raises UsageError, NoHardware for a task that no lab can report."""
+    task.require_report()
+    if config.pace < FULL or config.realtime:
+        raise UsageError("--hw own: your code decides how fast your robot moves, so leave out --pace and --realtime")
+    if answerer is None and config.answer_with == PERSON:
+        if screen is None:
+            raise UsageError(f"--answer-with {PERSON}: a person answers at a terminal; leave out --yes")
+        if kind_of(config.method).needs_whole:
+            raise UsageError(
+                f"--method {config.method} needs every moment of a trial, and a person may report its end alone: "
+                "adapt with adaptsim, or have a program report whole trajectories"
+            )
+        answerer = TypedAnswers(screen, task)
+    elif answerer is None and config.answer_with:
+        moves = config.answer_moves == "robot"
+        release = Release(screen, real=True) if moves else Release()
+        answerer = Program(config.answer_with, moves, config.answer_limit_s, screen, release)
+    if answerer is None:
+        raise UsageError(
+            "--hw own: who answers for your robot? Name a program (--answer-with 'python my_robot.py'), or "
+            "--answer-with person, or ask from Python: api.begin(..., hw='own'), session.ask (docs/guide/own-robot.md)"
+        )
+    return OwnTarget(task, session, answerer, config.method)
+
+
+def _learner(
+    config: Config,
+    checkpoint: Checkpoint,
+    policies: Policies,
+    expectations: Expectations,
+    executable: Executable | None,
+) -> Learner:
+    from sim.adaptation.methods import make_method
+    from sim.adaptation.methods.belief import Belief
+
+    belief = None if checkpoint.prospects is None else Belief(checkpoint.solver, checkpoint.prospects)
+    method = make_method(config.method, checkpoint.solver.task, checkpoint)
+    return Learner(method, policies, expectations, executable, belief)
+
+
+def _provenance(checkpoint: Checkpoint, prior: str, world_sha256: str) -> Provenance:
+    """The provenance of parts without a calibration."""
+    task, folder = checkpoint.solver.task.name, checkpoint.path.absolute()
+    return Provenance(
+        checkpoint=f"{task}/{folder.name}",
+        checkpoint_sha256=checkpoint.sha256,
+        checkpoint_folder="" if folder.parent == files_of(task, "checkpoints").absolute() else str(folder),
+        world_sha256=world_sha256,
+        calibration="",
+        calibration_sha256="",
+        versions=versions(),
+        start_from_sha256=prior,
+    )
+
+
+def _spent(trials: RecordedTrials, session: Path) -> set[int]:
+    """The recordings that a session has used already, those of attempts that do not count too."""
+    if not (session / FACTS).is_file():
+        return set()
+    store = SessionStore.open(session.parent, session.name)
+    done = store.existing()
+    keys = done.completed | done.recorded
+    used = [store.motion(store.iteration_of(key.number), key).action_array for key in keys]
+    return {int(row) for row in trials.at(np.array(used))} if used else set()
+
+
+_Opened = tuple[Task, Target, Executable | None, Rig | None]
+
+
+@contextmanager
+def _open_target(
+    config: Config, task: Task, drivers: Drivers | None, own: Facts | None, screen: Screen | None
+) -> Iterator[_Opened]:
+    """The task as mounted, the target, the check for executable actions, the rig if there is one."""
+    if task.hardware is None or _is_foreign(config, task):
+        yield task, _simulated(config, task), None, None
+        return
+    with open_trials(config, places(), task, drivers, own, screen) as rig_target:
+        yield (
+            rig_target.task,
+            rig_target,
+            executable_on(rig_target.hardware, rig_target.planner),
+            rig_target.rig,
+        )
+
+
+@contextmanager
+def open_trials(
+    config: Config,
+    places: Places,
+    task: Task,
+    drivers: Drivers | None = None,
+    own: Facts | None = None,
+    screen: Screen | None = None,
+) -> Iterator[RigTarget]:
+    """The devices for trials, connected, the arm last. Nothing moves.
+
+    Every check that needs no device comes first. `own`: with the calibration and the touch-off of this session. Raises
+    SessionError (unreadable touch-off), PreflightFailed (stale touch-off), CalibrationMissing, NotExecutable (the arm
+    cannot hold the tool), DeviceUnavailable, CameraError, UsageError (a session's own calibration is gone), and the
+    errors of `open_lab`.
+    """
+    with open_lab(config, task, drivers, screen) as lab:
+        ground = ground_of(config, places, task, lab) if own is None else own_ground(config, places, task, lab, own)
+        if ground.touched is not None:  # the touch-off overrides the rig file
+            lab.note(origin(ground.touched, task))
+        mounted_task = ground.mounted_task
+        rig = lab.for_trials(mounted_task, ground.eye, config.calibration_days)
+        yield RigTarget(mounted_task.task, rig, tracker_of(mounted_task.task), mounted_task.planner())
+
+
+def _is_foreign(config: Config, task: Task) -> bool:
+    """Whether the world's physics has no arm, only the tool."""
+    from sim.lab.world import load_world
+
+    return bool(config.lab_world) and load_world(config.lab_world, task).physics != "drake"
+
+
+def _simulated(config: Config, task: Task) -> SimulatedTarget:
+    """The target for a task without hardware, or a foreign physics. Raises UsageError with real devices."""
+    if not config.is_simulated:
+        raise UsageError(
+            f"--hw {config.hw}: the task {task.name} runs in simulation only, so no arm can execute it. "
+            "Leave --hw out, or choose another --task"
+        )
+    if config.pace < FULL:
+        raise UsageError(f"--pace {config.pace:g}: no arm moves in this simulated target, so there is nothing to slow")
+    from sim.lab.world import load_world, rollouts_in
+
+    world = load_world(config.world, task)
+    roll = rollouts_in(world)
+
+    def rollout(context: Array, action: Array) -> ObjectTrack:
+        return roll(world.parameters, context, action, world.nuisance)
+
+    duration_s = float(task.observation.times_s[-1])
+    title = f"simulated target, world {world.name}"
+    if world.physics != "drake":
+        title += f" in {world.physics}, without arm or camera"
+    return SimulatedTarget(task.object_name, duration_s, title, rollout)
+
+
+def _world_sha256(name_or_path: str) -> str:
+    """SHA-256 of the file of an own world, or of the name of a shipped one; empty without a world."""
+    if not name_or_path:
+        return ""
+    path = Path(name_or_path).expanduser()
+    content = path.read_bytes() if path.is_file() else repr(name_or_path).encode()
+    return hashlib.sha256(content).hexdigest()
+
+
+def executable_on(hardware: Hardware, planner: Planner) -> Executable:
+    """A test of (context, action): whether the motion passes every limit of the arm."""
+
+    def executable(context: Array, action: Array) -> bool:
+        try:
+            for path in planner.paths(hardware.plan(context, action)):
+                planner.check(path)
+        except (NotExecutable, MotionRefused):
+            return False
+        return True
+
+    return executable
+
+
+def beside(port: int | None) -> OpenView:
+    """A page at `port`, or at any free port. Raises UsageError, before anything begins, if the port is in use."""
+    if port is not None:
+        require_free(port)
+
+    def open_view(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
+        name, facts = store.facts.name, store.facts
+        what = f"session {name}, method {facts.method}"
+        return live_view(screen, parts, name, what, facts.hw, port, facts.particles)
+
+    return open_view
+
+
+def seen_by_camera(config: Config, facts: Facts) -> tuple[Task, tuple[Outcome, ...]]:
+    """The task with the session's ranges, and its outcomes. Raises UsageError for a task without a camera."""
+    task = task_of(config.model_copy(update={"task": facts.task, "object": facts.object}))
+    if is_own(facts.hw):
+        return task, task.require_report().outcomes
+    if task.hardware is None or not facts.calibration:
+        raise UsageError(f"session {facts.name} was simulated without a camera: its outcomes are exact")
+    return task, tracker_of(task).outcomes

@@ -1,0 +1,1 @@
+"""Pages drawn from stored sessions: report, comparison, index, live page, first look."""

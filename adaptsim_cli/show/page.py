@@ -1,0 +1,325 @@
+"""Writes a session, or a rollout, as one self-contained HTML page."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from adaptsim_cli.screen.outputs.learning import Revealed
+from adaptsim_cli.screen.outputs.trials import OutlookRecord
+from adaptsim_cli.screen.svg import plain
+from adaptsim_cli.screen.views import between, predicted_between, quantity, signed
+from adaptsim_cli.session.advice import compared_in_words, control_name, in_words, tried_in
+from adaptsim_cli.session.control import compared, is_hidden, pairs_of
+from adaptsim_cli.session.film import FILM
+from adaptsim_cli.session.history import means_of, particles_of
+from adaptsim_cli.session.judgement import Judgement, MeanReward, mean_of, trial_std
+from adaptsim_cli.session.records import (
+    DimensionRecord,
+    Facts,
+    KeyMoment,
+    ResultRecord,
+    TrialRecord,
+)
+from adaptsim_cli.session.store import Change, SessionStore
+from adaptsim_cli.show import figures, truth_view
+from adaptsim_cli.show.agreement import agreement
+from adaptsim_cli.show.figures import NARROW, WIDE, Level
+from adaptsim_cli.storage import durable
+from sim.adaptation.method import FAILED
+from sim.adaptation.stages import Role
+from sim.tasks import TASKS, get_task
+from sim.types import Dimension
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+NO_BREAK = "\N{NO-BREAK SPACE}"
+_FIRST, _ADAPTED, _UDR = "c3", "c2", "c4"  # colours that no figure of two particles uses
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """The pictures of one trial on the page."""
+
+    strip: tuple[tuple[KeyMoment, str], ...]  # each key frame, and its data URL
+    film: str  # data URL of the sheet, "" without a camera
+    over_film: str  # the figure over it, "" without a prediction
+    overlay: str  # data URL, "" if there is none
+    prediction: str = ""  # the figure, "" without a prediction
+
+
+@dataclass(frozen=True)
+class IterationView:
+    """One iteration for the page; `result` is None while it runs."""
+
+    number: int  # from 1
+    particles: tuple[tuple[str, str], ...]  # (parameters, next parameters) of each
+    trials: tuple[TrialRecord, ...]  # the newest first
+    rejected: tuple[str, ...]
+    result: ResultRecord | None
+
+    @property
+    def mean(self) -> float:
+        """Mean reward of its trials."""
+        return float(np.mean([trial.reward for trial in self.trials if trial.role is not Role.CONTROL]))
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A session of uniform domain randomisation in the same world."""
+
+    session: str
+    rewards: tuple[float, ...]
+
+
+def write(
+    store: SessionStore,
+    out: Path | None = None,
+    judgement: Judgement | str = "",
+    reference: Reference | None = None,
+    confirmed: Sequence[float] = (),
+    truth: Revealed | None = None,
+) -> Path:
+    """Write the page (default: `report.html` in the session's folder) and return its path. Raises SessionError.
+
+    `judgement` is the simulator's judgement in hindsight, or the reason why it is missing; `confirmed` are the
+    rewards of trials that the best policy of the session has made since; `truth` is what a simulated session could
+    not see.
+    """
+    path = out if out is not None else store.folder / "report.html"
+    durable.make_folder(path.absolute().parent)
+    durable.replace_file(path.absolute(), render(store, judgement, reference, confirmed, truth).encode())
+    return path
+
+
+def render(
+    store: SessionStore,
+    judgement: Judgement | str = "",
+    reference: Reference | None = None,
+    confirmed: Sequence[float] = (),
+    truth: Revealed | None = None,
+) -> str:
+    """The page as HTML. Raises SessionError if a record is corrupt."""
+    facts, assessment = store.facts, None if isinstance(judgement, str) else judgement
+    rejected = store.rejections()
+    public = [i for i in range(store.iterations()) if not is_hidden(store, i)]
+    views = tuple(view for i in public if (view := _iteration(store, i, rejected)).trials)
+    played = sorted((trial for view in views for trial in view.trials), key=lambda trial: trial.trial)
+    trials = [trial for trial in played if trial.role is not Role.CONTROL]
+    results = [view.result for view in views if view.result is not None]
+    newest = trials[-1].iteration if trials else 1
+    curves = facts.curves.items() if trials else ()
+    rows = levels(facts, trials, results, assessment, reference, confirmed)
+    return fill(
+        "page.html.j2",
+        facts=facts,
+        title=facts.title[:1].upper() + facts.title[1:],
+        iterations=views,
+        pictures={trial.trial: _pictures(store, trial, assessment) for trial in played},
+        context_of=lambda trial: _quantities(_described(facts, facts.context), tuple(trial.context.values())),
+        action_of=lambda trial: _quantities(_described(facts, facts.action), tuple(trial.action.values())),
+        trials=trials,
+        latest=results[-1] if results else None,
+        verdict=in_words(results[-1].verdict, facts.object_name, facts.recorded) if results else "",
+        best=parameters_in_words(facts, results[-1].best.params) if results else "",
+        correction=_correction(facts, results[-1].outlook) if results else "",
+        failed=FAILED,
+        successes=sum(t.succeeded for t in trials),
+        figure_levels=both(lambda width: figures.levels(rows, width)) if rows else "",
+        figure_rewards=both(lambda w: figures.rewards(trials, len(views), facts.layout, w)) if trials else "",
+        figure_parameters=[
+            (d, figures.parameter(record, paths, assessment.posteriors if assessment else (), index))
+            for index, (d, record, paths) in enumerate(
+                zip(_described(facts, facts.parameters), facts.parameters, means_of(store, results).T, strict=True)
+            )
+        ],
+        known=assessment,
+        truth=None if truth is None else truth_view.in_words(truth),
+        truths=[] if truth is None else [(truth_view.row(one), figures.truth(one)) for one in truth.parameters],
+        agreement=agreement(
+            trials,
+            assessment.predictions if assessment else None,
+            assessment.unit if assessment else "",
+            trial_std(facts.task),
+        ),
+        measured_udr=reference is not None,
+        waivers=sorted({(w.safeguard, w.reason, w.by, w.on, w.until) for rig in store.rigs() for w in rig.waivers}),
+        predicted_between=predicted_between,
+        pairs=pairs_of(facts, played),
+        control=control_name(facts.control),
+        hidden=len(public) < store.iterations(),
+        compared="" if (comparison := compared(facts, played)) is None else compared_in_words(comparison),
+        tried=tried_in(results[-1].best) if results and not confirmed else "",
+        unknown=judgement if isinstance(judgement, str) else "",
+        quantities=[
+            (title, space)
+            for title, records in (
+                ("Simulation parameters", facts.parameters),
+                ("Context: what the policy sees before a trial", facts.context),
+                ("Action: what it chooses", facts.action),
+            )
+            if (space := _described(facts, records))
+        ],
+        goals=any(trial.goal_m is not None for trial in trials),
+        figure_table=both(lambda w: figures.table_view(trials, facts.context, newest, w))
+        if trials and not facts.curves
+        else "",
+        figure_curves=[(label, both(_curve(trials, label, column, newest))) for label, column in curves],
+        kinds=_kinds(results),
+    )
+
+
+def fill(template: str, **values: object) -> str:
+    """Fill a template of this package, with the page's style and script."""
+    folder = resources.files("adaptsim_cli.show")
+    style, script = ((folder / name).read_text(encoding="utf-8") for name in ("style.css", "enlarge.js"))
+    return _compiled(template).render(style=style, script=script, between=between, **values)
+
+
+@cache
+def _compiled(template: str) -> Template:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["plain"] = plain
+    environment.filters["signed"] = signed
+    environment.filters["rounded"] = lambda value: plain(float(f"{value:.2g}"))
+    return environment.from_string((resources.files("adaptsim_cli.show") / template).read_text(encoding="utf-8"))
+
+
+def both(draw: Callable[[float], str]) -> str:
+    """A figure for wide and for narrow pages; the style shows the one that fits."""
+    return f'<div class="wide">{draw(WIDE)}</div><div class="narrow">{draw(NARROW)}</div>'
+
+
+def levels(
+    facts: Facts,
+    trials: Sequence[TrialRecord],
+    results: Sequence[ResultRecord],
+    judgement: Judgement | None,
+    reference: Reference | None,
+    confirmed: Sequence[float],
+) -> tuple[Level, ...]:
+    """Measured and predicted rewards of first policy, adapted policy and uniform domain randomisation."""
+    if not trials:
+        return ()
+    std = trial_std(facts.task)
+    first = mean_of([t.reward for t in trials if t.iteration == 1], std)
+    rows = [_measured("First policy", first, "in iteration 1", _FIRST)]
+    if results:
+        best = results[-1].best
+        if len(results) > 1:
+            newest = mean_of([t.reward for t in trials if t.iteration == len(results)], std)
+            rows.append(_measured("Last iteration", newest, f"in iteration {len(results)}", _ADAPTED))
+        pooled = MeanReward(best.mean_reward, *best.ci95, best.trials)
+        if results[-1].outlook is None:
+            rows.append(_measured("Adapted policy", pooled, "at its parameters and near by", _ADAPTED))
+        else:
+            is_open = best.tried == () and not confirmed
+            detail = f"predicted from {best.trials} trials" + (", not yet tried" if is_open else "")
+            rows.append(
+                Level("Adapted policy", "predicted", detail, best.mean_reward, *best.ci95, _ADAPTED, is_open=True)
+            )
+        if best.tried:
+            repeated = mean_of([t.reward for t in trials if t.trial in best.tried], std)
+            rows.append(_measured("Adapted policy", repeated, "that it would repeat", _ADAPTED))
+        if confirmed:
+            rows.append(_measured("Adapted policy", mean_of(confirmed, std), "after the session", _ADAPTED))
+    if reference is not None:
+        of_udr = mean_of(reference.rewards, std)
+        rows.append(_measured("UDR", of_udr, f"session {reference.session}", _UDR))
+    if judgement is not None:
+        expected = (("First policy", judgement.first, _FIRST), ("Adapted policy", judgement.adapted, _ADAPTED))
+        for label, earned, colour in (*expected, ("UDR", judgement.udr, _UDR)):
+            if earned is not None:
+                detail = "predicted by the simulator alone"
+                rows.append(
+                    Level(label, "simulator", detail, earned.mean, earned.low, earned.high, colour, is_open=True)
+                )
+    return tuple(rows)
+
+
+def _measured(label: str, measurement: MeanReward, detail: str, colour: str) -> Level:
+    text = f"{measurement.trials} trial{'s' * (measurement.trials != 1)} {detail}"
+    return Level(label, "measured", text, measurement.mean, measurement.low, measurement.high, colour)
+
+
+def _curve(trials: Sequence[TrialRecord], label: str, column: int, newest: int) -> Callable[[float], str]:
+    return lambda width: figures.curve_view(trials, label, column, newest, width)
+
+
+def _iteration(store: SessionStore, iteration: int, rejections: Sequence[Change]) -> IterationView:
+    parameters, result = _described(store.facts, store.facts.parameters), store.result(iteration)
+    now = [_quantities(parameters, particle.mean) for particle in particles_of(store, iteration)]
+    then = [_quantities(parameters, np.mean(samples, axis=0)) for samples in result.next_particles] if result else []
+    pairs = tuple(zip(now, then or [""] * len(now), strict=True))
+    trials = tuple(reversed(store.played(iteration)))
+    rejected = tuple(
+        f"Trial {one.key.number}, attempt {one.key.attempt + 1}: {one.note.text}"
+        for one in rejections
+        if store.iteration_of(one.key.number) == iteration
+    )
+    return IterationView(iteration + 1, pairs, trials, rejected, result)
+
+
+def _pictures(store: SessionStore, record: TrialRecord, judgement: Judgement | None) -> Pictures:
+    folder = store.trial_folder(*record.place)
+    strip = tuple((moment, picture(folder / moment.file)) for moment in record.moments)
+    overlay = picture(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
+    curves = tuple(store.facts.curves)
+    expected = judgement.predictions.get(record.trial) if judgement else None  # None: a control trial
+    drawn = figures.prediction(record, expected, curves) if expected else ""
+    film = picture(folder / FILM) if FILM in record.files else ""
+    over = figures.over_film(record, expected) if expected and not curves else ""
+    return Pictures(strip, film, over, overlay, drawn)
+
+
+def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:
+    """The stages of the times, the total last."""
+    kinds = dict.fromkeys(kind for result in results for kind in result.timing_s)
+    return (*(kind for kind in kinds if kind != "total"), *(kind for kind in kinds if kind == "total"))
+
+
+def _quantities(dimensions: Sequence[Dimension], values: Iterable[float]) -> str:
+    """Plain name, value and unit of each quantity, without a line break inside one."""
+    each = (f"{d.plain_name} {quantity(v, d.unit)}" for d, v in zip(dimensions, values, strict=True))
+    return ", ".join(text.replace(" ", NO_BREAK) for text in each)
+
+
+def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dimension, ...]:
+    """The stored dimensions, with plain names and meanings if the task is known."""
+    task = get_task(facts.task) if facts.task in TASKS else None
+    spaces = (task.parameters, task.context, task.action) if task is not None else ()
+    dimensions = {(d.name, d.unit): d for space in spaces for d in space.dimensions}
+    return tuple(
+        replace(dimensions.get((r.name, r.unit), bare), low=r.low, high=r.high, scale=r.scale)
+        for r in records
+        for bare in (Dimension(r.name, r.unit, r.low, r.high),)
+    )
+
+
+def _correction(facts: Facts, outlook: OutlookRecord | None) -> str:
+    """The correction of the simulator's action, in words."""
+    if outlook is None:
+        return ""
+    terms = outlook.noticeable(_described(facts, facts.action))
+    signed = [f"{d.plain_name} {'+' if off > 0 else '−'}{quantity(abs(off), d.unit)}" for d, off in terms]
+    return ", ".join(signed) or "none"
+
+
+def parameters_in_words(facts: Facts, params: Mapping[str, float]) -> str:
+    """Plain name, value and unit of each parameter."""
+    return _quantities(_described(facts, facts.parameters), tuple(params[d.name] for d in facts.parameters))
+
+
+def picture(path: Path) -> str:
+    """A JPEG as a data URL."""
+    return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()

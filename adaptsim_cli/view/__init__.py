@@ -1,1 +1,0 @@
-"""The live page of a running session: the camera, the planned motion, the track, rewards and posterior."""

@@ -1,1 +1,0 @@
-"""The one place that joins real parts: from settings to the parts of sessions, calibrations and touch-offs."""

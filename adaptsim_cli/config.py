@@ -99,6 +99,14 @@ class Config(Record):
     control: Annotated[
         str, Field(description="method or session whose policy makes control trials, e.g. udr; empty: none")
     ] = ""
+    pairs: Annotated[
+        int,
+        Field(
+            ge=0,
+            le=500,
+            description="pairs planned for the comparison with the control; 0: those of a session of five iterations",
+        ),
+    ] = 0
     checkpoint: Annotated[
         str, Field(description="name or folder of a checkpoint; empty: the shipped one, or that of the own object")
     ] = ""

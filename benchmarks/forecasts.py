@@ -25,7 +25,7 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.method import FAILED, Trial
 from sim.adaptation.methods.udr import udr_policies
-from sim.adaptation.paired import ALPHA, capital
+from sim.adaptation.paired import is_gain_shown
 from sim.adaptation.trials_forecast import MOST_PAIRS, TrialsForecast, load
 from sim.adaptation.trials_needed import Play, course
 from sim.adaptation.verdict import Kind
@@ -73,7 +73,7 @@ def kept_course(checkpoint: Checkpoint, world: str, play_in: Play, seed: int, *,
     after = [trial.reward for trial in play_in(contexts, final.actions(contexts), rng)]
     beside = [trial.reward for trial in play_in(contexts, udr.actions(contexts), rng)]
     differences = np.concatenate([one.differences, np.array(after) - beside])[:MOST_PAIRS]
-    is_shown = capital(differences, np.zeros(())) >= 2.0 / ALPHA
+    is_shown = is_gain_shown(differences, MOST_PAIRS)
     return Course(
         world,
         [trial.reward for trial in one.trials],

@@ -5,8 +5,9 @@
     python benchmarks/stopping.py --task pushing --targets drawn --tables      looked up: many times faster
 
 After every iteration the session says what another one is worth. "Stop" is wrong where the next iteration gained more
-than .05 after all. A session that ends under .2 should have said "hopeless", and one that ends above .3 should not.
-What is earned comes from true rollouts, or from the half of a table that no trial sees.
+than .05 after all, "go on" where it did not. Both are compared with the rule that always stops after two iterations. A
+session that ends under .2 should have said "hopeless", and one that ends above .3 should not. Rewards come from true
+rollouts, or from the half of a table that no trial sees.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import fisher_exact
 
 from adaptsim_cli import config
 from adaptsim_cli.research.world_tables import tables_folder
@@ -83,14 +85,20 @@ def played(name: str, targets: str, seed: int, *, tables: bool) -> Sequence[Sess
 
 def tell(sessions: Sequence[Session]) -> None:
     """All that the sessions said, against what came."""
-    stops = [
-        after - now
+    chances = [
+        (said.done, after - now > WORTHWHILE)
         for s in sessions
         for said, now, after in zip(s.said, s.earned, s.earned[1:], strict=False)
-        if said.done and not said.hopeless
+        if not said.untried and not said.hopeless
     ]
-    wrong = sum(gain > WORTHWHILE for gain in stops)
-    print(f"stop: said {len(stops)} times, then another iteration gained more than {WORTHWHILE} in {wrong}")
+    stops, goes = ([gained for done, gained in chances if done is said] for said in (True, False))
+    base, table = sum(stops) + sum(goes), [[sum(goes), len(goes) - sum(goes)], [sum(stops), len(stops) - sum(stops)]]
+    print(
+        f"chances from the second iteration on: {len(chances)}; another iteration gained more than {WORTHWHILE} in "
+        f"{base}, so always stopping there is wrong in {base}\n"
+        f"stop: said {len(stops)} times, wrong in {sum(stops)}; go on: said {len(goes)} times, right in {sum(goes)}; "
+        f"Fisher's exact test of any skill: p = {fisher_exact(table, alternative='greater').pvalue:.3f}"
+    )
     hopeless = [s for s in sessions if s.said[-1].hopeless]
     poor = [s for s in sessions if s.earned[-1] < LITTLE]
     wrongly, rightly = sum(s.earned[-1] >= POOR for s in hopeless), sum(s.said[-1].hopeless for s in poor)

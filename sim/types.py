@@ -48,6 +48,8 @@ class Dimension:
     meaning: str = field(default="", compare=False)  # one line
     margin: tuple[float, float] | None = field(default=None, compare=False)
     """How far beyond its range the scene was tried; None: not beyond."""
+    limits: tuple[float, float] | None = field(default=None, compare=False)
+    """Ends of the physically possible values, where an exact simulator may search; None: those of the margin."""
     default: float | None = field(default=None, compare=False)
     """The value in a world that does not state it; None: each world states it."""
     words: tuple[str, ...] = field(default=(), compare=False)
@@ -111,6 +113,12 @@ class Space:
         return Space(
             tuple(d if d.margin is None else replace(d, low=d.margin[0], high=d.margin[1]) for d in self.dimensions)
         )
+
+    @property
+    def physical(self) -> tuple[Array, Array]:
+        """(n,) lower and (n,) upper ends of the physically possible values, in units."""
+        ends = np.array([d.limits or d.margin or (d.low, d.high) for d in self.dimensions]).reshape(-1, 2)
+        return ends[:, 0], ends[:, 1]
 
     @property
     def mirror(self) -> Array:
@@ -191,6 +199,13 @@ class Space:
         """(..., len) in [0, 1) -> (..., len) in units; integers get equal shares, both ends included."""
         levels = np.floor(self.low + unit * (self.high - self.low + 1.0))
         return np.where(self._integer, np.minimum(levels, self.high), self.denormalise(unit))
+
+    def unspread(self, value: Array, within: Array) -> Array:
+        """(..., len) in units -> (..., len) in [0, 1] whose `spread` they are; `within` (..., len) in [0, 1) places
+        an integer inside its share.
+        """
+        share = (value - self.low + within) / (self.high - self.low + 1.0)
+        return np.where(self._integer, share, self.normalise(value))
 
 
 @dataclass(frozen=True, eq=False)

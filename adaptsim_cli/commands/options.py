@@ -185,6 +185,10 @@ Control = Annotated[
     str | None,
     typer.Option("--control", help="Add blind control trials by a method's first policies, or a session's best."),
 ]
+Pairs = Annotated[
+    int | None,
+    typer.Option("--pairs", help="Pairs planned for --control; 0: those of five iterations.", show_default="0"),
+]
 
 SETTINGS: Mapping[str, Any] = {
     "task": Task,
@@ -193,6 +197,7 @@ SETTINGS: Mapping[str, Any] = {
     "hw": Hw,
     "method": Method,
     "control": Control,
+    "pairs": Pairs,
     "solver": Solver,
     "object": Object,
     "recorded": Recorded,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @command(
-    *("task", "world", "seed", "method", "control", "object", "start_from", "recorded", "held_out", "solver"),
+    *("task", "world", "seed", "method", "control", "pairs", "object", "start_from", "recorded", "held_out", "solver"),
     *("hw", "answer_with", "answer_moves", "realtime", "pace", "operator"),
 )
 def run_iteration(
@@ -53,7 +53,7 @@ def run_iteration(
     verdict says stop, after --iterations at most; without it, a terminal asks there.
 
     With --control udr each trial from the second iteration on has a partner in the same place, in random order, by a
-    policy that does not adapt; the result says whether adapting helps here.
+    policy that does not adapt; the result says whether adapting helps here. --pairs states how many pairs you plan.
 
     Example: adaptsim run-iteration --task scooping --world oreo --seed 0 --yes
     """

@@ -18,7 +18,8 @@ from adaptsim_cli.session.history import played_of
 from adaptsim_cli.session.records import Draw, Facts, TrialRecord, generator
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
-from sim.adaptation.paired import compare
+from sim.adaptation.paired import PAIRS, compare, power
+from sim.adaptation.planned_bets import HIGH
 from sim.adaptation.stages import Role, RunTrial
 from sim.solvers.solver import SolvedPolicy
 
@@ -30,6 +31,9 @@ class ControlPolicy:
     policy: SolvedPolicy
     mean: Array  # (p,) parameters that it was trained for, or their mean
 
+
+ITERATIONS, GAINS = 5, (0.2, 0.4)
+"""Iterations of a session that states no number of pairs, and the gains of which it says whether they are shown."""
 
 ControlPolicies = Callable[[], tuple[ControlPolicy, ...]]
 """Trains the policies of a control. One of them, drawn at random, makes each trial: their mean is the control."""
@@ -65,7 +69,7 @@ def compared(facts: Facts, played: Sequence[TrialRecord]) -> ControlRecord | Non
     if not pairs:
         return None
     own, control = (np.array([pair[which].reward for pair in pairs]) for which in (0, 1))
-    shown = compare(own, control)
+    shown = compare(own, control, planned_pairs(facts))
     return ControlRecord(
         control=facts.control,
         pairs=shown.pairs,
@@ -77,6 +81,26 @@ def compared(facts: Facts, played: Sequence[TrialRecord]) -> ControlRecord | Non
         decided_after=shown.decided_after,
         further=shown.further,
     )
+
+
+def planned_pairs(facts: Facts) -> int:
+    """The number of pairs for which the comparison is planned."""
+    layout = facts.layout
+    in_five = sum(slot.role is Role.CONTROL for i in range(ITERATIONS) for slot in layout.slots(i))
+    return facts.pairs or in_five
+
+
+def power_in_words(facts: Facts) -> str:
+    """Which gains the planned pairs can show, in one sentence."""
+    pairs = planned_pairs(facts)
+    shares = [f"{gain:.1f} in {power(gain, pairs):.0%}" for gain in GAINS]
+    sentence = (
+        f"The {pairs} planned pairs show a gain of {', of '.join(shares)} of such sessions, for a success rate that "
+        f"rises to {HIGH:.2f}; lower rates need more."
+    )
+    if facts.pairs:
+        return sentence
+    return f"{sentence} With --pairs {PAIRS} it is {GAINS[0]:.1f} in {power(GAINS[0], PAIRS):.0%}."
 
 
 def cost_in_words(store: SessionStore, first: int, iterations: int) -> str:

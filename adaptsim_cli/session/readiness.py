@@ -11,7 +11,7 @@ from adaptsim_cli.config import Config
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session import terminal_views
-from adaptsim_cli.session.control import cost_in_words
+from adaptsim_cli.session.control import cost_in_words, power_in_words
 from adaptsim_cli.session.flow import RunningSession
 from adaptsim_cli.session.preflight import preflight
 from adaptsim_cli.session.records import Facts
@@ -54,6 +54,8 @@ def require_ready(session: RunningSession, config: Config, iterations: int) -> N
         screen.show(Text(outlook, style="dim"))
     if facts.control:
         screen.note(cost_in_words(session.store, stage.iteration, iterations))
+        if is_new:
+            screen.note(power_in_words(facts))
     target = session.parts.target
     with (
         nullcontext() if target.needs_consent else screen.busy("Checking arm and camera", "checking")

@@ -100,6 +100,7 @@ class Facts(Record):
     policy_of: str = ""  # of a rollout: session whose best policy acts
     control: str = ""  # method or session whose policy makes the control trials; empty: there are none
     control_sha256: str = ""  # hash of that session's record
+    pairs: int = 0  # planned for the comparison with the control; 0: those of a session of five iterations
     control_seed: int = 0  # of the order of control trials; random on a real arm, where a person must not know it
     seed: int
     method: str  # how particles are updated; "rollout": nothing is adapted

@@ -57,7 +57,7 @@ Ending = Callable[[SessionStore], RenderableType | None]
 
 _FROZEN = (
     *("task", "hw", "world", "recorded", "held_out", "start_from"),
-    *("method", "control", "solver", "object", "seed", "particles"),
+    *("method", "control", "pairs", "solver", "object", "seed", "particles"),
 )
 
 
@@ -318,6 +318,7 @@ def facts_for(name: str, config: Config, parts: Parts, **changes: str | int) -> 
         seed=config.seed,
         method=config.method,
         control=config.control,
+        pairs=config.pairs,
         control_seed=config.seed if config.is_simulated or not config.control else secrets.randbits(31),
         solver=config.solver,
         object=config.object,

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
+from sim.adaptation.discrepancy import LEAST_END_STD
 from sim.adaptation.method import FAILED, WORTHWHILE, ExpectedGain
-from sim.adaptation.reality import KEPT, LEAST_END_STD, Reality
+from sim.adaptation.reality import KEPT, Reality
 from sim.rollouts.draws import cover
 from sim.solvers.candidates import Outcomes
 from sim.solvers.solver import SolvedPolicy

@@ -3,9 +3,10 @@
 For display only: no method decides with it. It needs only the checkpoint's simulator, so it can be computed again for
 any stored session.
 
-It weighs a fixed grid of parameter vectors. Sharp trajectories would leave all weight on the nearest of them, and the
-interval would be that of the grid. So the likelihood is tempered (raised to a power below 1) until `RESOLVED` vectors
-carry the weight: no interval is narrower than the grid's resolution.
+It weighs parameter vectors that fill the margin. Sharp trajectories would leave all weight on the nearest of them, and
+the interval would be that of the grid. So vectors are added where the weight is (`sim.adaptation.refining`; for an
+exact simulator `sim.adaptation.exact_fit`). If that does not resolve the likelihood, it is tempered (raised to a power
+below 1) until `RESOLVED` vectors carry the weight.
 """
 
 from __future__ import annotations
@@ -19,14 +20,20 @@ from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.exact_fit import exact_fit, is_exact
 from sim.adaptation.method import Iteration
 from sim.adaptation.methods.belief import Belief
+from sim.adaptation.refining import refined
 from sim.errors import CollapsedPosterior
+from sim.solvers.grid import grid_behind
 from sim.solvers.solver import Expectations, SolvedPolicy
 from sim.types import Estimate, Space
 
 RESOLVED = 24.0
 """Least effective number of samples behind a posterior."""
+
+DRAWN, GENERATIONS = 256, 4
+"""Number of vectors of a generation, and the most generations, that refine a posterior."""
 
 LEAST_EFFECTIVE = 10.0
 """Least number of effective samples for an interval: a grid of fewer vectors than `RESOLVED` cannot be tempered."""
@@ -118,9 +125,31 @@ def posterior(belief: Belief, history: Sequence[Iteration]) -> Posterior:
 
 def posterior_after_each(belief: Belief, history: Sequence[Iteration]) -> tuple[Posterior, ...]:
     """The prior, and the posterior after each iteration of `history`."""
+    logs = belief.log_likelihoods_after_each(history)
+    return tuple(_posterior(belief, history[:k], log) for k, log in enumerate(logs))
+
+
+def _posterior(belief: Belief, history: Sequence[Iteration], log: Array) -> Posterior:
+    """The posterior after `history`, whose trajectories have the log-likelihoods `log` (T,) in the prospects."""
     space, truths = belief.expectations.task.margin, belief.prospects.truths
-    groups = _groups(truths)
-    return tuple(Posterior(space, truths, _tempered(log, groups)) for log in belief.log_likelihoods_after_each(history))
+    trials, groups = [t for iteration in history for entry in iteration for t in entry.trials], _groups(truths)
+    is_even = int(groups.max()) + 1 == len(truths)  # else it is another session's posterior
+    is_fixed = not is_even or grid_behind(belief.expectations) is not None
+    if not trials or is_fixed or _effective(_tempered(log, groups, least=0.0), groups) >= RESOLVED:
+        return Posterior(space, truths, _tempered(log, groups))
+    if is_exact(belief.expectations):
+        fit = exact_fit(belief.expectations, trials, truths)
+        return Posterior(space, fit.parameters, fit.weights)
+
+    def log_likelihoods(points: Array) -> Array:
+        parameters = space.spread(points)
+        return np.asarray(np.sum([belief.compare(trial, parameters) for trial in trials], axis=0))
+
+    cloud, p = space.unspread(truths, np.random.default_rng(0).random(truths.shape)), len(space)
+    finer = refined(log_likelihoods, cloud, log, (np.zeros(p), np.ones(p)), DRAWN, GENERATIONS)
+    samples = space.spread(np.clip(finer.points, 0.0, 1.0))
+    with np.errstate(divide="ignore"):
+        return Posterior(space, samples, _tempered(np.log(finer.weights), np.arange(len(samples))))
 
 
 def predicted(expectations: Expectations, parameters: Array, context: Array, action: Array) -> Array:
@@ -163,19 +192,19 @@ def _effective(weights: Array, groups: NDArray[np.intp]) -> float:
     return float(1.0 / np.sum(np.bincount(groups, weights=weights) ** 2))
 
 
-def _tempered(log: Array, groups: NDArray[np.intp]) -> Array:
-    """(T,) weights: likelihoods to the largest power up to 1 that leaves `RESOLVED` effective samples."""
+def _tempered(log: Array, groups: NDArray[np.intp], least: float = RESOLVED) -> Array:
+    """(T,) weights: likelihoods to the largest power up to 1 that leaves `least` effective samples."""
 
     def weights(power: float) -> Array:
         likely = np.exp(power * (log - log.max()))
         return np.asarray(likely / likely.sum())
 
-    if _effective(weights(1.0), groups) >= RESOLVED:
+    if _effective(weights(1.0), groups) >= least:
         return weights(1.0)
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        low, high = (middle, high) if _effective(weights(middle), groups) >= RESOLVED else (low, middle)
+        low, high = (middle, high) if _effective(weights(middle), groups) >= least else (low, middle)
     return weights(low)
 
 

@@ -1,4 +1,11 @@
-"""Do the rewards that were predicted before the trials say anything about those observed? Pure."""
+"""Are the rewards observed in trials those that were predicted before them? A test of calibration, by betting. Pure.
+
+A gambler bets against the claim "each reward is, in expectation, the predicted one". While the claim holds, the
+expected capital never grows, so the chance that it ever reaches 1/alpha is at most alpha (Ville's inequality), for
+rewards of any distribution on [0, 1] and for a look after every iteration. Waudby-Smith & Ramdas 2023, J. R. Stat.
+Soc. B 86(1), with a null mean of its own for each trial. Rewards may be noisy: predictions need not name the outcome,
+only its mean.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +16,9 @@ from scipy.stats import rankdata
 
 from hw.types import Array
 
+ALPHA = 0.05
+"""Chance that rewards with the predicted means ever refute the predictions."""
+
 LEAST = 8
 """Fewer trials say too little about predictions."""
 
@@ -16,20 +26,22 @@ MISS = 0.2
 """An error below this leaves a choice between good and bad actions."""
 
 MISSES = 0.25
-"""Share of the predictions that miss. Fewer failures among many trials are chance, or are learnt from."""
-
-NO_BETTER = 0.9
-"""Predictions that err at least this share of the error of a constant carry no information by size."""
+"""Share of the predictions that miss. Fewer failures among many trials are learnt from."""
 
 NO_ORDER = 0.5
-"""A rank correlation below this carries none by order."""
+"""Predictions with at least this rank correlation still say which action is better."""
 
 STILL = 0.1
-"""Errors of the latest iteration below this: whatever was wrong is over.
+"""Errors of the latest iteration below this: whatever was wrong is over."""
 
-These were set in drawn worlds where no adapted session may be called uninformed, and in the same worlds with the
-outcomes of other actions. Judged on fresh draws: docs/results/predictions.md.
+STAKES, DEAREST = (0.5, 0.95), 6.0
+"""Shares of the largest possible bet at stake, each with half of the capital: the larger one finds trials that all
+fail, the smaller one a mixture. And the limit of that bet, so that predictions near 0 or 1 are not refuted by a small
+error.
 """
+
+TOO_HIGH, TOO_LOW, DISORDERED = 0.6, 0.15, 0.25
+"""Shares of the first capital that bet on lower rewards, on higher ones, and on the reverse order."""
 
 
 @dataclass(frozen=True)
@@ -43,15 +55,32 @@ class PredictionQuality:
     bias: float  # mean of observed minus predicted
     latest_error: float  # root mean square, of the latest iteration alone
     misses: float  # share of the trials whose prediction was off by more than `MISS`
+    capital: float  # of the gambler who started with 1 and bet against the predictions
 
     @property
     def is_uninformed(self) -> bool:
-        """Whether many predictions miss, no better than a constant, and in no order either; and not only earlier: those
-        of the latest iteration are wrong as well.
+        """Whether the predictions are refuted, many of them miss by much, in no order either; and not only earlier:
+        those of the latest iteration are wrong as well.
         """
+        is_refuted = self.trials >= LEAST and self.capital >= 1.0 / ALPHA
         is_ordered = self.rank_correlation is not None and self.rank_correlation >= NO_ORDER
-        is_wrong = self.misses >= MISSES and self.error >= NO_BETTER * self.error_of_mean
-        return self.trials >= LEAST and is_wrong and self.latest_error > STILL and not is_ordered
+        return is_refuted and self.misses >= MISSES and self.latest_error > STILL and not is_ordered
+
+
+def capital_against(predicted: Array, observed: Array) -> float:
+    """The capital of the gambler after all trials: predicted and observed rewards (N,) in [0, 1], in their order."""
+    mean_so_far = np.cumsum(predicted) / np.arange(1, len(predicted) + 1)
+    total = 0.0
+    for share, side in (
+        (TOO_HIGH, np.full(len(predicted), -1.0)),
+        (TOO_LOW, np.full(len(predicted), 1.0)),
+        (DISORDERED, -np.sign(predicted - mean_so_far)),
+    ):
+        most_lost = np.where(side < 0.0, 1.0 - predicted, predicted)  # if the reward is 1, or 0
+        largest = side * np.minimum(1.0 / np.maximum(most_lost, 1e-9), DEAREST)
+        after = [np.prod(1.0 + stake * largest * (observed - predicted)) for stake in STAKES]
+        total += share * float(np.mean(after))
+    return total
 
 
 def prediction_quality(predicted: Array, observed: Array, latest: int = 1) -> PredictionQuality | None:
@@ -76,4 +105,5 @@ def prediction_quality(predicted: Array, observed: Array, latest: int = 1) -> Pr
         bias=float(off.mean()),
         latest_error=float(np.sqrt((off[-latest:] ** 2).mean())),
         misses=float((np.abs(off) > MISS).mean()),
+        capital=capital_against(np.clip(predicted, 0.0, 1.0), np.clip(observed, 0.0, 1.0)),
     )

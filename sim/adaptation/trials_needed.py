@@ -15,13 +15,14 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, prospects_of
+from sim.adaptation.discrepancy import END, FACTORS_STD, LEAST_END_STD, SUCCESS, Discrepancy
 from sim.adaptation.learner import Learner
 from sim.adaptation.method import FAILED, Iteration, Trial, trials_of_rows
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import Udr
-from sim.adaptation.paired import ALPHA, capital
-from sim.adaptation.reality import END, FACTORS_STD, LEAST_END_STD, SUCCESS, Discrepancy, Simulators
+from sim.adaptation.paired import is_gain_shown
 from sim.adaptation.sessions import begin_in_memory
+from sim.adaptation.simulators import Simulators
 from sim.adaptation.trials_forecast import MOST_PAIRS, PairsNeeded, SessionShare, TrialsForecast, TrialsNeeded
 from sim.adaptation.verdict import Kind
 from sim.solvers.solver import SolvedPolicy, policy_for
@@ -226,6 +227,6 @@ def pairs_until_shown(sessions: Sequence[Array], difference: float, seed: int = 
         own = sessions[index]
         moved = np.clip(own + difference - own.mean(), -1.0, 1.0)
         drawn = rng.choice(moved, (_FUTURES // ALIKE, MOST_PAIRS))
-        is_shown = capital(drawn, np.zeros(len(drawn))) >= 2.0 / ALPHA
+        is_shown = is_gain_shown(drawn, MOST_PAIRS)
         counts += [int(row.argmax()) + 1 if row.any() else None for row in is_shown]
     return counts

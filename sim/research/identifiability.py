@@ -8,7 +8,8 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.method import Trial
-from sim.adaptation.reality import Reality, RealityPolicy, Simulators
+from sim.adaptation.reality import Reality, RealityPolicy
+from sim.adaptation.simulators import Simulators
 from sim.rollouts.draws import Disturbances
 
 SESSIONS, TRIALS = 24, 8

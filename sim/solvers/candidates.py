@@ -14,6 +14,7 @@ import numpy as np
 from hw.types import Array, frozen_array
 from sim.errors import NotExecutable
 from sim.rollouts.draws import Disturbances, cover, sobol, varies
+from sim.solvers.interior import prefer_interior
 from sim.solvers.solver import Executable, Expectations, SolvedPolicy, Solver, SolverSettings
 from sim.tasks.task import Task
 
@@ -79,30 +80,34 @@ class CandidatePolicy(ABC):
     def worth(self, outcomes: Outcomes, context: Array) -> Array:
         """(A,) by which actions are chosen."""
 
+    @property
+    def prefers_interior(self) -> bool:
+        """Whether actions that look equal are told apart by their surroundings (`sim.solvers.interior`)."""
+        return False
+
     def ranked(self, context: Array) -> tuple[Array, Array]:
-        """The actions to choose from at `context` (c,), and their worth: the refined ones come first."""
+        """The actions to choose from at `context` (c,), and the values by which: the refined ones come first."""
         everywhere = self.everywhere(context)
         worth = self.worth(everywhere, context)
-        near = self._around(int(np.argmax(worth)), context)
+        preference = self._preference(everywhere.actions, worth, everywhere, worth)
+        near = self._around(int(np.argmax(preference)), context)
         if near is None:
-            return everywhere.actions, worth
-        return (
-            np.concatenate([near.actions, everywhere.actions]),
-            np.concatenate([self.worth(near, context), worth]),
-        )
+            return everywhere.actions, preference
+        actions = np.concatenate([near.actions, everywhere.actions])
+        refined = np.concatenate([self.worth(near, context), worth])
+        return actions, self._preference(actions, refined, everywhere, worth)
 
     def actions(self, contexts: Array) -> Array:
         """(G, c) -> (G, a), without the executability check."""
-        chosen = []
-        for context in contexts:
-            everywhere = self.everywhere(context)
-            best = int(np.argmax(self.worth(everywhere, context)))
-            near = self._around(best, context)
-            if near is None:
-                chosen.append(everywhere.actions[best])
-            else:
-                chosen.append(near.actions[int(np.argmax(self.worth(near, context)))])
-        return np.stack(chosen)
+        ranks = (self.ranked(context) for context in contexts)
+        return np.stack([actions[int(np.argmax(value))] for actions, value in ranks])
+
+    def _preference(self, actions: Array, worth: Array, everywhere: Outcomes, everywhere_worth: Array) -> Array:
+        if not self.prefers_interior:
+            return worth
+        space = self.task.action
+        even = space.normalise(everywhere.actions)
+        return prefer_interior(space.normalise(actions), worth, even, everywhere_worth)
 
     def _around(self, best: int, context: Array) -> Outcomes | None:
         key = (self.task.simulated_in(context).tobytes(), best)
@@ -152,6 +157,11 @@ class ScenarioPolicy(CandidatePolicy):
             rewards = self.outcomes(action[None], context).rewards(context)[:, 0]
         mean, std = float(rewards.mean()), float(rewards.std())
         return mean, max(0.0, mean - 2.0 * std), min(1.0, mean + 2.0 * std)
+
+    @property
+    def prefers_interior(self) -> bool:
+        """If the physics is not known: for a distribution that is wider than a point, among actions of any value."""
+        return self.local is not None and bool(np.ptp(self.parameters, axis=0).any())
 
     def steps(self) -> Array | None:
         """(L, a), or None."""

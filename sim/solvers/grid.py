@@ -20,7 +20,7 @@ from sim.rollouts.draws import cover, physical_contexts, sobol, varies
 from sim.rollouts.run import Requests, Rollouts, observed
 from sim.solvers.candidates import FromOutcomes, ListedActionSolver
 from sim.solvers.misfit import tolerance
-from sim.solvers.solver import Solver
+from sim.solvers.solver import Expectations
 from sim.storage.files import Tensors
 from sim.tasks.task import Task
 
@@ -228,7 +228,7 @@ def grid_of(task: Task, points: int, probes: Array) -> GridSolver:
     return GridSolver(task, task.margin.spread(unit[:, :p]), physical_contexts(task, unit[:, p:]), probes)
 
 
-def grid_behind(solver: Solver) -> GridSolver | None:
+def grid_behind(solver: Expectations) -> GridSolver | None:
     """The grid that answers for a solver; None if something else does."""
     return solver.behind if isinstance(solver, ListedActionSolver) and isinstance(solver.behind, GridSolver) else None
 

@@ -47,13 +47,16 @@ def squares(expectations: Expectations, observation: Array, paths: Array) -> Arr
 
     Over the observed values alone: those that are missing (NaN) count for nothing; 0 if all are.
     """
+    off = offsets(expectations, observation, paths)
+    return np.asarray((off**2).mean(axis=-1)) if off.shape[-1] else np.zeros(off.shape[:-1])
+
+
+def offsets(expectations: Expectations, observation: Array, paths: Array) -> Array:
+    """(..., observed) expected minus observed values, in standard deviations; arguments as for `squares`."""
     sight = expectations.task.observation
     expected = sight.normalise(sight.denormalise(paths) + sight.noise_mean)
     shown = np.isfinite(observation)
-    if not shown.any():
-        return np.zeros(expected.shape[:-1])
-    off = (expected[..., shown] - observation[shown]) / tolerance(expectations)[shown]
-    return np.asarray((off**2).mean(axis=-1))
+    return np.asarray((expected[..., shown] - observation[shown]) / tolerance(expectations)[shown])
 
 
 def tolerance(expectations: Expectations) -> Array:

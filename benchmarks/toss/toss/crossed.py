@@ -19,7 +19,8 @@ import numpy as np
 
 from sim.adaptation.method import Iteration
 from sim.adaptation.methods.adaptsim import AdaptSim
-from sim.adaptation.reality import Reality, RealityPolicy, Simulators
+from sim.adaptation.reality import Reality, RealityPolicy
+from sim.adaptation.simulators import Simulators
 from toss.experiment import HELD_OUT, METHODS, SEEDS, Split, prepared, stored
 from toss.page import interval
 

@@ -25,8 +25,8 @@ from sim.adaptation.judging import Misfits, assess, final_policy
 from sim.adaptation.judging import judge as verdict_of
 from sim.adaptation.method import Iteration, Method
 from sim.adaptation.methods.adaptsim import AdaptSim
-from sim.adaptation.reality import Simulators
 from sim.adaptation.reward_table import RewardTable
+from sim.adaptation.simulators import Simulators
 from sim.research.benchmark.sessions import Conditions, judge, judged_contexts, run_iterations, udr_policies
 from sim.research.benchmark.trial_sources import FromRecordings
 from sim.research.methods.search import RandomSearch
@@ -168,10 +168,10 @@ def points() -> Array:
 
 def simulated(tosses: RecordedTrials, folder: Path) -> GridSolver:
     """Every toss at every point, from the shards in `folder`; missing ones are simulated."""
-    every, nothing = points(), np.zeros(0)
-    k = len(every)
+    simulators, nothing = points(), np.zeros(0)
+    k = len(simulators)
     context = np.tile(np.asarray(TASK.reference_context), (k, 1))
-    grid = GridSolver(TASK, every, context, tosses.actions[:PROBES])
+    grid = GridSolver(TASK, simulators, context, tosses.actions[:PROBES])
     for i, (name, action) in enumerate(zip(tosses.names, tosses.actions, strict=True)):
         asked = Requests(grid.points, context, np.tile(action, (k, 1)), np.zeros((k, 0)))
         path = folder / f"toss-{int(name):04d}.npz"

@@ -19,8 +19,9 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, prospects_of
 from sim.adaptation.expected_gain import CAUTION, outlook
 from sim.adaptation.method import Best, ExpectedGain, Iteration, Particle
-from sim.adaptation.reality import Reality, RealityPolicy, Simulators
+from sim.adaptation.reality import Reality, RealityPolicy
 from sim.adaptation.reward_table import OPTIMISM
+from sim.adaptation.simulators import Simulators
 from sim.solvers.solver import Executable, SolvedPolicy, policy_for
 from sim.tasks.task import Task
 

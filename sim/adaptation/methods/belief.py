@@ -104,18 +104,19 @@ class Belief:
     def _log_likelihood(self, trial: Trial) -> Array:
         """(T,) log-likelihoods of its trajectory, up to a constant."""
         if trial.key not in self._known:
-            self._known[trial.key] = self._compare(trial)
+            self._known[trial.key] = self.compare(trial, self.prospects.truths)
         return self._known[trial.key]
 
-    def _compare(self, trial: Trial) -> Array:
-        task, truths = self.expectations.task, self.prospects.truths
+    def compare(self, trial: Trial, parameters: Array) -> Array:
+        """(N,) log-likelihoods of a trial's trajectory for parameters (N, p) in units, up to a constant."""
+        task = self.expectations.task
         draws = DRAWS if varies(task) else 1
         drawn = Disturbances.evenly(task, draws, np.random.default_rng(0))
         paths = self.expectations.trajectories(
-            np.repeat(truths, draws, axis=0),
-            np.tile(trial.action + drawn.error, (len(truths), 1)),
-            np.tile(drawn.nuisance, (len(truths), 1)),
-            np.broadcast_to(trial.context, (len(truths) * draws, len(task.context))),
+            np.repeat(parameters, draws, axis=0),
+            np.tile(trial.action + drawn.error, (len(parameters), 1)),
+            np.tile(drawn.nuisance, (len(parameters), 1)),
+            np.broadcast_to(trial.context, (len(parameters) * draws, len(task.context))),
         )
         squared = squares(self.expectations, trial.observation, paths)
-        return log_likelihood(squared.reshape(len(truths), draws), observed_share(trial.observation))
+        return log_likelihood(squared.reshape(len(parameters), draws), observed_share(trial.observation))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.reality import Simulators
 from sim.adaptation.reward_table import RewardTable
+from sim.adaptation.simulators import Simulators
 from sim.research.identifiability import PARTLY, errors_left
 from sim.rollouts.draws import cover
 from sim.solvers.solver import Solver

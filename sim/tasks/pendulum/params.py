@@ -24,6 +24,7 @@ PARAMETERS = Space(
             plain="inner mass",
             meaning="point mass at the end of the first link",
             margin=(0.4, 2.0),
+            limits=(0.05, 10.0),
         ),
         Dimension(
             "m2",
@@ -33,6 +34,7 @@ PARAMETERS = Space(
             plain="outer mass",
             meaning="point mass at the end of the second link",
             margin=(0.3, 2.6),
+            limits=(0.05, 10.0),
         ),
         Dimension(
             "b1",
@@ -42,6 +44,7 @@ PARAMETERS = Space(
             plain="inner damping",
             meaning="viscous friction of the first joint",
             margin=(1.0, 10.0),
+            limits=(0.0, 50.0),
         ),
         Dimension(
             "b2",
@@ -51,6 +54,7 @@ PARAMETERS = Space(
             plain="outer damping",
             meaning="viscous friction of the second joint",
             margin=(1.0, 10.0),
+            limits=(0.0, 50.0),
         ),
     )
 )

@@ -13,7 +13,7 @@ from toy_session import ScriptedOperator, resolved, silent, summary
 from adaptsim_cli.errors import Interrupted, SessionError, UsageError
 from adaptsim_cli.session import records, running, terminal_views
 from adaptsim_cli.session.advice import compared_in_words
-from adaptsim_cli.session.control import ControlPolicy, compared, pairs_of
+from adaptsim_cli.session.control import ControlPolicy, compared, pairs_of, planned_pairs, power_in_words
 from adaptsim_cli.session.correcting import amend, amendable, redo
 from adaptsim_cli.session.exporting import rows
 from adaptsim_cli.session.flow import RunningSession, run_iteration
@@ -252,3 +252,13 @@ def test_without_a_pair_there_is_nothing_to_compare(whole):
     own = [trial for trial in played_of(whole.store) if trial.role == "own"]
     assert compared(whole.store.facts, own) is None
     assert np.isclose(compared(whole.store.facts, played_of(whole.store)).mean_reward, np.mean([t.reward for t in own]))
+
+
+def test_a_session_says_before_its_first_trial_which_gain_its_pairs_can_show(tmp_path):
+    store = begun(tmp_path).store
+    assert planned_pairs(store.facts) == 16, "four iterations with two particles and two trials"
+    said = power_in_words(store.facts)
+    assert said.startswith("The 16 planned pairs show a gain of 0.2 in ") and "--pairs 60" in said
+    planned = store.facts.model_copy(update={"pairs": 60})
+    assert "The 60 planned pairs show a gain of 0.2 in 8" in power_in_words(planned)
+    assert "--pairs" not in power_in_words(planned)

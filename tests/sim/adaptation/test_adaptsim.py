@@ -11,10 +11,12 @@ from toy_learning import trial as one_trial
 from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 
 from sim.adaptation.checkpoint import load_checkpoint
+from sim.adaptation.discrepancy import FREEDOM, Discrepancy, DiscrepancyScale
 from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Trial
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.adaptsim import AdaptSim, outlook_after
-from sim.adaptation.reality import FREEDOM, KEPT, Discrepancy, DiscrepancyScale, Reality, RealityPolicy, Simulators
+from sim.adaptation.reality import KEPT, Reality, RealityPolicy
+from sim.adaptation.simulators import Simulators
 from sim.errors import NotExecutable
 from sim.lab.drawn import drawn_world
 from sim.lab.world import load_world

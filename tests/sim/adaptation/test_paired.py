@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sim.adaptation.paired import ALPHA, Claim, capital, compare, lower_ends
+from sim.adaptation.paired import ALPHA, ALPHA_SHOWN, Claim, capital, compare, ends, is_gain_shown, power
 
 SESSIONS, PAIRS = 10_000, 60
 
@@ -58,9 +58,11 @@ NULLS: dict[str, Callable[[np.random.Generator], Pairs]] = {
 def test_without_a_difference_at_most_one_session_in_twenty_ever_claims_one(name):
     mine, theirs = NULLS[name](np.random.default_rng(list(NULLS).index(name)))
     d = mine - theirs
-    zero = np.zeros(SESSIONS)
-    claims = (np.maximum(capital(d, zero), capital(-d, zero)) >= 2.0 / ALPHA).any(axis=1)
-    assert claims.mean() <= ALPHA
+    is_worse = (capital(-d, np.zeros(SESSIONS)) >= 1.0 / (ALPHA - ALPHA_SHOWN)).any(axis=1)
+    for planned in (16, PAIRS):
+        is_better = is_gain_shown(d, planned)[:, -1]
+        assert is_better.mean() <= ALPHA_SHOWN
+        assert (is_better | is_worse).mean() <= ALPHA
 
 
 @pytest.mark.parametrize(("p", "q"), [(0.9, 0.4), (0.5, 0.45), (0.2, 0.8), (1.0, 0.0), (0.99, 0.9)])
@@ -76,10 +78,25 @@ def test_the_interval_holds_the_true_difference_after_every_pair(p, q):
 def test_the_ends_are_where_the_capital_refutes_a_mean():
     rng = np.random.default_rng(1)
     d = rng.beta(4, 2, (20, 12)) - rng.beta(2, 2, (20, 12))
-    ends = lower_ends(d)
-    at_last = [capital(one[None], np.array([end]))[0].max() for one, end in zip(d, ends[:, -1], strict=True)]
-    assert np.min(at_last) == pytest.approx(2.0 / ALPHA, rel=1e-6)
-    assert (np.diff(ends, axis=1) >= 0.0).all(), "another pair never widens it"
+    low, high = ends(-d)
+    at_last = [capital(one[None], np.array([-end]))[0].max() for one, end in zip(d, high[:, -1], strict=True)]
+    assert np.min(at_last) == pytest.approx(1.0 / (ALPHA - ALPHA_SHOWN), rel=1e-6)
+    assert (np.diff(low, axis=1) >= 0.0).all(), "another pair never widens it"
+    assert (np.diff(high, axis=1) <= 0.0).all()
+
+
+@pytest.mark.parametrize(("p", "q"), [(0.9, 0.4), (0.5, 0.45), (0.2, 0.8), (0.9, 0.9)])
+def test_the_stated_ends_hold_the_true_difference(p, q):
+    rng = np.random.default_rng(8)
+    d = ((rng.random((400, PAIRS)) < p) * 1.0) - ((rng.random((400, PAIRS)) < q) * 1.0)
+    low, high = ends(d)
+    assert ((low[:, -1] > p - q + 1e-9) | (high[:, -1] < p - q - 1e-9)).mean() <= ALPHA
+
+
+def test_sixty_planned_pairs_show_a_gain_of_a_fifth_in_four_of_five_sessions():
+    assert power(0.2, 60) >= 0.8
+    assert power(0.2, 16) < 0.2 < power(0.4, 16), "sixteen pairs show large gains alone"
+    assert power(0.4, 16) > power(0.4, 16, planned=60), "a plan that ends in time bets in time"
 
 
 def test_when_policies_change_the_ends_bracket_the_largest_and_the_smallest_difference():
@@ -97,9 +114,9 @@ def test_a_clear_difference_is_shown_and_says_after_how_many_pairs():
     assert said.decided_after is not None and said.decided_after < 16
     assert 0.0 < said.low < said.difference < said.high
     assert said.further is None
-    mirrored = compare(np.tile([0.0, 0.8], 8), np.full(16, 0.9))
-    assert (mirrored.claim, mirrored.decided_after) == (Claim.WORSE, said.decided_after)
-    assert (mirrored.low, mirrored.high) == pytest.approx((-said.high, -said.low))
+    mirrored = compare(np.tile([0.0, 0.8], 16), np.full(32, 0.9))
+    assert mirrored.claim is Claim.WORSE
+    assert mirrored.low < mirrored.difference < mirrored.high < 0.0
 
 
 def test_equal_rewards_end_as_no_gain_worth_a_session():
@@ -108,11 +125,11 @@ def test_equal_rewards_end_as_no_gain_worth_a_session():
     assert said.decided_after is not None and said.decided_after > 40, "this many pairs it takes, and not fewer"
 
 
-@pytest.mark.parametrize(("p", "q", "low", "high"), [(0.9, 0.4, 13, 17), (0.8, 0.6, 81, 200)])
+@pytest.mark.parametrize(("p", "q", "low", "high"), [(0.9, 0.4, 13, 17), (0.8, 0.6, 45, 60)])
 def test_it_takes_as_many_pairs_as_the_operators_guide_says(p, q, low, high):
     rng = np.random.default_rng(2)
     d = (rng.random((1000, 200)) < p) * 1.0 - (rng.random((1000, 200)) < q) * 1.0
-    is_shown = capital(d, np.zeros(1000)) >= 2.0 / ALPHA
+    is_shown = is_gain_shown(d, 60)
     first = np.where(is_shown.any(axis=1), is_shown.argmax(axis=1) + 1, 201)
     assert low <= np.median(first) <= high
 
@@ -125,7 +142,7 @@ def test_the_pairs_still_missing_come_true():
         d = (rng.random(known + ahead) < 0.9) * 1.0 - (rng.random(known + ahead) < 0.4) * 1.0
         said = compare(*_pairs(d[:known]))
         if said.claim is Claim.OPEN and said.further is not None:
-            is_shown = capital(d[None], np.zeros(1))[0, known:] >= 2.0 / ALPHA
+            is_shown = is_gain_shown(d[None])[0, known:]
             early.append(bool(is_shown[: said.further].any()))
     assert len(early) > 25
     assert 0.3 <= np.mean(early) <= 0.7

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import spearmanr
 
 from hw.types import Array
-from sim.adaptation.predictions import LEAST, PredictionQuality, prediction_quality
+from sim.adaptation.predictions import ALPHA, LEAST, PredictionQuality, prediction_quality
 
 
 def quality(predicted: Sequence[float] | Array, observed: Sequence[float] | Array) -> PredictionQuality:
@@ -54,7 +54,7 @@ def test_all_alike_have_no_order() -> None:
         ([0.8] * (LEAST - 1), [0.0, 0.9, 0.0, 0.9, 0.0, 0.9, 0.0], False),  # too few
     ],
 )
-def test_predictions_are_uninformed_if_wrong_by_much_no_better_than_a_constant_and_out_of_order(
+def test_predictions_are_uninformed_if_refuted_wrong_by_much_and_out_of_order(
     predicted: list[float], observed: list[float], is_uninformed: bool
 ) -> None:
     assert quality(predicted, observed).is_uninformed is is_uninformed
@@ -69,8 +69,37 @@ def test_good_predictions_of_noisy_trials_are_hardly_ever_called_so() -> None:
     assert called / 2000 < 0.02
 
 
+@pytest.mark.parametrize("chance", [0.3, 0.5, 0.7, 0.8, 0.9, 0.95])
+def test_perfect_predictions_are_refuted_in_at_most_one_session_of_twenty(chance: float) -> None:
+    """Success is drawn with exactly the predicted chance; looked at after 8, 12 and 16 trials."""
+    rng, called = np.random.default_rng(6), 0
+    for _ in range(500):
+        predicted = np.clip(chance + 0.05 * rng.standard_normal(16), 0.01, 0.99)
+        observed = (rng.random(16) < predicted).astype(float)
+        called += any(quality(predicted[:n], observed[:n]).is_uninformed for n in (8, 12, 16))
+    assert called / 500 <= ALPHA
+
+
+@pytest.mark.parametrize(("predicted", "chance"), [(0.8, 0.2), (0.9, 0.3), (0.3, 0.9)])
+def test_wrong_chances_are_found_in_most_sessions(predicted: float, chance: float) -> None:
+    rng, called = np.random.default_rng(7), 0
+    for _ in range(100):
+        observed = (rng.random(16) < chance).astype(float)
+        called += any(quality([predicted] * n, observed[:n]).is_uninformed for n in (8, 12, 16))
+    assert called > 80
+
+
+def test_a_reversed_order_is_found_although_the_mean_is_right() -> None:
+    rng, called = np.random.default_rng(8), 0
+    for _ in range(100):
+        predicted = rng.choice([0.2, 0.8], 16)
+        called += quality(predicted, (rng.random(16) < 1.0 - predicted).astype(float)).is_uninformed
+    assert called > 80
+
+
 def test_the_quality_changes_no_other_figure() -> None:
     measured = quality([0.8] * 10, [0.0, 0.9] * 5)
     assert not replace(measured, misses=0.2).is_uninformed
     assert not replace(measured, rank_correlation=0.6).is_uninformed
     assert not replace(measured, latest_error=0.05).is_uninformed
+    assert not replace(measured, capital=19.0).is_uninformed

@@ -11,7 +11,7 @@ from toy_learning import prospects, trained
 from toy_task import TOY
 
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
-from sim.adaptation.reality import Simulators
+from sim.adaptation.simulators import Simulators
 from sim.adaptation.trials_forecast import FILE, SessionShare, load, save
 from sim.adaptation.trials_needed import (
     DIFFERENCES,

@@ -10,8 +10,9 @@ import pytest
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Trial
-from sim.adaptation.reality import Reality, Simulators
+from sim.adaptation.reality import Reality
 from sim.adaptation.reward_table import RewardTable
+from sim.adaptation.simulators import Simulators
 from sim.errors import NotExecutable
 from sim.solvers.candidates import with_listed_actions
 from sim.solvers.grid import grid_solver

@@ -17,9 +17,10 @@ from perception.types import ObjectTrack
 from sim.adaptation.learner import Learner
 from sim.adaptation.method import Trial, trials_of_rows
 from sim.adaptation.methods.adaptsim import AdaptSim
-from sim.adaptation.reality import Reality, Simulators
+from sim.adaptation.reality import Reality
 from sim.adaptation.reward_table import ProspectSettings, look_ahead
 from sim.adaptation.sessions import begin_in_memory
+from sim.adaptation.simulators import Simulators
 from sim.lab.world import Faults, Sensing, World
 from sim.research.benchmark import tables
 from sim.research.benchmark.tables import build_table

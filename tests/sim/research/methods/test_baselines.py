@@ -218,8 +218,8 @@ def test_it_proposes_only_what_the_arm_can_do():
 
 def test_a_missing_extra_says_what_to_do(monkeypatch):
     monkeypatch.setattr(search, "find_spec", lambda name: None)
-    with pytest.raises(ExtraMissing, match=r"bo needs the package botorch.*pip install 'adaptsim\[bo\]'"):
+    with pytest.raises(ExtraMissing, match=r"bo needs the package botorch.*pip install .*\[bo\]'$"):
         make_method("bo", TOY, None)
     task = get_task("pendulum")
-    with pytest.raises(ExtraMissing, match=r"pip install 'adaptsim\[sbi\]'"):
+    with pytest.raises(ExtraMissing, match=r"pip install .*\[sbi\]'$"):
         make_method("sysid-bayes", task, load_checkpoint(task))

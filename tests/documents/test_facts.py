@@ -22,6 +22,11 @@ def text(page: str) -> str:
     return " ".join((ROOT / page).read_text(encoding="utf-8").split())
 
 
+def readme() -> str:
+    """README on one line, its numbers without their leading zeros, as `short` writes them."""
+    return re.sub(r"(?<![\d.])0(?=\.\d)", "", text(README))
+
+
 def short(value: float) -> str:
     """As .93."""
     return f"{value:.2f}".lstrip("0") if value < 1.0 else f"{value:.2f}"
@@ -86,7 +91,7 @@ def test_after_four_trials_the_pages_say_how_far_each_method_is(sessions: Sessio
         f"after four it has {early['adaptsim']}, as `bo-prior` has; random search has {early['random']} and `bo` "
         f"{early['bo']} (by tables)"
     ) in text(RESULTS)
-    assert f"`adaptsim` {early['adaptsim']} after four trials, as Bayesian optimisation" in text(README)
+    assert f"`adaptsim` {early['adaptsim']} after four trials, as Bayesian optimisation" in readme()
 
 
 def test_the_drawn_foods_by_true_rollouts_are_those_of_their_sessions(sessions: Sessions) -> None:
@@ -154,7 +159,7 @@ def test_the_rows_of_the_drawn_worlds_are_those_of_the_sessions(sessions: Sessio
     shown = short(adapted) if tied else f"**{short(adapted)}**"
     share = np.mean([gain >= GAIN for gain in sessions.gains(part).values()])
     row = f"| {ROWS.get(part)} | {short(udr)} | {shown} | {short(other)} | {short(paper)} | in {share:.0%} |"
-    assert part not in ROWS or row.replace("%", " %") in text(README)
+    assert part not in ROWS or row.replace("%", " %") in readme()
     for number in (udr, adapted, paper):
         assert f"{number:.3f}".lstrip("0") in text(RESULTS)
 
@@ -193,7 +198,7 @@ def test_a_second_training_of_scooping_earns_as_the_table_says(sessions: Session
     parts = ("foods-training-11", "foods-drawn-training-11")
     six, drawn = (short(sessions.mean(part, "udr")) for part in parts)
     (both,) = {short(sessions.mean(part, "adaptsim")) for part in parts}
-    assert f"UDR earns {six} and {drawn} in the first two rows, `adaptsim` {both} in both" in text(README)
+    assert f"UDR earns {six} and {drawn} in both rows of foods, `adaptsim` {both}" in readme()
     gains = sessions.gains("foods-drawn-training-11")
     worst = min(gains, key=lambda world: gains[world])
     assert f"+{np.mean(list(gains.values())):.3f} (.123 to .270)".replace("0.", ".", 1) in page

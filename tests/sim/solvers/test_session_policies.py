@@ -57,7 +57,7 @@ def test_a_policy_is_trained_within_its_limit_and_the_solver_grows(task: Task, t
         assert (tmp_path / "s" / f"{member.name}.npz").exists()
     assert len(more.listed) == 4
     assert policy_for(more, place[None])(np.zeros(0)).tolist() == [1.57]
-    assert trained_within(task, place, tmp_path / "s" / name_for(place), 0.0, seconds.append).sha256 == member.sha256  # type: ignore[union-attr]
+    assert trained_within(task, place, tmp_path / "s" / name_for(place), 0.0, seconds.append).sha256 == member.sha256
 
 
 @pytest.mark.long

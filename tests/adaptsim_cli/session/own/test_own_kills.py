@@ -56,7 +56,7 @@ def numbers(store: SessionStore) -> list[tuple[object, ...]]:
 def whole(request, tmp_path_factory) -> tuple[Task, list[tuple[object, ...]], list[str]]:
     """A session that nobody killed."""
     place = tmp_path_factory.mktemp("whole")
-    done = run(place.parent / "home", program(robot(place)), request.param)
+    done = run(place / "home", program(robot(place)), request.param)
     return request.param, numbers(done), runs(place)
 
 

@@ -128,7 +128,7 @@ def registered(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_command_stumbles_over_a_folder_of_a_sound_session(kind, place, monkeypatch, printed) -> None:
-    store = KINDS[kind](place / "home", monkeypatch)
+    store = KINDS[kind](place.parent / "home", monkeypatch)
     name = store.folder.name
     (store.folder / "notes of mine").mkdir()
     (verified,) = printed("sessions", "verify", name, "--json")["sessions"]
@@ -147,7 +147,7 @@ def test_no_command_stumbles_over_a_folder_of_a_sound_session(kind, place, monke
 
 
 def test_a_damaged_question_is_named_and_any_answer_is_not(place, monkeypatch) -> None:
-    store = _person(place / "home", monkeypatch)
+    store = _person(place.parent / "home", monkeypatch)
     parts = session_parts(store.folder)
     assert parts.questions is not None and list(parts.iterations) == [0] and parts.others == ()
     folder, *_ = sorted(parts.questions.iterdir())

@@ -52,9 +52,8 @@ def test_a_session_begins_with_the_posterior_of_another_and_comparing_them_names
     run = ["run-iteration", "--task", "pendulum", "--yes", "--world", "wd"]
     assert app.run([*run, "--session", "old"]) == 0
     old, new = api.open_session("old"), api.begin("pendulum", start_from="old", name="new")
-    before, after = old.posterior(0).quantiles((0.05, 0.95)), new.posterior(0).quantiles((0.05, 0.95))
-    assert (after[1] - after[0] <= before[1] - before[0] + 1e-9).all()
-    assert (after[1] - after[0] < 0.7 * (before[1] - before[0])).any()
+    before, after = old.posterior(0), new.posterior(0)  # the exact fit leaves hardly more than its own point
+    assert after.effective < 0.1 * before.effective
     new.run_iteration()
     assert new.facts.start_from == "old"
     assert "the posterior of session old" in (new.folder / "report.html").read_text()

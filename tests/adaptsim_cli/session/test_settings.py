@@ -58,10 +58,11 @@ def test_a_session_begins_with_the_posterior_of_another_and_comparing_them_names
     assert new.facts.start_from == "old"
     assert "the posterior of session old" in (new.folder / "report.html").read_text()
 
-    shown = printed("compare", "old", "new", "--json")
+    assert app.run([*run[:-1], "ood-1", "--session", "other"]) == 0
+    shown = printed("compare", "old", "other", "--json")
     assert [(one["session"], one["parameter"]) for one in shown["posteriors"]][:5] == [
         *(("old", name) for name in ("m1", "m2", "b1", "b2")),
-        ("new", "m1"),
+        ("other", "m1"),
     ]
     assert "The posteriors disagree in" in Path(shown["page"]).read_text()
 

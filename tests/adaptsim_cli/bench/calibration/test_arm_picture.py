@@ -82,7 +82,7 @@ def test_solving_leaves_the_picture_beside_the_report(folder, tmp_path):
 
 @pytest.mark.long
 def test_an_arm_of_unknown_looks_and_views_without_pictures_are_refused(tmp_path):
-    with pytest.raises(UnusableViews, match='name the arm at the top of setup.toml .*arm = "fr3"'):
+    with pytest.raises(UnusableViews, match=r'name the arm at the top of setup\.toml .*arm = "fr3"'):
         running.overlay(real_views.picture_folder(tmp_path / "unknown"), None, silent())
     bare = real_views.corner_folder(tmp_path, extra='arm = "panda"')
     with pytest.raises(UnusableViews, match="no pictures"):

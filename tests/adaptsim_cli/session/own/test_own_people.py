@@ -82,7 +82,7 @@ def test_enter_starts_no_program_and_yes_none_that_moves(place, monkeypatch) -> 
         attended(place.parent / "home", moving, screen, yes=True)
     assert runs(place) == []
     assert shown.getvalue().count("Enter alone means nothing here") == 2
-    assert "It moves YOUR robot; adaptsim checks none of its motion" in shown.getvalue()
+    assert "It moves YOUR robot; adaptsim checks none of its motion" in " ".join(shown.getvalue().split())
     screen, _ = screen_of("y\n\n" * 4, monkeypatch)
     attended(place.parent / "home", Program(moving.command, True, 20.0, screen, Release(screen, real=True)), screen)
     assert runs(place) == [f"trial {n}.1" for n in range(1, 5)]

@@ -14,7 +14,6 @@ from adaptsim_cli.bench.rig_file.description import Model
 from hw.stopping import worst_stop
 from sim.tasks import get_task
 
-
 SESSIONS = (
     ("a", "udr", 0, 0.4),
     ("a", "adaptsim", 0, 0.6),

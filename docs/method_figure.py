@@ -85,7 +85,9 @@ def cautious(earned: Array) -> Array:
 def drawing() -> str:
     """The whole figure as SVG."""
     wide, gap, left, top, height = 238, 44, 40, 34, 200
-    canvas = Canvas(left + 3 * wide + 2 * gap + 10, top + height + 132, "Expected reward over the action in three stages")
+    canvas = Canvas(
+        left + 3 * wide + 2 * gap + 10, top + height + 132, "Expected reward over the action in three stages"
+    )
     for column, ((title, _), tried) in enumerate(zip(PANELS, sequence(), strict=True)):
         start = left + column * (wide + gap)
         x, y = Scale(0.0, 1.0, start, start + wide), Scale(0.0, 1.05, top + height, top)
@@ -121,7 +123,10 @@ def legend(canvas: Canvas, left: float, top: float) -> None:
     entries = (
         ("truth", "true reward (unknown to the method)"),
         ("simulator", "reward by the mean simulator alone; its tick is the best action there"),
-        ("mean", "expected reward of reality with one standard deviation; its tick is the next action of the first particle"),
+        (
+            "mean",
+            "expected reward of reality with one standard deviation; its tick is the next action of the first particle",
+        ),
     )
     for row, (css, words) in enumerate(entries):
         canvas.line(left, top + 20 * row, left + 22, top + 20 * row, css)

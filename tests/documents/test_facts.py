@@ -23,13 +23,12 @@ def text(page: str) -> str:
 
 
 def readme() -> str:
-    """README on one line, its numbers without their leading zeros, as `short` writes them."""
-    return re.sub(r"(?<![\d.])0(?=\.\d)", "", text(README))
+    return text(README)
 
 
 def short(value: float) -> str:
-    """As .93."""
-    return f"{value:.2f}".lstrip("0") if value < 1.0 else f"{value:.2f}"
+    """As 0.93."""
+    return f"{value:.2f}"
 
 
 class Sessions:
@@ -97,33 +96,33 @@ def test_after_four_trials_the_pages_say_how_far_each_method_is(sessions: Sessio
 def test_the_drawn_foods_by_true_rollouts_are_those_of_their_sessions(sessions: Sessions) -> None:
     page, part = text(RESULTS), "foods-drawn-rollouts"
     methods = ("udr", "adaptsim", "random", "bo-prior")
-    udr, adapted, drawn, other = (f"{sessions.mean(part, m):.3f}"[1:] for m in methods)
+    udr, adapted, drawn, other = (f"{sessions.mean(part, m):.3f}" for m in methods)
     gains = sessions.gains(part)
     worst = min(gains, key=lambda world: gains[world])
     gain = f"{np.mean(list(gains.values())):+.3f}".replace("+0.", "+.")
     assert f"UDR {udr}, `adaptsim` {adapted}, `random` {drawn}, `bo-prior` {other}. Minus UDR {gain}" in page
-    share = f".05 or more in {sum(g >= GAIN for g in gains.values())} of the {len(gains)}"
-    assert f"{share}, at least −{-gains[worst]:.3f} ({worst})".replace("−0.", "−.") in page
+    share = f"0.05 or more in {sum(g >= GAIN for g in gains.values())} of the {len(gains)}"
+    assert f"{share}, at least −{-gains[worst]:.3f} ({worst})" in page
     (row,) = [line for line in text("docs/results/methods.md").split("| `") if line.startswith("bo-prior` | 1 | 0.924")]
     lead = sessions.mean(part, "adaptsim") - sessions.mean(part, "bo-prior")
     assert f"{lead:+.3f} (+0.001 to +0.049)" in row
-    assert "minus `bo-prior` +.020 (.001 to .049)" in page
+    assert "minus `bo-prior` +0.020 (0.001 to 0.049)" in page
     (row,) = [line for line in text("docs/results/methods.md").split("| `") if line.startswith("random` | 1 | 0.927")]
     lead = sessions.mean(part, "adaptsim") - sessions.mean(part, "random")
     assert f"{lead:+.3f} (-0.001 to +0.039)" in row
-    assert "Minus `random` +.017 (−.001 to .039)" in page
+    assert "Minus `random` +0.017 (−0.001 to 0.039)" in page
 
 
 def test_the_drawn_foods_are_those_of_their_sessions(sessions: Sessions) -> None:
     page, part = text(RESULTS), "foods-drawn"
-    means = {m: f"{sessions.mean(part, m):.3f}"[1:] for m in ("udr", "adaptsim", "bo-prior", "random", "sysid-bayes")}
+    means = {m: f"{sessions.mean(part, m):.3f}" for m in ("udr", "adaptsim", "bo-prior", "random", "sysid-bayes")}
     first, best, *others = means.values()
     gains = sessions.gains(part)
     assert f"| {len(gains)} drawn foods | {first} | **{best}** | {' | '.join(others)} |" in page
-    assert f"gains .05 or more in {sum(g >= GAIN for g in gains.values())} of the {len(gains)}" in page
+    assert f"gains 0.05 or more in {sum(g >= GAIN for g in gains.values())} of the {len(gains)}" in page
     worst = min(gains, key=lambda world: gains[world])
-    assert f"loses at most {-gains[worst]:.3f} ({worst})".replace("0.", ".") in page
-    early = {m: f"{sessions.mean(part, m, 4):.3f}"[1:] for m in ("bo-prior", "adaptsim")}
+    assert f"loses at most {-gains[worst]:.3f} ({worst})" in page
+    early = {m: f"{sessions.mean(part, m, 4):.3f}" for m in ("bo-prior", "adaptsim")}
     assert f"`bo-prior` has {early['bo-prior']}, `adaptsim` {early['adaptsim']}" in page
     leads = text("docs/results/methods.md")
     for method in ("udr", "bo-prior", "random"):
@@ -132,8 +131,8 @@ def test_the_drawn_foods_are_those_of_their_sessions(sessions: Sessions) -> None
             line for line in leads.split("| `") if line.startswith(f"{method}` | 3 | {sessions.mean(part, method):.3f}")
         ]
         low, high = row.split(f"{lead:+.3f} (")[1].split(")")[0].split(" to ")
-        short_low, short_high = (value.replace("0.", ".").replace("-", "−").lstrip("+") for value in (low, high))
-        assert f"{lead:+.3f} ({short_low} to {short_high})".replace("0.", ".") in page
+        short_low, short_high = (value.replace("-", "−").lstrip("+") for value in (low, high))
+        assert f"{lead:+.3f} ({short_low} to {short_high})" in page
 
 
 def test_the_whole_lab_says_what_its_sessions_earned(sessions: Sessions) -> None:
@@ -161,7 +160,7 @@ def test_the_rows_of_the_drawn_worlds_are_those_of_the_sessions(sessions: Sessio
     row = f"| {ROWS.get(part)} | {short(udr)} | {shown} | {short(other)} | {short(paper)} | in {share:.0%} |"
     assert part not in ROWS or row.replace("%", " %") in readme()
     for number in (udr, adapted, paper):
-        assert f"{number:.3f}".lstrip("0") in text(RESULTS)
+        assert f"{number:.3f}" in text(RESULTS)
 
 
 def test_the_worst_world_and_the_share_that_gains_are_over_all_sessions(sessions: Sessions) -> None:
@@ -169,16 +168,16 @@ def test_the_worst_world_and_the_share_that_gains_are_over_all_sessions(sessions
     for part in ("pushing", "pendulum", "scooping"):
         gains = sessions.gains(part)
         worst = min(gains, key=lambda world: gains[world])
-        assert f"{worst} of {'the ' * (part == 'pendulum')}{part} (−{-gains[worst]:.3f})".replace("−0", "−") in page
+        assert f"{worst} of {'the ' * (part == 'pendulum')}{part} (−{-gains[worst]:.3f})" in page
         share = f"{np.mean([gain >= GAIN for gain in gains.values()]):.0%}".replace("%", " %")
         assert f"{share} of {'the ' * (part == 'pendulum')}{part}'s" in page
     foods = sessions.gains("foods")
-    assert f"gains .05 or more over UDR in {sum(g >= GAIN for g in foods.values())} of the 6 foods" in page
+    assert f"gains 0.05 or more over UDR in {sum(g >= GAIN for g in foods.values())} of the 6 foods" in page
 
 
 def test_the_best_parameters_are_said_to_be_as_far_ahead_as_they_are(sessions: Sessions) -> None:
     ahead = sessions.mean("scooping", "oracle") - sessions.mean("scooping", "adaptsim")
-    assert f"the best E earns {ahead:.3f} more than `adaptsim`".replace("0.", ".") in text(RESULTS)
+    assert f"the best E earns {ahead:.3f} more than `adaptsim`" in text(RESULTS)
 
 
 def test_a_second_training_of_scooping_earns_as_the_table_says(sessions: Sessions) -> None:
@@ -188,22 +187,22 @@ def test_a_second_training_of_scooping_earns_as_the_table_says(sessions: Session
         ("40 drawn foods, one session each", "foods-drawn-rollouts", "foods-drawn-training-11"),
     ):
         cells = (
-            ", ".join(f"{sessions.mean(part, method):.3f}"[1:] for method in ("udr", "adaptsim"))
+            ", ".join(f"{sessions.mean(part, method):.3f}" for method in ("udr", "adaptsim"))
             for part in (shipped, second)
         )
         assert f"| {row} | {' | '.join(cells)} |" in page
         udr, adapted = (sessions.mean(second, m) - sessions.mean(shipped, m) for m in ("udr", "adaptsim"))
-        assert f"{udr:+.2f}".replace("0.", ".") in page
-        assert f"−{-adapted:.3f}".replace("0.", ".") in page
+        assert f"{udr:+.2f}" in page
+        assert f"−{-adapted:.3f}" in page
     parts = ("foods-training-11", "foods-drawn-training-11")
     six, drawn = (short(sessions.mean(part, "udr")) for part in parts)
     (both,) = {short(sessions.mean(part, "adaptsim")) for part in parts}
     assert f"UDR earns {six} and {drawn} in both rows of foods, `adaptsim` {both}" in readme()
     gains = sessions.gains("foods-drawn-training-11")
     worst = min(gains, key=lambda world: gains[world])
-    assert f"+{np.mean(list(gains.values())):.3f} (.123 to .270)".replace("0.", ".", 1) in page
-    assert f".05 or more in {sum(g >= GAIN for g in gains.values())} of the {len(gains)} instead of 26" in page
-    assert f"in {worst} the session lost {-gains[worst]:.3f}".replace("0.", ".") in page
+    assert f"+{np.mean(list(gains.values())):.3f} (0.123 to 0.270)" in page
+    assert f"0.05 or more in {sum(g >= GAIN for g in gains.values())} of the {len(gains)} instead of 26" in page
+    assert f"in {worst} the session lost {-gains[worst]:.3f}" in page
 
 
 def test_a_second_training_earns_what_its_sessions_earn() -> None:
@@ -216,9 +215,9 @@ def test_a_second_training_earns_what_its_sessions_earn() -> None:
         {m: np.mean(rewards[part, m]) for m in ("udr", "adaptsim")} for part in ("pushing-training-11", "pushing")
     )
     assert len(rewards["pushing-training-11", "adaptsim"]) == len(rewards["pushing", "adaptsim"]) == 120
-    udr, adapted = ((f"{second[m]:.3f}"[1:], f"{shipped[m]:.3f}"[1:]) for m in ("udr", "adaptsim"))
-    difference = f"{second['adaptsim'] - shipped['adaptsim']:+.3f}".replace("0.", ".")
+    udr, adapted = ((f"{second[m]:.3f}", f"{shipped[m]:.3f}") for m in ("udr", "adaptsim"))
+    difference = f"{second['adaptsim'] - shipped['adaptsim']:+.3f}"
     assert (
         f"UDR {udr[0]} (shipped: {udr[1]} in these sessions), `adaptsim` {adapted[0]} ({adapted[1]}), a difference of "
-        f"{difference} (−.001 to .010)"
+        f"{difference} (−0.001 to 0.010)"
     ) in text(RESULTS)

@@ -5,8 +5,8 @@
     python benchmarks/stopping.py --task pushing --targets drawn --tables      looked up: many times faster
 
 After every iteration the session says what another one is worth. "Stop" is wrong where the next iteration gained more
-than .05 after all, "go on" where it did not. Both are compared with the rule that always stops after two iterations. A
-session that ends under .2 should have said "hopeless", and one that ends above .3 should not. Rewards come from true
+than 0.05 after all, "go on" where it did not. Both are compared with the rule that always stops after two iterations. A
+session that ends under 0.2 should have said "hopeless", and one that ends above 0.3 should not. Rewards come from true
 rollouts, or from the half of a table that no trial sees.
 """
 

@@ -78,9 +78,8 @@ class Hindsight:
         posterior = posteriors[-1]
 
         def expected(policies: Sequence[SolvedPolicy]) -> Estimate:
-            return expected_reward(
-                checkpoint, posterior, policies, np.random.default_rng(0)
-            )  # the same targets for all
+            rng = np.random.default_rng(0)  # the same targets for all
+            return expected_reward(checkpoint, posterior, policies, rng)
 
         return Judgement(
             posteriors=posteriors,

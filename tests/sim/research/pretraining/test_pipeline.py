@@ -133,7 +133,7 @@ def test_training_repeats_exactly_and_depends_on_the_seed():
     assert np.array_equal(curve, same)
     assert not np.array_equal(one.directions(states), three.directions(states))
     assert len(curve) == 3  # 20 episodes are begun 8 at a time
-    assert curve[:, 1].tolist() == pytest.approx([0.863, 0.55, 0.237], abs=1e-3)  # from 1 to .1
+    assert curve[:, 1].tolist() == pytest.approx([0.863, 0.55, 0.237], abs=1e-3)  # from 1 to 0.1
     horizon = TOY.adaptation.horizon
     assert episodes.directions.shape == (12, 2, horizon, len(PARAMETERS))  # pairs of particles on the same target
     moved = TOY.parameters.step(episodes.means[:, :, 0], episodes.directions[:, :, 0].astype(int), TOY.adaptation.delta)

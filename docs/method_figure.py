@@ -14,9 +14,9 @@ import numpy as np
 from adaptsim_cli.screen.svg import Canvas, Scale
 from hw.types import Array
 from sim.adaptation.discrepancy import END, LEAST_END_STD, Discrepancy
-from sim.adaptation.expected_gain import CAUTION
-from sim.adaptation.reality import KEPT
+from sim.adaptation.outcome_posterior import KEPT
 from sim.adaptation.refining import systematic
+from sim.adaptation.session_forecast import CAUTION
 
 FIGURE = Path(__file__).parent / "figures" / "method.svg"
 FRICTIONS = np.linspace(0.5, 1.5, 1024)

@@ -13,6 +13,7 @@ import real_views
 from real_views import X_BF, corner_folder, postures_rad
 from scipy.spatial.transform import Rotation
 
+from adaptsim_cli.bench.calibration.detected_views import detect_views
 from adaptsim_cli.bench.calibration.solving import solve_folder
 from calib.errors import CalibrationError, UnusableViews, ViewFolderError
 from calib.files import read_folder

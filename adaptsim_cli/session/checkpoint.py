@@ -128,7 +128,7 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
     from sim.adaptation.methods import METHODS, kind_of
     from sim.adaptation.methods.belief import create
     from sim.adaptation.posterior import posterior
-    from sim.adaptation.reward_table import weighed
+    from sim.adaptation.reward_table import begun_with
 
     if not settings.start_from:
         return checkpoint, ""
@@ -144,9 +144,9 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
         )
     before, _ = started_from(checkpoint, store.facts)  # it may have begun so itself
     task = before.solver.task
-    weights = posterior(create(task, before), history_of(task, store, store.iterations() - 1)).weights
-    assert before.prospects is not None  # else there is no belief
-    prospects = weighed(before.prospects, weights)
+    belief = posterior(create(task, before), history_of(task, store, store.iterations() - 1))
+    assert checkpoint.prospects is not None  # else there is no belief
+    prospects = begun_with(checkpoint.prospects, task, belief.samples, belief.weights)
     return replace(checkpoint, prospects=prospects), hashlib.sha256(prospects.truths.tobytes()).hexdigest()
 
 

@@ -31,8 +31,8 @@ OPTIMISM = 1.0
 
 
 @dataclass(frozen=True)
-class ProspectSettings:
-    """The resolution of the prospects."""
+class RewardTableSettings:
+    """The resolution of the reward table."""
 
     candidates: int = 128
     truths: int = 2048
@@ -70,21 +70,21 @@ class RewardTable:
 
     @property
     def tensors(self) -> dict[str, NDArray[Any]]:
-        """The arrays to store; `restore_prospects` reads them."""
+        """The arrays to store; `restore_reward_table` reads them."""
         return {"candidates": self.candidates, "truths": self.truths, "rewards": self.rewards.astype(np.float16)}
 
 
-def look_ahead(
+def tabulate_rewards(
     solver: Solver,
     seed: int,
-    settings: ProspectSettings | None = None,
+    settings: RewardTableSettings | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> RewardTable:
-    """Compute the prospects.
+    """Compute the reward table.
 
     Both sets fill their space evenly; contexts, errors and nuisance are the same for all rewards.
     """
-    task, rng, s = solver.task, np.random.default_rng(seed), settings or ProspectSettings()
+    task, rng, s = solver.task, np.random.default_rng(seed), settings or RewardTableSettings()
     candidates = cover(task.parameters, s.candidates, rng)
     truths = cover(task.margin, s.truths, rng)
     contexts = task.context.sample(rng, s.contexts)
@@ -99,28 +99,30 @@ def look_ahead(
     return RewardTable(candidates, truths, rewards.astype(np.float64))
 
 
-def restore_prospects(task: Task, tensors: Tensors) -> RewardTable:
-    """The stored prospects. Raises CheckpointError if the tensors are not prospects of this task."""
+def restore_reward_table(task: Task, tensors: Tensors) -> RewardTable:
+    """The stored reward table. Raises CheckpointError if the tensors are not one of this task."""
     try:
         table = RewardTable(*(tensors[name].astype(np.float64) for name in ("candidates", "truths", "rewards")))
     except KeyError as error:
-        raise CheckpointError(f"the prospects hold no {error}: pretrain again") from error
+        raise CheckpointError(f"the reward table holds no {error}: pretrain again") from error
     parameters = len(task.parameters)
     if table.candidates.shape[1] != parameters or table.truths.shape[1] != parameters:
-        raise CheckpointError(f"prospects of {table.truths.shape[1]} parameters do not fit {task.name}; pretrain again")
+        raise CheckpointError(
+            f"a reward table of {table.truths.shape[1]} parameters does not fit {task.name}; pretrain again"
+        )
     return table
 
 
-def begun_with(prospects: RewardTable, task: Task, samples: Array, weights: Array) -> RewardTable:
-    """The prospects of a session that begins with the posterior of another one: `samples` (N, p) in units, `weights`
-    (N,). The same posterior gives the same prospects.
+def begun_with(reward_table: RewardTable, task: Task, samples: Array, weights: Array) -> RewardTable:
+    """The reward table of a session that begins with the posterior of another one: `samples` (N, p) in units, `weights`
+    (N,). The same posterior gives the same reward_table.
 
-    `prospects` are those of the checkpoint. A new truth has the rewards of the nearest of theirs.
+    `reward_table` is that of the checkpoint. A new truth has the rewards of the nearest one in it.
     """
     space = task.margin
     low, high = space.physical
     physical = space.normalise(low), space.normalise(high)
     prior = Prior.after(unit_points(space, samples), weights, physical)
-    cloud = prior.cloud(len(prospects.truths))
-    nearest = cKDTree(unit_points(space, prospects.truths)).query(cloud)[1]
-    return RewardTable(prospects.candidates, space.spread(cloud), prospects.rewards[:, nearest], prior)
+    cloud = prior.cloud(len(reward_table.truths))
+    nearest = cKDTree(unit_points(space, reward_table.truths)).query(cloud)[1]
+    return RewardTable(reward_table.candidates, space.spread(cloud), reward_table.rewards[:, nearest], prior)

@@ -56,7 +56,7 @@ class Simulators:
     """The predictions of a task's simulator, shared during a session."""
 
     solver: Solver
-    prospects: RewardTable
+    reward_table: RewardTable
     _grid: dict[bytes, Predicted] = field(default_factory=dict, repr=False)  # of `truths`, by trial
 
     @property
@@ -66,8 +66,8 @@ class Simulators:
 
     @property
     def truths(self) -> Array:
-        """(T, p) candidate truths, T at most `SIMULATORS`, that follow the prior: the first ones of the prospects."""
-        return self.prospects.truths[:SIMULATORS]
+        """(T, p) candidate truths, T at most `SIMULATORS`, that follow the prior: the first ones of the table."""
+        return self.reward_table.truths[:SIMULATORS]
 
     @property
     def refines(self) -> bool:
@@ -133,7 +133,7 @@ class Simulators:
     @property
     def prior(self) -> Prior:
         """The density of the parameters before any trial."""
-        return self.prospects.prior
+        return self.reward_table.prior
 
     def candidates(self, trials: Sequence[Trial]) -> Candidates:
         """The simulators to weigh by trials: `truths`, or for an exact simulator those around the best fit."""

@@ -8,8 +8,7 @@ import pytest
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.densities import ANOTHER_STD, UNSURE, Prior
 from sim.adaptation.methods import make_method
-from sim.adaptation.methods.belief import create
-from sim.adaptation.posterior import posterior
+from sim.adaptation.posterior import likelihood_of, posterior
 from sim.adaptation.reward_table import begun_with
 from sim.lab.drawn import drawn_world
 from sim.research.benchmark.sessions import Conditions, run_iterations
@@ -39,8 +38,8 @@ def session(checkpoint, parameters, budget: int = 2):
 
 def after(checkpoint, history):
     """The checkpoint of a session that begins with the posterior after `history`."""
-    belief = posterior(create(TASK, checkpoint), history)
-    return replace(checkpoint, prospects=begun_with(CHECKPOINT.prospects, TASK, belief.samples, belief.weights))
+    known = posterior(likelihood_of(checkpoint), history)
+    return replace(checkpoint, reward_table=begun_with(CHECKPOINT.reward_table, TASK, known.samples, known.weights))
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +63,7 @@ def test_a_prior_after_a_session_integrates_to_one_and_its_cloud_follows_it(cent
 
 
 def test_an_exact_posterior_gives_a_prior_with_the_width_of_another_object(begun):
-    known = posterior(create(TASK, begun), ())
+    known = posterior(likelihood_of(begun), ())
     assert known.effective > 1000
     low, high = TASK.margin.normalise(known.quantiles((0.05, 0.95)))
     truth = TASK.margin.normalise(np.array(HERE))
@@ -76,7 +75,7 @@ def test_an_exact_posterior_gives_a_prior_with_the_width_of_another_object(begun
 
 
 def test_a_truth_of_the_new_prior_has_the_rewards_of_the_nearest_one_of_the_checkpoint():
-    own = CHECKPOINT.prospects
+    own = CHECKPOINT.reward_table
     samples = own.truths[:40]
     table = begun_with(own, TASK, samples, np.full(40, 0.025))
     assert table.truths.shape == own.truths.shape
@@ -101,7 +100,7 @@ def test_the_first_action_of_the_next_session_is_nearly_the_best(begun):
 def test_a_wrong_prior_is_corrected_by_the_first_trials(begun, parameters):
     history, reward = session(begun, parameters)
     assert reward > 0.995
-    known = posterior(create(TASK, begun), history)
+    known = posterior(likelihood_of(begun), history)
     low, high = known.quantiles((0.05, 0.95))
     assert ((low <= parameters) & (parameters <= high)).all()
     assert known.effective > 24
@@ -112,7 +111,7 @@ def test_a_posterior_beyond_the_margin_is_a_prior_too(begun):
     assert TASK.action.contains(optimal(np.array(BEYOND))[0].reshape(-1))
     history, _ = session(CHECKPOINT, BEYOND)
     third = after(CHECKPOINT, history)
-    assert not TASK.margin.contains(third.prospects.truths.mean(axis=0))
+    assert not TASK.margin.contains(third.reward_table.truths.mean(axis=0))
     method = make_method("adaptsim", TASK, third)
     first = method.policy(method.start(2, np.random.default_rng(0))[0], ()).actions(np.zeros((1, 0)))[0]
     assert rewards(np.array(BEYOND), first) > 0.95

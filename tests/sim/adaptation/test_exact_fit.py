@@ -18,7 +18,7 @@ from sim.tasks.pendulum.solver import rewards
 
 TASK = get_task("pendulum")
 CHECKPOINT = load_checkpoint(TASK)
-TRUTHS, PRIOR = CHECKPOINT.prospects.truths[:1024], CHECKPOINT.prospects.prior
+TRUTHS, PRIOR = CHECKPOINT.reward_table.truths[:1024], CHECKPOINT.reward_table.prior
 INSIDE, OUTSIDE, BEYOND = (1.3, 1.7, 1.2, 1.9), (0.5, 2.4, 8.0, 3.0), (3.0, 1.2, 14.0, 4.0)
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.adaptation.descent import descend
 from sim.adaptation.densities import Prior
+from sim.adaptation.descent import descend
 from sim.adaptation.refining import RESOLVED, refined
 from sim.rollouts.draws import sobol
 

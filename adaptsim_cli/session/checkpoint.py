@@ -127,7 +127,7 @@ def started_from(checkpoint: Checkpoint, settings: Config | SessionFacts) -> tup
     from adaptsim_cli.session.store import SessionStore
     from sim.adaptation.methods import METHODS, kind_of
     from sim.adaptation.posterior import likelihood_of, posterior
-    from sim.adaptation.reward_table import weighed
+    from sim.adaptation.reward_table import begun_with
 
     if not settings.start_from:
         return checkpoint, ""
@@ -143,9 +143,9 @@ def started_from(checkpoint: Checkpoint, settings: Config | SessionFacts) -> tup
         )
     before, _ = started_from(checkpoint, store.facts)  # it may have begun so itself
     task = before.solver.task
-    weights = posterior(likelihood_of(before), history_of(task, store, store.iterations() - 1)).weights
-    assert before.reward_table is not None  # else there is no likelihood
-    reward_table = weighed(before.reward_table, weights)
+    known = posterior(likelihood_of(before), history_of(task, store, store.iterations() - 1))
+    assert checkpoint.reward_table is not None  # else there is no likelihood
+    reward_table = begun_with(checkpoint.reward_table, task, known.samples, known.weights)
     return replace(checkpoint, reward_table=reward_table), hashlib.sha256(reward_table.truths.tobytes()).hexdigest()
 
 

@@ -163,7 +163,7 @@ def _adaptation(
     from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
 
     table = checkpoint.reward_table
-    likelihood = None if table is None else TrajectoryLikelihood(checkpoint.solver, table.truths)
+    likelihood = None if table is None else TrajectoryLikelihood(checkpoint.solver, table.truths, table.prior)
     method = make_method(config.method, checkpoint.solver.task, checkpoint)
     return Adaptation(method, policies, expectations, executable, likelihood)
 

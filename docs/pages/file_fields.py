@@ -174,7 +174,7 @@ SAID = {
     "action": "action that was commanded, in units",
     "outcome": "how the trial ended",
     "file": "file beside this one",
-    "predicted_reward": "expected reward",
+    "predicted_reward": "predicted reward, in the context as measured",
     "predicted_high": "upper end of its interval",
     "timing_s": "seconds spent on each stage",
     "iteration": "number of the iteration, from 1",

@@ -36,6 +36,11 @@ from sim.solvers.candidates import CandidatePolicy, Outcomes, first_executable
 from sim.solvers.solver import Executable
 from sim.tasks.task import Task
 
+WIDER = 2.0
+"""The interval of a predicted reward is so much wider than that of the draws, which held too few rewards of developed
+worlds (docs/decisions/0011).
+"""
+
 KEPT = 48
 """Number of draws of a simulator and its discrepancies."""
 
@@ -211,10 +216,9 @@ class RealityPolicy(CandidatePolicy):
         return first_executable(*self.ranked(context), context, self.executable, self.task, attempts)
 
     def predict(self, context: Array) -> tuple[float, float, float]:
-        """Expected reward of the action at `context`: mean, and the 95 % interval over the draws."""
+        """Predicted reward of the action at `context`, with its 95 % interval (`predicted_interval`)."""
         earned = self.outcomes(self(context)[None], context).rewards(context)[0]
-        low, high = np.quantile(earned, [0.025, 0.975])
-        return float(earned.mean()), float(low), float(high)
+        return float(earned.mean()), *predicted_interval(earned)
 
     @property
     def prefers_interior(self) -> bool:
@@ -239,6 +243,13 @@ class RealityPolicy(CandidatePolicy):
         """(A,) rounded, so that equal actions tie."""
         earned = outcomes.rewards(context)
         return np.asarray(np.round(earned.mean(axis=1) + self.optimism * earned.std(axis=1), 9))
+
+
+def predicted_interval(earned: Array) -> tuple[float, float]:
+    """The 95 % interval of a predicted reward, from its values (K,) in the draws of reality."""
+    mean = float(earned.mean())
+    low, high = np.clip(mean + WIDER * (np.quantile(earned, [0.025, 0.975]) - mean), 0.0, 1.0)
+    return float(low), float(high)
 
 
 def _weights(log: Array) -> Array:

@@ -175,7 +175,6 @@ SAID = {
     "outcome": "how the trial ended",
     "file": "file beside this one",
     "predicted_reward": "predicted reward, in the context as measured",
-    "predicted_high": "upper end of its interval",
     "timing_s": "seconds spent on each stage",
     "iteration": "number of the iteration, from 1",
     "particle": "number of the particle, from 1",

@@ -11,7 +11,7 @@ import numpy as np
 
 from adaptsim_cli.screen.html import fill
 from adaptsim_cli.screen.outputs.learning import Revealed
-from adaptsim_cli.screen.outputs.trials import OutlookRecord
+from adaptsim_cli.screen.outputs.trials import ForecastRecord
 from adaptsim_cli.screen.views import predicted_between, quantity, shown
 from adaptsim_cli.session.advice import (
     best_in_words,
@@ -323,11 +323,11 @@ def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dime
     )
 
 
-def _correction(facts: Facts, outlook: OutlookRecord | None) -> str:
+def _correction(facts: Facts, forecast: ForecastRecord | None) -> str:
     """The correction of the simulator's action, in words."""
-    if outlook is None:
+    if forecast is None:
         return ""
-    terms = outlook.noticeable(_described(facts, facts.action))
+    terms = forecast.noticeable(_described(facts, facts.action))
     signed = [f"{d.plain_name} {'+' if off > 0 else '−'}{quantity(abs(off), d.unit)}" for d, off in terms]
     return ", ".join(signed) or "none"
 

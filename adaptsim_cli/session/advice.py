@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from adaptsim_cli.config import is_own, same_lab
 from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord
 from adaptsim_cli.screen.views import predicted_between, signed
-from adaptsim_cli.session.records import Facts, ResultRecord
+from adaptsim_cli.session.records import ResultRecord, SessionFacts
 from sim.adaptation.method import WORTHWHILE
 from sim.adaptation.paired import MOST_FURTHER, WORTH, Claim
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
@@ -180,7 +180,7 @@ def _runs(numbers: Sequence[int]) -> list[str]:
     return texts
 
 
-def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
+def after_iteration(facts: SessionFacts, result: ResultRecord) -> Steps:
     """The next commands, the likeliest first."""
     verdict, done = result.verdict, result.iteration
     go_on = f"adaptsim run-iteration --session {facts.name}"
@@ -220,7 +220,7 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     return (*steps, *checks) if verdict.is_inexpressible else steps
 
 
-def _checks(facts: Facts) -> Steps:
+def _checks(facts: SessionFacts) -> Steps:
     """The checks of a rig that has a camera."""
     if not facts.calibration:
         return ()

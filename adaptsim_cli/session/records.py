@@ -84,7 +84,7 @@ def as_records(space: Space) -> tuple[DimensionRecord, ...]:
     )
 
 
-class Facts(Record):
+class SessionFacts(Record):
     """session.toml: the settings that a session was begun with, and must continue with."""
 
     format: int = FORMAT
@@ -195,7 +195,7 @@ class MotionRecord(Record):
         return self.role is not Role.ALONE
 
     @property
-    def place(self) -> tuple[int, TrialKey]:
+    def position(self) -> tuple[int, TrialKey]:
         """(iteration, key) of the trial; stages count from 0."""
         return self.iteration - 1, TrialKey(self.trial, self.attempt - 1)
 

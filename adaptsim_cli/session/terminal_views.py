@@ -21,7 +21,7 @@ from adaptsim_cli.session.advice import (
     compared_in_words,
     in_words,
 )
-from adaptsim_cli.session.records import ROLLOUT, Facts, MotionRecord, ResultRecord, TrialRecord
+from adaptsim_cli.session.records import ROLLOUT, MotionRecord, ResultRecord, SessionFacts, TrialRecord
 from hw.types import Array
 from sim.adaptation.method import Particle
 from sim.adaptation.stages import Role, RunTrial
@@ -30,7 +30,7 @@ from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
 
-def session_header(task: Task, facts: Facts, iteration: int, hardware: str, *, is_new: bool) -> RenderableType:
+def session_header(task: Task, facts: SessionFacts, iteration: int, hardware: str, *, is_new: bool) -> RenderableType:
     """The heading of an iteration: hardware, task, number and session; of a new one, also the meaning of the
     quantities.
     """
@@ -44,7 +44,7 @@ def session_header(task: Task, facts: Facts, iteration: int, hardware: str, *, i
     )
 
 
-def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle, left_s: float) -> RenderableType:
+def trial(task: Task, facts: SessionFacts, stage: RunTrial, particle: Particle, left_s: float) -> RenderableType:
     """The heading of a trial: number, attempt, particle, and the time left in its iteration (0: unknown)."""
     again = f", attempt {stage.key.attempt + 1}" if stage.key.attempt else ""
     numbers = facts.layout.numbers(stage.iteration)
@@ -69,7 +69,7 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle, left_s:
     return Group(Text(""), head, views.indent(Text(why, style="dim")))
 
 
-def _of_session(facts: Facts, stage: RunTrial) -> str:
+def _of_session(facts: SessionFacts, stage: RunTrial) -> str:
     """` of 20`: how many trials a usual session has, or this rollout; "" beyond that."""
     trials = facts.layout.numbers((1 if facts.method == ROLLOUT else ENOUGH_ITERATIONS) - 1).stop - 1
     return f" of {trials}" if stage.key.number <= trials else ""

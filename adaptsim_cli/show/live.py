@@ -27,7 +27,7 @@ from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import MotionRecord, ResultRecord, TrialRecord
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import PosteriorSource, Watcher
 from adaptsim_cli.show.server import Page, require_free
 from sim.adaptation.posterior import Posterior
@@ -112,7 +112,7 @@ class LiveView:
 
 @contextmanager
 def live_view(
-    screen: Screen, parts: Parts, name: str, what: str, hw: str, port: int | None, particles: int = 0
+    screen: Screen, parts: SessionParts, name: str, what: str, hw: str, port: int | None, particles: int = 0
 ) -> Iterator[LiveView]:
     """Serve the page of the session or rollout `name`; print its address, and how to reach it from another computer.
 
@@ -135,7 +135,7 @@ def live_view(
         tunnel = f"ssh -L {page.port}:127.0.0.1:{page.port} {_here()}"
         screen.plain(f"From another computer: {tunnel}")
         view = LiveView(page, task, head, particles)
-        screen.tell(view)
+        screen.add_listener(view)
         yield view
 
 
@@ -291,12 +291,12 @@ def _rounded(values: NDArray[Any], digits: int) -> list[Any]:
     return rounded
 
 
-def beside(port: int | None) -> OpenView:
+def live_page(port: int | None) -> OpenView:
     """A page at `port`, or at any free port. Raises UsageError, before anything begins, if the port is in use."""
     if port is not None:
         require_free(port)
 
-    def open_view(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
+    def open_view(screen: Screen, store: SessionStore, parts: SessionParts) -> AbstractContextManager[Watcher]:
         name, facts = store.facts.name, store.facts
         what = f"session {name}, method {facts.method}"
         return live_view(screen, parts, name, what, facts.hw, port, facts.particles)

@@ -12,7 +12,7 @@ import numpy as np
 from adaptsim_cli.screen.html import fill
 from adaptsim_cli.screen.outputs.learning import Revealed
 from adaptsim_cli.screen.outputs.trials import ForecastRecord
-from adaptsim_cli.screen.views import predicted_between, quantity, shown
+from adaptsim_cli.screen.views import predicted_between, quantity, value_in_words
 from adaptsim_cli.session.advice import (
     best_in_words,
     check_first,
@@ -27,9 +27,9 @@ from adaptsim_cli.session.history import means_of, particles_of
 from adaptsim_cli.session.judgement import Judgement, MeanReward, mean_of, trial_std
 from adaptsim_cli.session.records import (
     DimensionRecord,
-    Facts,
     KeyMoment,
     ResultRecord,
+    SessionFacts,
     TrialRecord,
 )
 from adaptsim_cli.session.store import Change, SessionStore
@@ -199,7 +199,7 @@ def both(draw: Callable[[float], str]) -> str:
     return f'<div class="wide">{draw(WIDE)}</div><div class="narrow">{draw(NARROW)}</div>'
 
 
-def _udr(facts: Facts, reference: Reference | None, truth: Revealed | None) -> UdrReward | None:
+def _udr(facts: SessionFacts, reference: Reference | None, truth: Revealed | None) -> UdrReward | None:
     """What UDR earns: by the truth of a simulated world, else as a session measured it; None: not known."""
     if facts.method == "udr":
         return None
@@ -212,7 +212,7 @@ def _udr(facts: Facts, reference: Reference | None, truth: Revealed | None) -> U
 
 
 def levels(
-    facts: Facts,
+    facts: SessionFacts,
     trials: Sequence[TrialRecord],
     results: Sequence[ResultRecord],
     reference: Reference | None,
@@ -288,7 +288,7 @@ def _iteration(store: SessionStore, iteration: int, rejections: Sequence[Change]
 
 
 def _pictures(store: SessionStore, record: TrialRecord, judgement: Judgement | None) -> Pictures:
-    folder = store.trial_folder(*record.place)
+    folder = store.trial_folder(*record.position)
     strip = tuple((moment, picture(folder / moment.file)) for moment in record.moments)
     overlay = picture(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
     curves = tuple(store.facts.curves)
@@ -307,11 +307,11 @@ def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:
 
 def _quantities(dimensions: Sequence[Dimension], values: Iterable[float]) -> str:
     """Plain name, value and unit of each quantity, without a line break inside one."""
-    each = (f"{d.plain_name} {shown(d, v)}" for d, v in zip(dimensions, values, strict=True))
+    each = (f"{d.plain_name} {value_in_words(d, v)}" for d, v in zip(dimensions, values, strict=True))
     return ", ".join(text.replace(" ", NO_BREAK) for text in each)
 
 
-def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dimension, ...]:
+def _described(facts: SessionFacts, records: tuple[DimensionRecord, ...]) -> tuple[Dimension, ...]:
     """The stored dimensions, with plain names and meanings if the task is known."""
     task = known_task(facts.task)
     spaces = (task.parameters, task.context, task.action) if task is not None else ()
@@ -323,7 +323,7 @@ def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dime
     )
 
 
-def _correction(facts: Facts, forecast: ForecastRecord | None) -> str:
+def _correction(facts: SessionFacts, forecast: ForecastRecord | None) -> str:
     """The correction of the simulator's action, in words."""
     if forecast is None:
         return ""
@@ -332,7 +332,7 @@ def _correction(facts: Facts, forecast: ForecastRecord | None) -> str:
     return ", ".join(signed) or "none"
 
 
-def parameters_in_words(facts: Facts, params: Mapping[str, float]) -> str:
+def parameters_in_words(facts: SessionFacts, params: Mapping[str, float]) -> str:
     """Plain name, value and unit of each parameter."""
     return _quantities(_described(facts, facts.parameters), tuple(params[d.name] for d in facts.parameters))
 

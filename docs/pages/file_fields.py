@@ -49,7 +49,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "session.toml",
         "What a session was begun with, and must be continued with.",
         (
-            ("", "adaptsim_cli.session.records", "Facts"),
+            ("", "adaptsim_cli.session.records", "SessionFacts"),
             ("[[parameters]], [[context]], [[action]]", "adaptsim_cli.session.records", "DimensionRecord"),
         ),
     ),

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from hw.types import Array, frozen_array
+from sim.adaptation.densities import systematic
 from sim.adaptation.discrepancy import (
     END,
     FACTORS,
@@ -29,7 +30,7 @@ from sim.adaptation.discrepancy import (
     DiscrepancyScale,
 )
 from sim.adaptation.method import Trial
-from sim.adaptation.refining import RESOLVED, refined, systematic
+from sim.adaptation.refining import RESOLVED, refined
 from sim.adaptation.simulators import Candidates, Predicted, Simulators
 from sim.rollouts.draws import sobol
 from sim.solvers.candidates import CandidatePolicy, Outcomes, first_executable
@@ -61,7 +62,7 @@ class OutcomePosterior:
 
     @cached_property
     def weights(self) -> Array:
-        """(T,) probabilities of `Simulators.truths`: their posterior; the prior is uniform over the margin.
+        """(T,) probabilities of `Simulators.truths`, which follow the prior: their posterior.
 
         No point of a grid is the truth, and a point is as wrong in every trial: together they count as one on average.
         """
@@ -83,15 +84,15 @@ class OutcomePosterior:
             return first.parameters, self.weights
         log = self._log_posterior(first.predicted)
         weights = _weights(first.log_prior + log)
-        is_fixed = simulators.is_grid or not simulators.is_even or first.parameters is not simulators.truths
+        is_fixed = simulators.is_grid or first.parameters is not simulators.truths
         if is_fixed or 1.0 / (weights**2).sum() >= RESOLVED:
             return first.parameters, weights
-        space, p = simulators.task.margin, first.parameters.shape[1]
+        space = simulators.task.margin
 
         def log_posterior(points: Array) -> Array:
             return self._log_posterior(simulators.predict(self.trials, space.spread(points)))
 
-        fit = refined(log_posterior, simulators.cloud, log, (np.zeros(p), np.ones(p)), DRAWN, GENERATIONS)
+        fit = refined(log_posterior, simulators.cloud, log, simulators.prior, DRAWN, GENERATIONS)
         return space.spread(np.clip(fit.points, 0.0, 1.0)), fit.weights
 
     def _log_posterior(self, predicted: Predicted) -> Array:

@@ -7,10 +7,10 @@ import pytest
 from adaptsim_cli.config import same_lab
 from adaptsim_cli.screen.outputs.trials import BestRecord, SuspicionRecord
 from adaptsim_cli.session.advice import HEADLINES, after_iteration, best_in_words, gain_in_words, in_words, tried_in
-from adaptsim_cli.session.records import Facts, ResultRecord
+from adaptsim_cli.session.records import ResultRecord, SessionFacts
 from sim.adaptation.verdict import Kind, Reason, Verdict
 
-FACTS = Facts(
+FACTS = SessionFacts(
     name="s", task="scooping", hw="fake", world="ood-1", seed=3, method="adaptsim", particles=2, trials=2,
     created="2026-01-01T00:00:00+00:00", checkpoint="", checkpoint_sha256="", calibration="calibrated",
     calibration_sha256="", versions={}, title="t", object_name="piece", parameters=(), context=(), action=(),
@@ -89,7 +89,7 @@ def test_a_suspicion_of_the_task_comes_first_with_the_command_that_tells():
     assert rest[0][0] == "adaptsim run-iteration --session s"
 
 
-def steps(verdict: Verdict, iteration: int = 1, facts: Facts = FACTS) -> list[str]:
+def steps(verdict: Verdict, iteration: int = 1, facts: SessionFacts = FACTS) -> list[str]:
     best = BestRecord(params={"mu": 0.3}, mean_reward=0.5, trials=4, ci95=(0.2, 0.8))
     result = ResultRecord(
         iteration=iteration, trials=(), next_particles=(), best=best, verdict=verdict, timing_s={}, proposal_s=0.0

@@ -30,6 +30,14 @@ LEAST_UNIT = 0.1
 """Least unit of an end-state quantity that hardly varies in the ranges, as a share of the largest unit."""
 
 
+@dataclass(frozen=True)
+class PartStrengths:
+    """How much each part of the method counts: 1 as it is, 0 to leave it out, which an ablation does."""
+
+    weights: float = 1.0  # power of the likelihood of trials, by which simulators are weighed
+    discrepancy: float = 1.0  # factor on the scales of reality's discrepancy
+
+
 @dataclass(frozen=True, eq=False)
 class Predicted:
     """Predictions of K simulators for N trials, averaged over the disturbances."""
@@ -56,6 +64,7 @@ class Simulators:
 
     solver: Solver
     prospects: RewardTable
+    strengths: PartStrengths = PartStrengths()
     _grid: dict[bytes, Predicted] = field(default_factory=dict, repr=False)  # of `truths`, by trial
 
     @property
@@ -138,7 +147,8 @@ class Simulators:
 
     def candidates(self, trials: Sequence[Trial]) -> Candidates:
         """The simulators to weigh by trials: `truths`, or for an exact simulator those around the best fit."""
-        if not trials or not is_exact(self.solver) or not self.is_even:
+        weighs = bool(trials) and self.strengths.weights > 0.0
+        if not weighs or not is_exact(self.solver) or not self.is_even:
             return Candidates(self.truths, np.zeros(len(self.truths)), self.on_grid(trials) if trials else None, 1.0)
         fit = exact_fit(self.solver, trials, self.truths)
         return Candidates(fit.parameters, fit.log_prior, self.predict(trials, fit.parameters, fit.left), fit.left)

@@ -126,8 +126,7 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
     from adaptsim_cli.session.history import history_of
     from adaptsim_cli.session.store import SessionStore
     from sim.adaptation.methods import METHODS, kind_of
-    from sim.adaptation.methods.belief import create
-    from sim.adaptation.posterior import posterior
+    from sim.adaptation.posterior import likelihood_of, posterior
     from sim.adaptation.reward_table import weighed
 
     if not settings.start_from:
@@ -144,10 +143,10 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
         )
     before, _ = started_from(checkpoint, store.facts)  # it may have begun so itself
     task = before.solver.task
-    weights = posterior(create(task, before), history_of(task, store, store.iterations() - 1)).weights
-    assert before.prospects is not None  # else there is no belief
-    prospects = weighed(before.prospects, weights)
-    return replace(checkpoint, prospects=prospects), hashlib.sha256(prospects.truths.tobytes()).hexdigest()
+    weights = posterior(likelihood_of(before), history_of(task, store, store.iterations() - 1)).weights
+    assert before.reward_table is not None  # else there is no likelihood
+    reward_table = weighed(before.reward_table, weights)
+    return replace(checkpoint, reward_table=reward_table), hashlib.sha256(reward_table.truths.tobytes()).hexdigest()
 
 
 def _choosing_among(checkpoint: Checkpoint, trials: RecordedTrials) -> Checkpoint:

@@ -27,7 +27,7 @@ def after_iterations(most: int) -> EndRule:
 
 
 def before_adapting(session: RunningSession, stage: Stage) -> bool:
-    """Ends when the trials of an iteration are complete: a rollout has no learner."""
+    """Ends when the trials of an iteration are complete: a rollout has no adaptation."""
     return not isinstance(session.next_stage(), RunTrial)
 
 

@@ -20,8 +20,8 @@ from adaptsim_cli.errors import AnswerAwaited, SessionError
 from adaptsim_cli.screen.console import ANSWERING, Screen
 from adaptsim_cli.screen.outputs.trials import (
     BestRecord,
+    ForecastRecord,
     IterationOutput,
-    OutlookRecord,
     SuspicionRecord,
     as_row,
     named,
@@ -54,7 +54,7 @@ from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
-from sim.adaptation.learner import Learner
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.method import Iteration as LearntIteration
 from sim.adaptation.method import Particle
 from sim.adaptation.posterior import Posterior
@@ -86,9 +86,9 @@ class RunningSession:
     overhead_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
     @property
-    def learner(self) -> Learner:
+    def adaptation(self) -> Adaptation:
         """See `PlayableSession`."""
-        return self.parts.learner
+        return self.parts.adaptation
 
     @property
     def progress(self) -> Progress:
@@ -330,9 +330,9 @@ def keep_particles(
     session: RunningSession, stage: Adapt, history: Sequence[LearntIteration], particles: tuple[Particle, ...]
 ) -> None:
     """Judge the trials, train the next task policies and store the result of an iteration."""
-    store, learner = session.store, session.parts.learner
+    store, adaptation = session.store, session.parts.adaptation
     with session.screen.busy("Judging the trials", "adapting"):
-        judgement = learner.judge(history)
+        judgement = adaptation.assess(history)
     for index, particle in enumerate(particles):
         train(session, stage.iteration + 1, index, particle, history)
 
@@ -357,7 +357,7 @@ def keep_particles(
             tried_reward=_mean_reward(history, judgement.tried),
         ),
         verdict=judgement.verdict,
-        outlook=None if judgement.outlook is None else OutlookRecord.of(judgement.outlook),
+        outlook=None if judgement.forecast is None else ForecastRecord.of(judgement.forecast),
         suspicion=_suspicion(session),
         control=compared(store.facts, played_of(store)),
         timing_s={**timing_s, TOTAL: sum(timing_s.values())},
@@ -381,13 +381,13 @@ def _suspicion(session: RunningSession) -> SuspicionRecord | None:
 
 def tell(session: RunningSession) -> None:
     """Show watchers the present state of the session."""
-    learner, store = session.parts.learner, session.store
+    adaptation, store = session.parts.adaptation, session.store
     last = store.iterations() - 1
     if last >= 0 and is_hidden(store, last):
         last -= 1  # what the trials of this iteration taught would say which of them are the session's own
 
     def posterior() -> Posterior | None:
-        return learner.posterior(history_of(session.parts.task, store, last))
+        return adaptation.posterior(history_of(session.parts.task, store, last))
 
     session.watcher.changed(store, posterior)
 

@@ -1,4 +1,4 @@
-"""Joins the parts of a session: settings -> devices, tracker, planner and learner."""
+"""Joins the parts of a session: settings -> devices, tracker, planner and adaptation."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from adaptsim_cli.storage.durable import versions
 from hw.braking import FULL
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.adaptation.learner import Learner
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.methods import kind_of
 from sim.adaptation.worth_in_words import worth_in_words
 from sim.rollouts.recorded import RecordedTrials
@@ -83,16 +83,16 @@ def open_parts(
     if config.is_own:
         yours = _own_target(config, checkpoint.solver.task, learnt.parent, screen, answerer)
         with solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations):
-            learner = _learner(config, checkpoint, policies, expectations, yours.executable)
+            adaptation = _adaptation(config, checkpoint, policies, expectations, yours.executable)
             control, sha256 = control_of(config, checkpoint, policies, yours.executable)
             origin = replace(_provenance(checkpoint, prior, ""), control_sha256=sha256)
-            yield Parts(yours.task, yours, learner, origin, control, worth=worth, train_policies=train)
+            yield Parts(yours.task, yours, adaptation, origin, control, worth=worth, train_policies=train)
         return
     with (
         _open_target(config, checkpoint.solver.task, drivers, own, screen) as (task, target, executable, rig),
         solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
     ):
-        learner = _learner(config, checkpoint, policies, expectations, executable)
+        adaptation = _adaptation(config, checkpoint, policies, expectations, executable)
         origin = _provenance(checkpoint, prior, _world_sha256(config.lab_world))
         if rig is not None:
             origin = replace(
@@ -104,7 +104,7 @@ def open_parts(
         control, sha256 = control_of(config, checkpoint, policies, executable)
         newest = None if rig is None else rig.camera.newest
         origin = replace(origin, control_sha256=sha256)
-        yield Parts(task, target, learner, origin, control, newest, worth, train)
+        yield Parts(task, target, adaptation, origin, control, newest, worth, train)
 
 
 def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> Parts:
@@ -120,8 +120,8 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
     title = f"recorded trials of {config.recorded}, {len(recordings.held_out)} of them held out"
     title = "; ".join((title, *recordings.shown.notes))
     target = RecordedTarget(recordings.shown, title, _spent(recordings.shown, session))
-    learner = _learner(config, recordings.checkpoint, solver, solver, target.executable)
-    return Parts(solver.task, target, learner, _provenance(checkpoint, prior, recordings.sha256))
+    adaptation = _adaptation(config, recordings.checkpoint, solver, solver, target.executable)
+    return Parts(solver.task, target, adaptation, _provenance(checkpoint, prior, recordings.sha256))
 
 
 def _own_target(
@@ -152,19 +152,20 @@ def _own_target(
     return OwnTarget(task, session, answerer, config.method)
 
 
-def _learner(
+def _adaptation(
     config: Config,
     checkpoint: Checkpoint,
     policies: Policies,
     expectations: Expectations,
     executable: Executable | None,
-) -> Learner:
+) -> Adaptation:
     from sim.adaptation.methods import make_method
-    from sim.adaptation.methods.belief import Belief
+    from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
 
-    belief = None if checkpoint.prospects is None else Belief(checkpoint.solver, checkpoint.prospects)
+    table = checkpoint.reward_table
+    likelihood = None if table is None else TrajectoryLikelihood(checkpoint.solver, table.truths)
     method = make_method(config.method, checkpoint.solver.task, checkpoint)
-    return Learner(method, policies, expectations, executable, belief)
+    return Adaptation(method, policies, expectations, executable, likelihood)
 
 
 def _provenance(checkpoint: Checkpoint, prior: str, world_sha256: str) -> Provenance:

@@ -50,8 +50,8 @@ def require_ready(session: RunningSession, config: Config, iterations: int) -> N
         screen.note(
             f"Continuing after {count} trial{'s' if count > 1 else ''}. Another --session starts from the beginning."
         )
-    if is_new and (outlook := _trials_needed(facts)):
-        screen.show(Text(outlook, style="dim"))
+    if is_new and (trials_needed := _trials_needed(facts)):
+        screen.show(Text(trials_needed, style="dim"))
     if facts.control:
         screen.note(cost_in_words(session.store, stage.iteration, iterations))
         if is_new:

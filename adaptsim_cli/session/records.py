@@ -20,7 +20,7 @@ from pydantic import Field, ValidationError
 
 from adaptsim_cli.errors import SessionError, explained
 from adaptsim_cli.screen.outputs import Quantities
-from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord, OutlookRecord, SuspicionRecord, TrackRecord
+from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord, ForecastRecord, SuspicionRecord, TrackRecord
 from adaptsim_cli.storage import durable
 from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
 from hw.records import AnyRecord, Record, content_of, from_any_version
@@ -59,7 +59,7 @@ WITH_CONTROL = 5
 """The format of a session with control trials: an older program would learn from them. Else it is that of FORMAT."""
 
 ROLLOUT = "rollout"
-"""The `method` of a session without a learner: trials with a chosen action or policy."""
+"""The `method` of a session without adaptation: trials with a chosen action or policy."""
 
 Row = tuple[float, ...]
 Samples = tuple[Row, ...]
@@ -290,7 +290,7 @@ class ResultRecord(Record):
     next_particles: tuple[Samples, ...]
     best: BestRecord
     verdict: Verdict
-    outlook: OutlookRecord | None = None  # None: the method makes no forecast
+    outlook: ForecastRecord | None = None  # None: the method makes no forecast
     suspicion: SuspicionRecord | None = None  # what the trials so far hint at about the rig
     timing_s: dict[str, float]
     proposal_s: float  # wall time from the end of the last motion until the next task policies are trained

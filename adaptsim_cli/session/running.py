@@ -299,7 +299,7 @@ def _opened(
 
 def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
     """A new session with its first particles. Raises UsageError, SessionError, DiskFull."""
-    particles = parts.learner.start(config.particles, generator(config.seed, Draw.START))
+    particles = parts.adaptation.start(config.particles, generator(config.seed, Draw.START))
     start = SessionStart(particles=tuple(rows_of(p) for p in particles))
     return SessionStore.create(root, facts_for(name, config, parts), start)
 

@@ -1,4 +1,4 @@
-"""A rollout: a session without a learner. Its actions are chosen by hand or by a policy, and nothing is adapted."""
+"""A rollout: a session without adaptation. Its actions are chosen by hand or by a policy, and nothing is adapted."""
 
 from __future__ import annotations
 
@@ -113,8 +113,8 @@ def rollout(
         if problem := failures(target.checks()):
             raise PreflightFailed(f"not ready, nothing has moved: {problem}")
         with screen.busy("Training the task policy", "training"):
-            learner, history = parts.learner, chosen.history
-            policy = learner.final(history) if history else learner.train(particle, ())
+            adaptation, history = parts.adaptation, chosen.history
+            policy = adaptation.final(history) if history else adaptation.train(particle, ())
 
         def context_of(stage: RunTrial) -> Array:
             return np.asarray(contexts[stage.trial])

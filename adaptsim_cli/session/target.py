@@ -25,7 +25,7 @@ from adaptsim_cli.session.own.exchange import Answerer
 from adaptsim_cli.session.records import Facts
 from hw.types import Array
 from perception.types import Outcome
-from sim.adaptation.learner import Learner
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
 from sim.tasks.task import Task
@@ -100,11 +100,11 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Parts:
-    """Task, target and learner of one session, with their provenance."""
+    """Task, target and adaptation of one session, with their provenance."""
 
     task: Task
     target: Target
-    learner: Learner
+    adaptation: Adaptation
     provenance: Provenance
     control: ControlPolicies | None = None  # of the control trials; None: there are none
     newest_picture: Callable[[], Image | None] | None = None  # (H, W, 3) RGB of the rig's camera, now; None: no camera

@@ -157,6 +157,6 @@ def with_first_look(open_view: OpenView) -> OpenView:
     @contextmanager
     def view(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:
         with open_view(screen, store, parts) as watcher:
-            yield _Looking(screen, store, parts.learner.expectations, watcher) if is_own(store.facts.hw) else watcher
+            yield _Looking(screen, store, parts.adaptation.expectations, watcher) if is_own(store.facts.hw) else watcher
 
     return view

@@ -12,7 +12,7 @@ import numpy as np
 
 from adaptsim_cli.screen.html import fill
 from adaptsim_cli.screen.outputs.learning import Revealed
-from adaptsim_cli.screen.outputs.trials import OutlookRecord
+from adaptsim_cli.screen.outputs.trials import ForecastRecord
 from adaptsim_cli.screen.views import predicted_between, quantity, shown
 from adaptsim_cli.session.advice import check_first, compared_in_words, control_name, in_words, tried_in
 from adaptsim_cli.session.control import compared, is_hidden, pairs_of
@@ -290,11 +290,11 @@ def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dime
     )
 
 
-def _correction(facts: Facts, outlook: OutlookRecord | None) -> str:
+def _correction(facts: Facts, forecast: ForecastRecord | None) -> str:
     """The correction of the simulator's action, in words."""
-    if outlook is None:
+    if forecast is None:
         return ""
-    terms = outlook.noticeable(_described(facts, facts.action))
+    terms = forecast.noticeable(_described(facts, facts.action))
     signed = [f"{d.plain_name} {'+' if off > 0 else '−'}{quantity(abs(off), d.unit)}" for d, off in terms]
     return ", ".join(signed) or "none"
 

@@ -62,7 +62,7 @@ class Reports:
         except SimError as error:
             return str(error)
         try:
-            return self._known[sha256].judge(store) if store.existing().completed else "No trial is complete yet."
+            return self._known[sha256].evaluate(store) if store.existing().completed else "No trial is complete yet."
         except RecordingsRefused as error:
             return str(error)
 

@@ -21,7 +21,7 @@ from sim.storage.files import Tensors
 from sim.tasks.task import Task
 
 UNSURE = 0.1
-"""Share of the original truths that stay in prospects weighed by another session: its object may differ."""
+"""Share of the original truths that stay in a reward table weighed by another session: its object may differ."""
 
 APART = 0.15
 """Least distance between the particles of an iteration, in fractions of the ranges."""
@@ -31,8 +31,8 @@ OPTIMISM = 1.0
 
 
 @dataclass(frozen=True)
-class ProspectSettings:
-    """The resolution of the prospects."""
+class RewardTableSettings:
+    """The resolution of the reward table."""
 
     candidates: int = 128
     truths: int = 2048
@@ -64,21 +64,21 @@ class RewardTable:
 
     @property
     def tensors(self) -> dict[str, NDArray[Any]]:
-        """The arrays to store; `restore_prospects` reads them."""
+        """The arrays to store; `restore_reward_table` reads them."""
         return {"candidates": self.candidates, "truths": self.truths, "rewards": self.rewards.astype(np.float16)}
 
 
-def look_ahead(
+def tabulate_rewards(
     solver: Solver,
     seed: int,
-    settings: ProspectSettings | None = None,
+    settings: RewardTableSettings | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> RewardTable:
-    """Compute the prospects.
+    """Compute the reward table.
 
     Both sets fill their space evenly; contexts, errors and nuisance are the same for all rewards.
     """
-    task, rng, s = solver.task, np.random.default_rng(seed), settings or ProspectSettings()
+    task, rng, s = solver.task, np.random.default_rng(seed), settings or RewardTableSettings()
     candidates = cover(task.parameters, s.candidates, rng)
     truths = cover(task.margin, s.truths, rng)
     contexts = task.context.sample(rng, s.contexts)
@@ -93,26 +93,28 @@ def look_ahead(
     return RewardTable(candidates, truths, rewards.astype(np.float64))
 
 
-def restore_prospects(task: Task, tensors: Tensors) -> RewardTable:
-    """The stored prospects. Raises CheckpointError if the tensors are not prospects of this task."""
+def restore_reward_table(task: Task, tensors: Tensors) -> RewardTable:
+    """The stored reward table. Raises CheckpointError if the tensors are not one of this task."""
     try:
         table = RewardTable(*(tensors[name].astype(np.float64) for name in ("candidates", "truths", "rewards")))
     except KeyError as error:
-        raise CheckpointError(f"the prospects hold no {error}: pretrain again") from error
+        raise CheckpointError(f"the reward table holds no {error}: pretrain again") from error
     parameters = len(task.parameters)
     if table.candidates.shape[1] != parameters or table.truths.shape[1] != parameters:
-        raise CheckpointError(f"prospects of {table.truths.shape[1]} parameters do not fit {task.name}; pretrain again")
+        raise CheckpointError(
+            f"a reward table of {table.truths.shape[1]} parameters does not fit {task.name}; pretrain again"
+        )
     return table
 
 
-def weighed(prospects: RewardTable, weights: Array) -> RewardTable:
-    """The prospects in which each truth is as frequent as its weight (T,): a posterior as the next prior.
+def weighed(reward_table: RewardTable, weights: Array) -> RewardTable:
+    """The reward table in which each truth is as frequent as its weight (T,): a posterior as the next prior.
 
-    Systematic, so the same weights give the same prospects.
+    Systematic, so the same weights give the same table.
     """
-    count = len(prospects.truths)
+    count = len(reward_table.truths)
     share = (1.0 - UNSURE) * weights / weights.sum() + UNSURE / count
     places = (np.arange(count) + 0.5) / count
     drawn = np.minimum(np.searchsorted(np.cumsum(share), places), count - 1)
     spread = np.random.default_rng(0).permutation(drawn)  # the first truths stand for all
-    return RewardTable(prospects.candidates, prospects.truths[spread], prospects.rewards[:, spread])
+    return RewardTable(reward_table.candidates, reward_table.truths[spread], reward_table.rewards[:, spread])

@@ -63,7 +63,7 @@ class Simulators:
     """The predictions of a task's simulator, shared during a session."""
 
     solver: Solver
-    prospects: RewardTable
+    reward_table: RewardTable
     strengths: PartStrengths = PartStrengths()
     _grid: dict[bytes, Predicted] = field(default_factory=dict, repr=False)  # of `truths`, by trial
 
@@ -75,9 +75,9 @@ class Simulators:
     @property
     def truths(self) -> Array:
         """(T, p) candidate truths, T at most `SIMULATORS`, that fill Omega and its margin: the first ones of the
-        prospects.
+        reward_table.
         """
-        return self.prospects.truths[:SIMULATORS]
+        return self.reward_table.truths[:SIMULATORS]
 
     @property
     def refines(self) -> bool:

@@ -65,7 +65,7 @@ def solve_folder(
     Raises ViewFolderError, PerceptionError if no view shows the board, CalibrationError.
     """
     from calib.foreign.intrinsics_check import check as intrinsics_check
-    from calib.gates import judge
+    from calib.gates import gates_of
 
     created = created or datetime.now(UTC).isoformat(timespec="seconds")
     stored = files.read_folder(folder, any_arm)
@@ -81,7 +81,7 @@ def solve_folder(
         solution,
         setup.p_AP_m,
         checks,
-        judge(solution, setup, checks),
+        gates_of(solution, setup, checks),
         {view.name: view.sha256 for view in stored.views},
         created=created,
         source=_source(hw, created),

@@ -19,7 +19,7 @@ from sim.adaptation.verdict import Verdict
 from sim.types import Dimension, Suspicion
 
 if TYPE_CHECKING:
-    from sim.adaptation.method import ExpectedGain
+    from sim.adaptation.method import SessionForecast
 
 UNITS = "unit of every parameter, context and action by its name; empty for a plain number"
 
@@ -72,7 +72,7 @@ NOTICEABLE = 0.05
 """Corrections below this fraction of the quantity's range are not shown."""
 
 
-class OutlookRecord(Record):
+class ForecastRecord(Record):
     """The expected gain of another iteration, and the correction of the simulator's actions."""
 
     gain: float = described("reward that one more iteration is expected to bring")
@@ -90,15 +90,15 @@ class OutlookRecord(Record):
         return [(d, off) for d, off in pairs if abs(off) >= NOTICEABLE * (d.high - d.low)]
 
     @classmethod
-    def of(cls, outlook: ExpectedGain) -> OutlookRecord:
-        """The record of an outlook."""
+    def of(cls, forecast: SessionForecast) -> ForecastRecord:
+        """The record of a forecast."""
         return cls(
-            gain=outlook.gain,
-            likely=outlook.likely,
-            done=outlook.done,
-            hopeless=outlook.hopeless,
-            correction=as_row(outlook.correction),
-            correction_std=as_row(outlook.correction_std),
+            gain=forecast.gain,
+            likely=forecast.likely,
+            done=forecast.done,
+            hopeless=forecast.hopeless,
+            correction=as_row(forecast.correction),
+            correction_std=as_row(forecast.correction_std),
         )
 
 
@@ -144,7 +144,7 @@ class IterationOutput(Output):
     particles: list[ParticleShown] = described("particles, side by side")
     best: BestRecord = described("the best parameters so far")
     verdict: Verdict = described("whether to stop or to go on, and why")
-    outlook: OutlookRecord | None = described("null if the method does not look ahead")
+    outlook: ForecastRecord | None = described("null if the method makes no forecast")
     suspicion: SuspicionRecord | None = described("what the trials so far hint at about the rig; null: nothing")
     control: ControlRecord | None = described("comparison with the control trials; null: no pair of trials yet")
     timing_s: dict[str, float] = described("wall time by stage; `other` has no name, `total` is their sum")

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from hw.types import Array
-from sim.adaptation.checkpoint import Checkpoint, prospects_of
+from sim.adaptation.checkpoint import Checkpoint, reward_table_of
 from sim.adaptation.descent import descend
 from sim.adaptation.exact_fit import is_exact
 from sim.adaptation.method import Iteration, Particle, Trial, policy_of, require_whole
@@ -46,9 +46,9 @@ ABSOLUTE, SQUARED = 0.5, 1.0
 
 def create_best_of_first(task: Task, checkpoint: Checkpoint | None) -> BestOfFirst:
     """The best of `adaptsim`'s actions before any trial. Raises CheckpointError if the checkpoint cannot predict."""
-    prospects = prospects_of("best-of-first", task, checkpoint)
-    assert checkpoint is not None  # it holds the prospects
-    return BestOfFirst(AdaptSim(Simulators(checkpoint.solver, prospects)))
+    reward_table = reward_table_of("best-of-first", task, checkpoint)
+    assert checkpoint is not None  # it holds the reward table
+    return BestOfFirst(AdaptSim(Simulators(checkpoint.solver, reward_table)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.checkpoint import Checkpoint, prospects_of
+from sim.adaptation.checkpoint import Checkpoint, reward_table_of
 from sim.adaptation.method import Iteration, Method, Particle
 from sim.adaptation.methods import make_method, method_names
 from sim.adaptation.methods.adaptsim import AdaptSim
@@ -57,9 +57,9 @@ class Entry:
 
 
 def _ablated(strengths: PartStrengths, task: Task, checkpoint: Checkpoint | None) -> Method:
-    prospects = prospects_of("adaptsim", task, checkpoint)
-    assert checkpoint is not None  # it holds the prospects
-    return AdaptSim(Simulators(checkpoint.solver, prospects, strengths))
+    reward_table = reward_table_of("adaptsim", task, checkpoint)
+    assert checkpoint is not None  # it holds the reward table
+    return AdaptSim(Simulators(checkpoint.solver, reward_table, strengths))
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,6 +188,6 @@ def require_entry(name: str, checkpoint: Checkpoint) -> None:
     if name == UDR_MEAN:
         _best_mean(checkpoint, 0)
     elif name in FIXED_RULES:
-        prospects_of(name, checkpoint.solver.task, checkpoint)
+        reward_table_of(name, checkpoint.solver.task, checkpoint)
     elif name not in LIMITS:
         make_entry(name, checkpoint.solver.task, checkpoint)

@@ -22,7 +22,7 @@ from sim.research.benchmark.sessions import (
     Commands,
     Conditions,
     choose_oracle,
-    judge,
+    estimated_reward,
     mean_of,
     run_iterations,
     run_session,
@@ -96,9 +96,9 @@ def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
     def final(act: Commands, policies: int = 1) -> Estimate:
         """Judge by fresh rollouts, divided among `policies`, if they are requested."""
         if not conditions.fresh:
-            return judge(task, act, place, conditions, job.seed)
+            return estimated_reward(task, act, place, conditions, job.seed)
         few = replace(conditions, judged=max(2, conditions.fresh // policies))
-        return judge(task, act, simulated, few, job.seed)
+        return estimated_reward(task, act, simulated, few, job.seed)
 
     if entry.name in FIXED_RULES:
         policies = FIXED_RULES[entry.name](checkpoint, job.seed)
@@ -114,7 +114,7 @@ def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
     method = make_entry(entry.name, task, checkpoint)
     lived = trials or (simulated if conditions.fresh else place)
     chosen = run_session(solver, method, lived, conditions, job.seed)
-    curve = [judge(task, policy.actions, place, conditions, job.seed) for policy in chosen]
+    curve = [estimated_reward(task, policy.actions, place, conditions, job.seed) for policy in chosen]
     return _row(job, checkpoint, final(chosen[-1].actions), curve, began, None)
 
 
@@ -129,7 +129,7 @@ def _run_recorded(job: Job, recorded: RecordedTrials) -> BenchmarkRow:
     )
 
     def judged(act: Commands) -> Estimate:
-        return judge(task, act, place, job.conditions, seed)
+        return estimated_reward(task, act, place, job.conditions, seed)
 
     if name in (UDR, PERMUTED_UDR):
         last = mean_of([judged(policy.actions) for policy in udr_policies(scores.solver, seed)])

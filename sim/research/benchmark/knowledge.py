@@ -13,7 +13,7 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
-from sim.adaptation.reward_table import ProspectSettings, look_ahead
+from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
 from sim.solvers.candidates import FromOutcomes
 from sim.solvers.solver import Executable, SolvedPolicy, Solver, SolverSettings
 from sim.tasks import get_task
@@ -26,7 +26,7 @@ Ranges = Literal["omega", "margin"]
 RANGES: tuple[Ranges, ...] = get_args(Ranges)
 
 TRUTHS = 1024
-"""Candidate truths of the prospects in other ranges, as many as `adaptsim` weighs."""
+"""Candidate truths of the reward table in other ranges, as many as `adaptsim` weighs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,14 +68,14 @@ class RangedSolver(FromOutcomes):
 
 
 def with_ranges(checkpoint: Checkpoint, ranges: Ranges) -> Checkpoint:
-    """The checkpoint for methods that are told these ranges; its prospects are computed again for them."""
+    """The checkpoint for methods that are told these ranges; its reward table is computed again for them."""
     task = _with_ranges(checkpoint.solver.task, ranges)
     behind: Any = checkpoint.solver
     solver: Solver = replace(behind, task=task) if is_dataclass(behind) else RangedSolver(task, behind)
-    prospects = checkpoint.prospects
-    if prospects is not None:
-        prospects = look_ahead(solver, 0, ProspectSettings(truths=TRUTHS))
-    return replace(checkpoint, solver=solver, prospects=prospects)
+    reward_table = checkpoint.reward_table
+    if reward_table is not None:
+        reward_table = tabulate_rewards(solver, 0, RewardTableSettings(truths=TRUTHS))
+    return replace(checkpoint, solver=solver, reward_table=reward_table)
 
 
 @lru_cache(maxsize=8)

@@ -13,8 +13,8 @@ from enum import IntEnum
 import numpy as np
 
 from hw.types import Array
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.judging import final_policy
-from sim.adaptation.learner import Learner
 from sim.adaptation.method import Iteration, Method, Trial
 from sim.adaptation.methods import udr
 from sim.adaptation.sessions import begin_in_memory
@@ -84,7 +84,7 @@ def run_iterations(
         return _trials(task, policy, place, (seed, iteration, particle))
 
     session = begin_in_memory(
-        Learner(method, solver, solver, place.executable),
+        Adaptation(method, solver, solver, place.executable),
         play,
         (conditions.particles, task.adaptation.trials_per_iteration),
         _stream(seed, _Chance.START),
@@ -93,17 +93,17 @@ def run_iterations(
     return session.iterations(conditions.iterations(task))
 
 
-def judge(task: Task, act: Commands, place: TrialSource, conditions: Conditions, seed: int) -> Estimate:
+def estimated_reward(task: Task, act: Commands, place: TrialSource, conditions: Conditions, seed: int) -> Estimate:
     """The mean reward of these commands over contexts, by rollouts that no session uses."""
     contexts = judged_contexts(task, conditions, seed)
-    rewards = place.judge(contexts, act(contexts), _stream(seed, _Chance.JUDGE))
+    rewards = place.score(contexts, act(contexts), _stream(seed, _Chance.JUDGE))
     half = 1.96 * float(rewards.std(ddof=1)) / len(rewards) ** 0.5
     mean = float(rewards.mean())
     return Estimate(mean, max(0.0, mean - half), min(1.0, mean + half))
 
 
 def judged_contexts(task: Task, conditions: Conditions, seed: int) -> Array:
-    """(N, c) the contexts in which `judge` judges."""
+    """(N, c) the contexts in which `estimated_reward` scores."""
     return task.context.sample(_stream(seed, _Chance.JUDGE_CONTEXT), _worthwhile(task, conditions.judged))
 
 

@@ -7,7 +7,7 @@ from typing import get_args
 
 from sim.adaptation.checkpoint import Targets
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
-from sim.adaptation.reward_table import ProspectSettings
+from sim.adaptation.reward_table import RewardTableSettings
 from sim.research.methods.q_policy import MemoryName
 from sim.research.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings
 from sim.research.pretraining.meta_training import (
@@ -44,7 +44,7 @@ class PretrainBudget:
     naf_scale: float = 1.0  # factor on the paper's rollout budgets, with the solver naf
     emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
     meta: MetaSettings = field(default_factory=MetaSettings)
-    prospects: ProspectSettings = field(default_factory=ProspectSettings)
+    prospects: RewardTableSettings = field(default_factory=RewardTableSettings)
     evaluation: EvaluationSettings = field(default_factory=EvaluationSettings)
 
     @classmethod

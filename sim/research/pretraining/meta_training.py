@@ -1,8 +1,9 @@
 """Training of the adaptation policy in Phase 1: double Q-learning over episodes of adapting to random targets; and the
 learning gate.
 
-As in the paper, K counts episodes: its 10,000 are ten times as many steps. Their observations would be 200,000 true
-rollouts. So they come from the emulator's ensemble, and task policies are reused (`sim.research.pretraining.episodes`);
+K counts episodes here, although Table A1 of the paper calls them steps: its 10,000 have the horizon's number of steps
+each. In the contact tasks their observations would be 180,000 true rollouts: two in each of nine distributions of an
+episode. So they come from the emulator's ensemble, and task policies are reused (`sim.research.pretraining.episodes`);
 a task with an exact solver needs neither.
 """
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from adaptsim_cli.config import resolve
+from adaptsim_cli.config import load
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.research import sealed
 from adaptsim_cli.research.sealed import seal_of
@@ -11,7 +11,7 @@ from sim.tasks import get_task
 
 
 def seal(targets, task="pendulum"):
-    return seal_of(resolve({"task": task}), targets)
+    return seal_of(load({"task": task}), targets)
 
 
 def test_the_seed_is_drawn_once_and_a_smaller_set_is_the_beginning_of_a_larger_one(place):

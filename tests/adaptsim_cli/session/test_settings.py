@@ -37,7 +37,7 @@ def test_posteriors_disagree_where_their_intervals_have_nothing_in_common():
     assert disagreements(apart[:1]) == ()
 
 
-def test_prospects_weighed_by_a_posterior_repeat_its_truths_and_keep_a_tenth_of_the_others():
+def test_a_reward_table_weighed_by_a_posterior_repeats_its_truths_and_keeps_a_tenth_of_the_others():
     truths = np.arange(100.0)[:, None]
     weights = np.zeros(100)
     weights[7] = 1.0

@@ -30,7 +30,7 @@ def trial(parameters) -> Trial:
 @pytest.mark.parametrize("parameters", [INSIDE, OUTSIDE, BEYOND])
 def test_one_trial_fixes_all_parameters(parameters):
     assert is_exact(CHECKPOINT.solver)
-    fit = exact_fit(CHECKPOINT.solver, [trial(parameters)], CHECKPOINT.prospects.truths[:1024])
+    fit = exact_fit(CHECKPOINT.solver, [trial(parameters)], CHECKPOINT.reward_table.truths[:1024])
     assert fit.left == LEAST_LEFT
     assert fit.weights.sum() == pytest.approx(1.0)
     assert fit.weights @ fit.parameters == pytest.approx(np.array(parameters), rel=0.02)
@@ -40,7 +40,7 @@ def test_what_no_parameters_explain_is_left_and_widens_the_posterior():
     clean = trial(INSIDE)
     noise = 1e-3 * np.random.default_rng(0).standard_normal(clean.observation.shape)
     noisy = replace(clean, observation=clean.observation + noise)
-    fits = [exact_fit(CHECKPOINT.solver, [one], CHECKPOINT.prospects.truths[:1024]) for one in (clean, noisy)]
+    fits = [exact_fit(CHECKPOINT.solver, [one], CHECKPOINT.reward_table.truths[:1024]) for one in (clean, noisy)]
     spread = [np.sqrt(fit.weights @ (fit.parameters - fit.weights @ fit.parameters) ** 2) for fit in fits]
     assert fits[1].left > 10.0 * fits[0].left
     assert (spread[1] > 5.0 * spread[0]).all()

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from toy_learning import prospects, trained
+from toy_learning import reward_table, trained
 from toy_task import TOY
 
 from sim.adaptation.checkpoint import load_checkpoint
@@ -103,11 +103,11 @@ def test_ranges_change_what_a_method_is_told_and_nothing_that_the_simulator_says
     solver = trained()[0]
     checkpoint = load_checkpoint(PENDULUM)
     inside = with_ranges(checkpoint, "omega")
-    unit = PENDULUM.parameters.normalise(inside.prospects.truths)
+    unit = PENDULUM.parameters.normalise(inside.reward_table.truths)
     assert ((unit >= 0.0) & (unit <= 1.0)).all()
     assert inside.solver.task.parameters == PENDULUM.parameters
     wide = with_ranges(checkpoint, "margin")
-    assert np.ptp(PENDULUM.parameters.normalise(wide.prospects.candidates), axis=0).min() > 1.5
+    assert np.ptp(PENDULUM.parameters.normalise(wide.reward_table.candidates), axis=0).min() > 1.5
     ranged = RangedSolver(TOY, solver)
     at = (TOY.margin.middle[None], TOY.action.middle[None], TOY.nuisance.middle[None])
     assert ranged.trajectories(*at).tolist() == solver.trajectories(*at).tolist()
@@ -115,14 +115,14 @@ def test_ranges_change_what_a_method_is_told_and_nothing_that_the_simulator_says
 
 def test_without_weights_no_simulator_is_preferred_and_without_discrepancy_none_is_doubted():
     whole, unweighed, undoubted = (
-        AdaptSim(Simulators(trained()[0], prospects(), strengths))
+        AdaptSim(Simulators(trained()[0], reward_table(), strengths))
         for strengths in (PartStrengths(), PartStrengths(weights=0.0), PartStrengths(discrepancy=0.0))
     )
     context, action = TOY.reference_context, TOY.action.middle
     path = trained()[0].trajectories(TOY.margin.middle[None], action[None], TOY.nuisance.middle[None])[0]
     particle = whole.start(1, np.random.default_rng(0))[0]
     history = [(ParticleTrials(particle, (Trial(context, action, path, 0.0, None),)),)]
-    assert np.ptp(unweighed.reality(history).weights) == pytest.approx(0.0)
-    assert np.ptp(whole.reality(history).weights) > 0.0
+    assert np.ptp(unweighed.outcome_posterior(history).weights) == pytest.approx(0.0)
+    assert np.ptp(whole.outcome_posterior(history).weights) > 0.0
     spread = [m.final(history).predict(context) for m in (whole, undoubted)]
     assert spread[1][2] - spread[1][1] < spread[0][2] - spread[0][1]

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from typing import TYPE_CHECKING
+from functools import cache, partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from sim.research.benchmark import baselines
 from sim.research.benchmark.knowledge import RANGES, Ranges
 from sim.research.benchmark.sessions import udr_policies
 from sim.rollouts.draws import cover
-from sim.solvers.solver import SolvedPolicy, Solver
+from sim.solvers.solver import SolvedPolicy
 from sim.tasks.task import Task
 
 if TYPE_CHECKING:
@@ -54,6 +54,11 @@ class Entry:
         if "@" in text and ranges is None:
             raise UnknownName(f"{text}: after @ there is {' or '.join(RANGES)}")
         return cls(name, ranges)
+
+    @property
+    def needs_reward_table(self) -> bool:
+        """Whether it looks up the rewards of E before any trial."""
+        return self.name.startswith("adaptsim") or self.name in (FIRST, SECOND, "best-of-first", "bo-prior")
 
 
 def _ablated(strengths: PartStrengths, task: Task, checkpoint: Checkpoint | None) -> Method:
@@ -129,16 +134,18 @@ class ConstantPolicy:
 
 
 def _best_mean(checkpoint: Checkpoint, seed: int) -> tuple[SolvedPolicy, ...]:
-    solver = checkpoint.solver
-    if solver.task.exact is None or len(solver.task.context):
+    return (_with_best_mean(checkpoint.solver),)
+
+
+def _require_one_context(task: Task) -> None:
+    if task.exact is None or len(task.context):
         raise CheckpointError(
-            f"udr-mean is for exact tasks without a context; in {solver.task.name} udr maximises the mean reward itself"
+            f"udr-mean is for exact tasks without a context; in {task.name} udr maximises the mean reward itself"
         )
-    return (_with_best_mean(solver),)
 
 
-@lru_cache(maxsize=4)
-def _with_best_mean(solver: Solver) -> ConstantPolicy:
+@cache
+def _with_best_mean(solver: Any) -> ConstantPolicy:
     """The action with the best mean reward over the parameters, by a cross-entropy search around UDR's."""
     task, rng = solver.task, np.random.default_rng(0)
     truths = cover(task.parameters, POINTS, rng)
@@ -186,7 +193,7 @@ def make_entry(name: str, task: Task, checkpoint: Checkpoint | None) -> Method:
 def require_entry(name: str, checkpoint: Checkpoint) -> None:
     """Raises CheckpointError unless the checkpoint has what the entry needs."""
     if name == UDR_MEAN:
-        _best_mean(checkpoint, 0)
+        _require_one_context(checkpoint.solver.task)
     elif name in FIXED_RULES:
         reward_table_of(name, checkpoint.solver.task, checkpoint)
     elif name not in LIMITS:

@@ -87,7 +87,7 @@ def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
         return _run_recorded(job, job.recorded)
     assert job.world is not None, "a job has a world or recorded trials"
     began, entry = time.perf_counter(), Entry.parse(job.method)
-    checkpoint = checkpoint_knowing(job.task, job.checkpoint, entry.ranges)
+    checkpoint = checkpoint_knowing(job.task, job.checkpoint, entry.ranges, tabulated=entry.needs_reward_table)
     solver, conditions = checkpoint.solver, job.conditions
     task, shown_reward = solver.task, None
     simulated = SimulatedTrials(solver, job.world)

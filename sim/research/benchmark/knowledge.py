@@ -5,7 +5,7 @@ Drawn worlds take their parameters from both. A comparison is about methods only
 
 from __future__ import annotations
 
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal, get_args
 
@@ -15,6 +15,7 @@ from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
 from sim.solvers.candidates import FromOutcomes
+from sim.solvers.emulator.network import Emulator
 from sim.solvers.solver import Executable, SolvedPolicy, Solver, SolverSettings
 from sim.tasks import get_task
 from sim.tasks.task import Task
@@ -67,22 +68,22 @@ class RangedSolver(FromOutcomes):
         return self.behind.misfit_limit
 
 
-def with_ranges(checkpoint: Checkpoint, ranges: Ranges) -> Checkpoint:
-    """The checkpoint for methods that are told these ranges; its reward table is computed again for them."""
+def with_ranges(checkpoint: Checkpoint, ranges: Ranges, *, tabulated: bool = True) -> Checkpoint:
+    """The checkpoint for methods that are told these ranges; its reward table is computed again, or left out."""
     task = _with_ranges(checkpoint.solver.task, ranges)
     behind: Any = checkpoint.solver
-    solver: Solver = replace(behind, task=task) if is_dataclass(behind) else RangedSolver(task, behind)
-    reward_table = checkpoint.reward_table
-    if reward_table is not None:
+    solver: Solver = RangedSolver(task, behind) if isinstance(behind, Emulator) else replace(behind, task=task)
+    reward_table = None
+    if tabulated and checkpoint.reward_table is not None:
         reward_table = tabulate_rewards(solver, 0, RewardTableSettings(truths=TRUTHS))
     return replace(checkpoint, solver=solver, reward_table=reward_table)
 
 
 @lru_cache(maxsize=8)
-def checkpoint_knowing(task: str, name: str, ranges: Ranges | None) -> Checkpoint:
+def checkpoint_knowing(task: str, name: str, ranges: Ranges | None, *, tabulated: bool = True) -> Checkpoint:
     """The checkpoint `name` of a task, with its own ranges if none are named. Raises CheckpointError."""
     checkpoint = load_checkpoint(get_task(task), name)
-    return checkpoint if ranges is None else with_ranges(checkpoint, ranges)
+    return checkpoint if ranges is None else with_ranges(checkpoint, ranges, tabulated=tabulated)
 
 
 def _with_ranges(task: Task, ranges: Ranges) -> Task:

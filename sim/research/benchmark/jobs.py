@@ -24,9 +24,9 @@ from sim.research.benchmark.sessions import (
     choose_oracle,
     estimated_reward,
     mean_of,
+    mean_played_reward,
     run_iterations,
     run_session,
-    shown,
     udr_policies,
 )
 from sim.research.benchmark.tables import WorldTable
@@ -103,7 +103,8 @@ def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
     if entry.name in FIXED_RULES:
         policies = FIXED_RULES[entry.name](checkpoint, job.seed)
         last = mean_of([final(policy.actions, len(policies)) for policy in policies])
-        shown_reward = sum(shown(task, p.actions, place, conditions.judged, job.seed) for p in policies) / len(policies)
+        played = [mean_played_reward(task, p.actions, place, conditions.judged, job.seed) for p in policies]
+        shown_reward = sum(played) / len(policies)
         return _row(job, checkpoint, last, None, began, shown_reward)
     if entry.name in LIMITS:
         act: Commands = place.best_actions

@@ -326,6 +326,13 @@ def _mean_reward(history: Sequence[LearntIteration], trials: tuple[int, ...]) ->
     return float(np.mean([rewards[number - 1] for number in trials])) if trials else None
 
 
+def _chosen_after(history: Sequence[LearntIteration], tried: tuple[int, ...]) -> int:
+    """The trials that were known when the policy was first `tried`, in trials counted from 1; all if it was not."""
+    ends = np.cumsum([sum(len(entry.trials) for entry in iteration) for iteration in history]).tolist()
+    first = min(tried) if tried else ends[-1] + 1
+    return max((end for end in ends if end < first), default=0)
+
+
 def keep_particles(
     session: RunningSession, stage: Adapt, history: Sequence[LearntIteration], particles: tuple[Particle, ...]
 ) -> None:
@@ -355,6 +362,7 @@ def keep_particles(
             ci95=judgement.best.ci95,
             tried=tuple(numbers[number - 1] for number in judgement.tried),
             tried_reward=_mean_reward(history, judgement.tried),
+            chosen_after=_chosen_after(history, judgement.tried),
         ),
         verdict=judgement.verdict,
         outlook=None if judgement.forecast is None else ForecastRecord.of(judgement.forecast),

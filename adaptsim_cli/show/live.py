@@ -22,7 +22,7 @@ from adaptsim_cli.screen.views import number, quantity, values
 from adaptsim_cli.session.advice import best_in_words, check_first, compared_in_words, in_words
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.history import means_of, played_of, results_of
-from adaptsim_cli.session.live_trial import MotionPreview, Placement, TrackedTrial
+from adaptsim_cli.session.live_trial import MotionPreview, PlannedTrial, TrackedTrial
 from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import MotionRecord, ResultRecord, TrialRecord
 from adaptsim_cli.session.running import OpenView
@@ -73,7 +73,7 @@ class LiveView:
     def noted(self, text: str) -> None:
         """See `Listener`: warnings are shown in the terminal, and with the trial."""
 
-    def proposed(self, trial: MotionRecord, planned: Placement) -> None:
+    def proposed(self, trial: MotionRecord, planned: PlannedTrial) -> None:
         """See `Watcher`."""
         parts: dict[str, Any] = {
             "trial": trial_shown(self._task, self._particles, trial, planned.summary),

@@ -79,7 +79,7 @@ class Iteration:
 
     number: int  # from 1
     mean_reward: float  # of its trials
-    best: BestRecord  # the best parameters, and their expected reward with its 95 % interval
+    best: BestRecord  # the best parameters, and the predicted reward of their policy with its 95 % interval
     verdict: Verdict
     next_parameters: tuple[Mapping[str, float], ...]  # mean of each particle, by name, in units
 

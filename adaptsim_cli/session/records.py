@@ -181,8 +181,8 @@ class MotionRecord(Record):
     goal_m: Row | None  # (x, y) wanted place of the object, for a task with such goals
     action: Quantities  # commanded
     predicted_reward: float
-    predicted_low: float  # of the emulator's ensemble: mean minus two standard deviations
-    predicted_high: float
+    predicted_low: float  # lower end of its 95 % interval
+    predicted_high: float  # upper end
     started: str = ""  # ISO 8601; "": it has not moved
     stopped: str | None = None  # why the motion ended early; None: it did not
     timing_s: dict[str, float] = Field(default_factory=dict)  # wall time by stage

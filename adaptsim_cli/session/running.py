@@ -127,7 +127,7 @@ def run_session(
         also = (AnswerRefused, MomentsMissing)
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}", also=also))
         most = request.iterations or parts.task.adaptation.horizon
-        verdict = at_the_verdict if request.until_done else asked_at_the_verdict
+        verdict = at_the_verdict if request.until_done else asked_at_the_verdict(most)
         rules = (after_iterations(most), *request.rules, verdict)
         require_ready(session, config, most)
         update_watchers(session)

@@ -277,7 +277,7 @@ def compared_session(store: SessionStore) -> ComparedSession:
 
 
 def _levels(c: ComparedSession, colour: str) -> tuple[Level, ...]:
-    """First and last iteration as measured, and the policy that the session would go with as predicted."""
+    """First and last iteration as measured, and the best policy as predicted."""
     numbered = {"first": (1, c.iterations[0]), "last": (len(c.iterations), c.iterations[-1])}
     if len(c.iterations) == 1:
         del numbered["last"]
@@ -287,8 +287,8 @@ def _levels(c: ComparedSession, colour: str) -> tuple[Level, ...]:
     ]
     if c.result is not None and c.facts.method != "udr":
         best, kind = c.result.best, "predicted" if c.result.outlook else "estimated"
-        detail = f"adapted policy, {kind} from {best.trials} trial{'s' * (best.trials != 1)}"
-        detail += f", {where}" if (where := tried_in(best)) else ""
+        detail = f"best policy, {kind} from {best.trials} trial{'s' * (best.trials != 1)}"
+        detail += f"; {where}" if (where := tried_in(best)) else ""
         rows.append(Level(c.facts.name, kind, detail, best.mean_reward, *best.ci95, colour, is_open=True))
     return tuple(rows)
 

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from adaptsim_cli.bench.rig import Image
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.views import number, quantity
-from adaptsim_cli.session.advice import check_first, compared_in_words, in_words
+from adaptsim_cli.screen.views import number, quantity, values
+from adaptsim_cli.session.advice import best_in_words, check_first, compared_in_words, in_words
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.history import means_of, played_of, results_of
-from adaptsim_cli.session.live_trial import MotionPreview, Placement, TrackedTrial
+from adaptsim_cli.session.live_trial import MotionPreview, PlannedTrial, TrackedTrial
 from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import MotionRecord, ResultRecord, TrialRecord
 from adaptsim_cli.session.running import OpenView
@@ -73,7 +73,7 @@ class LiveView:
     def noted(self, text: str) -> None:
         """See `Listener`: warnings are shown in the terminal, and with the trial."""
 
-    def proposed(self, trial: MotionRecord, planned: Placement) -> None:
+    def proposed(self, trial: MotionRecord, planned: PlannedTrial) -> None:
         """See `Watcher`."""
         parts: dict[str, Any] = {
             "trial": trial_shown(self._task, self._particles, trial, planned.summary),
@@ -231,7 +231,7 @@ def so_far(store: SessionStore, task: Task, posterior: Posterior | None) -> dict
         "control": compared_in_words(results[-1].control) if results and results[-1].control is not None else "",
         "parameters": _parameters(store, task, results, posterior),
         "verdict": in_words(results[-1].verdict, store.facts.object_name, first=first) if results else "",
-        "best": _best(task, results[-1]) if results else None,
+        "best": _best(task, results[-1]) if results else "",
     }
 
 
@@ -248,10 +248,9 @@ def _reward(record: TrialRecord, complete: int) -> dict[str, Any]:
     }
 
 
-def _best(task: Task, result: ResultRecord) -> dict[str, Any]:
-    best = result.best
-    at = quantities(task.parameters, best.params)
-    return {"reward": best.mean_reward, "ci95": list(best.ci95), "trials": best.trials, "at": at}
+def _best(task: Task, result: ResultRecord) -> str:
+    params = result.best.params
+    return best_in_words(result.best, values(task.parameters, np.array([params[n] for n in task.parameters.names])))
 
 
 def _parameters(

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.method import FAILED, SessionForecast
-from sim.adaptation.outcome_posterior import OutcomePosterior
+from sim.adaptation.outcome_posterior import OutcomePosterior, predicted_interval
 from sim.rollouts.draws import cover
 from sim.solvers.solver import SolvedPolicy
 
@@ -16,11 +16,6 @@ CONTEXTS = 16
 
 CAUTION = 0.5
 """Caution of the first particle and of the final policy, in standard deviations."""
-
-WIDER = 2.0
-"""The interval of the expected reward is so much wider than that of the draws, which held too few rewards of developed
-worlds (docs/decisions/0011).
-"""
 
 
 def session_forecast(posterior: OutcomePosterior, for_e: SolvedPolicy, *, untried: bool) -> SessionForecast:
@@ -36,11 +31,10 @@ def session_forecast(posterior: OutcomePosterior, for_e: SolvedPolicy, *, untrie
     chosen = _chosen(earned)
     now = earned[np.arange(n), chosen].mean(axis=0)
     mean = float(now.mean())
-    low, high = np.clip(mean + WIDER * (np.quantile(now, [0.025, 0.975]) - mean), 0.0, 1.0)
     off = np.stack([one.actions[i] for one, i in zip(answers, chosen, strict=True)]) - for_e.actions(contexts)
     return SessionForecast(
         reward=mean,
-        ci95=(float(low), float(high)),
+        ci95=predicted_interval(now),
         failures=_failures(posterior),
         untried=untried,
         correction=off.mean(axis=0),

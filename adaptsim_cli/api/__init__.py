@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from adaptsim_cli.api.beliefs import SessionPosterior
 from adaptsim_cli.api.curves import LearningCurve, SessionComparison
+from adaptsim_cli.api.lerobot import PlayedMotion, lerobot
 from adaptsim_cli.api.opening import (
     Policy,
     begin,
@@ -49,6 +50,7 @@ __all__ = [
     "Facts",
     "Iteration",
     "LearningCurve",
+    "PlayedMotion",
     "Plot",
     "Policy",
     "Question",
@@ -62,6 +64,7 @@ __all__ = [
     "begin",
     "benchmark",
     "compare",
+    "lerobot",
     "methods",
     "open_session",
     "read_recording",

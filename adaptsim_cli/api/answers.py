@@ -24,7 +24,7 @@ def require_own(store: SessionStore) -> None:
         raise UsageError(f"session {facts.name!r} has hw = {facts.hw}: only a session with hw = own asks and is told")
 
 
-def asked(store: SessionStore) -> tuple[Question, ...]:
+def open_trials(store: SessionStore) -> tuple[Question, ...]:
     """All trials that may be made now."""
     require_own(store)
     if not (questions := open_questions(store)):
@@ -36,7 +36,7 @@ def asked(store: SessionStore) -> tuple[Question, ...]:
     return questions
 
 
-def told(store: SessionStore, trial: Question, answer: Mapping[str, Any]) -> None:
+def keep_answer(store: SessionStore, trial: Question, answer: Mapping[str, Any]) -> None:
     """Keep the answer to an open trial, and go on. Raises AnswerRefused, UsageError."""
     require_own(store)
     key = (trial.trial, trial.attempt, trial.ask)

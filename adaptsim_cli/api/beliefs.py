@@ -40,7 +40,7 @@ class SessionPosterior(Posterior):
         Axes span the margin; dotted lines are the ends of the trained ranges. Raises ExtraMissing without matplotlib.
         """
         p, dimensions = len(self.space), self.space.dimensions
-        figure = empty_figure(1.2 + 2.1 * p, 1.0 + 1.9 * p, "none")  # "constrained" takes seconds for so many axes
+        figure = empty_figure(1.2 + 2.1 * p, 1.0 + 1.9 * p, None)  # "constrained" takes seconds for so many axes
         figure.subplots_adjust(left=0.11, bottom=0.09, right=0.98, top=0.93, wspace=0.1, hspace=0.1)
         axes = figure.subplots(p, p, squeeze=False)
         drawn, before = self.draw(DRAWN), self.prior.draw(DRAWN)

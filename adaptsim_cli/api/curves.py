@@ -60,7 +60,7 @@ def _rows(means: Sequence[MeanReward]) -> list[Row]:
     rows, so_far = list[Row](), 0
     for number, mean in enumerate(means, start=1):
         so_far += mean.trials
-        row = {"iteration": number, "trials": so_far, "mean_reward": mean.mean, "low": mean.low, "high": mean.high}
+        row: Row = {"iteration": number, "trials": so_far, "mean_reward": mean.mean, "low": mean.low, "high": mean.high}
         rows.append(row)
     return rows
 

@@ -126,26 +126,30 @@ class Session:
         self._run(1, until_done=False)
         return self.iterations[-1]
 
-    def run(self, iterations: int | None = None, robot: Robot | None = None) -> Session:
+    def run(self, iterations: int | None = None, robot: Robot | None = None, loggers: Sequence[str] = ()) -> Session:
         """Run iterations until the verdict says stop, at most `iterations` further ones, and return the session.
 
         By default there are at most as many as the task's horizon. `robot` makes the trials of a session with
-        `hw="own"`, one after another. Raises the errors of `run_iteration`, `ask` and `tell`.
+        `hw="own"`, one after another. `loggers` are kept up to date: "tensorboard", "wandb", "mlflow". Raises the
+        errors of `run_iteration`, `ask` and `tell`; UsageError for an unknown logger, ExtraMissing for one without its
+        package.
         """
         if iterations is not None and iterations < 1:
             raise UsageError(f"iterations = {iterations}: at least one")
         if robot is None:
-            self._run(iterations, until_done=True)
+            self._run(iterations, until_done=True, loggers=loggers)
             return self
         first = len(self.iterations)
         while True:
             trial = self.ask()
             self.tell(trial, **robot(trial))
             done = self.iterations[first:]
+            for name in loggers:
+                self.log_to(name)
             if done and (done[-1].verdict.stops or len(done) >= (iterations or self._horizon)):
                 return self
 
-    def _run(self, iterations: int | None, *, until_done: bool) -> None:
+    def _run(self, iterations: int | None, *, until_done: bool, loggers: Sequence[str] = ()) -> None:
         from adaptsim_cli.api.progress import silent, with_bar
         from adaptsim_cli.session import opening, running
         from adaptsim_cli.show.reports import Reports
@@ -163,7 +167,12 @@ class Session:
             )
         request = running.SessionRequest(self.name, frozenset(), iterations, yes=True, until_done=until_done)
         view = with_bar(iterations or self._horizon)
-        running.run_session(config.load(), request, opening.open_parts, Reports().draw, silent(), view)
+        resolved = config.load()
+        if loggers:
+            from adaptsim_cli.show.loggers.feed import with_loggers
+
+            view = with_loggers(loggers, resolved.places.logs, view)
+        running.run_session(resolved, request, opening.open_parts, Reports().draw, silent(), view)
 
     def ask(self) -> Question:
         """The next trial that your robot is to make; the same one until it is told.
@@ -174,9 +183,9 @@ class Session:
 
     def asks(self) -> tuple[Question, ...]:
         """All trials that may be made now, by several robots at once; they are told in any order."""
-        from adaptsim_cli.api.answers import asked
+        from adaptsim_cli.api.answers import open_trials
 
-        return asked(self._stored)
+        return open_trials(self._stored)
 
     def tell(
         self,
@@ -200,14 +209,14 @@ class Session:
         The session adapts once its iteration is complete. Raises AnswerRefused, and nothing is kept, for an answer that
         cannot count; UsageError if the trial is not open.
         """
-        from adaptsim_cli.api.answers import numbers, told
+        from adaptsim_cli.api.answers import keep_answer, numbers
 
         answer = {
             "t_s": numbers(times_s), "state": numbers(states), "outcome": outcome, "end": numbers(end),
             "rest_s": rest_s, "end_in_tool_m": numbers(end_in_tool_m), "note": note, "rejected": rejected,
             "impossible": impossible, "context": None if context is None else {k: float(v) for k, v in context.items()},
         }  # fmt: skip
-        told(self._stored, trial, answer)
+        keep_answer(self._stored, trial, answer)
 
     def recording(self, trial: int) -> Recording:
         """Frames, joints and camera of a completed trial that counts. Raises SessionError, UsageError."""
@@ -262,6 +271,16 @@ class Session:
             parameters=record.params,
             units=self.facts.units,
         )
+
+    def log_to(self, logger: str) -> Path:
+        """Keep the whole session in a logger ("tensorboard", "wandb", "mlflow") and return the folder of its log.
+
+        An earlier log of this session there is replaced. Raises UsageError for an unknown logger, ExtraMissing for one
+        without its package, SessionError.
+        """
+        from adaptsim_cli.show.loggers.feed import logged_again
+
+        return logged_again(logger, config.load().places.logs, self._stored)
 
     def report(self, out: Path | None = None) -> Path:
         """Write the session's page and return its path. Raises SessionError."""

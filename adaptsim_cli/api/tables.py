@@ -56,7 +56,7 @@ class Plot:
         return content.getvalue()
 
 
-def empty_figure(width_in: float, height_in: float, layout: Literal["constrained", "none"] = "constrained") -> Figure:
+def empty_figure(width_in: float, height_in: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
     """A figure of matplotlib without a window. Raises ExtraMissing without matplotlib."""
     try:
         from matplotlib.figure import Figure

@@ -20,6 +20,7 @@ from adaptsim_cli.commands import (
     calibrate,
     checkpoints,
     config,
+    dashboard,
     exporting,
     lab,
     own_object,
@@ -71,6 +72,7 @@ PANELS: Mapping[str, Mapping[str, Callable[..., Any] | typer.Typer]] = {
     "Look": {
         "report": exporting.report,
         "compare": exporting.compare,
+        "dashboard": dashboard.dashboard,
         "sessions": sessions.app,
         "replay": exporting.replay,
         "lab": lab.app,

@@ -46,7 +46,7 @@ def test_a_pair_plot_has_every_pair_the_prior_and_the_truth(belief: SessionPoste
     shown = [ax for ax in plot.figure.axes if ax.get_visible()]
     assert len(shown) == 4 + 6, "four marginals, and each pair once"
     pair = next(ax for ax in shown if ax.get_xlabel().endswith("m1 [kg]"))
-    drawn = {(line.get_marker(), len(line.get_xdata())) for line in pair.lines}
+    drawn = {(line.get_marker(), np.size(line.get_xdata())) for line in pair.lines}
     assert {(".", 500), ("x", 1)} <= drawn
     assert plot.save(tmp_path / "new" / "pair.png").read_bytes().startswith(PNG)
     with pytest.raises(ValueError, match="Format 'doc' is not supported"):
@@ -68,10 +68,10 @@ def test_rows_become_a_data_frame_and_a_short_table() -> None:
 
 
 def test_a_learning_curve_draws_means_with_intervals_also_into_given_axes() -> None:
-    row = {"iteration": 1, "trials": 2, "mean_reward": 0.4, "low": 0.1, "high": 0.7}
+    row: dict[str, Any] = {"iteration": 1, "trials": 2, "mean_reward": 0.4, "low": 0.1, "high": 0.7}
     curve = LearningCurve("study", [row, row | {"iteration": 2, "trials": 4, "mean_reward": 0.9, "high": 1.0}])
     (ax,) = curve.plot().figure.axes
-    (drawn,) = ax.containers
+    drawn: Any = ax.containers[0]
     assert drawn.lines[0].get_xdata().tolist() == [2.0, 4.0]
     assert drawn.lines[0].get_ydata().tolist() == [0.4, 0.9]
     assert curve.plot(ax).figure is ax.figure and len(ax.containers) == 2

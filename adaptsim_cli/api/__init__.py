@@ -41,13 +41,12 @@ from adaptsim_cli.bench.rig import Recording
 from adaptsim_cli.screen.outputs.exchange import Question
 from adaptsim_cli.screen.outputs.trials import BestRecord
 from adaptsim_cli.session.exporting import Row
-from adaptsim_cli.session.records import Facts, TrialRecord
+from adaptsim_cli.session.records import SessionFacts, TrialRecord
 from sim.adaptation import methods
 
 __all__ = [
     "BestAction",
     "BestRecord",
-    "Facts",
     "Iteration",
     "LearningCurve",
     "PlayedMotion",
@@ -59,6 +58,7 @@ __all__ = [
     "Rows",
     "Session",
     "SessionComparison",
+    "SessionFacts",
     "SessionPosterior",
     "TrialRecord",
     "begin",

@@ -110,7 +110,7 @@ def lerobot(kind: str, motion: Motion, report: Report, **settings: Any) -> LeRob
 
     `motion` turns a trial into joint targets, one row each 20 ms; `report` says how the trial went. `settings` are
     those of the type, e.g. `port="/dev/ttyACM0", id="left"`; its `max_relative_target` limits each step of a joint.
-    Raises ExtraMissing without LeRobot, UsageError for an unknown type or setting.
+    Raises UsageError for an unknown type or setting, ExtraMissing if the package lerobot is missing.
     """
     try:
         from lerobot import robots

@@ -17,7 +17,7 @@ from adaptsim_cli.session.live_trial import Placement, TrackedTrial
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import PosteriorSource, Watcher
 
 Bar = Callable[[int, str], None]
@@ -33,13 +33,13 @@ def with_bar(iterations: int) -> OpenView:
     """Shows the progress of the next `iterations` of a session."""
 
     @contextmanager
-    def open_view(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:
+    def open_view(screen: Screen, store: SessionStore, parts: SessionParts) -> Iterator[Watcher]:
         layout, done = store.facts.layout, len(store.existing().completed)
         present = len([i for i in range(store.iterations()) if store.result(i) is not None])
         total = layout.numbers(present + iterations - 1).stop - 1
         with one_bar(store.facts.name, done, total) as bar:
             view = _BarView(bar, done)
-            screen.tell(view)
+            screen.add_listener(view)
             yield view
 
     return open_view

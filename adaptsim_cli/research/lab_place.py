@@ -73,9 +73,9 @@ class InLab:
     def take(self, action: Array) -> None:
         """See `TrialSource`: any number of times."""
 
-    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+    def score(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `TrialSource`: from the table."""
-        return self.table.judge(contexts, actions, rng)
+        return self.table.score(contexts, actions, rng)
 
     def best_actions(self, contexts: Array) -> Array:
         """See `TrialSource`: from the table."""

@@ -22,10 +22,10 @@ from adaptsim_cli.session.control import ControlPolicies
 from adaptsim_cli.session.live_trial import Motion, Placement
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.own.exchange import Answerer
-from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.records import SessionFacts
 from hw.types import Array
 from perception.types import Outcome
-from sim.adaptation.learner import Learner
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
 from sim.tasks.task import Task
@@ -84,7 +84,7 @@ class Target(Protocol):
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the parts come from, for the session's `Facts`; never the hidden parameters of a world."""
+    """Where the parts come from, for the session's `SessionFacts`; never the hidden parameters of a world."""
 
     checkpoint: str
     checkpoint_sha256: str
@@ -99,12 +99,12 @@ class Provenance:
 
 
 @dataclass(frozen=True)
-class Parts:
-    """Task, target and learner of one session, with their provenance."""
+class SessionParts:
+    """Task, target and adaptation of one session, with their provenance."""
 
     task: Task
     target: Target
-    learner: Learner
+    adaptation: Adaptation
     provenance: Provenance
     control: ControlPolicies | None = None  # of the control trials; None: there are none
     newest_picture: Callable[[], Image | None] | None = None  # (H, W, 3) RGB of the rig's camera, now; None: no camera
@@ -122,10 +122,10 @@ class OpenParts(Protocol):
         config: Config,
         learnt: Path,
         *,
-        own: Facts | None = None,
+        own: SessionFacts | None = None,
         screen: Screen | None = None,
         answerer: Answerer | None = None,
-    ) -> AbstractContextManager[Parts]:
+    ) -> AbstractContextManager[SessionParts]:
         """The settings, and a folder for a solver's policies, which no other process may use meanwhile.
 
         `own`: with the calibration and the touch-off of this session instead of those in use. `answerer`: who answers
@@ -139,5 +139,5 @@ class Openers:
     """The openings that commands get from the program's entry, so that a command and its loop know contracts alone."""
 
     parts: OpenParts
-    seen_by_camera: Callable[[Config, Facts], tuple[Task, tuple[Outcome, ...]]]
+    seen_by_camera: Callable[[Config, SessionFacts], tuple[Task, tuple[Outcome, ...]]]
     """A session's task with its ranges, and its outcomes. Raises UsageError for a task without a camera."""

@@ -21,7 +21,7 @@ from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import PosteriorSource, Watcher
 from adaptsim_cli.show.dashboard import Dashboard
 from adaptsim_cli.show.live_state import (
@@ -114,7 +114,7 @@ class LiveView:
 @contextmanager
 def live_view(
     screen: Screen,
-    parts: Parts,
+    parts: SessionParts,
     name: str,
     what: str,
     hw: str,
@@ -135,7 +135,7 @@ def live_view(
         screen.plain(f"Live page: {server.address}live/{name}/")
         screen.plain(f"From another computer: {server.tunnel}")
         view = LiveView(page, task, head, particles)
-        screen.tell(view)
+        screen.add_listener(view)
         yield view
 
 
@@ -154,12 +154,12 @@ def newest_jpeg(newest_picture: Callable[[], Image | None] | None) -> bytes | No
     return encode_jpeg(picture, quality=80)
 
 
-def beside(port: int | None) -> OpenView:
+def live_page(port: int | None) -> OpenView:
     """A page at `port`, or at any free port. Raises UsageError, before anything begins, if the port is in use."""
     if port is not None:
         require_free(port)
 
-    def open_view(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
+    def open_view(screen: Screen, store: SessionStore, parts: SessionParts) -> AbstractContextManager[Watcher]:
         name, facts = store.facts.name, store.facts
         what = f"session {name}, method {facts.method}"
         return live_view(screen, parts, name, what, facts.hw, port, facts.particles, store.folder.parent)

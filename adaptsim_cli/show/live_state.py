@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adaptsim_cli.screen.views import number, quantity
-from adaptsim_cli.session.advice import check_first, compared_in_words, in_words
+from adaptsim_cli.screen.views import number, quantity, values
+from adaptsim_cli.session.advice import best_in_words, check_first, compared_in_words, in_words
 from adaptsim_cli.session.history import means_of, played_of, results_of
 from adaptsim_cli.session.live_trial import MotionPreview, TrackedTrial
 from adaptsim_cli.session.records import MotionRecord, ResultRecord, TrialRecord
@@ -108,7 +108,7 @@ def so_far(store: SessionStore, task: Task, posterior: Posterior | None) -> dict
         "control": compared_in_words(results[-1].control) if results and results[-1].control is not None else "",
         "parameters": _parameters(store, task, results, posterior),
         "verdict": in_words(results[-1].verdict, store.facts.object_name, first=first) if results else "",
-        "best": _best(task, results[-1]) if results else None,
+        "best": _best(task, results[-1]) if results else "",
     }
 
 
@@ -125,10 +125,9 @@ def _reward(record: TrialRecord, complete: int) -> dict[str, Any]:
     }
 
 
-def _best(task: Task, result: ResultRecord) -> dict[str, Any]:
-    best = result.best
-    at = quantities(task.parameters, best.params)
-    return {"reward": best.mean_reward, "ci95": list(best.ci95), "trials": best.trials, "at": at}
+def _best(task: Task, result: ResultRecord) -> str:
+    params = result.best.params
+    return best_in_words(result.best, values(task.parameters, np.array([params[n] for n in task.parameters.names])))
 
 
 def _parameters(

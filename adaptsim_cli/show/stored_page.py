@@ -65,7 +65,7 @@ class StoredPage:
         return state
 
     def _judged(self, trial: TrialRecord) -> dict[str, Any]:
-        film = self._store.trial_folder(*trial.place) / FILM
+        film = self._store.trial_folder(*trial.position) / FILM
         address = f"../../{film.relative_to(self._root).as_posix()}"
         shown = trial.film is not None and film.is_file()
         return {

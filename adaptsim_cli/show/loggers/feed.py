@@ -17,7 +17,7 @@ from adaptsim_cli.session.live_trial import Placement, TrackedTrial
 from adaptsim_cli.session.records import MotionRecord, ResultRecord, TrialRecord
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import AllOf, PosteriorSource, Watcher
 from adaptsim_cli.show.loggers import LOGGERS, SessionLogger
 from adaptsim_cli.storage import durable
@@ -28,7 +28,7 @@ def with_loggers(names: Sequence[str], folder: Path, inner: OpenView) -> OpenVie
     openers = {name: LOGGERS.get(name) for name in dict.fromkeys(names)}
 
     @contextmanager
-    def open_view(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:
+    def open_view(screen: Screen, store: SessionStore, parts: SessionParts) -> Iterator[Watcher]:
         with ExitStack() as stack:
             watchers = [stack.enter_context(inner(screen, store, parts))]
             for name, opener in openers.items():
@@ -95,7 +95,7 @@ def keep_new(store: SessionStore, logger: SessionLogger, done: set[str]) -> None
         if (key := f"trial-{trial.trial}-{trial.attempt}") not in done:
             logger.values(trial.trial, _of_trial(trial))
             logger.words(trial.trial, "outcome", trial.outcome_words)
-            folder = store.trial_folder(*trial.place)
+            folder = store.trial_folder(*trial.position)
             named = [(moment.label, moment.file) for moment in trial.moments] + [("film", FILM)]
             for name, file in named:
                 if (folder / file).is_file() and file.endswith(".jpg"):

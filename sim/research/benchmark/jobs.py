@@ -21,11 +21,11 @@ from sim.research.benchmark.sessions import (
     Commands,
     Conditions,
     choose_oracle,
-    judge,
+    estimated_reward,
     mean_of,
+    mean_played_reward,
     run_iterations,
     run_session,
-    shown,
     udr_policies,
 )
 from sim.research.benchmark.tables import WorldTable
@@ -105,14 +105,15 @@ def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
     def final(act: Commands, policies: int = 1) -> Estimate:
         """Judge by fresh rollouts, divided among `policies`, if they are requested."""
         if not conditions.fresh:
-            return judge(task, act, place, conditions, job.seed)
+            return estimated_reward(task, act, place, conditions, job.seed)
         few = replace(conditions, judged=max(2, conditions.fresh // policies))
-        return judge(task, act, simulated, few, job.seed)
+        return estimated_reward(task, act, simulated, few, job.seed)
 
     if job.method == UDR:
         policies = udr_policies(solver, job.seed)
         last = mean_of([final(policy.actions, len(policies)) for policy in policies])
-        shown_reward = sum(shown(task, p.actions, place, conditions.judged, job.seed) for p in policies) / len(policies)
+        played = [mean_played_reward(task, p.actions, place, conditions.judged, job.seed) for p in policies]
+        shown_reward = sum(played) / len(policies)
         return _row(job, checkpoint, last, None, began, shown_reward)
     if job.method in LIMITS:
         act: Commands = place.best_actions
@@ -123,7 +124,7 @@ def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
     method = make_method(job.method, task, checkpoint)
     lived = trials or (simulated if conditions.fresh else place)
     chosen = run_session(solver, method, lived, conditions, job.seed)
-    curve = [judge(task, policy.actions, place, conditions, job.seed) for policy in chosen]
+    curve = [estimated_reward(task, policy.actions, place, conditions, job.seed) for policy in chosen]
     return _row(job, checkpoint, final(chosen[-1].actions), curve, began, None)
 
 
@@ -138,7 +139,7 @@ def _run_recorded(job: Job, recorded: RecordedTrials) -> BenchmarkRow:
     )
 
     def judged(act: Commands) -> Estimate:
-        return judge(task, act, place, job.conditions, seed)
+        return estimated_reward(task, act, place, job.conditions, seed)
 
     if name in (UDR, PERMUTED_UDR):
         last = mean_of([judged(policy.actions) for policy in udr_policies(scores.solver, seed)])

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.session.live_trial import Placement, TrackedTrial
+from adaptsim_cli.session.live_trial import PlannedTrial, TrackedTrial
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import SessionStore
@@ -67,7 +67,7 @@ class _BarView:
     def noted(self, text: str) -> None:
         """See `Listener`: the log of the session keeps it."""
 
-    def proposed(self, trial: MotionRecord, planned: Placement) -> None:
+    def proposed(self, trial: MotionRecord, planned: PlannedTrial) -> None:
         """See `Watcher`."""
 
     def tracked(self, record: TrialRecord, tracked_trial: TrackedTrial) -> None:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -194,7 +194,7 @@ def _spent(trials: RecordedTrials, session: Path) -> set[int]:
     return {int(row) for row in trials.at(np.array(used))} if used else set()
 
 
-_Opened = tuple[Task, Target, Executable | None, Rig | None]
+_Opened = tuple[Task, Target[Any, Any], Executable | None, Rig | None]
 
 
 @contextmanager

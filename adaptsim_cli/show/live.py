@@ -16,7 +16,7 @@ from adaptsim_cli.bench.rig import Image
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.film import FILM
-from adaptsim_cli.session.live_trial import Placement, TrackedTrial
+from adaptsim_cli.session.live_trial import PlannedTrial, TrackedTrial
 from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.running import OpenView
@@ -74,7 +74,7 @@ class LiveView:
     def noted(self, text: str) -> None:
         """See `Listener`: warnings are shown in the terminal, and with the trial."""
 
-    def proposed(self, trial: MotionRecord, planned: Placement) -> None:
+    def proposed(self, trial: MotionRecord, planned: PlannedTrial) -> None:
         """See `Watcher`."""
         parts: dict[str, Any] = {
             "trial": trial_shown(self._task, self._particles, trial, planned.summary),

@@ -102,6 +102,7 @@ class OutcomePosterior:
         )
         for discrepancy, residuals in zip(self._end_discrepancies, self._end_residuals(predicted), strict=True):
             log = log + discrepancy.evidence(residuals)
+        log = log * self.simulators.strengths.weights
         return np.asarray(log / len(self.trials) if self.simulators.is_grid else log)
 
     def candidate_outcomes(self, context: Array) -> Outcomes:
@@ -131,7 +132,8 @@ class OutcomePosterior:
         """The conditioned discrepancies in the chance of success and in each end-state quantity."""
         if not self.trials:
             d, k = self.simulators.place_size, len(self.simulators.end_unit)
-            nothing = [Discrepancy(scale, np.zeros((0, d)), np.zeros(0)) for scale in (SUCCESS, *[END] * k)]
+            scales = [scale.times(self.simulators.strengths.discrepancy) for scale in (SUCCESS, *[END] * k)]
+            nothing = [Discrepancy(scale, np.zeros((0, d)), np.zeros(0)) for scale in scales]
             return [(unknown, np.zeros((0, KEPT))) for unknown in nothing]
         predicted = self.simulators.predict(self.trials, self.parameters, self._candidates.left)
         ends = zip(self._end_discrepancies, self._end_residuals(predicted), strict=True)
@@ -166,9 +168,9 @@ class OutcomePosterior:
         """The discrepancy with the multiple of `scale` that best explains residuals (N, T) over all simulators
         (empirical Bayes).
         """
-        left = self._candidates.left
-        candidates = [Discrepancy(scale.times(factor * left), at, noise) for factor in FACTORS]
-        paths = self._candidates.log_prior + self._predicted.log_likelihood.sum(axis=0)
+        most = self._candidates.left * self.simulators.strengths.discrepancy
+        candidates = [Discrepancy(scale.times(factor * most), at, noise) for factor in FACTORS]
+        paths = self._log_trajectory_weights
         explained = [logsumexp(paths + one.evidence(residuals)) for one in candidates]
         before = -0.5 * (np.log(FACTORS) / FACTORS_STD) ** 2
         return candidates[int(np.argmax(explained + before))]
@@ -185,7 +187,13 @@ class OutcomePosterior:
     @cached_property
     def _trajectory_weights(self) -> Array:
         """(K,) weights by the trajectories only; the noise of trials is averaged with them."""
-        return _weights(self._candidates.log_prior + self._predicted.log_likelihood.sum(axis=0))
+        return _weights(self._log_trajectory_weights)
+
+    @cached_property
+    def _log_trajectory_weights(self) -> Array:
+        """(K,) logarithms of these weights, up to a constant."""
+        by_trajectories = self._predicted.log_likelihood.sum(axis=0)
+        return np.asarray(self._candidates.log_prior + self.simulators.strengths.weights * by_trajectories)
 
     @cached_property
     def _points(self) -> Array:

@@ -31,6 +31,14 @@ LEAST_UNIT = 0.1
 """Least unit of an end-state quantity that hardly varies in the ranges, as a share of the largest unit."""
 
 
+@dataclass(frozen=True)
+class PartStrengths:
+    """How much each part of the method counts: 1 as it is, 0 to leave it out, which an ablation does."""
+
+    weights: float = 1.0  # power of the likelihood of trials, by which simulators are weighed
+    discrepancy: float = 1.0  # factor on the scales of reality's discrepancy
+
+
 @dataclass(frozen=True, eq=False)
 class Predicted:
     """Predictions of K simulators for N trials, averaged over the disturbances."""
@@ -57,6 +65,7 @@ class Simulators:
 
     solver: Solver
     reward_table: RewardTable
+    strengths: PartStrengths = PartStrengths()
     _grid: dict[bytes, Predicted] = field(default_factory=dict, repr=False)  # of `truths`, by trial
 
     @property
@@ -137,7 +146,8 @@ class Simulators:
 
     def candidates(self, trials: Sequence[Trial]) -> Candidates:
         """The simulators to weigh by trials: `truths`, or for an exact simulator those around the best fit."""
-        if not trials or not is_exact(self.solver):
+        weighs = bool(trials) and self.strengths.weights > 0.0
+        if not weighs or not is_exact(self.solver):
             return Candidates(self.truths, np.zeros(len(self.truths)), self.on_grid(trials) if trials else None, 1.0)
         fit = exact_fit(self.solver, trials, self.truths, self.prior)
         return Candidates(fit.parameters, fit.log_prior, self.predict(trials, fit.parameters, fit.left), fit.left)

@@ -13,7 +13,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.session.advice import check_first, in_words
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.history import played_of, results_of
-from adaptsim_cli.session.live_trial import Placement, TrackedTrial
+from adaptsim_cli.session.live_trial import PlannedTrial, TrackedTrial
 from adaptsim_cli.session.records import MotionRecord, ResultRecord, TrialRecord
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import SessionStore
@@ -64,7 +64,7 @@ class Feed:
         self._kept: set[str] = set()
         self._keep(store)
 
-    def proposed(self, trial: MotionRecord, planned: Placement) -> None:
+    def proposed(self, trial: MotionRecord, planned: PlannedTrial) -> None:
         """See `Watcher`: a trial counts once it is stored."""
 
     def tracked(self, record: TrialRecord, tracked_trial: TrackedTrial) -> None:

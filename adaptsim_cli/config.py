@@ -110,7 +110,10 @@ class Config(Record):
     checkpoint: Annotated[
         str, Field(description="name or folder of a checkpoint; empty: the shipped one, or that of the own object")
     ] = ""
-    solver: Annotated[str, Field(description="solver of task policies: emulator, naf; empty: as pretrained")] = ""
+    solver: Annotated[
+        str,
+        Field(description="solver of task policies: emulator, naf, or direct without Phase 1; empty: as pretrained"),
+    ] = ""
     object: Annotated[
         str, Field(description="TOML file with the ranges of your object (docs/guide/own-objects.md)")
     ] = ""

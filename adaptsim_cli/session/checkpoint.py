@@ -4,25 +4,38 @@ session to begin with.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli import config
-from adaptsim_cli.bench.checkpoints import own_checkpoints, task_of
+from adaptsim_cli.bench.checkpoints import checkpoint_of, own_checkpoints, task_of
 from adaptsim_cli.config import Config
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.session.folders import SOLVER
+from sim.rollouts.executors import serial_executor
 
 if TYPE_CHECKING:
     from adaptsim_cli.session.records import Facts
     from adaptsim_cli.session.store import SessionStore
+    from perception.types import ObjectTrack
     from sim.adaptation.checkpoint import Checkpoint
+    from sim.rollouts.kept import KeptRollouts
     from sim.rollouts.recorded import RecordedTrials
     from sim.solvers.solver import Expectations, Policies
+    from sim.tasks.task import Task
 
-SOLVERS = ("emulator", "naf")
+LEARNT = ("emulator", "naf")
+"""Solvers that need Phase 1."""
+
+DIRECT = "direct"
+"""The solver and the method without Phase 1."""
+
+SOLVERS = (*LEARNT, DIRECT)
 
 
 def checkpoint_of_session(store: SessionStore) -> Checkpoint:
@@ -37,6 +50,8 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
 
     facts = store.facts
     task = task_of(config.load().config.model_copy(update={"task": facts.task, "object": facts.object}))
+    if facts.solver == DIRECT:
+        return direct_checkpoint(task, serial_executor(), store.folder / SOLVER)
     for folder in _folders(facts):
         try:
             if read_card(folder, task.name).sha256 == facts.checkpoint_sha256:
@@ -47,6 +62,78 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     raise CheckpointError(
         f"session {facts.name!r} was begun with the checkpoint {facts.checkpoint} ({facts.checkpoint_sha256[:12]}), "
         "which is no longer here: name its folder with ADAPTSIM_CHECKPOINT"
+    )
+
+
+def direct_checkpoint(task: Task, executor: Executor, folder: Path) -> Checkpoint:
+    """What stands for the checkpoint of a session with the direct solver, which keeps its rollouts in `folder`.
+
+    Raises UsageError for a task that trains its policies.
+    """
+    from sim.adaptation.checkpoint import without_phase_1
+    from sim.rollouts.kept import KeptRollouts
+    from sim.solvers.direct import DirectSolver
+
+    if task.training is not None:
+        raise UsageError(
+            f"--solver direct: {task.name} trains its policies, which is a part of Phase 1. Leave --solver out, and "
+            f"run adaptsim pretrain --task {task.name}"
+        )
+    seconds = list[float]()
+
+    def timed(*values: Any, **named: Any) -> ObjectTrack:
+        began = time.monotonic()
+        track = task.simulate(*values, **named)
+        seconds.append(time.monotonic() - began)
+        return track
+
+    roll = KeptRollouts(task, executor, folder / "rollouts")
+    checkpoint = without_phase_1(replace(task, simulate=timed), DirectSolver(task, roll))
+    roll.seconds = min(seconds)  # the first one may load a simulator
+    return checkpoint
+
+
+@contextmanager
+def checkpoint_in_session(settings: Config, folder: Path) -> Iterator[Checkpoint]:
+    """The checkpoint of the settings; for the direct solver what stands for it, with the processes that simulate.
+
+    `folder` keeps its rollouts. Raises as `checkpoint_of`.
+    """
+    if settings.solver != DIRECT:
+        yield checkpoint_of(settings)
+        return
+    from sim.rollouts.executors import simulating_executor
+
+    with simulating_executor(settings.workers) as executor:
+        yield direct_checkpoint(task_of(settings), executor, folder)
+
+
+def rollouts_behind(checkpoint: Checkpoint) -> KeptRollouts | None:
+    """The rollouts of a session with the direct solver; None for others."""
+    from sim.rollouts.kept import KeptRollouts
+
+    roll = getattr(checkpoint.solver, "roll", None)
+    return roll if isinstance(roll, KeptRollouts) else None
+
+
+def cost_in_words(checkpoint: Checkpoint, settings: Config) -> tuple[str, ...]:
+    """The cost of a session with the direct solver, before it begins; nothing for others."""
+    from hw.cores import usable_cores
+    from sim.adaptation.methods.direct import rollouts_after, rollouts_before
+    from sim.rollouts.cost import duration
+
+    if (roll := rollouts_behind(checkpoint)) is None:
+        return ()
+    task, cores = checkpoint.solver.task, settings.workers or usable_cores()
+    before, *after = (
+        rollouts_before(task, settings.particles),
+        *(rollouts_after(task, settings.particles, i) for i in (1, 2)),
+    )
+    total = before + sum(after)
+    return (
+        f"No Phase 1: this session simulates up to {before} rollouts before its first trial, {after[0]} after the "
+        f"first iteration, and {after[1]} after the second. A rollout takes {duration(roll.seconds)}, so these {total} "
+        f"take about {duration(roll.seconds * total / cores)} on {cores} cores.",
     )
 
 
@@ -77,7 +164,7 @@ def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> 
             "Leave --solver out, or choose another checkpoint"
         )
     own = checkpoint.solver
-    if name != "naf" and not checkpoint.naf:
+    if name != "naf" and not checkpoint.naf:  # the direct solver is its checkpoint's own
         yield own, own
         return
     from sim.solvers.solver import naf

@@ -11,18 +11,20 @@ import numpy as np
 
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.outputs.sessions import ParameterBelief
-from adaptsim_cli.session.checkpoint import checkpoint_of_session, recordings_of
+from adaptsim_cli.session.checkpoint import DIRECT, checkpoint_of_session, recordings_of
 from adaptsim_cli.session.history import history_of, particles_of, results_of, trials_of
 from adaptsim_cli.session.judgement import HeldOutScore, Judgement, Prediction, end_error, mean_of
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
+from sim.adaptation.methods.direct import Direct
+from sim.adaptation.methods.direct import create as direct
 from sim.errors import CollapsedPosterior, SimError
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.method import Iteration, Method
     from sim.adaptation.methods.belief import Belief
-    from sim.adaptation.posterior import Posterior
+    from sim.adaptation.posterior import ExpectedTrajectories, Posterior
     from sim.solvers.solver import SolvedPolicy
     from sim.tasks.task import Task
     from sim.types import Estimate
@@ -42,7 +44,7 @@ class Hindsight:
     """A checkpoint that evaluates the trajectories of its sessions. It caches the results of each trial."""
 
     checkpoint: Checkpoint
-    belief: Belief
+    belief: Belief | Direct
     _methods: dict[str, Method] = field(default_factory=dict, repr=False)
 
     @classmethod
@@ -51,6 +53,8 @@ class Hindsight:
         from sim.adaptation.methods.belief import create
 
         checkpoint = checkpoint_of_session(store)
+        if store.facts.solver == DIRECT:
+            return cls(checkpoint, direct(checkpoint.solver.task, checkpoint))
         return cls(checkpoint, create(checkpoint.solver.task, checkpoint))
 
     @cached_property
@@ -62,6 +66,8 @@ class Hindsight:
         from sim.adaptation.posterior import posterior
 
         begun = store.iterations() if iterations is None else min(iterations, store.iterations())
+        if isinstance(self.belief, Direct):
+            begun = min(begun, len(results_of(store)))
         return posterior(self.belief, history_of(self.checkpoint.solver.task, store, begun - 1))
 
     def judge(self, store: SessionStore) -> Judgement:
@@ -74,6 +80,8 @@ class Hindsight:
             raise SessionError(f"session {store.facts.name} has no completed trial yet")
         results = results_of(store)
         history = history_of(checkpoint.solver.task, store, trials[-1].iteration - 1)
+        if is_direct := isinstance(self.belief, Direct):
+            history = history[: len(results)]  # what the session has not simulated yet stays unknown
         posteriors = posterior_after_each(self.belief, history)
         posterior = posteriors[-1]
 
@@ -82,10 +90,14 @@ class Hindsight:
 
         return Judgement(
             posteriors=posteriors,
-            predictions=self._predictions(trials, posterior),
-            first=expected([policy_for(checkpoint.solver, one.samples) for one in particles_of(store, 0)]),
-            adapted=expected([self._final(store, history[: results[-1].iteration])]) if results else None,
-            udr=expected(self._of_udr),
+            predictions=self._predictions(trials, posterior, history),
+            first=None
+            if is_direct
+            else expected([policy_for(checkpoint.solver, one.samples) for one in particles_of(store, 0)]),
+            adapted=expected([self._final(store, history[: results[-1].iteration])])
+            if results and not is_direct
+            else None,
+            udr=None if is_direct else expected(self._of_udr),
             unit=_unit(checkpoint.solver.task),
             held_out=self._held_out(store, posteriors) if results and store.facts.held_out else None,
         )
@@ -140,11 +152,19 @@ class Hindsight:
             after=error(posteriors[-1]),
         )
 
-    def _predictions(self, trials: Sequence[TrialRecord], posterior: Posterior) -> dict[int, Prediction]:
+    def _predictions(
+        self, trials: Sequence[TrialRecord], posterior: Posterior, history: Sequence[Iteration]
+    ) -> dict[int, Prediction]:
         """The prediction of each trial, by its number: for the parameters of its policy, and for likely ones."""
         from sim.adaptation.posterior import predicted
 
-        solver, each = self.checkpoint.solver, 1 + LIKELY
+        each = 1 + LIKELY
+        solver: ExpectedTrajectories = self.checkpoint.solver
+        if isinstance(self.belief, Direct):
+            if not history:
+                return {}
+            trials = [trial for trial in trials if trial.iteration <= len(history)]
+            solver = self.belief.near_fit(history)
         parameters = [
             np.vstack([list(trial.parameters.values()), posterior.draw(LIKELY, np.random.default_rng(trial.trial))])
             for trial in trials

@@ -12,6 +12,7 @@ import numpy as np
 from hw.types import Array, frozen_array
 from sim.errors import MomentsMissing
 from sim.solvers.solver import Executable, Policies, SolvedPolicy, policy_for
+from sim.types import Space
 
 WORTHWHILE = 0.05
 """The smallest gain of reward that is worth an iteration."""
@@ -158,6 +159,18 @@ class Forecasting(Protocol):
 
     def assess(self, history: Sequence[Iteration]) -> tuple[Best, ExpectedGain]:
         """The final parameters, and the outlook. Raises ValueError without a trial."""
+
+
+@runtime_checkable
+class Inferring(Protocol):
+    """A method that knows which parameters are likely, so that no table of prospects is needed for a posterior."""
+
+    @property
+    def space(self) -> Space:
+        """The margin of the task's parameters."""
+
+    def draws_after_each(self, history: Sequence[Iteration]) -> tuple[Array, ...]:
+        """(N, p) equally likely parameters of the margin, in units: before the first iteration, and after each."""
 
 
 @runtime_checkable

@@ -383,8 +383,9 @@ _OWN = {
 def _same_parts(store: SessionStore, parts: Parts, screen: Screen) -> SessionStore:
     """The store, if its checkpoint, calibration and world are still those that it was begun with."""
     facts, now = store.facts, parts.provenance
+    learnt = "checkpoint" if parts.rollouts is None else "physics or a range of the task"
     for what, was, digest in (
-        ("checkpoint", facts.checkpoint_sha256, now.checkpoint_sha256),
+        (learnt, facts.checkpoint_sha256, now.checkpoint_sha256),
         ("calibration or touch-off", facts.calibration_sha256, now.calibration_sha256),
         ("camera's time offset", _ms(facts.camera_late_s), _ms(now.camera_late_s)),
         ("recording" if facts.recorded else "world", facts.world_sha256, now.world_sha256),

@@ -24,6 +24,12 @@ OWN: Hardware = "own"
 """A robot of one's own, which answers questions (docs/guide/own-robot.md)."""
 PERSON = "person"
 
+LEARNT = ("emulator", "naf")
+"""Solvers that need Phase 1."""
+DIRECT = "direct"
+"""The solver and the method without Phase 1."""
+SOLVERS = (*LEARNT, DIRECT)
+
 
 def is_simulated(hw: str) -> bool:
     """Whether `hw` names the simulated lab. No other code compares hardware names."""

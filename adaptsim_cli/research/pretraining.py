@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli.bench.checkpoints import checkpoint_of, task_of
-from adaptsim_cli.config import Config, Resolved
+from adaptsim_cli.config import LEARNT, Config, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.research.working import working_in
-from adaptsim_cli.session.checkpoint import LEARNT
 
 if TYPE_CHECKING:
     from sim.research.pretraining.budget import OptionalStages, PretrainBudget

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli import config
 from adaptsim_cli.bench.checkpoints import checkpoint_of, own_checkpoints, task_of
-from adaptsim_cli.config import Config
+from adaptsim_cli.config import DIRECT, SOLVERS, Config
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.session.folders import SOLVER
+from hw.cores import usable_cores
 from sim.rollouts.executors import serial_executor
 
 if TYPE_CHECKING:
@@ -24,18 +25,10 @@ if TYPE_CHECKING:
     from adaptsim_cli.session.store import SessionStore
     from perception.types import ObjectTrack
     from sim.adaptation.checkpoint import Checkpoint
-    from sim.rollouts.kept import KeptRollouts
+    from sim.adaptation.method import Simulating
     from sim.rollouts.recorded import RecordedTrials
     from sim.solvers.solver import Expectations, Policies
     from sim.tasks.task import Task
-
-LEARNT = ("emulator", "naf")
-"""Solvers that need Phase 1."""
-
-DIRECT = "direct"
-"""The solver and the method without Phase 1."""
-
-SOLVERS = (*LEARNT, DIRECT)
 
 
 def checkpoint_of_session(store: SessionStore) -> Checkpoint:
@@ -71,8 +64,8 @@ def direct_checkpoint(task: Task, executor: Executor, folder: Path) -> Checkpoin
     Raises UsageError for a task that trains its policies.
     """
     from sim.adaptation.checkpoint import without_phase_1
-    from sim.rollouts.kept import KeptRollouts
-    from sim.solvers.direct import DirectSolver
+    from sim.adaptation.method import Simulating
+    from sim.adaptation.methods import make_method
 
     if task.training is not None:
         raise UsageError(
@@ -87,9 +80,11 @@ def direct_checkpoint(task: Task, executor: Executor, folder: Path) -> Checkpoin
         seconds.append(time.monotonic() - began)
         return track
 
-    roll = KeptRollouts(task, executor, folder / "rollouts")
-    checkpoint = without_phase_1(replace(task, simulate=timed), DirectSolver(task, roll))
-    roll.seconds = min(seconds)  # the first one may load a simulator
+    method = make_method(DIRECT, task, None)
+    assert isinstance(method, Simulating)
+    checkpoint = without_phase_1(replace(task, simulate=timed), method.solver)
+    method.rollouts.executor, method.rollouts.seconds = executor, min(seconds)  # the first one may load a simulator
+    method.rollouts.keep_in(folder / "rollouts")
     return checkpoint
 
 
@@ -108,32 +103,16 @@ def checkpoint_in_session(settings: Config, folder: Path) -> Iterator[Checkpoint
         yield direct_checkpoint(task_of(settings), executor, folder)
 
 
-def rollouts_behind(checkpoint: Checkpoint) -> KeptRollouts | None:
-    """The rollouts of a session with the direct solver; None for others."""
-    from sim.rollouts.kept import KeptRollouts
-
-    roll = getattr(checkpoint.solver, "roll", None)
-    return roll if isinstance(roll, KeptRollouts) else None
-
-
-def cost_in_words(checkpoint: Checkpoint, settings: Config) -> tuple[str, ...]:
-    """The cost of a session with the direct solver, before it begins; nothing for others."""
-    from hw.cores import usable_cores
-    from sim.adaptation.methods.direct import rollouts_after, rollouts_before
-    from sim.rollouts.cost import duration
-
-    if (roll := rollouts_behind(checkpoint)) is None:
-        return ()
-    task, cores = checkpoint.solver.task, settings.workers or usable_cores()
-    before, *after = (
-        rollouts_before(task, settings.particles),
-        *(rollouts_after(task, settings.particles, i) for i in (1, 2)),
-    )
+def cost_in_words(method: Simulating, settings: Config) -> str:
+    """The cost of a session that simulates while it runs, before it begins."""
+    cores, particles, seconds = settings.workers or usable_cores(), settings.particles, method.rollouts.seconds
+    before, after = method.rollouts_before(particles), [method.rollouts_after(particles, i) for i in (1, 2)]
     total = before + sum(after)
+    each = f"{1e3 * seconds:.2g} ms" if seconds < 0.1 else f"{seconds:.2g} s"
     return (
         f"No Phase 1: this session simulates up to {before} rollouts before its first trial, {after[0]} after the "
-        f"first iteration, and {after[1]} after the second. A rollout takes {duration(roll.seconds)}, so these {total} "
-        f"take about {duration(roll.seconds * total / cores)} on {cores} cores.",
+        f"first iteration, and {after[1]} after the second. A rollout takes {each}, so these {total} take about "
+        f"{seconds * total / cores:.0f} s on {cores} cores."
     )
 
 

@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adaptsim_cli.config import DIRECT
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.outputs.sessions import ParameterBelief
-from adaptsim_cli.session.checkpoint import DIRECT, checkpoint_of_session, recordings_of
+from adaptsim_cli.session.checkpoint import checkpoint_of_session, recordings_of
 from adaptsim_cli.session.history import history_of, particles_of, results_of, trials_of
 from adaptsim_cli.session.judgement import HeldOutScore, Judgement, Prediction, end_error, mean_of
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
-from sim.adaptation.methods.direct import Direct
-from sim.adaptation.methods.direct import create as direct
+from sim.adaptation.method import Simulating
 from sim.errors import CollapsedPosterior, SimError
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
-    from sim.adaptation.method import Iteration, Method
+    from sim.adaptation.method import ExpectedTrajectories, Iteration, Method
     from sim.adaptation.methods.belief import Belief
-    from sim.adaptation.posterior import ExpectedTrajectories, Posterior
+    from sim.adaptation.posterior import Posterior
     from sim.solvers.solver import SolvedPolicy
     from sim.tasks.task import Task
     from sim.types import Estimate
@@ -44,17 +44,20 @@ class Hindsight:
     """A checkpoint that evaluates the trajectories of its sessions. It caches the results of each trial."""
 
     checkpoint: Checkpoint
-    belief: Belief | Direct
+    belief: Belief | Simulating
     _methods: dict[str, Method] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, store: SessionStore) -> Hindsight:
         """Raises CheckpointError if the session's checkpoint is gone, or has no parts for inference."""
+        from sim.adaptation.methods import make_method
         from sim.adaptation.methods.belief import create
 
         checkpoint = checkpoint_of_session(store)
         if store.facts.solver == DIRECT:
-            return cls(checkpoint, direct(checkpoint.solver.task, checkpoint))
+            method = make_method(DIRECT, checkpoint.solver.task, checkpoint)
+            assert isinstance(method, Simulating)
+            return cls(checkpoint, method)
         return cls(checkpoint, create(checkpoint.solver.task, checkpoint))
 
     @cached_property
@@ -66,7 +69,7 @@ class Hindsight:
         from sim.adaptation.posterior import posterior
 
         begun = store.iterations() if iterations is None else min(iterations, store.iterations())
-        if isinstance(self.belief, Direct):
+        if isinstance(self.belief, Simulating):
             begun = min(begun, len(results_of(store)))
         return posterior(self.belief, history_of(self.checkpoint.solver.task, store, begun - 1))
 
@@ -80,7 +83,7 @@ class Hindsight:
             raise SessionError(f"session {store.facts.name} has no completed trial yet")
         results = results_of(store)
         history = history_of(checkpoint.solver.task, store, trials[-1].iteration - 1)
-        if is_direct := isinstance(self.belief, Direct):
+        if is_direct := isinstance(self.belief, Simulating):
             history = history[: len(results)]  # what the session has not simulated yet stays unknown
         posteriors = posterior_after_each(self.belief, history)
         posterior = posteriors[-1]
@@ -160,7 +163,7 @@ class Hindsight:
 
         each = 1 + LIKELY
         solver: ExpectedTrajectories = self.checkpoint.solver
-        if isinstance(self.belief, Direct):
+        if isinstance(self.belief, Simulating):
             if not history:
                 return {}
             trials = [trial for trial in trials if trial.iteration <= len(history)]

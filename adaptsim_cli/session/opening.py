@@ -26,7 +26,6 @@ from adaptsim_cli.session.checkpoint import (
     checkpoint_in_session,
     cost_in_words,
     recordings_of,
-    rollouts_behind,
     solver_of,
     started_from,
 )
@@ -48,7 +47,7 @@ from hw.braking import FULL
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.learner import Learner
-from sim.adaptation.method import Inferring
+from sim.adaptation.method import Simulating
 from sim.adaptation.methods import kind_of
 from sim.adaptation.worth_in_words import worth_in_words
 from sim.rollouts.recorded import RecordedTrials
@@ -83,7 +82,7 @@ def open_parts(
         checkpoint, prior = started_from(unbiased, config)
         of_library, session = checkpoint, learnt.parent
         checkpoint = with_session_policies(of_library, session, config.workers, None)
-        worth = (*worth_in_words(checkpoint.card.worth), *cost_in_words(checkpoint, config))
+        worth = tuple(worth_in_words(checkpoint.card.worth))
         training = checkpoint.solver.task.training
         train = partial(trained_policies, of_library, session, config.workers) if training is not None else None
         if config.recorded:
@@ -106,7 +105,10 @@ def open_parts(
                     camera_late_s=rig.hand_eye.camera_late_s,
                 )
             newest = None if rig is None else rig.camera.newest
-            yield Parts(task, target, learner, origin, control, newest, worth, train, rollouts_behind(checkpoint))
+            rollouts = None
+            if isinstance(learner.method, Simulating):
+                rollouts, worth = learner.method.rollouts, (cost_in_words(learner.method, config),)
+            yield Parts(task, target, learner, origin, control, newest, worth, train, rollouts)
 
 
 def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> Parts:
@@ -165,7 +167,7 @@ def _learner(
     from sim.adaptation.methods.belief import Belief
 
     method = make_method(config.method, checkpoint.solver.task, checkpoint)
-    belief: Belief | Inferring | None = method if isinstance(method, Inferring) else None
+    belief: Belief | Simulating | None = method if isinstance(method, Simulating) else None
     if belief is None and checkpoint.prospects is not None:
         belief = Belief(checkpoint.solver, checkpoint.prospects)
     return Learner(method, policies, expectations, executable, belief)

@@ -9,14 +9,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from adaptsim_cli.config import Config, Resolved, same_lab
+from adaptsim_cli.config import DIRECT, Config, Resolved, same_lab
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import single
 from adaptsim_cli.session.best import best_of
-from adaptsim_cli.session.checkpoint import DIRECT
 from adaptsim_cli.session.folders import SOLVER
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.single import Chosen

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from rich.console import RenderableType
 
-from adaptsim_cli.config import Config, Resolved, is_own
+from adaptsim_cli.config import DIRECT, Config, Resolved, is_own
 from adaptsim_cli.errors import AnswerRefused, StoppedByOperator, UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
@@ -21,7 +21,6 @@ from adaptsim_cli.screen.keys import Key, agree
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import folders, terminal_views
 from adaptsim_cli.session.advice import after_iteration
-from adaptsim_cli.session.checkpoint import DIRECT
 from adaptsim_cli.session.deferred import Deferred, submit
 from adaptsim_cli.session.ending import EndRule, after_iterations, asked_at_the_verdict, at_the_verdict
 from adaptsim_cli.session.flow import RunningSession, rows_of, show, stages, tell

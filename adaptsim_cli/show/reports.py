@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from adaptsim_cli.config import DIRECT
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.outputs.learning import Revealed
-from adaptsim_cli.session.checkpoint import DIRECT
 from adaptsim_cli.session.folders import names
 from adaptsim_cli.session.hindsight import Hindsight
 from adaptsim_cli.session.history import results_of, trials_of

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.adaptation.judging import Misfits, assess, final_policy, judge, repeated_trials
-from sim.adaptation.method import Best, ExpectedGain, Inferring, Iteration, Method, Particle, policy_of
+from sim.adaptation.method import Best, ExpectedGain, Iteration, Method, Particle, Simulating, policy_of
 from sim.adaptation.methods.belief import Belief
 from sim.adaptation.posterior import Posterior, posterior
 from sim.adaptation.verdict import Verdict
@@ -34,7 +34,7 @@ class Learner:
     policies: Policies
     expectations: Expectations
     executable: Executable | None = None  # None: every action is
-    belief: Belief | Inferring | None = None  # for display; a method may have its own
+    belief: Belief | Simulating | None = None  # for display; a method may have its own
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The first `n` particles."""

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +21,12 @@ from numpy.typing import NDArray
 from hw.types import Array, frozen_array
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.exact_fit import exact_fit, is_exact
-from sim.adaptation.method import Inferring, Iteration
+from sim.adaptation.method import ExpectedTrajectories, Iteration, Simulating
 from sim.adaptation.methods.belief import Belief
 from sim.adaptation.refining import refined
 from sim.errors import CollapsedPosterior
 from sim.solvers.grid import grid_behind
 from sim.solvers.solver import Expectations, SolvedPolicy
-from sim.tasks.task import Task
 from sim.types import Estimate, Space
 
 RESOLVED = 24.0
@@ -120,16 +118,16 @@ class Posterior:
         return np.asarray(self.samples[rng.choice(len(self.samples), size=n, p=self.weights)])
 
 
-def posterior(belief: Belief | Inferring, history: Sequence[Iteration]) -> Posterior:
+def posterior(belief: Belief | Simulating, history: Sequence[Iteration]) -> Posterior:
     """The posterior after all trials of `history`; without any, the prior."""
     return posterior_after_each(belief, history)[-1]
 
 
-def posterior_after_each(belief: Belief | Inferring, history: Sequence[Iteration]) -> tuple[Posterior, ...]:
+def posterior_after_each(belief: Belief | Simulating, history: Sequence[Iteration]) -> tuple[Posterior, ...]:
     """The prior, and the posterior after each iteration of `history`."""
-    if isinstance(belief, Inferring):
+    if isinstance(belief, Simulating):
         return tuple(
-            Posterior(belief.space, drawn, np.full(len(drawn), 1.0 / len(drawn)))
+            Posterior(belief.solver.task.margin, drawn, np.full(len(drawn), 1.0 / len(drawn)))
             for drawn in belief.draws_after_each(history)
         )
     logs = belief.log_likelihoods_after_each(history)
@@ -157,17 +155,6 @@ def _posterior(belief: Belief, history: Sequence[Iteration], log: Array) -> Post
     samples = space.spread(np.clip(finer.points, 0.0, 1.0))
     with np.errstate(divide="ignore"):
         return Posterior(space, samples, _tempered(np.log(finer.weights), np.arange(len(samples))))
-
-
-class ExpectedTrajectories(Protocol):
-    """The part of `sim.solvers.solver.Expectations` that predictions need."""
-
-    @property
-    def task(self) -> Task:
-        """The task of the trials."""
-
-    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array) -> Array:
-        """(N, size)"""
 
 
 def predicted(expectations: ExpectedTrajectories, parameters: Array, context: Array, action: Array) -> Array:

@@ -45,7 +45,13 @@ class KeptRollouts:
     _known: Rollouts | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        for path in sorted(self.folder.glob("*.npz")) if self.folder is not None else ():
+        if self.folder is not None:
+            self.keep_in(self.folder)
+
+    def keep_in(self, folder: Path) -> None:
+        """Take what the folder holds, and store there what is simulated from now on."""
+        self.folder = folder
+        for path in sorted(folder.glob("*.npz")):
             if (contents := read_shard(path)) is not None:  # a damaged file is simulated again
                 self._take(*contents)
 

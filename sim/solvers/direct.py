@@ -60,18 +60,18 @@ class DirectSolver(FromSimulator):
         candidates, local = cover(task.action, CANDIDATES, rng), 2.0 * sobol(AROUND, a, rng) - 1.0
         choices = _Choices(candidates, local * CANDIDATES ** (-1.0 / a), executable, attempts)
         first = task.action.spread(unit[:, :a]), physical_contexts(task, unit[:, a:])
-        wanted = cover(task.context, ADDED if len(task.context) else 1, rng)
+        sites = cover(task.context, ADDED if len(task.context) else 1, rng)
         return tuple(
-            self._searched(parameters, drawn, first, choices, wanted)
+            self._searched(parameters, drawn, first, choices, sites)
             for parameters in samples[:, np.arange(count) % samples.shape[1]]
         )
 
     def _searched(
-        self, parameters: Array, drawn: Disturbances, first: tuple[Array, Array], choices: _Choices, wanted: Array
+        self, parameters: Array, drawn: Disturbances, first: tuple[Array, Array], choices: _Choices, sites: Array
     ) -> InterpolatedPolicy:
         policy = InterpolatedPolicy(self.task, choices, *first, self._simulated(parameters, drawn, *first))
         for _ in range(ROUNDS):
-            new, contexts = policy.worth_adding(wanted)
+            new, contexts = policy.worth_adding(sites)
             if not len(new):
                 break
             policy = policy.with_more(new, contexts, self._simulated(parameters, drawn, new, contexts))
@@ -181,20 +181,20 @@ class InterpolatedPolicy(CandidatePolicy):
         """(A,) mean rewards over the scenarios."""
         return np.asarray(self._rewards(outcomes, context).mean(axis=-1))
 
-    def worth_adding(self, wanted: Array) -> tuple[Array, Array]:
-        """(N, a) actions that look best at contexts (G, c) and are not simulated yet, and (N, c) where to simulate."""
+    def worth_adding(self, sites: Array) -> tuple[Array, Array]:
+        """(N, a) actions that look best at `sites` (G, c) and are not simulated yet, and (N, c) where to simulate."""
         actions, contexts = list[Array](), list[Array]()
-        taken = self._places
-        for context in wanted:
+        places = self._places
+        for context in sites:
             ranked, worth = self.ranked(context)
             at = self.task.simulated_in(context)
             for action in ranked[np.argsort(-worth, kind="stable")]:
                 place = self._place(action[None], at[None])
-                if len(actions) < ADDED and np.linalg.norm(taken - place, axis=1).min() > APART:
+                if len(actions) < ADDED and np.linalg.norm(places - place, axis=1).min() > APART:
                     actions.append(action)
                     contexts.append(at)
-                    taken = np.concatenate([taken, place])
-                    if len(wanted) > 1:
+                    places = np.concatenate([places, place])
+                    if len(sites) > 1:
                         break
         shape = (len(actions), len(self.task.context))
         return np.array(actions).reshape(len(actions), len(self.task.action)), np.array(contexts).reshape(shape)

@@ -1,4 +1,4 @@
-"""Fit and search with true rollouts: the way without Phase 1.
+"""LaplaceFit and search with true rollouts: the way without Phase 1.
 
 After each iteration the parameters are fitted to all trajectories so far by least squares, and the next task policies
 are searched for the fit (`sim.solvers.direct`). All particles but the first take a draw from the posterior, so they try
@@ -31,7 +31,6 @@ from sim.solvers.direct import DirectSolver, rollouts_of
 from sim.solvers.misfit import VALUES, offsets
 from sim.solvers.solver import Executable, SolvedPolicy, policy_for
 from sim.tasks.task import Task
-from sim.types import Space
 
 SCENARIOS = 3
 """Parameters that the first particle's policy is searched for: the best fit, and draws from the posterior."""
@@ -59,7 +58,7 @@ def create(task: Task, checkpoint: Checkpoint | None) -> Direct:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class LaplaceFit:
     """The parameters that explain the trials best, with their spread; in fractions of the margin."""
 
     best: Array  # (p,)
@@ -100,8 +99,8 @@ class NearFit:
         off = task.margin.normalise(parameters) - self.best
         linear = paths[:, 0] + np.einsum("np,npm->nm", off, slopes)
         if is_known.any():
-            known = np.flatnonzero(is_known)
-            linear[known] = self.solver.trajectories(parameters[known], action[known], nuisance[known], context[known])
+            rows = np.flatnonzero(is_known)
+            linear[rows] = self.solver.trajectories(parameters[rows], action[rows], nuisance[rows], context[rows])
         return np.asarray(linear)
 
 
@@ -112,15 +111,28 @@ def _steps(best: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Direct:
-    """A `Method` with `OwnPolicies`, and `Inferring`."""
+    """A `Method` with `OwnPolicies`, and `Simulating`."""
 
     solver: DirectSolver
-    _fits: dict[bytes, Fit] = field(default_factory=dict, repr=False)  # by trials
+    _fits: dict[bytes, LaplaceFit] = field(default_factory=dict, repr=False)  # by trials
 
     @property
-    def space(self) -> Space:
-        """The margin of the task's parameters."""
-        return self.solver.task.margin
+    def rollouts(self) -> KeptRollouts:
+        """All that it has simulated."""
+        return self.solver.roll
+
+    def rollouts_before(self, particles: int) -> int:
+        """The most rollouts before the first trial of a session."""
+        task = self.solver.task
+        return rollouts_of(task, SAMPLES) + (particles - 1) * rollouts_of(task, 1)
+
+    def rollouts_after(self, particles: int, iteration: int) -> int:
+        """The most rollouts after an iteration, from 1: a fit to all trials so far, and the next policies."""
+        task = self.solver.task
+        new, p = particles * task.adaptation.trials_per_iteration, len(task.parameters)
+        each = particles + 1 + 2 * FEW_STEPS + 2 * p
+        policies = rollouts_of(task, SCENARIOS) + (particles - 1) * rollouts_of(task, 1)
+        return CLOUD * new + each * new * iteration + policies
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """All of Omega, as UDR has it, and single parameters in it."""
@@ -157,7 +169,7 @@ class Direct:
                 drawn.append(drawn[-1])
         return tuple(drawn)
 
-    def fit(self, history: Sequence[Iteration]) -> Fit:
+    def fit(self, history: Sequence[Iteration]) -> LaplaceFit:
         """The fit to all trials; raises ValueError without one. Each iteration's fit begins at that of the last."""
         trials = _trials(history)
         if not trials:
@@ -172,7 +184,7 @@ class Direct:
         """Expected trajectories near the fit, by the rollouts of the fit."""
         return NearFit(self.solver, self.fit(history).best)
 
-    def _fitted(self, trials: Sequence[Trial], earlier: Sequence[Array], tried: Sequence[Array]) -> Fit:
+    def _fitted(self, trials: Sequence[Trial], earlier: Sequence[Array], tried: Sequence[Array]) -> LaplaceFit:
         margin, p = self.solver.task.margin, len(self.solver.task.margin)
         box, residuals = (np.zeros(p), np.ones(p)), partial(self._residuals, trials)
         cloud = margin.normalise(cover(margin, CLOUD, np.random.default_rng(0)))
@@ -183,7 +195,7 @@ class Direct:
         variance = max(left, LEAST_LEFT**2) * values / max(values - p, 1.0)
         information = values * curvature(residuals, best, box, DIFFERENCE) / variance
         covariance = np.linalg.inv(information + 12.0 * np.eye(p))  # 1/12: the variance of the even prior
-        return Fit(best, np.linalg.cholesky(covariance))
+        return LaplaceFit(best, np.linalg.cholesky(covariance))
 
     def _residuals(self, trials: Sequence[Trial], points: Array) -> Array:
         """(N, p) -> (N, values) whose squares sum to the mean squared misfit; all trials in one set of rollouts."""
@@ -200,16 +212,3 @@ class Direct:
 
 def _trials(history: Sequence[Iteration]) -> list[Trial]:
     return [trial for iteration in history for entry in iteration for trial in entry.trials]
-
-
-def rollouts_before(task: Task, particles: int) -> int:
-    """The most rollouts before the first trial of a session."""
-    return rollouts_of(task, SAMPLES) + (particles - 1) * rollouts_of(task, 1)
-
-
-def rollouts_after(task: Task, particles: int, iteration: int) -> int:
-    """The most rollouts after an iteration, numbered from 1: a fit to all trials so far, and the next policies."""
-    new, p = particles * task.adaptation.trials_per_iteration, len(task.parameters)
-    each = particles + 1 + 2 * FEW_STEPS + 2 * p
-    policies = rollouts_of(task, SCENARIOS) + (particles - 1) * rollouts_of(task, 1)
-    return CLOUD * new + each * new * iteration + policies

@@ -17,7 +17,7 @@ from sim.adaptation.descent import descend_with_few
 from sim.adaptation.learner import Learner
 from sim.adaptation.method import Iteration, ParticleTrials, Trial
 from sim.adaptation.methods import make_method
-from sim.adaptation.methods.direct import DRAWS, Direct, rollouts_after, rollouts_before
+from sim.adaptation.methods.direct import DRAWS, Direct
 from sim.adaptation.verdict import Kind
 from sim.rollouts import serial_executor
 from sim.rollouts.kept import PART, KeptRollouts
@@ -78,7 +78,7 @@ def test_a_session_finds_truth_and_reward_with_the_rollouts_that_it_announces():
     earned = [np.mean([t.reward for entry in iteration for t in entry.trials]) for iteration in history]
     assert earned[0] < 0.6
     assert min(earned[1:]) > 0.95
-    announced = rollouts_before(DISC, 2) + rollouts_after(DISC, 2, 1) + rollouts_after(DISC, 2, 2)
+    announced = method.rollouts_before(2) + method.rollouts_after(2, 1) + method.rollouts_after(2, 2)
     assert 0.5 * announced < method.solver.roll.simulated <= announced < 700
     found = DISC.margin.denormalise(method.fit(history).best)
     assert np.allclose(found, TRUTH, rtol=0.02)

@@ -102,7 +102,7 @@ def show(rewards: Array, expectation: Array) -> None:
     alike = expectation >= expectation.max() - 0.02
     earned = fixed.mean(axis=0)[alike]
     print(
-        f"{alike.sum()} of {len(alike)} actions are within .02 of the best by the emulator ({expectation.max():.3f}); "
+        f"{alike.sum()} of {len(alike)} actions are within 0.02 of the best by the emulator ({expectation.max():.3f}); "
         f"in the foods they earn {earned.min():.2f} to {earned.max():.2f}"
     )
 

@@ -69,7 +69,7 @@ def kept_course(checkpoint: Checkpoint, world: str, play_in: Play, seed: int, *,
         return tuple(replace(trial, action=action) for trial, action in zip(trials, actions, strict=True))
 
     one = course(checkpoint, play_in if wired else shuffled, udr, rng, particles=PARTICLES)
-    final, contexts = one.learner.final(one.history), task.context.sample(rng, MOST_PAIRS)
+    final, contexts = one.adaptation.final(one.history), task.context.sample(rng, MOST_PAIRS)
     after = [trial.reward for trial in play_in(contexts, final.actions(contexts), rng)]
     beside = [trial.reward for trial in play_in(contexts, udr.actions(contexts), rng)]
     differences = np.concatenate([one.differences, np.array(after) - beside])[:MOST_PAIRS]

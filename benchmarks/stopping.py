@@ -5,8 +5,8 @@
     python benchmarks/stopping.py --task pushing --targets drawn --tables      looked up: many times faster
 
 After every iteration the session says what another one is worth. "Stop" is wrong where the next iteration gained more
-than .05 after all, "go on" where it did not. Both are compared with the rule that always stops after two iterations. A
-session that ends under .2 should have said "hopeless", and one that ends above .3 should not. Rewards come from true
+than 0.05 after all, "go on" where it did not. Both are compared with the rule that always stops after two iterations. A
+session that ends under 0.2 should have said "hopeless", and one that ends above 0.3 should not. Rewards come from true
 rollouts, or from the half of a table that no trial sees.
 """
 
@@ -22,10 +22,10 @@ from scipy.stats import fisher_exact
 from adaptsim_cli import config
 from adaptsim_cli.research.world_tables import tables_folder
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.method import WORTHWHILE, ExpectedGain
-from sim.adaptation.methods.adaptsim import AdaptSim, create, outlook_after
-from sim.adaptation.reality import RealityPolicy
-from sim.research.benchmark.sessions import Conditions, judge, run_session
+from sim.adaptation.method import WORTHWHILE, SessionForecast
+from sim.adaptation.methods.adaptsim import AdaptSim, create, forecast_after
+from sim.adaptation.outcome_posterior import PosteriorPolicy
+from sim.research.benchmark.sessions import Conditions, estimated_reward, run_session
 from sim.research.benchmark.tables import load_table
 from sim.research.benchmark.trial_sources import SimulatedTrials, TableTrials, TrialSource
 from sim.research.benchmark.worlds import targets_of
@@ -42,7 +42,7 @@ class Session:
     """What was said after each iteration, and what was then earned."""
 
     target: str
-    said: tuple[ExpectedGain, ...]
+    said: tuple[SessionForecast, ...]
     earned: tuple[float, ...]
 
 
@@ -61,7 +61,7 @@ def played(name: str, targets: str, seed: int, *, tables: bool) -> Sequence[Sess
     task, found = get_task(name), []
     conditions = Conditions(budget=10 if task.exact else 20)
     checkpoint = load_checkpoint(task)
-    method, e = create(task, checkpoint), checkpoint.prospects
+    method, e = create(task, checkpoint), checkpoint.reward_table
     assert e is not None
     shown = policy_for(checkpoint.solver, e.candidates[:1])
     root, scene = tables_folder(config.load({"task": name})), scene_key(task)
@@ -70,9 +70,9 @@ def played(name: str, targets: str, seed: int, *, tables: bool) -> Sequence[Sess
         if tables:
             place = TableTrials(task, load_table(task, target.world, scene, root / target.set / target.name))
         policies = run_session(checkpoint.solver, AdaptSim(method.simulators), place, conditions, seed)
-        own = [policy for policy in policies if isinstance(policy, RealityPolicy)]
-        earned = tuple(judge(task, policy.actions, place, conditions, seed).mean for policy in own)
-        said = tuple(outlook_after(one.reality, shown, i, conditions.particles) for i, one in enumerate(own, 1))
+        own = [policy for policy in policies if isinstance(policy, PosteriorPolicy)]
+        earned = tuple(estimated_reward(task, policy.actions, place, conditions, seed).mean for policy in own)
+        said = tuple(forecast_after(one.posterior, shown, i, conditions.particles) for i, one in enumerate(own, 1))
         found.append(Session(target.name, said, earned))
         last = found[-1].said[-1]
         print(

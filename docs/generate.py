@@ -4,7 +4,8 @@
     python docs/generate.py --check    exit code 1 if a committed page is out of date
 
 Commands come from the Typer app, file formats from the models that read and write them, parameters and actions from
-the tasks, and messages from the `raise` statements of every documented error.
+the tasks, and messages from the `raise` statements of every documented error. Numbers in hand-written pages that have an
+expression beside them are computed again (`pages/numbers.py`).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from pages.commands import commands
 from pages.files import files
 from pages.json_output import json_output
 from pages.messages import messages
+from pages.numbers import hand_written, with_numbers
 from pages.parameters import parameters
 
 DOCS = ROOT / "docs"
@@ -31,6 +33,7 @@ PAGES: Mapping[Path, Callable[[], str]] = {
     DOCS / "reference/json.md": json_output,
     DOCS / "guide/troubleshooting.md": messages,
     DOCS / "guide/developer-messages.md": partial(messages, for_developers=True),
+    **{page: partial(with_numbers, page) for page in hand_written()},
 }
 
 

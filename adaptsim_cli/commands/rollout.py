@@ -49,7 +49,7 @@ def rollout(
 ) -> Reply:
     """Execute one trial with a chosen action, or with the action of a policy. Nothing is adapted.
 
-    It is stored as a session without a learner, which `sessions` lists, shows and exports. The policy chooses the
+    It is stored as a session without adaptation, which `sessions` lists, shows and exports. The policy chooses the
     actions that are not given. `--session NAME --best` takes task, world and the best policy of a session. With
     `--trials 5` its reward is measured at five drawn contexts, and the session's report says so.
 

@@ -21,7 +21,7 @@ from hw.cores import usable_cores
 from sim.rollouts.executors import serial_executor
 
 if TYPE_CHECKING:
-    from adaptsim_cli.session.records import Facts
+    from adaptsim_cli.session.records import SessionFacts
     from adaptsim_cli.session.store import SessionStore
     from perception.types import ObjectTrack
     from sim.adaptation.checkpoint import Checkpoint
@@ -116,7 +116,7 @@ def cost_in_words(method: Simulating, settings: Config) -> str:
     )
 
 
-def _folders(facts: Facts) -> Iterator[Path]:
+def _folders(facts: SessionFacts) -> Iterator[Path]:
     """Folders that may hold a session's checkpoint: that of the settings, its own, shipped ones, the user's own."""
     from sim.tasks import files_of
 
@@ -167,7 +167,7 @@ class Recordings:
         return _choosing_among(self.checkpoint, self.held_out)
 
 
-def recordings_of(checkpoint: Checkpoint, settings: Config | Facts) -> Recordings:
+def recordings_of(checkpoint: Checkpoint, settings: Config | SessionFacts) -> Recordings:
     """The recordings that the settings name. Raises RecordingsRefused, SessionError, ExtraMissing."""
     from adaptsim_cli.session.recorded.folder import digest, read_recorded
 
@@ -176,13 +176,13 @@ def recordings_of(checkpoint: Checkpoint, settings: Config | Facts) -> Recording
     return Recordings(shown, held_out, _choosing_among(checkpoint, shown), digest(trials))
 
 
-def as_begun(checkpoint: Checkpoint, facts: Facts) -> Checkpoint:
+def as_begun(checkpoint: Checkpoint, facts: SessionFacts) -> Checkpoint:
     """The checkpoint as a stored session uses it. Raises UsageError, SimError, SessionError."""
     started, _ = started_from(checkpoint, facts)
     return recordings_of(started, facts).checkpoint if facts.recorded else started
 
 
-def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Checkpoint, str]:
+def started_from(checkpoint: Checkpoint, settings: Config | SessionFacts) -> tuple[Checkpoint, str]:
     """The checkpoint with the posterior of the session `start_from` as its prior, and the SHA-256 of that.
 
     Unchanged, and empty, if there is none. Raises UsageError, SessionError, CheckpointError.
@@ -192,9 +192,8 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
     from adaptsim_cli.session.history import history_of
     from adaptsim_cli.session.store import SessionStore
     from sim.adaptation.methods import METHODS, kind_of
-    from sim.adaptation.methods.belief import create
-    from sim.adaptation.posterior import posterior
-    from sim.adaptation.reward_table import weighed
+    from sim.adaptation.posterior import likelihood_of, posterior
+    from sim.adaptation.reward_table import begun_with
 
     if not settings.start_from:
         return checkpoint, ""
@@ -210,10 +209,10 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
         )
     before, _ = started_from(checkpoint, store.facts)  # it may have begun so itself
     task = before.solver.task
-    weights = posterior(create(task, before), history_of(task, store, store.iterations() - 1)).weights
-    assert before.prospects is not None  # else there is no belief
-    prospects = weighed(before.prospects, weights)
-    return replace(checkpoint, prospects=prospects), hashlib.sha256(prospects.truths.tobytes()).hexdigest()
+    known = posterior(likelihood_of(before), history_of(task, store, store.iterations() - 1))
+    assert checkpoint.reward_table is not None  # else there is no likelihood
+    reward_table = begun_with(checkpoint.reward_table, task, known.samples, known.weights)
+    return replace(checkpoint, reward_table=reward_table), hashlib.sha256(reward_table.truths.tobytes()).hexdigest()
 
 
 def _choosing_among(checkpoint: Checkpoint, trials: RecordedTrials) -> Checkpoint:

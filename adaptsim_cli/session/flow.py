@@ -20,8 +20,8 @@ from adaptsim_cli.errors import AnswerAwaited, SessionError
 from adaptsim_cli.screen.console import ANSWERING, Screen
 from adaptsim_cli.screen.outputs.trials import (
     BestRecord,
+    ForecastRecord,
     IterationOutput,
-    OutlookRecord,
     SuspicionRecord,
     as_row,
     named,
@@ -34,7 +34,7 @@ from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.history import history_of, particles_of, played_of, result_of, trials_of
-from adaptsim_cli.session.live_trial import Motion, OutcomeUndecided, Placement
+from adaptsim_cli.session.live_trial import Motion, OutcomeUndecided, PlacedTrial, PlannedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
@@ -47,14 +47,14 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.trial_records import motion_record, propose, trial_record
 from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
-from sim.adaptation.learner import Learner
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.method import Iteration as LearntIteration
 from sim.adaptation.method import Particle
 from sim.adaptation.posterior import Posterior
@@ -74,7 +74,7 @@ class RunningSession:
     """A stored session with the parts, the operator and the screen that run it."""
 
     store: SessionStore
-    parts: Parts
+    parts: SessionParts
     operator: Operator
     screen: Screen
     watcher: Watcher = field(default_factory=AllOf)
@@ -86,9 +86,9 @@ class RunningSession:
     overhead_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
     @property
-    def learner(self) -> Learner:
+    def adaptation(self) -> Adaptation:
         """See `PlayableSession`."""
-        return self.parts.learner
+        return self.parts.adaptation
 
     @property
     def progress(self) -> Progress:
@@ -106,7 +106,7 @@ class RunningSession:
         if self.awaited and not isinstance(stage, RunTrial):
             which = ", ".join(str(key.number) for key in sorted(self.awaited))
             raise AnswerAwaited(f"answers are awaited of trials {which}")
-        self.beside()
+        self.book_overhead()
         return stage
 
     def particles(self, iteration: int) -> tuple[Particle, ...]:
@@ -144,7 +144,7 @@ class RunningSession:
         """See `PlayableSession`."""
         self.store.mark_shown(iteration, now())
 
-    def beside(self, stage: str | None = None) -> None:
+    def book_overhead(self, stage: str | None = None) -> None:
         """Book the time since the last lap on the iteration instead of a trial; all of it on `stage`, if given."""
         lap_s = self.screen.lap_s()
         spent = added(self.overhead_s, lap_s if stage is None else {stage: sum(lap_s.values())})
@@ -161,7 +161,7 @@ def stages(session: RunningSession) -> Iterator[Stage]:
     for stage in iterate(session):
         is_trial = isinstance(stage, RunTrial) and stage.key in session.store.existing().completed
         if is_trial or isinstance(stage, Adapt):
-            tell(session)
+            update_watchers(session)
         yield stage
 
 
@@ -232,16 +232,16 @@ def _goes_on(session: RunningSession, stage: RunTrial) -> bool:
     return stage.interrupted and session.parts.target.goes_on(stage.key)
 
 
-def _begun(session: RunningSession, stage: RunTrial) -> tuple[MotionRecord, Placement]:
+def _begun(session: RunningSession, stage: RunTrial) -> tuple[MotionRecord, PlannedTrial]:
     """An interrupted attempt as it was proposed. Raises SessionError if no file tells."""
     proposed = session.store.proposed(stage.iteration, stage.key)
     if proposed is None:
         raise SessionError(f"trial {stage.key.number} was begun, and its proposal is missing: redo it")
     drawn = np.array(list(proposed.drawn_context.values()))
-    return proposed, Placement(drawn, proposed.context_array, action=proposed.action_array, key=stage.key)
+    return proposed, PlannedTrial(drawn, proposed.context_array, stage.key, proposed.action_array)
 
 
-def _execute(session: RunningSession, stage: RunTrial, proposed: MotionRecord, planned: Placement) -> Motion | None:
+def _execute(session: RunningSession, stage: RunTrial, proposed: MotionRecord, planned: PlannedTrial) -> Motion | None:
     """Execute the trial, store the recording and return the motion. None: try again."""
     started = now()
     try:
@@ -326,13 +326,20 @@ def _mean_reward(history: Sequence[LearntIteration], trials: tuple[int, ...]) ->
     return float(np.mean([rewards[number - 1] for number in trials])) if trials else None
 
 
+def _chosen_after(history: Sequence[LearntIteration], tried: tuple[int, ...]) -> int:
+    """The trials that were known when the policy was first `tried`, in trials counted from 1; all if it was not."""
+    ends = np.cumsum([sum(len(entry.trials) for entry in iteration) for iteration in history]).tolist()
+    first = min(tried) if tried else ends[-1] + 1
+    return max((end for end in ends if end < first), default=0)
+
+
 def keep_particles(
     session: RunningSession, stage: Adapt, history: Sequence[LearntIteration], particles: tuple[Particle, ...]
 ) -> None:
     """Judge the trials, train the next task policies and store the result of an iteration."""
-    store, learner = session.store, session.parts.learner
+    store, adaptation = session.store, session.parts.adaptation
     with session.screen.busy("Judging the trials", "adapting"):
-        judgement = learner.judge(history)
+        judgement = adaptation.assess(history)
     for index, particle in enumerate(particles):
         train(session, stage.iteration + 1, index, particle, history)
 
@@ -355,9 +362,10 @@ def keep_particles(
             ci95=judgement.best.ci95,
             tried=tuple(numbers[number - 1] for number in judgement.tried),
             tried_reward=_mean_reward(history, judgement.tried),
+            chosen_after=_chosen_after(history, judgement.tried),
         ),
         verdict=judgement.verdict,
-        outlook=None if judgement.outlook is None else OutlookRecord.of(judgement.outlook),
+        outlook=None if judgement.forecast is None else ForecastRecord.of(judgement.forecast),
         suspicion=_suspicion(session),
         control=compared(store.facts, played_of(store)),
         timing_s={**timing_s, TOTAL: sum(timing_s.values())},
@@ -379,15 +387,15 @@ def _suspicion(session: RunningSession) -> SuspicionRecord | None:
     return None if suspicion is None else SuspicionRecord.of(suspicion)
 
 
-def tell(session: RunningSession) -> None:
+def update_watchers(session: RunningSession) -> None:
     """Show watchers the present state of the session."""
-    learner, store = session.parts.learner, session.store
+    adaptation, store = session.parts.adaptation, session.store
     last = store.iterations() - 1
     if last >= 0 and is_hidden(store, last):
         last -= 1  # what the trials of this iteration taught would say which of them are the session's own
 
     def posterior() -> Posterior | None:
-        return learner.posterior(history_of(session.parts.task, store, last))
+        return adaptation.posterior(history_of(session.parts.task, store, last))
 
     session.watcher.changed(store, posterior)
 
@@ -403,7 +411,7 @@ def show(session: RunningSession, stage: Show) -> IterationOutput:
     return summary(store, result)
 
 
-def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Placement:
+def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> PlacedTrial:
     """Announce the trial, then have the object placed and found; meanwhile the policy prepares for its drawn place."""
     task, parts = session.parts.task, session.parts
     drawn = _drawn(session, stage) if session.context_of is None else session.context_of(stage)
@@ -412,7 +420,8 @@ def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Pl
     session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle, left_s))
     deferred = submit(session.thread, partial(policy.actions, drawn[None]))
     try:
-        return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
+        placed: PlacedTrial = parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
+        return placed
     finally:
         deferred.settle()
 
@@ -437,7 +446,7 @@ def _left_s(store: SessionStore, stage: RunTrial) -> float:
 
 def _reject(session: RunningSession, stage: RunTrial, reason: str) -> None:
     session.store.reject(stage.iteration, stage.key, now(), reason)
-    session.beside(REJECTED)
+    session.book_overhead(REJECTED)
     session.screen.note(f"Trial {stage.key.number}, attempt {stage.key.attempt + 1}, does not count: {reason}")
     folder = session.store.trial_folder(stage.iteration, stage.key)
     if folder.is_dir():

@@ -23,8 +23,8 @@ from sim.errors import CollapsedPosterior, SimError
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.method import ExpectedTrajectories, Iteration, Method
-    from sim.adaptation.methods.belief import Belief
     from sim.adaptation.posterior import Posterior
+    from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
     from sim.solvers.solver import SolvedPolicy
     from sim.tasks.task import Task
     from sim.types import Estimate
@@ -44,38 +44,38 @@ class Hindsight:
     """A checkpoint that evaluates the trajectories of its sessions. It caches the results of each trial."""
 
     checkpoint: Checkpoint
-    belief: Belief | Simulating
+    likelihood: TrajectoryLikelihood | Simulating
     _methods: dict[str, Method] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, store: SessionStore) -> Hindsight:
         """Raises CheckpointError if the session's checkpoint is gone, or has no parts for inference."""
         from sim.adaptation.methods import make_method
-        from sim.adaptation.methods.belief import create
+        from sim.adaptation.posterior import likelihood_of
 
         checkpoint = checkpoint_of_session(store)
         if store.facts.solver == DIRECT:
             method = make_method(DIRECT, checkpoint.solver.task, checkpoint)
             assert isinstance(method, Simulating)
             return cls(checkpoint, method)
-        return cls(checkpoint, create(checkpoint.solver.task, checkpoint))
+        return cls(checkpoint, likelihood_of(checkpoint))
 
     @cached_property
-    def _of_udr(self) -> tuple[SolvedPolicy, ...]:
-        return _of_udr(self.checkpoint)
+    def _udr_policies(self) -> tuple[SolvedPolicy, ...]:
+        return _udr_policies(self.checkpoint)
 
     def posterior(self, store: SessionStore, iterations: int | None = None) -> Posterior:
         """The posterior after `iterations` iterations; by default after all trials. Raises SessionError."""
         from sim.adaptation.posterior import posterior
 
         begun = store.iterations() if iterations is None else min(iterations, store.iterations())
-        if isinstance(self.belief, Simulating):
+        if isinstance(self.likelihood, Simulating):
             begun = min(begun, len(results_of(store)))
-        return posterior(self.belief, history_of(self.checkpoint.solver.task, store, begun - 1))
+        return posterior(self.likelihood, history_of(self.checkpoint.solver.task, store, begun - 1))
 
-    def judge(self, store: SessionStore) -> Judgement:
+    def evaluate(self, store: SessionStore) -> Judgement:
         """The judgement that a report shows. Raises SessionError without trials."""
-        from sim.adaptation.posterior import posterior_after_each, prospect
+        from sim.adaptation.posterior import expected_reward, posterior_after_each
         from sim.solvers.solver import policy_for
 
         checkpoint, trials = self.checkpoint, trials_of(store)
@@ -83,13 +83,14 @@ class Hindsight:
             raise SessionError(f"session {store.facts.name} has no completed trial yet")
         results = results_of(store)
         history = history_of(checkpoint.solver.task, store, trials[-1].iteration - 1)
-        if is_direct := isinstance(self.belief, Simulating):
+        if is_direct := isinstance(self.likelihood, Simulating):
             history = history[: len(results)]  # what the session has not simulated yet stays unknown
-        posteriors = posterior_after_each(self.belief, history)
+        posteriors = posterior_after_each(self.likelihood, history)
         posterior = posteriors[-1]
 
         def expected(policies: Sequence[SolvedPolicy]) -> Estimate:
-            return prospect(checkpoint, posterior, policies, np.random.default_rng(0))  # the same targets for all
+            rng = np.random.default_rng(0)  # the same targets for all
+            return expected_reward(checkpoint, posterior, policies, rng)
 
         return Judgement(
             posteriors=posteriors,
@@ -100,7 +101,7 @@ class Hindsight:
             adapted=expected([self._final(store, history[: results[-1].iteration])])
             if results and not is_direct
             else None,
-            udr=None if is_direct else expected(self._of_udr),
+            udr=None if is_direct else expected(self._udr_policies),
             unit=_unit(checkpoint.solver.task),
             held_out=self._held_out(store, posteriors) if results and store.facts.held_out else None,
         )
@@ -149,7 +150,7 @@ class Hindsight:
             trials=len(held),
             contexts=JUDGED,
             final=earned([final]),
-            udr=earned(_of_udr(checkpoint)),
+            udr=earned(_udr_policies(checkpoint)),
             best=float(np.mean(best)),
             before=error(posteriors[0]),
             after=error(posteriors[-1]),
@@ -163,11 +164,11 @@ class Hindsight:
 
         each = 1 + LIKELY
         solver: ExpectedTrajectories = self.checkpoint.solver
-        if isinstance(self.belief, Simulating):
+        if isinstance(self.likelihood, Simulating):
             if not history:
                 return {}
             trials = [trial for trial in trials if trial.iteration <= len(history)]
-            solver = self.belief.near_fit(history)
+            solver = self.likelihood.near_fit(history)
         parameters = [
             np.vstack([list(trial.parameters.values()), posterior.draw(LIKELY, np.random.default_rng(trial.trial))])
             for trial in trials
@@ -182,7 +183,7 @@ class Hindsight:
         }
 
 
-def _of_udr(checkpoint: Checkpoint) -> tuple[SolvedPolicy, ...]:
+def _udr_policies(checkpoint: Checkpoint) -> tuple[SolvedPolicy, ...]:
     """Policies for all of Omega; always the same."""
     from sim.adaptation.methods.udr import udr_policies
 

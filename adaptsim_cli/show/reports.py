@@ -63,7 +63,7 @@ class Reports:
         except SimError as error:
             return str(error)
         try:
-            return self._known[sha256].judge(store) if store.existing().completed else "No trial is complete yet."
+            return self._known[sha256].evaluate(store) if store.existing().completed else "No trial is complete yet."
         except RecordingsRefused as error:
             return str(error)
 
@@ -89,7 +89,7 @@ def confirmed(store: SessionStore) -> tuple[float, ...]:
         with suppress(SessionError):
             other = SessionStore.open(root, name)
             if (other.facts.method, other.facts.policy_of) == (ROLLOUT, store.facts.name):
-                files = ((other.trial_folder(*trial.place) / TRIAL, trial.reward) for trial in trials_of(other))
+                files = ((other.trial_folder(*trial.position) / TRIAL, trial.reward) for trial in trials_of(other))
                 values += [reward for file, reward in files if file.stat().st_mtime_ns >= max(results)]
     return tuple(values)
 

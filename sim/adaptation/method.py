@@ -103,8 +103,8 @@ class Best:
 
 
 @dataclass(frozen=True, eq=False)
-class ExpectedGain:
-    """The outlook of a session, for its final policy if it ended now."""
+class SessionForecast:
+    """The forecast of a session, for its final policy if it ended now."""
 
     reward: float  # expected
     ci95: tuple[float, float]  # of the expected reward, over all draws of reality
@@ -158,8 +158,8 @@ class OwnPolicies(Protocol):
 class Forecasting(Protocol):
     """A method that judges its session itself, and says what another iteration would bring."""
 
-    def assess(self, history: Sequence[Iteration]) -> tuple[Best, ExpectedGain]:
-        """The final parameters, and the outlook. Raises ValueError without a trial."""
+    def assess(self, history: Sequence[Iteration]) -> tuple[Best, SessionForecast]:
+        """The final parameters, and the forecast. Raises ValueError without a trial."""
 
 
 class ExpectedTrajectories(Protocol):

@@ -18,6 +18,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 START = Path("README.md")
 LINK = re.compile(r"\]\(([^)#\s]+\.md)(?:#[^)]*)?\)")
+COMMENT = re.compile(r"<!--.*?-->")
 WORDS_A_SECOND = 4.0
 MOST_CLICKS, MOST_S = 2, 60.0
 
@@ -89,7 +90,7 @@ def read_s(page: str, heading: str, answer: str) -> float:
 
     Raises ValueError where there is no such heading or answer.
     """
-    text = (ROOT / page).read_text("utf-8")
+    text = COMMENT.sub("", (ROOT / page).read_text("utf-8"))
     if heading:
         begin = re.search(rf"^##+ {re.escape(heading)}$", text, re.MULTILINE)
         if begin is None:

@@ -9,8 +9,8 @@ from functools import reduce
 import numpy as np
 
 from hw.types import Array
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.checkpoint import EvaluationReport, MethodScore, Targets
-from sim.adaptation.learner import Learner
 from sim.adaptation.method import Method, Trial
 from sim.adaptation.methods.udr import udr_policies
 from sim.adaptation.sessions import begin_in_memory
@@ -76,14 +76,14 @@ def final_policies(
 ) -> list[SolvedPolicy]:
     """The final policies of a session of `method` in a simulated target (p,), if it ended after each iteration."""
     task = solver.task
-    learner = Learner(method, KnownPolicies(solver), solver)
+    adaptation = Adaptation(method, KnownPolicies(solver), solver)
 
     def play(policy: SolvedPolicy, iteration: int, particle: int) -> tuple[Trial, ...]:
         return simulated_trials(task, policy, target, roll, task.adaptation.trials_per_iteration, rng)
 
     shape = (settings.particles, task.adaptation.trials_per_iteration)
-    session = begin_in_memory(learner, play, shape, rng, lambda _: rng)
-    return [learner.final(history) for history in session.iterations(settings.iterations)]
+    session = begin_in_memory(adaptation, play, shape, rng, lambda _: rng)
+    return [adaptation.final(history) for history in session.iterations(settings.iterations)]
 
 
 def evaluate(

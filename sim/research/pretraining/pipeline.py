@@ -1,4 +1,4 @@
-"""Phase 1: dataset, emulator, prospects, and optionally policies and evaluation. An interrupted stage can be resumed.
+"""Phase 1: dataset, emulator, reward table, if wanted policies and evaluation. An interrupted stage can be resumed.
 
 A task with an exact solver needs neither dataset nor emulator, and its rollouts are too cheap to store.
 
@@ -26,8 +26,8 @@ from hw.types import Array
 from sim.adaptation.checkpoint import CARD, save_checkpoint
 from sim.adaptation.checkpoint import GRID as GRID_TENSORS
 from sim.adaptation.method import Method
-from sim.adaptation.methods.belief import Belief
-from sim.adaptation.reward_table import ProspectSettings, RewardTable, look_ahead, restore_prospects
+from sim.adaptation.methods.belief import AdaptSimBelief
+from sim.adaptation.reward_table import RewardTable, RewardTableSettings, restore_reward_table, tabulate_rewards
 from sim.errors import DatasetError
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import MemoryName, QPolicy, restore_policy, tensors_of
@@ -72,7 +72,7 @@ StageProgress = Callable[[str, int, int], None]
 BELIEF, RANDOM = "adaptsim-belief", "random"
 """The methods in the evaluation, by their names in `sim.adaptation.methods.METHODS`."""
 
-STAGES = ("dataset", "emulator", "prospects", "adaptation policies", "evaluation", "checkpoint")
+STAGES = ("dataset", "emulator", "reward table", "adaptation policies", "evaluation", "checkpoint")
 TRAINING, GRID, WORTH = "policies", "grid of rollouts", "worth of the result"
 
 GRID_SHARD = 64
@@ -139,15 +139,17 @@ def pretrain(
     else:
         means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
     # None with NAF: without an emulator each entry would cost a simulation.
-    ahead = _prospects(folder, means, budget.prospects, draws[2], progress) if task.exact or means.emulator else None
-    if ahead is not None:
-        facts["worth"] = _worth(folder, means, ahead, draws[2], progress)
+    table = None
+    if task.exact or means.emulator:
+        table = _reward_table(folder, means, budget.prospects, draws[2], progress)
+    if table is not None:
+        facts["worth"] = _worth(folder, means, table, draws[2], progress)
     networks: dict[MemoryName, QNetwork] = {}
-    if stages.policies or ahead is None or policy_files(folder, MEMORIES[0])[1].exists():
+    if stages.policies or table is None or policy_files(folder, MEMORIES[0])[1].exists():
         networks = _policies(folder, means, budget.meta, draws[2], progress)
         facts["policy"] = {memory: read_report(policy_files(folder, memory)[1]) for memory in networks}
     if stages.evaluation or (folder / "evaluation.toml").exists():
-        results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress, anew=stages.evaluation)
+        results = _evaluation(folder, means, networks, table, budget, draws[3], progress, anew=stages.evaluation)
         facts["evaluation"] = results
     path = folder / "checkpoint"
     stored = read_report(path / CARD) if (path / CARD).exists() else {}
@@ -155,7 +157,7 @@ def pretrain(
         facts["simulations"] = means.simulated()
         if library_of(task) is not None:
             shutil.copytree(folder / POLICIES, path / POLICIES, dirs_exist_ok=True)
-        save_checkpoint(task, path, means.emulator, tensors_of(networks) | further, {**means.facts, **facts}, ahead)
+        save_checkpoint(task, path, means.emulator, tensors_of(networks) | further, {**means.facts, **facts}, table)
     progress(STAGES[5], 1, 1)
     return path
 
@@ -305,13 +307,13 @@ def _policies(
             of_training, of_trials = np.random.SeedSequence(seed, spawn_key=(MEMORIES.index(memory),)).generate_state(2)
             simulator = _simulator(means, acting, int(of_trials))
             log = curve_file(folder / f"policy-{memory}.csv", CURVE)
-            network, curve, visits = train_adaptation(
+            network, curve, played = train_adaptation(
                 simulator, settings, int(of_training), memory, _after(memory, means, settings, progress), log
             )
             gate = learning_gate(simulator, network, memory, int(of_training) + 1, settings.targets)
             weights, report = policy_files(folder, memory)
             if memory == MEMORIES[0]:
-                save_tensors(episodes, {f.name: getattr(visits, f.name) for f in fields(Episodes)})
+                save_tensors(episodes, {f.name: getattr(played, f.name) for f in fields(Episodes)})
             save_tensors(weights, network.tensors)
             write_toml(report, _summary(curve, gate))
     progress(STAGES[3], 1, 1)
@@ -343,22 +345,22 @@ def _simulator(means: _Means, acting: Acting, seed: int) -> Simulator:
     return Simulator(means.new_solver(), acting, roll)
 
 
-def _prospects(
-    folder: Path, means: _Means, settings: ProspectSettings, seed: int, progress: StageProgress
+def _reward_table(
+    folder: Path, means: _Means, settings: RewardTableSettings, seed: int, progress: StageProgress
 ) -> RewardTable:
     path = folder / "prospects.safetensors"
     if not path.exists():
-        ahead = look_ahead(means.new_solver(), seed, settings, lambda i, n: progress(STAGES[2], i, n))
-        save_tensors(path, ahead.tensors)
+        table = tabulate_rewards(means.new_solver(), seed, settings, lambda i, n: progress(STAGES[2], i, n))
+        save_tensors(path, table.tensors)
     progress(STAGES[2], 1, 1)
-    return restore_prospects(means.task, load_tensors(path))
+    return restore_reward_table(means.task, load_tensors(path))
 
 
-def _worth(folder: Path, means: _Means, ahead: RewardTable, seed: int, progress: StageProgress) -> dict[str, Any]:
+def _worth(folder: Path, means: _Means, table: RewardTable, seed: int, progress: StageProgress) -> dict[str, Any]:
     path = folder / "worth.toml"
     if not path.exists():
         progress(WORTH, 0, 1)
-        worth = asdict(measured_worth(means.new_solver(), ahead, means.reward_error(), seed))
+        worth = asdict(measured_worth(means.new_solver(), table, means.reward_error(), seed))
         write_toml(path, {key: value for key, value in worth.items() if value is not None})
     progress(WORTH, 1, 1)
     return read_report(path)
@@ -368,7 +370,7 @@ def _evaluation(
     folder: Path,
     means: _Means,
     networks: Mapping[MemoryName, QNetwork],
-    ahead: RewardTable | None,
+    table: RewardTable | None,
     budget: PretrainBudget,
     seed: int,
     progress: StageProgress,
@@ -382,8 +384,8 @@ def _evaluation(
             name: QPolicy(task, networks[memory], memory) for memory, name in NETWORKS.items() if memory in networks
         }
         methods[RANDOM] = RandomSearch(task)
-        if ahead is not None:
-            methods[BELIEF] = Belief(means.new_solver(), ahead)
+        if table is not None:
+            methods[BELIEF] = AdaptSimBelief(means.new_solver(), table)
         results = evaluate(
             means.new_solver(), methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[4], i, n)
         )

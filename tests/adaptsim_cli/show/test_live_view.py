@@ -22,7 +22,7 @@ from toy_session import ScriptedOperator, attended
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.flow import RunningSession, run_iteration
-from adaptsim_cli.session.live_trial import Placement
+from adaptsim_cli.session.live_trial import PlannedTrial
 from adaptsim_cli.session.operator import Choices, Review
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.show import live
@@ -148,7 +148,7 @@ class Looking(ScriptedOperator):
         self.approvals: list[dict[str, Any]] = []
         self.judgements: list[tuple[dict[str, Any], dict[str, bytes]]] = []
 
-    def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
+    def approve(self, trial: MotionRecord, planned: PlannedTrial, real: bool, release: Release) -> None:
         self.approvals.append(dict(self._view._state))
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:

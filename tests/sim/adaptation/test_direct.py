@@ -12,9 +12,9 @@ from moving_task import TASK as ROLLING
 import adaptsim
 from hw.types import Array
 from perception.types import Outcome
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.checkpoint import without_phase_1
 from sim.adaptation.descent import descend_with_few
-from sim.adaptation.learner import Learner
 from sim.adaptation.method import Iteration, ParticleTrials, Trial
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.direct import DRAWS, Direct
@@ -125,15 +125,15 @@ def test_the_verdict_is_that_of_the_rewards_and_needs_no_rollouts():
     solver, rng = solver_of(DISC), np.random.default_rng(0)
     method = make_method("direct", DISC, without_phase_1(DISC, solver))
     assert isinstance(method, Direct)
-    learner = Learner(method, solver, solver, belief=method)
+    adaptation = Adaptation(method, solver, solver, likelihood=method)
     history: tuple[Iteration, ...] = ()
     for _ in range(2):
         history = (*history, tried(method, TRUTH, history, rng))
-    posterior = learner.posterior(history)
+    posterior = adaptation.posterior(history)
     assert posterior is not None
     assert not posterior.is_collapsed
     before = solver.roll.simulated
-    judged = learner.judge(history)
+    judged = adaptation.assess(history)
     assert judged.verdict.kind in (Kind.CONVERGED, Kind.NOT_CONVERGED)
     assert judged.verdict.strange == 0
     assert solver.roll.simulated == before

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.adaptation.judging import Misfits, assess, final_policy, judge, repeated_trials
-from sim.adaptation.method import Best, ExpectedGain, Iteration, Method, Particle, Simulating, policy_of
-from sim.adaptation.methods.belief import Belief
+from sim.adaptation.judging import Misfits, assess, final_policy, repeated_trials, verdict_of
+from sim.adaptation.method import Best, Iteration, Method, Particle, SessionForecast, Simulating, policy_of
 from sim.adaptation.posterior import Posterior, posterior
+from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
 from sim.adaptation.verdict import Verdict
 from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy
 
@@ -22,19 +22,19 @@ class Assessment(NamedTuple):
 
     best: Best
     verdict: Verdict
-    outlook: ExpectedGain | None  # None: the method makes no forecast
+    forecast: SessionForecast | None  # None: the method makes no forecast
     tried: tuple[int, ...]  # trials, numbered from 1, whose action the final policy would repeat
 
 
 @dataclass(frozen=True, eq=False)
-class Learner:
+class Adaptation:
     """An adaptation method, its task policies, and the simulator's predictions of trials."""
 
     method: Method
     policies: Policies
     expectations: Expectations
     executable: Executable | None = None  # None: every action is
-    belief: Belief | Simulating | None = None  # for display; a method may have its own
+    likelihood: TrajectoryLikelihood | Simulating | None = None  # for display; a method may have its own
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The first `n` particles."""
@@ -52,16 +52,16 @@ class Learner:
         """The final task policy of a session that ended now. Raises ValueError without a trial."""
         return final_policy(self.method, self.policies, self.policies.task, history, self.executable)
 
-    def judge(self, history: Sequence[Iteration]) -> Assessment:
-        """Best particle, verdict and outlook by the trials so far. Raises ValueError without a trial."""
+    def assess(self, history: Sequence[Iteration]) -> Assessment:
+        """Best particle, verdict and forecast by the trials so far. Raises ValueError without a trial."""
         task = self.expectations.task
-        best, ahead = assess(self.method, task, history)
-        verdict = judge(task, history, self._misfits, best, ahead)
-        return Assessment(best, verdict, ahead, repeated_trials(self.final(history), task, history))
+        best, forecast = assess(self.method, task, history)
+        verdict = verdict_of(task, history, self._misfits, best, forecast)
+        return Assessment(best, verdict, forecast, repeated_trials(self.final(history), task, history))
 
     def posterior(self, history: Sequence[Iteration]) -> Posterior | None:
-        """The belief about the true parameters after `history`; None if there is none."""
-        return None if self.belief is None else posterior(self.belief, history)
+        """The posterior of the true parameters after `history`; None without a likelihood."""
+        return None if self.likelihood is None else posterior(self.likelihood, history)
 
     @cached_property
     def _misfits(self) -> Misfits:

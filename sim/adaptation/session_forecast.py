@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.discrepancy import LEAST_END_STD
-from sim.adaptation.method import FAILED, WORTHWHILE, ExpectedGain
-from sim.adaptation.reality import KEPT, Reality
+from sim.adaptation.method import FAILED, WORTHWHILE, SessionForecast
+from sim.adaptation.outcome_posterior import KEPT, OutcomePosterior, predicted_interval
 from sim.rollouts.draws import cover
 from sim.solvers.candidates import Outcomes
 from sim.solvers.solver import SolvedPolicy
@@ -25,11 +25,6 @@ CONTEXTS = 16
 
 CAUTION = 0.5
 """Caution of the first particle and of the final policy, in standard deviations."""
-
-WIDER = 2.0
-"""The interval of the expected reward is so much wider than that of the draws, which held too few rewards of developed
-worlds (docs/decisions/0011).
-"""
 
 _EFFECTIVE = 12.0
 """Least effective number of draws behind a choice: fewer would choose by their own errors."""
@@ -42,39 +37,41 @@ _OTHER_STD = 0.05
 """The difference that reality adds to an end state, in the unit of end states."""
 
 
-def outlook(reality: Reality, for_e: SolvedPolicy, optimism: Array, *, untried: bool) -> ExpectedGain:
-    """The outlook by `reality`; `for_e` is the simulator's policy for the parameters shown beside it.
+def session_forecast(
+    posterior: OutcomePosterior, for_e: SolvedPolicy, optimism: Array, *, untried: bool
+) -> SessionForecast:
+    """The forecast by `posterior`; `for_e` is the simulator's policy for the parameters shown beside it.
 
     `optimism` (n,) are the standard deviations that the particles of the next iteration add to the expected reward.
-    `untried`: see `ExpectedGain`.
+    `untried`: see `SessionForecast`.
     """
-    task = reality.simulators.task
+    task = posterior.simulators.task
     n = CONTEXTS if len(task.context) else 1
     contexts = cover(task.context, n, np.random.default_rng(0))
-    answers = [reality.answers(context) for context in contexts]
+    answers = [posterior.candidate_outcomes(context) for context in contexts]
     earned = np.stack([one.rewards(context) for one, context in zip(answers, contexts, strict=True)])  # (n, A, KEPT)
     chosen = _chosen(earned, np.full((KEPT, KEPT), 1.0 / KEPT))[:, 0]
     now = earned[np.arange(n), chosen].mean(axis=0)
     mean = float(now.mean())
-    low, high = np.clip(mean + WIDER * (np.quantile(now, [0.025, 0.975]) - mean), 0.0, 1.0)
+    low, high = predicted_interval(now)
     where, tried = _next_trials(earned, optimism, task.adaptation.trials_per_iteration)
-    weights = _weights([answers[i] for i in where], tried, reality.simulators.end_unit)
+    weights = _weights([answers[i] for i in where], tried, posterior.simulators.end_unit)
     gains = _gains(earned, weights)
     off = np.stack([one.actions[i] for one, i in zip(answers, chosen, strict=True)]) - for_e.actions(contexts)
-    return ExpectedGain(
+    return SessionForecast(
         reward=mean,
-        ci95=(float(low), float(high)),
+        ci95=(low, high),
         gain=max(0.0, float(gains.mean())),
         likely=float((gains > WORTHWHILE).mean()),
-        failures=_failures(reality),
+        failures=_failures(posterior),
         untried=untried,
         correction=off.mean(axis=0),
         correction_std=off.std(axis=0),
     )
 
 
-def _failures(reality: Reality) -> int:
-    earned = [trial.reward > FAILED for trial in reversed(reality.trials)]
+def _failures(posterior: OutcomePosterior) -> int:
+    earned = [trial.reward > FAILED for trial in reversed(posterior.trials)]
     return earned.index(True) if True in earned else len(earned)
 
 

@@ -93,11 +93,14 @@ def begin(
     particles: int = 2,
     name: str | None = None,
     checkpoint: str = "",
+    solver: str = "",
     recorded: str = "",
     held_out: float = 0.5,
     start_from: str = "",
 ) -> Session:
     """Begin a session of a task (its name, or the file that declares it). Nothing is executed yet.
+
+    With `solver="direct"` it needs no pretraining: it simulates while it runs (docs/guide/own-simulator.md).
 
     It runs in the simulated lab, with a robot of your own (`hw="own"`), or with the trials `recorded` in a folder.
 
@@ -111,6 +114,7 @@ def begin(
 
     flags: dict[str, Any] = {
         "task": task, "world": world, "method": method, "seed": seed, "particles": particles, "checkpoint": checkpoint,
+        "solver": solver,
         "recorded": recorded, "held_out": held_out, "start_from": start_from,
         "hw": hw, "answer_with": "", "answer_moves": "robot",
     }  # fmt: skip

@@ -24,6 +24,7 @@ from pages.json_output import json_output
 from pages.messages import messages
 from pages.numbers import hand_written, with_numbers
 from pages.parameters import parameters
+from pages.sealed import own_actions, sealed
 
 DOCS = ROOT / "docs"
 
@@ -33,6 +34,8 @@ PAGES: Mapping[Path, Callable[[], str]] = {
     DOCS / "reference/parameters.md": parameters,
     DOCS / "reference/files.md": files,
     DOCS / "reference/json.md": json_output,
+    DOCS / "results/sealed.md": sealed,
+    DOCS / "results/what-there-is-to-adapt.md": own_actions,
     DOCS / "guide/troubleshooting.md": messages,
     DOCS / "guide/developer-messages.md": partial(messages, for_developers=True),
     **{page: partial(with_numbers, page) for page in hand_written()},

@@ -75,7 +75,7 @@ OWN_TAIL = """
 ## What follows
 
 * **Pushing** is the task that needs adapting: about a quarter of the truths and of the drawn worlds need an action of their own, and their rule is known before a trial only in part.
-* **The pendulum** needs it nearly everywhere. But its simulator is exact, so one trial without noise fixes the parameters, and least squares does as well as `adaptsim`.
+* **The pendulum** needs it in most of Ω, and nearly everywhere beyond. But its simulator is exact, so one trial without noise fixes the parameters, and least squares does as well as `adaptsim`.
 * **Scooping** has little to adapt inside Ω, and the drawn worlds agree. In the drawn foods the worth is large only against UDR, whose one action is unlucky there: a fixed pitch rate of 0.04 to 0.08 rad/s earns 0.91 ([one fixed action](../results.md#one-fixed-action-for-all-foods)), and the action that the second particle plays before any trial earned 0.935 in one scoop in each food (0.919 to 0.950), where `adaptsim` earns 0.944 after twenty trials. So a session finds a good action quickly there; it does not find a different one for each food.
 
 ### Why UDR is unlucky in the foods
@@ -94,7 +94,7 @@ Training bevels the turner to 0.2 mm; a real one is blunt. In 256 rollouts with 
 
     adaptsim pretrain --task scooping --object blunt.toml --rollouts 256 --denser 0 --seed 21
 
-with the effect `edge = [0.0011, 3000.0]` in the [object file](../guide/own-object.md).
+with the effect `edge = [0.0011, 3000.0]` in the [object file](../guide/own-objects.md).
 """
 
 
@@ -138,7 +138,7 @@ def _benchmark(stored: dict[str, Any], file: str) -> Iterator[str]:
     yield from _in_short(summary)
     for stratum in STRATA:
         ones = [one for one in summary.strata if one.stratum == stratum]
-        if ones:
+        if ones and (stratum == STRATA[0] or ones[0].worlds < len(summary.worth)):
             yield from _stratum(stratum, ones)
 
 
@@ -149,6 +149,11 @@ def _in_short(summary: SealedSummary) -> Iterator[str]:
         f"{len(summary.need)} of {total} worlds are in need. An action of its own is worth {mean:.3f} on average over "
         f"the best fixed rule, `{summary.fixed_rule}`."
     )
+    ones = [one for one in summary.strata if one.stratum == STRATA[0] and one.entry != "adaptsim"]
+    level = [f"`{one.entry}`" for one in ones if one.behind_ci95[0] <= 0.0 <= one.behind_ci95[1]]
+    ahead = [f"`{one.entry}`" for one in ones if one.behind_ci95[1] < 0.0]
+    yield f"No difference to `adaptsim` is shown for {', '.join(level) or 'any entry'}."
+    yield f"Shown to be ahead of it: {', '.join(ahead) or 'none'}. It is shown to be ahead of all others."
     yield ""
 
 

@@ -1,22 +1,4 @@
-"""adaptsim from Python: the commands as functions and values.
-
-    from adaptsim_cli import api
-
-    session = api.begin("pendulum", world="wd", name="study")
-    session.run_iteration()
-    session.posterior().mean
-
-A robot of your own (`hw="own"`) is asked and told:
-
-    session = api.begin("pushing", hw="own")
-    for _ in range(20):
-        trial = session.ask()
-        session.tell(trial, times_s, states, "upright")
-
-Everything else runs in the simulated lab without questions. A real arm needs a confirmation at a terminal, so only
-`adaptsim run-iteration` moves it; its sessions can be opened and read here. Stored files and random numbers are those
-of the command line, so both may continue the same session.
-"""
+"""Tasks, worlds and sessions by name; rollouts and benchmarks."""
 
 from __future__ import annotations
 
@@ -25,41 +7,54 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from adaptsim_cli import config
+from adaptsim_cli.api.sessions import Session
+from adaptsim_cli.api.tables import Rows
 from adaptsim_cli.bench.rig import Recording
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.screen.outputs.exchange import Question
-from adaptsim_cli.screen.outputs.trials import BestRecord
 from adaptsim_cli.session import folders, recording, store
-from adaptsim_cli.session.exporting import Row
-from adaptsim_cli.session.records import SessionFacts, TrialRecord
-from adaptsim_cli.stored_session import Iteration, Session
-from sim.adaptation import methods
 
 if TYPE_CHECKING:
+    from adaptsim_cli.api.curves import SessionComparison
     from hw.types import Array
-
-__all__ = [
-    "BestRecord",
-    "Iteration",
-    "Policy",
-    "Question",
-    "Recording",
-    "Row",
-    "Session",
-    "SessionFacts",
-    "TrialRecord",
-    "begin",
-    "benchmark",
-    "methods",
-    "open_session",
-    "read_recording",
-    "rollout",
-    "sessions",
-]
-
 
 Policy = Callable[["Array"], "Array | Sequence[float] | Mapping[str, float]"] | Sequence[float] | Mapping[str, float]
 """A function context (c,) -> action in units, or one action for every context; an action as numbers or by name."""
+
+
+def tasks() -> Rows:
+    """A row for each task: its name, one line, and its parameters, contexts and actions with their units.
+
+    Tasks are ours, those of installed packages, and those of files that were named once. One that cannot be loaded any
+    more is left out; `adaptsim doctor` names it.
+    """
+    from sim.tasks import known_task, task_names
+
+    every = (known_task(name) for name in task_names())
+    return Rows(
+        {
+            "task": task.name,
+            "title": task.title,
+            "parameters": ", ".join(d.label for d in task.parameters.dimensions),
+            "context": ", ".join(d.label for d in task.context.dimensions),
+            "action": ", ".join(d.label for d in task.action.dimensions),
+        }
+        for task in every
+        if task is not None
+    )
+
+
+def worlds(task: str) -> Rows:
+    """A row for each world of a task: its name, its physics and one line. Raises UnknownName, TaskError, WorldError."""
+    from adaptsim_cli.bench.checkpoints import resolve, task_of
+    from sim.lab.physics import physics_name
+    from sim.lab.world import list_worlds, load_world
+
+    named = task_of(resolve({"task": task}).config)
+    every = (load_world(name, named) for name in list_worlds(named))
+    return Rows(
+        {"world": one.name, "physics": physics_name(named, one.physics), "description": one.description}
+        for one in every
+    )
 
 
 def sessions() -> tuple[str, ...]:
@@ -74,6 +69,20 @@ def open_session(name: str) -> Session:
     return Session(name, root)
 
 
+def compare(first: Session | str, second: Session | str, *more: Session | str) -> SessionComparison:
+    """Two sessions or more of one task beside each other, each a session or its name.
+
+    Raises UsageError for sessions of different tasks or without a trial, SessionError.
+    """
+    from adaptsim_cli.api.curves import SessionComparison
+    from adaptsim_cli.session.hindsight import believed
+    from adaptsim_cli.show.comparison import compared
+
+    named = (one if isinstance(one, Session) else open_session(one) for one in (first, second, *more))
+    stores = [store.SessionStore.open(one.root, one.name) for one in named]
+    return SessionComparison(compared(stores), believed(stores))
+
+
 def begin(
     task: str,
     *,
@@ -84,11 +93,14 @@ def begin(
     particles: int = 2,
     name: str | None = None,
     checkpoint: str = "",
+    solver: str = "",
     recorded: str = "",
     held_out: float = 0.5,
     start_from: str = "",
 ) -> Session:
     """Begin a session of a task (its name, or the file that declares it). Nothing is executed yet.
+
+    With `solver="direct"` it needs no pretraining: it simulates while it runs (docs/guide/own-simulator.md).
 
     It runs in the simulated lab, with a robot of your own (`hw="own"`), or with the trials `recorded` in a folder.
 
@@ -102,6 +114,7 @@ def begin(
 
     flags: dict[str, Any] = {
         "task": task, "world": world, "method": method, "seed": seed, "particles": particles, "checkpoint": checkpoint,
+        "solver": solver,
         "recorded": recorded, "held_out": held_out, "start_from": start_from,
         "hw": hw, "answer_with": "", "answer_moves": "robot",
     }  # fmt: skip
@@ -113,7 +126,9 @@ def begin(
     settings = running.anywhere(resolved.config)
     root, chosen = resolved.places.sessions, name or running.default_name(settings)
     if folders.folder_of(root, chosen).is_dir():
-        raise UsageError(f"session {chosen!r} exists already: api.open_session continues it; or choose another name")
+        raise UsageError(
+            f"session {chosen!r} exists already: adaptsim.open_session({chosen!r}) continues it; or choose another name"
+        )
     answerer = Mailbox() if settings.is_own else None
     with opening.open_parts(settings, folders.folder_of(root, chosen) / folders.SOLVER, answerer=answerer) as parts:
         running.begin(root, chosen, settings, parts)
@@ -128,8 +143,8 @@ def rollout(
     n: int = 20,
     seed: int = 0,
     through: Literal["direct", "lab"] = "direct",
-) -> list[Row]:
-    """Try an own policy `n` times in a simulated world, at contexts drawn from `seed`: a row each, for a data frame.
+) -> Rows:
+    """Try an own policy `n` times in a simulated world, at contexts drawn from `seed`: a row each.
 
     `policy` is a function of the context (c,) in units, or one action: numbers in the task's order, or by name. Trials
     run without arm or camera, or through the whole `lab`: arm, camera and tracking. Nothing is stored.
@@ -137,7 +152,7 @@ def rollout(
     """
     from adaptsim_cli.research import from_python
 
-    return from_python.rollout(task, policy, world=world, n=n, seed=seed, through=through)
+    return Rows(from_python.rollout(task, policy, world=world, n=n, seed=seed, through=through))
 
 
 def benchmark(
@@ -149,20 +164,17 @@ def benchmark(
     seeds: int | None = None,
     fresh: int = 0,
     out: Path | None = None,
-) -> list[Row]:
+) -> Rows:
     """Compare methods as `adaptsim benchmark` does, in this process: a row for each world, method, seed and number of
-    trials, for a data frame.
+    trials.
 
     Results are kept and a repeated call continues. A contact task needs tables (`adaptsim world-tables`), or `fresh`
     rollouts. Raises the errors of `adaptsim benchmark`.
     """
     from adaptsim_cli.research import from_python
 
-    return from_python.benchmark(task, worlds=worlds, methods=methods, budget=budget, seeds=seeds, fresh=fresh, out=out)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+    rows = from_python.benchmark(task, worlds=worlds, methods=methods, budget=budget, seeds=seeds, fresh=fresh, out=out)
+    return Rows(rows)
 
 
 def read_recording(path: Path | str) -> Recording:

@@ -21,8 +21,10 @@ from pages.commands import commands
 from pages.files import files
 from pages.json_output import json_output
 from pages.messages import messages
+from pages.method_figure import method_figure
 from pages.numbers import hand_written, with_numbers
 from pages.parameters import parameters
+from pages.result_figures import reward_by_trials, reward_by_world
 
 DOCS = ROOT / "docs"
 
@@ -33,6 +35,9 @@ PAGES: Mapping[Path, Callable[[], str]] = {
     DOCS / "reference/json.md": json_output,
     DOCS / "guide/troubleshooting.md": messages,
     DOCS / "guide/developer-messages.md": partial(messages, for_developers=True),
+    DOCS / "figures/method.svg": method_figure,
+    DOCS / "figures/reward-by-trials.svg": reward_by_trials,
+    DOCS / "figures/reward-by-world.svg": reward_by_world,
     **{page: partial(with_numbers, page) for page in hand_written()},
 }
 

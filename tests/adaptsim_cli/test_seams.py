@@ -34,7 +34,7 @@ MOST_LINES = {
     "touch_off": 35_000,
 }
 """Of the modules that a command's module reaches, itself included."""
-SHARED = {"__init__", "app", "command", "options", "settings"}
+SHARED = {"__init__", "app", "command", "options", "rows", "settings"}
 """Modules beside the commands: `app` is the entry, which knows everything, and the others serve every command."""
 
 

@@ -39,6 +39,11 @@ def test_every_command_is_in_one_panel_and_set_up_comes_first(capfd: pytest.Capt
     assert "Documentation: " in shown
 
 
+def test_the_list_of_commands_says_what_each_command_says_of_itself() -> None:
+    listed = {name: row.summary for rows in app.PANELS.values() for name, row in rows.items()}
+    assert listed == {name: (COMMANDS[name].help or "").partition("\n\n")[0] for name in listed}
+
+
 def test_no_docstring_is_wrapped_twice() -> None:
     for path, command in COMMANDS.items():
         for paragraph in (command.help or "").split("\n\n"):

@@ -26,8 +26,8 @@ ADVICE: Mapping[int, str] = {
     1: "The simulation failed for another reason. Please report it with the output of `adaptsim --debug`.",
     2: "Nothing was opened and nothing has moved. Correct the command, the setting or the file that the message names. "
     "`adaptsim config show` prints every setting with its origin.",
-    3: "Nothing has moved, or the hand or the touch-off stopped by itself. `adaptsim doctor` with the same `--hw` names "
-    "everything that is missing, each with its remedy.",
+    3: "Nothing has moved, or the hand or the touch-off stopped by itself. `adaptsim doctor` with the same `--hw` "
+    "names everything that is missing, each with its remedy.",
     4: "Nothing has moved. `adaptsim preview` with the same `--action` and `--context` shows which limit. Move the "
     "object, or the box that is in the way.",
     5: "The arm has stopped. Look at it and at everything that it touched, then run the same command. It shows the "

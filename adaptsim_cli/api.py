@@ -38,7 +38,7 @@ from adaptsim_cli.screen.views import between
 from adaptsim_cli.session import exporting, folders, history, recording, store
 from adaptsim_cli.session.exporting import Row
 from adaptsim_cli.session.judgement import mean_of, trial_std
-from adaptsim_cli.session.records import Facts, TrialRecord
+from adaptsim_cli.session.records import SessionFacts, TrialRecord
 from sim.adaptation import methods
 from sim.adaptation.stages import Role
 
@@ -51,13 +51,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BestRecord",
-    "Facts",
     "Iteration",
     "Policy",
     "Question",
     "Recording",
     "Row",
     "Session",
+    "SessionFacts",
     "TrialRecord",
     "begin",
     "benchmark",
@@ -79,7 +79,7 @@ class Iteration:
 
     number: int  # from 1
     mean_reward: float  # of its trials
-    best: BestRecord  # the best parameters, and their expected reward with its 95 % interval
+    best: BestRecord  # the best parameters, and the predicted reward of their policy with its 95 % interval
     verdict: Verdict
     next_parameters: tuple[Mapping[str, float], ...]  # mean of each particle, by name, in units
 
@@ -97,7 +97,7 @@ class Session:
         return self._stored.folder
 
     @property
-    def facts(self) -> Facts:
+    def facts(self) -> SessionFacts:
         """The settings that it was begun with. Raises SessionError if the session is gone or corrupt."""
         return self._stored.facts
 
@@ -275,7 +275,7 @@ class Session:
                 f"trial {trial} of session {self.name!r} has no recording: nothing films the "
                 f"{stored.facts.object_name}. Its curves are in session.trials[{trial - 1}].track"
             )
-        folder = stored.trial_folder(*record.place)
+        folder = stored.trial_folder(*record.position)
         return recording.read(folder / recording.FILE)
 
     def hindsight(self) -> Hindsight:

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 import platformdirs
 from pydantic import Field, PrivateAttr, ValidationError
 
-from adaptsim_cli.errors import UsageError, place, plain, unknown
+from adaptsim_cli.errors import UsageError, location, plain, unknown
 from hw.bounded import Unreadable, read_table
 from hw.records import Record
 
@@ -156,7 +156,7 @@ class Config(Record):
         return self.world if self.is_simulated and not self.recorded else ""
 
     @property
-    def place(self) -> str:
+    def target_name(self) -> str:
         """The place of trials as part of a name: the recordings, the world of the simulated lab, or the arm."""
         return Path(self.recorded).name or Path(self.lab_world).stem or self.hw
 
@@ -325,7 +325,7 @@ def _checked(layer: Mapping[str, Any], source: str, *, strict: bool) -> dict[str
 
 def _message(error: ValidationError) -> str:
     first = error.errors(include_url=False)[0]
-    key = place(first["loc"])
+    key = location(first["loc"])
     keys = tuple(Config.model_fields)
     if first["type"] == "extra_forbidden":
         return unknown(key, key, keys, "Known keys")

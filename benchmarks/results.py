@@ -23,7 +23,7 @@ import numpy as np
 from scipy import stats
 
 from hw.types import Array
-from sim.research.benchmark.jobs import compared
+from sim.adaptation.methods import method_names
 from sim.research.benchmark.sessions import Conditions
 
 PAGE, SESSIONS, FOLDER = Path("docs/results/methods.md"), Path("docs/results/sessions.csv"), Path("build/results")
@@ -186,7 +186,7 @@ def written(parts: Sequence[Part], sessions: Sequence[Session], *, short: bool) 
 def section(part: Part, sessions: Sequence[Session]) -> list[str]:
     """The table of one set of worlds; a method is shown if it ran in all of them."""
     worlds = sorted({s.world for s in sessions})
-    earned = {m: by_world(sessions, m) for m in compared()}
+    earned = {m: by_world(sessions, m) for m in (*method_names(), *LIMITS)}
     earned = {method: there for method, there in earned.items() if there.keys() == set(worlds)}
     best = max(means(there).mean() for m, there in earned.items() if m not in LIMITS)
     after = max((s.after for s in sessions), key=len)

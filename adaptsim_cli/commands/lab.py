@@ -92,10 +92,10 @@ def _truth(resolved: Resolved, task: Task, truth: dict[str, Any]) -> tuple[dict[
     ]
     rows = truth.get("X_BC", [])
     body += [("camera", f"X_BC row {i}", "  ".join(f"{v:8.4f}" for v in row), "") for i, row in enumerate(rows)]
-    text.append(views.rows(("", "name", "value", "plain name"), body))
     if revealed is not None:
         text.append(truth_view.table(revealed))
-        text.append(f"Found by session {revealed.session}, the newest in this world.")
+        text.append(f"This belief is that of session {revealed.session}, the newest in this world.")
+    text.append(views.rows(("", "name", "value", "plain name"), body))
     return truth | {"units": units, "revealed": revealed}, text
 
 

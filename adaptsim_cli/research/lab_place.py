@@ -25,7 +25,8 @@ from sim.adaptation.stages import TrialKey
 from sim.errors import NotExecutable, RolloutError
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import World
-from sim.research.benchmark.jobs import LIMITS, UDR, BenchmarkRow, Job, run_job
+from sim.research.benchmark.entries import FIXED_RULES, LIMITS, Entry
+from sim.research.benchmark.jobs import BenchmarkRow, Job, run_job
 from sim.research.benchmark.trial_sources import TableTrials, TrialSource
 from sim.solvers.solver import Executable
 from sim.tasks import get_task
@@ -102,7 +103,7 @@ def run_in_lab(job: Job) -> BenchmarkRow:
 
     UDR and the upper bounds run outside: they need no trials, or too many.
     """
-    if job.method in (UDR, *LIMITS):
+    if Entry.parse(job.method).name in (*FIXED_RULES, *LIMITS):
         return run_job(job)
     with in_lab(job) as place:
         return run_job(job, place)

@@ -73,7 +73,7 @@ class Screen:
         self._noted: list[str] = []
         self._stopwatch = Stopwatch()
 
-    def tell(self, listener: Listener) -> None:
+    def add_listener(self, listener: Listener) -> None:
         """From now on `listener` also gets every wait, question, answer and warning; earlier warnings at once."""
         for text in self._noted:
             listener.noted(text)

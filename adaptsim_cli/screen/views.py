@@ -138,7 +138,7 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def shown(dimension: Dimension, value: float) -> str:
+def value_in_words(dimension: Dimension, value: float) -> str:
     """A value with its unit; the word of a category, the nearest one for a mean."""
     if not dimension.words:
         return quantity(value, dimension.unit)
@@ -147,7 +147,7 @@ def shown(dimension: Dimension, value: float) -> str:
 
 def values(space: Space, point: Array) -> str:
     """A point of a space in words: the plain name of every dimension with its value and unit."""
-    return ", ".join(f"{d.plain_name} {shown(d, v)}" for d, v in zip(space.dimensions, point, strict=True))
+    return ", ".join(f"{d.plain_name} {value_in_words(d, v)}" for d, v in zip(space.dimensions, point, strict=True))
 
 
 def kinds(dimension: Dimension) -> str:

@@ -65,7 +65,7 @@ class TaskPolicy:
         return self.policy(self._checked(context))
 
     def predict(self, context: ArrayLike = ()) -> tuple[float, float, float]:
-        """Expected reward at (c,) in units: mean and 95 % interval. Raises OutOfRange."""
+        """Predicted reward at (c,) in units, and both ends of its 95 % interval. Raises OutOfRange."""
         return self.policy.predict(self._checked(context))
 
     def __repr__(self) -> str:

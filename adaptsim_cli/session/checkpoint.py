@@ -16,7 +16,7 @@ from adaptsim_cli.config import Config
 from adaptsim_cli.errors import UsageError
 
 if TYPE_CHECKING:
-    from adaptsim_cli.session.records import Facts
+    from adaptsim_cli.session.records import SessionFacts
     from adaptsim_cli.session.store import SessionStore
     from sim.adaptation.checkpoint import Checkpoint
     from sim.rollouts.recorded import RecordedTrials
@@ -50,7 +50,7 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     )
 
 
-def _folders(facts: Facts) -> Iterator[Path]:
+def _folders(facts: SessionFacts) -> Iterator[Path]:
     """Folders that may hold a session's checkpoint: that of the settings, its own, shipped ones, the user's own."""
     from sim.tasks import files_of
 
@@ -101,7 +101,7 @@ class Recordings:
         return _choosing_among(self.checkpoint, self.held_out)
 
 
-def recordings_of(checkpoint: Checkpoint, settings: Config | Facts) -> Recordings:
+def recordings_of(checkpoint: Checkpoint, settings: Config | SessionFacts) -> Recordings:
     """The recordings that the settings name. Raises RecordingsRefused, SessionError, ExtraMissing."""
     from adaptsim_cli.session.recorded.folder import digest, read_recorded
 
@@ -110,13 +110,13 @@ def recordings_of(checkpoint: Checkpoint, settings: Config | Facts) -> Recording
     return Recordings(shown, held_out, _choosing_among(checkpoint, shown), digest(trials))
 
 
-def as_begun(checkpoint: Checkpoint, facts: Facts) -> Checkpoint:
+def as_begun(checkpoint: Checkpoint, facts: SessionFacts) -> Checkpoint:
     """The checkpoint as a stored session uses it. Raises UsageError, SimError, SessionError."""
     started, _ = started_from(checkpoint, facts)
     return recordings_of(started, facts).checkpoint if facts.recorded else started
 
 
-def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Checkpoint, str]:
+def started_from(checkpoint: Checkpoint, settings: Config | SessionFacts) -> tuple[Checkpoint, str]:
     """The checkpoint with the posterior of the session `start_from` as its prior, and the SHA-256 of that.
 
     Unchanged, and empty, if there is none. Raises UsageError, SessionError, CheckpointError.
@@ -127,7 +127,7 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
     from adaptsim_cli.session.store import SessionStore
     from sim.adaptation.methods import METHODS, kind_of
     from sim.adaptation.posterior import likelihood_of, posterior
-    from sim.adaptation.reward_table import weighed
+    from sim.adaptation.reward_table import begun_with
 
     if not settings.start_from:
         return checkpoint, ""
@@ -143,9 +143,9 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
         )
     before, _ = started_from(checkpoint, store.facts)  # it may have begun so itself
     task = before.solver.task
-    weights = posterior(likelihood_of(before), history_of(task, store, store.iterations() - 1)).weights
-    assert before.reward_table is not None  # else there is no likelihood
-    reward_table = weighed(before.reward_table, weights)
+    known = posterior(likelihood_of(before), history_of(task, store, store.iterations() - 1))
+    assert checkpoint.reward_table is not None  # else there is no likelihood
+    reward_table = begun_with(checkpoint.reward_table, task, known.samples, known.weights)
     return replace(checkpoint, reward_table=reward_table), hashlib.sha256(reward_table.truths.tobytes()).hexdigest()
 
 

@@ -47,7 +47,7 @@ from adaptsim_cli.session.records import (
 )
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.trial_records import motion_record, propose, trial_record
 from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.storage import durable
@@ -74,7 +74,7 @@ class RunningSession:
     """A stored session with the parts, the operator and the screen that run it."""
 
     store: SessionStore
-    parts: Parts
+    parts: SessionParts
     operator: Operator
     screen: Screen
     watcher: Watcher = field(default_factory=AllOf)
@@ -106,7 +106,7 @@ class RunningSession:
         if self.awaited and not isinstance(stage, RunTrial):
             which = ", ".join(str(key.number) for key in sorted(self.awaited))
             raise AnswerAwaited(f"answers are awaited of trials {which}")
-        self.beside()
+        self.book_overhead()
         return stage
 
     def particles(self, iteration: int) -> tuple[Particle, ...]:
@@ -144,7 +144,7 @@ class RunningSession:
         """See `PlayableSession`."""
         self.store.mark_shown(iteration, now())
 
-    def beside(self, stage: str | None = None) -> None:
+    def book_overhead(self, stage: str | None = None) -> None:
         """Book the time since the last lap on the iteration instead of a trial; all of it on `stage`, if given."""
         lap_s = self.screen.lap_s()
         spent = added(self.overhead_s, lap_s if stage is None else {stage: sum(lap_s.values())})
@@ -161,7 +161,7 @@ def stages(session: RunningSession) -> Iterator[Stage]:
     for stage in iterate(session):
         is_trial = isinstance(stage, RunTrial) and stage.key in session.store.existing().completed
         if is_trial or isinstance(stage, Adapt):
-            tell(session)
+            update_watchers(session)
         yield stage
 
 
@@ -326,6 +326,13 @@ def _mean_reward(history: Sequence[LearntIteration], trials: tuple[int, ...]) ->
     return float(np.mean([rewards[number - 1] for number in trials])) if trials else None
 
 
+def _chosen_after(history: Sequence[LearntIteration], tried: tuple[int, ...]) -> int:
+    """The trials that were known when the policy was first `tried`, in trials counted from 1; all if it was not."""
+    ends = np.cumsum([sum(len(entry.trials) for entry in iteration) for iteration in history]).tolist()
+    first = min(tried) if tried else ends[-1] + 1
+    return max((end for end in ends if end < first), default=0)
+
+
 def keep_particles(
     session: RunningSession, stage: Adapt, history: Sequence[LearntIteration], particles: tuple[Particle, ...]
 ) -> None:
@@ -355,6 +362,7 @@ def keep_particles(
             ci95=judgement.best.ci95,
             tried=tuple(numbers[number - 1] for number in judgement.tried),
             tried_reward=_mean_reward(history, judgement.tried),
+            chosen_after=_chosen_after(history, judgement.tried),
         ),
         verdict=judgement.verdict,
         outlook=None if judgement.forecast is None else ForecastRecord.of(judgement.forecast),
@@ -379,7 +387,7 @@ def _suspicion(session: RunningSession) -> SuspicionRecord | None:
     return None if suspicion is None else SuspicionRecord.of(suspicion)
 
 
-def tell(session: RunningSession) -> None:
+def update_watchers(session: RunningSession) -> None:
     """Show watchers the present state of the session."""
     adaptation, store = session.parts.adaptation, session.store
     last = store.iterations() - 1
@@ -437,7 +445,7 @@ def _left_s(store: SessionStore, stage: RunTrial) -> float:
 
 def _reject(session: RunningSession, stage: RunTrial, reason: str) -> None:
     session.store.reject(stage.iteration, stage.key, now(), reason)
-    session.beside(REJECTED)
+    session.book_overhead(REJECTED)
     session.screen.note(f"Trial {stage.key.number}, attempt {stage.key.attempt + 1}, does not count: {reason}")
     folder = session.store.trial_folder(stage.iteration, stage.key)
     if folder.is_dir():

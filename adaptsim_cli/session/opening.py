@@ -29,13 +29,13 @@ from adaptsim_cli.session.own.exchange import Answerer
 from adaptsim_cli.session.own.person import TypedAnswers
 from adaptsim_cli.session.own.program import Program
 from adaptsim_cli.session.own.target import OwnTarget
-from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.records import SessionFacts
 from adaptsim_cli.session.rig_sessions import own_ground
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.session_policies import trained_policies, with_session_policies
 from adaptsim_cli.session.simulated_target import RecordedTarget, SimulatedTarget
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts, Provenance, Target
+from adaptsim_cli.session.target import Provenance, SessionParts, Target
 from adaptsim_cli.storage.durable import versions
 from hw.braking import FULL
 from hw.types import Array
@@ -58,10 +58,10 @@ def open_parts(
     config: Config,
     learnt: Path,
     drivers: Drivers | None = None,
-    own: Facts | None = None,
+    own: SessionFacts | None = None,
     screen: Screen | None = None,
     answerer: Answerer | None = None,
-) -> Iterator[Parts]:
+) -> Iterator[SessionParts]:
     """All parts of a session, with its devices connected. `drivers` are those of a real lab's devices.
 
     `own`: with the calibration and the touch-off of this session instead of those in use. `answerer`: who answers for a
@@ -86,7 +86,7 @@ def open_parts(
             adaptation = _adaptation(config, checkpoint, policies, expectations, yours.executable)
             control, sha256 = control_of(config, checkpoint, policies, yours.executable)
             origin = replace(_provenance(checkpoint, prior, ""), control_sha256=sha256)
-            yield Parts(yours.task, yours, adaptation, origin, control, worth=worth, train_policies=train)
+            yield SessionParts(yours.task, yours, adaptation, origin, control, worth=worth, train_policies=train)
         return
     with (
         _open_target(config, checkpoint.solver.task, drivers, own, screen) as (task, target, executable, rig),
@@ -104,10 +104,10 @@ def open_parts(
         control, sha256 = control_of(config, checkpoint, policies, executable)
         newest = None if rig is None else rig.camera.newest
         origin = replace(origin, control_sha256=sha256)
-        yield Parts(task, target, adaptation, origin, control, newest, worth, train)
+        yield SessionParts(task, target, adaptation, origin, control, newest, worth, train)
 
 
-def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> Parts:
+def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> SessionParts:
     """The parts of a session in the folder `session` whose trials were recorded before. Raises UsageError, SimError."""
     if not config.is_simulated:
         raise UsageError(f"--recorded: nothing moves, so leave out --hw {config.hw}")
@@ -121,7 +121,7 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
     title = "; ".join((title, *recordings.shown.notes))
     target = RecordedTarget(recordings.shown, title, _spent(recordings.shown, session))
     adaptation = _adaptation(config, recordings.checkpoint, solver, solver, target.executable)
-    return Parts(solver.task, target, adaptation, _provenance(checkpoint, prior, recordings.sha256))
+    return SessionParts(solver.task, target, adaptation, _provenance(checkpoint, prior, recordings.sha256))
 
 
 def _own_target(
@@ -163,7 +163,7 @@ def _adaptation(
     from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
 
     table = checkpoint.reward_table
-    likelihood = None if table is None else TrajectoryLikelihood(checkpoint.solver, table.truths)
+    likelihood = None if table is None else TrajectoryLikelihood(checkpoint.solver, table.truths, table.prior)
     method = make_method(config.method, checkpoint.solver.task, checkpoint)
     return Adaptation(method, policies, expectations, executable, likelihood)
 
@@ -199,7 +199,7 @@ _Opened = tuple[Task, Target, Executable | None, Rig | None]
 
 @contextmanager
 def _open_target(
-    config: Config, task: Task, drivers: Drivers | None, own: Facts | None, screen: Screen | None
+    config: Config, task: Task, drivers: Drivers | None, own: SessionFacts | None, screen: Screen | None
 ) -> Iterator[_Opened]:
     """The task as mounted, the target, the check for executable actions, the rig if there is one."""
     if task.hardware is None or _is_foreign(config, task):
@@ -220,7 +220,7 @@ def open_trials(
     places: Places,
     task: Task,
     drivers: Drivers | None = None,
-    own: Facts | None = None,
+    own: SessionFacts | None = None,
     screen: Screen | None = None,
 ) -> Iterator[RigTarget]:
     """The devices for trials, connected, the arm last. Nothing moves.
@@ -279,7 +279,7 @@ def _world_sha256(name_or_path: str) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def seen_by_camera(config: Config, facts: Facts) -> tuple[Task, tuple[Outcome, ...]]:
+def seen_by_camera(config: Config, facts: SessionFacts) -> tuple[Task, tuple[Outcome, ...]]:
     """The task with the session's ranges, and its outcomes. Raises UsageError for a task without a camera."""
     task = task_of(config.model_copy(update={"task": facts.task, "object": facts.object}))
     if is_own(facts.hw):

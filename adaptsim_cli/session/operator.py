@@ -175,7 +175,7 @@ def choose_amendment(
         if (outcome := outcomes.get(named.replace(" ", "_"))) is None:
             raise UsageError(f"--outcome {named}: trial {record.trial} can have ended as one of {', '.join(outcomes)}")
         return outcome
-    folder = store.trial_folder(*record.place)
+    folder = store.trial_folder(*record.position)
     screen.show(f"Trial {record.trial} counts as {record.outcome_words}, reward {record.reward:.2f}.")
     for moment in record.moments:
         screen.plain(f"  {moment.label}, {moment.t_s:.2f} s: {folder / moment.file}")

@@ -84,7 +84,7 @@ def as_records(space: Space) -> tuple[DimensionRecord, ...]:
     )
 
 
-class Facts(Record):
+class SessionFacts(Record):
     """session.toml: the settings that a session was begun with, and must continue with."""
 
     format: int = FORMAT
@@ -181,8 +181,8 @@ class MotionRecord(Record):
     goal_m: Row | None  # (x, y) wanted place of the object, for a task with such goals
     action: Quantities  # commanded
     predicted_reward: float
-    predicted_low: float  # of the emulator's ensemble: mean minus two standard deviations
-    predicted_high: float
+    predicted_low: float  # lower end of its 95 % interval
+    predicted_high: float  # upper end
     started: str = ""  # ISO 8601; "": it has not moved
     stopped: str | None = None  # why the motion ended early; None: it did not
     timing_s: dict[str, float] = Field(default_factory=dict)  # wall time by stage
@@ -195,7 +195,7 @@ class MotionRecord(Record):
         return self.role is not Role.ALONE
 
     @property
-    def place(self) -> tuple[int, TrialKey]:
+    def position(self) -> tuple[int, TrialKey]:
         """(iteration, key) of the trial; stages count from 0."""
         return self.iteration - 1, TrialKey(self.trial, self.attempt - 1)
 

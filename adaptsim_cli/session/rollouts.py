@@ -20,14 +20,14 @@ from adaptsim_cli.session.folders import SOLVER
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.single import Chosen
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import OpenParts, Parts
+from adaptsim_cli.session.target import OpenParts, SessionParts
 from adaptsim_cli.session.watching import Watcher
 from sim.tasks import get_task
 
 DrawPage = Callable[[SessionStore], Path]
 """session -> the file of its page, drawn."""
 
-OpenRolloutView = Callable[[Screen, Parts, str, str, str], AbstractContextManager[Watcher]]
+OpenRolloutView = Callable[[Screen, SessionParts, str, str, str], AbstractContextManager[Watcher]]
 """(screen, parts, name of the session, what it is, hardware) -> a watcher besides the terminal."""
 
 
@@ -74,7 +74,7 @@ def run(
         store = single.rollout(settings, parts, chosen, screen, folder, yes=request.yes, watcher=watcher)
     records = trials_of(store)
     for record in records:
-        screen.data("rollout", single.shown(store, record, chosen))
+        screen.data("rollout", single.rollout_output(store, record, chosen))
     screen.plain(f"Stored: {store.folder}")
     with screen.busy("Drawing its page", "reporting"):
         page = draw(store)

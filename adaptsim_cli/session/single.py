@@ -23,7 +23,7 @@ from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.records import ROLLOUT, SessionStart, TrialRecord
 from adaptsim_cli.session.running import NO_CONSENT, facts_for
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -84,7 +84,7 @@ class ChosenActions:
 
 def rollout(
     config: Config,
-    parts: Parts,
+    parts: SessionParts,
     chosen: Chosen,
     screen: Screen,
     folder: Path,
@@ -140,7 +140,7 @@ def rollout(
     return store
 
 
-def shown(store: SessionStore, record: TrialRecord, chosen: Chosen) -> Rollout:
+def rollout_output(store: SessionStore, record: TrialRecord, chosen: Chosen) -> Rollout:
     """A trial of a rollout, as it is printed."""
     facts = store.facts
     return Rollout(

@@ -22,7 +22,7 @@ from adaptsim_cli.session.control import ControlPolicies
 from adaptsim_cli.session.live_trial import Motion, Placement
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.own.exchange import Answerer
-from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.records import SessionFacts
 from hw.types import Array
 from perception.types import Outcome
 from sim.adaptation.adaptation import Adaptation
@@ -84,7 +84,7 @@ class Target(Protocol):
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the parts come from, for the session's `Facts`; never the hidden parameters of a world."""
+    """Where the parts come from, for the session's `SessionFacts`; never the hidden parameters of a world."""
 
     checkpoint: str
     checkpoint_sha256: str
@@ -99,7 +99,7 @@ class Provenance:
 
 
 @dataclass(frozen=True)
-class Parts:
+class SessionParts:
     """Task, target and adaptation of one session, with their provenance."""
 
     task: Task
@@ -122,10 +122,10 @@ class OpenParts(Protocol):
         config: Config,
         learnt: Path,
         *,
-        own: Facts | None = None,
+        own: SessionFacts | None = None,
         screen: Screen | None = None,
         answerer: Answerer | None = None,
-    ) -> AbstractContextManager[Parts]:
+    ) -> AbstractContextManager[SessionParts]:
         """The settings, and a folder for a solver's policies, which no other process may use meanwhile.
 
         `own`: with the calibration and the touch-off of this session instead of those in use. `answerer`: who answers
@@ -139,5 +139,5 @@ class Openers:
     """The openings that commands get from the program's entry, so that a command and its loop know contracts alone."""
 
     parts: OpenParts
-    seen_by_camera: Callable[[Config, Facts], tuple[Task, tuple[Outcome, ...]]]
+    seen_by_camera: Callable[[Config, SessionFacts], tuple[Task, tuple[Outcome, ...]]]
     """A session's task with its ranges, and its outcomes. Raises UsageError for a task without a camera."""

@@ -15,7 +15,7 @@ from sim.tasks.task import SolvedPolicy, Task
 
 
 def propose(task: Task, stage: RunTrial, parameters: Array, policy: SolvedPolicy, planned: Placement) -> MotionRecord:
-    """A planned trial with its expected reward; `parameters` (p,) are those of the policy."""
+    """A planned trial with its predicted reward; `parameters` (p,) are those of the policy."""
     expected, low, high = policy.predict(planned.context)
     return MotionRecord(
         trial=stage.key.number,

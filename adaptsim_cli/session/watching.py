@@ -93,7 +93,7 @@ class SessionLog(CommandLog):
 def logged(store: SessionStore, screen: Screen, versions: Mapping[str, str]) -> Iterator[SessionLog]:
     """Log one command of a session from here to its end, however it ends."""
     log = SessionLog(store.folder, screen)
-    screen.tell(log)
+    screen.add_listener(log)
     log.write("begun", versions=dict(versions), python=platform.python_version(), process=os.getpid())
     try:
         yield log

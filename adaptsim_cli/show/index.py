@@ -81,7 +81,7 @@ def grouped(rows: Sequence[IndexedSession]) -> tuple[IndexedGroup, ...]:
     groups: dict[tuple[str, str, str], list[IndexedSession]] = {}
     for row in rows:
         facts = row.session.facts
-        groups.setdefault((facts.task, row.session.place, facts.method), []).append(row)
+        groups.setdefault((facts.task, row.session.target_name, facts.method), []).append(row)
     return tuple(IndexedGroup(*key, tuple(members)) for key, members in sorted(groups.items()))
 
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from adaptsim_cli.bench.rig import Image
 from adaptsim_cli.config import is_simulated
 from adaptsim_cli.screen.console import Screen
-from adaptsim_cli.screen.views import number, quantity
-from adaptsim_cli.session.advice import check_first, compared_in_words, in_words
+from adaptsim_cli.screen.views import number, quantity, values
+from adaptsim_cli.session.advice import best_in_words, check_first, compared_in_words, in_words
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.history import means_of, played_of, results_of
 from adaptsim_cli.session.live_trial import MotionPreview, Placement, TrackedTrial
@@ -27,7 +27,7 @@ from adaptsim_cli.session.recording import encode_jpeg
 from adaptsim_cli.session.records import MotionRecord, ResultRecord, TrialRecord
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import PosteriorSource, Watcher
 from adaptsim_cli.show.server import Page, require_free
 from sim.adaptation.posterior import Posterior
@@ -112,7 +112,7 @@ class LiveView:
 
 @contextmanager
 def live_view(
-    screen: Screen, parts: Parts, name: str, what: str, hw: str, port: int | None, particles: int = 0
+    screen: Screen, parts: SessionParts, name: str, what: str, hw: str, port: int | None, particles: int = 0
 ) -> Iterator[LiveView]:
     """Serve the page of the session or rollout `name`; print its address, and how to reach it from another computer.
 
@@ -135,7 +135,7 @@ def live_view(
         tunnel = f"ssh -L {page.port}:127.0.0.1:{page.port} {_here()}"
         screen.plain(f"From another computer: {tunnel}")
         view = LiveView(page, task, head, particles)
-        screen.tell(view)
+        screen.add_listener(view)
         yield view
 
 
@@ -231,7 +231,7 @@ def so_far(store: SessionStore, task: Task, posterior: Posterior | None) -> dict
         "control": compared_in_words(results[-1].control) if results and results[-1].control is not None else "",
         "parameters": _parameters(store, task, results, posterior),
         "verdict": in_words(results[-1].verdict, store.facts.object_name, first=first) if results else "",
-        "best": _best(task, results[-1]) if results else None,
+        "best": _best(task, results[-1]) if results else "",
     }
 
 
@@ -248,10 +248,9 @@ def _reward(record: TrialRecord, complete: int) -> dict[str, Any]:
     }
 
 
-def _best(task: Task, result: ResultRecord) -> dict[str, Any]:
-    best = result.best
-    at = quantities(task.parameters, best.params)
-    return {"reward": best.mean_reward, "ci95": list(best.ci95), "trials": best.trials, "at": at}
+def _best(task: Task, result: ResultRecord) -> str:
+    params = result.best.params
+    return best_in_words(result.best, values(task.parameters, np.array([params[n] for n in task.parameters.names])))
 
 
 def _parameters(
@@ -292,12 +291,12 @@ def _rounded(values: NDArray[Any], digits: int) -> list[Any]:
     return rounded
 
 
-def beside(port: int | None) -> OpenView:
+def live_page(port: int | None) -> OpenView:
     """A page at `port`, or at any free port. Raises UsageError, before anything begins, if the port is in use."""
     if port is not None:
         require_free(port)
 
-    def open_view(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
+    def open_view(screen: Screen, store: SessionStore, parts: SessionParts) -> AbstractContextManager[Watcher]:
         name, facts = store.facts.name, store.facts
         what = f"session {name}, method {facts.method}"
         return live_view(screen, parts, name, what, facts.hw, port, facts.particles)

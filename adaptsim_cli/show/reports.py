@@ -86,7 +86,7 @@ def confirmed(store: SessionStore) -> tuple[float, ...]:
         with suppress(SessionError):
             other = SessionStore.open(root, name)
             if (other.facts.method, other.facts.policy_of) == (ROLLOUT, store.facts.name):
-                files = ((other.trial_folder(*trial.place) / TRIAL, trial.reward) for trial in trials_of(other))
+                files = ((other.trial_folder(*trial.position) / TRIAL, trial.reward) for trial in trials_of(other))
                 values += [reward for file, reward in files if file.stat().st_mtime_ns >= max(results)]
     return tuple(values)
 

@@ -6,7 +6,7 @@ import hashlib
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ from adaptsim_cli.config import is_simulated
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.outputs.learning import Revealed, RevealedParameter
 from adaptsim_cli.session.folders import names
-from adaptsim_cli.session.history import trials_of
+from adaptsim_cli.session.history import results_of, trials_of
 from adaptsim_cli.session.records import ROLLOUT
 from adaptsim_cli.session.store import SessionStore
 from sim.errors import CollapsedPosterior, SimError
@@ -33,6 +33,9 @@ BELIEVED = (0.05, 0.5, 0.95)
 
 CONTEXTS = 4
 """Contexts in which each policy of UDR is tried."""
+
+_NO_EFFECTS = ("colour", "contact", "dt_s")
+"""Entries of a world that say how it is computed or looks."""
 
 PARALLEL_FROM_S = 5.0
 """Rollouts that take longer together are spread over processes, whose start takes seconds."""
@@ -54,8 +57,8 @@ def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[]
         udr = _udr_rewards(checkpoint, world)
     except SimError:
         return None
-    last = [trial.reward for trial in trials if trial.iteration == trials[-1].iteration]
-    first = [trial.reward for trial in trials if trial.iteration == 1]
+    results = results_of(store)
+    best = results[-1].best if results else None
     return Revealed(
         session=facts.name,
         method=facts.method,
@@ -67,10 +70,13 @@ def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[]
             )
             for d, truth, ends in zip(task.parameters.dimensions, world.parameters, believed, strict=True)
         ],
-        iterations=trials[-1].iteration,
+        unmodelled=_unmodelled(world),
         trials=len(trials),
-        first_reward=float(np.mean(first)),
-        last_reward=float(np.mean(last)),
+        rewards=[
+            float(np.mean([trial.reward for trial in trials if trial.iteration == number]))
+            for number in range(1, max(len(results), 1) + 1)
+        ],
+        chosen_after=best.chosen_after if best is not None and best.tried else None,
         udr_reward=float(np.mean(udr)),
         udr_trials=len(udr),
     )  # fmt: skip
@@ -86,6 +92,17 @@ def newest_in(root: Path, task: str, world: str) -> SessionStore | None:
             if is_here and facts.method != ROLLOUT and trials_of(store):
                 return store
     return None
+
+
+def _unmodelled(world: World) -> list[str]:
+    """The effects in which a world differs from training, by name; pictures and steps of time are no effects."""
+    if not is_dataclass(world.unmodelled):
+        return []
+    return [
+        field.name
+        for field in fields(world.unmodelled)
+        if field.name not in _NO_EFFECTS and getattr(world.unmodelled, field.name) != field.default
+    ]
 
 
 def _levels(posterior: Posterior) -> Sequence[tuple[float, float, float] | None]:

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from hw.types import Array, frozen_array
+from sim.adaptation.densities import systematic
 from sim.adaptation.discrepancy import (
     END,
     FACTORS,
@@ -29,12 +30,17 @@ from sim.adaptation.discrepancy import (
     DiscrepancyScale,
 )
 from sim.adaptation.method import Trial
-from sim.adaptation.refining import RESOLVED, refined, systematic
+from sim.adaptation.refining import RESOLVED, refined
 from sim.adaptation.simulators import Candidates, Predicted, Simulators
 from sim.rollouts.draws import sobol
 from sim.solvers.candidates import CandidatePolicy, Outcomes, first_executable
 from sim.solvers.solver import Executable
 from sim.tasks.task import Task
+
+WIDER = 2.0
+"""The interval of a predicted reward is so much wider than that of the draws, which held too few rewards of developed
+worlds (docs/decisions/0011).
+"""
 
 KEPT = 48
 """Number of draws of a simulator and its discrepancies."""
@@ -56,7 +62,7 @@ class OutcomePosterior:
 
     @cached_property
     def weights(self) -> Array:
-        """(T,) probabilities of `Simulators.truths`: their posterior; the prior is uniform over the margin.
+        """(T,) probabilities of `Simulators.truths`, which follow the prior: their posterior.
 
         No point of a grid is the truth, and a point is as wrong in every trial: together they count as one on average.
         """
@@ -78,15 +84,15 @@ class OutcomePosterior:
             return first.parameters, self.weights
         log = self._log_posterior(first.predicted)
         weights = _weights(first.log_prior + log)
-        is_fixed = simulators.is_grid or not simulators.is_even or first.parameters is not simulators.truths
+        is_fixed = simulators.is_grid or first.parameters is not simulators.truths
         if is_fixed or 1.0 / (weights**2).sum() >= RESOLVED:
             return first.parameters, weights
-        space, p = simulators.task.margin, first.parameters.shape[1]
+        space = simulators.task.margin
 
         def log_posterior(points: Array) -> Array:
             return self._log_posterior(simulators.predict(self.trials, space.spread(points)))
 
-        fit = refined(log_posterior, simulators.cloud, log, (np.zeros(p), np.ones(p)), DRAWN, GENERATIONS)
+        fit = refined(log_posterior, simulators.cloud, log, simulators.prior, DRAWN, GENERATIONS)
         return space.spread(np.clip(fit.points, 0.0, 1.0)), fit.weights
 
     def _log_posterior(self, predicted: Predicted) -> Array:
@@ -96,6 +102,7 @@ class OutcomePosterior:
         )
         for discrepancy, residuals in zip(self._end_discrepancies, self._end_residuals(predicted), strict=True):
             log = log + discrepancy.evidence(residuals)
+        log = log * self.simulators.strengths.weights
         return np.asarray(log / len(self.trials) if self.simulators.is_grid else log)
 
     def candidate_outcomes(self, context: Array) -> Outcomes:
@@ -125,7 +132,8 @@ class OutcomePosterior:
         """The conditioned discrepancies in the chance of success and in each end-state quantity."""
         if not self.trials:
             d, k = self.simulators.place_size, len(self.simulators.end_unit)
-            nothing = [Discrepancy(scale, np.zeros((0, d)), np.zeros(0)) for scale in (SUCCESS, *[END] * k)]
+            scales = [scale.times(self.simulators.strengths.discrepancy) for scale in (SUCCESS, *[END] * k)]
+            nothing = [Discrepancy(scale, np.zeros((0, d)), np.zeros(0)) for scale in scales]
             return [(unknown, np.zeros((0, KEPT))) for unknown in nothing]
         predicted = self.simulators.predict(self.trials, self.parameters, self._candidates.left)
         ends = zip(self._end_discrepancies, self._end_residuals(predicted), strict=True)
@@ -160,9 +168,9 @@ class OutcomePosterior:
         """The discrepancy with the multiple of `scale` that best explains residuals (N, T) over all simulators
         (empirical Bayes).
         """
-        left = self._candidates.left
-        candidates = [Discrepancy(scale.times(factor * left), at, noise) for factor in FACTORS]
-        paths = self._candidates.log_prior + self._predicted.log_likelihood.sum(axis=0)
+        most = self._candidates.left * self.simulators.strengths.discrepancy
+        candidates = [Discrepancy(scale.times(factor * most), at, noise) for factor in FACTORS]
+        paths = self._log_trajectory_weights
         explained = [logsumexp(paths + one.evidence(residuals)) for one in candidates]
         before = -0.5 * (np.log(FACTORS) / FACTORS_STD) ** 2
         return candidates[int(np.argmax(explained + before))]
@@ -179,7 +187,13 @@ class OutcomePosterior:
     @cached_property
     def _trajectory_weights(self) -> Array:
         """(K,) weights by the trajectories only; the noise of trials is averaged with them."""
-        return _weights(self._candidates.log_prior + self._predicted.log_likelihood.sum(axis=0))
+        return _weights(self._log_trajectory_weights)
+
+    @cached_property
+    def _log_trajectory_weights(self) -> Array:
+        """(K,) logarithms of these weights, up to a constant."""
+        by_trajectories = self._predicted.log_likelihood.sum(axis=0)
+        return np.asarray(self._candidates.log_prior + self.simulators.strengths.weights * by_trajectories)
 
     @cached_property
     def _points(self) -> Array:
@@ -216,10 +230,9 @@ class PosteriorPolicy(CandidatePolicy):
         return first_executable(*self.ranked(context), context, self.executable, self.task, attempts)
 
     def predict(self, context: Array) -> tuple[float, float, float]:
-        """Expected reward of the action at `context`: mean, and the 95 % interval over the draws."""
+        """Predicted reward of the action at `context`, with its 95 % interval (`predicted_interval`)."""
         earned = self.outcomes(self(context)[None], context).rewards(context)[0]
-        low, high = np.quantile(earned, [0.025, 0.975])
-        return float(earned.mean()), float(low), float(high)
+        return float(earned.mean()), *predicted_interval(earned)
 
     @property
     def prefers_interior(self) -> bool:
@@ -244,6 +257,13 @@ class PosteriorPolicy(CandidatePolicy):
         """(A,) rounded, so that equal actions tie."""
         earned = outcomes.rewards(context)
         return np.asarray(np.round(earned.mean(axis=1) + self.optimism * earned.std(axis=1), 9))
+
+
+def predicted_interval(earned: Array) -> tuple[float, float]:
+    """The 95 % interval of a predicted reward, from its values (K,) in the draws of reality."""
+    mean = float(earned.mean())
+    low, high = np.clip(mean + WIDER * (np.quantile(earned, [0.025, 0.975]) - mean), 0.0, 1.0)
+    return float(low), float(high)
 
 
 def _weights(log: Array) -> Array:

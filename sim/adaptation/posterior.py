@@ -3,7 +3,7 @@
 For display only: no method decides with it. It needs only the checkpoint's simulator, so it can be computed again for
 any stored session.
 
-It weighs parameter vectors that fill the margin. Sharp trajectories would leave all weight on the nearest of them, and
+It weighs parameter vectors that follow the prior. Sharp trajectories would leave all weight on the nearest of them, and
 the interval would be that of the grid. So vectors are added where the weight is (`sim.adaptation.refining`; for an
 exact simulator `sim.adaptation.exact_fit`). If that does not resolve the likelihood, it is tempered (raised to a power
 below 1) until `RESOLVED` vectors carry the weight.
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
 from sim.adaptation.checkpoint import Checkpoint, reward_table_of
+from sim.adaptation.densities import unit_points
 from sim.adaptation.exact_fit import exact_fit, is_exact
 from sim.adaptation.method import Iteration
 from sim.adaptation.refining import refined
@@ -120,8 +121,8 @@ class Posterior:
 
 def likelihood_of(checkpoint: Checkpoint) -> TrajectoryLikelihood:
     """The likelihood behind every posterior of a checkpoint. Raises CheckpointError without a reward table."""
-    solver = checkpoint.solver
-    return TrajectoryLikelihood(solver, reward_table_of("the posterior", solver.task, checkpoint).truths)
+    table = reward_table_of("the posterior", checkpoint.solver.task, checkpoint)
+    return TrajectoryLikelihood(checkpoint.solver, table.truths, table.prior)
 
 
 def posterior(likelihood: TrajectoryLikelihood, history: Sequence[Iteration]) -> Posterior:
@@ -139,20 +140,18 @@ def _posterior(likelihood: TrajectoryLikelihood, history: Sequence[Iteration], l
     """The posterior after `history`, whose trajectories have the log-likelihoods `log` (T,) of its truths."""
     space, truths = likelihood.expectations.task.margin, likelihood.truths
     trials, groups = [t for iteration in history for entry in iteration for t in entry.trials], _groups(truths)
-    is_even = int(groups.max()) + 1 == len(truths)  # else it is another session's posterior
-    is_fixed = not is_even or grid_behind(likelihood.expectations) is not None
-    if not trials or is_fixed or _effective(_tempered(log, groups, least=0.0), groups) >= RESOLVED:
-        return Posterior(space, truths, _tempered(log, groups))
-    if is_exact(likelihood.expectations):
-        fit = exact_fit(likelihood.expectations, trials, truths)
+    is_grid, prior = grid_behind(likelihood.expectations) is not None, likelihood.prior
+    if trials and is_exact(likelihood.expectations):
+        fit = exact_fit(likelihood.expectations, trials, truths, prior)
         return Posterior(space, fit.parameters, fit.weights)
+    if not trials or is_grid or _effective(_tempered(log, groups, least=0.0), groups) >= RESOLVED:
+        return Posterior(space, truths, _tempered(log, groups))
 
     def log_likelihoods(points: Array) -> Array:
         parameters = space.spread(points)
         return np.asarray(np.sum([likelihood.of(trial, parameters) for trial in trials], axis=0))
 
-    cloud, p = space.unspread(truths, np.random.default_rng(0).random(truths.shape)), len(space)
-    finer = refined(log_likelihoods, cloud, log, (np.zeros(p), np.ones(p)), DRAWN, GENERATIONS)
+    finer = refined(log_likelihoods, unit_points(space, truths), log, prior, DRAWN, GENERATIONS)
     samples = space.spread(np.clip(finer.points, 0.0, 1.0))
     with np.errstate(divide="ignore"):
         return Posterior(space, samples, _tempered(np.log(finer.weights), np.arange(len(samples))))

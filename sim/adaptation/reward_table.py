@@ -1,6 +1,7 @@
 """RewardTable: the rewards that the policies of some E would earn, for many possible truths in the margin.
 
-Computed once in pretraining and stored in the checkpoint; a session only weighs its columns.
+Computed once in pretraining and stored in the checkpoint; a session only weighs its columns. A session that begins with
+the posterior of another one has other truths.
 """
 
 from __future__ import annotations
@@ -11,17 +12,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from hw.types import Array
+from sim.adaptation.densities import Prior, unit_points
 from sim.adaptation.method import Particle
 from sim.errors import CheckpointError
 from sim.rollouts.draws import cover
 from sim.solvers.solver import Solver
 from sim.storage.files import Tensors
 from sim.tasks.task import Task
-
-UNSURE = 0.1
-"""Share of the original truths that stay in a reward table weighed by another session: its object may differ."""
 
 APART = 0.15
 """Least distance between the particles of an iteration, in fractions of the ranges."""
@@ -45,8 +45,14 @@ class RewardTable:
     """`rewards[i, j]` is the expected reward of the policy trained for `candidates[i]` if `truths[j]` is true."""
 
     candidates: Array  # (C, p) in Omega, in units
-    truths: Array  # (T, p) in Omega and its margin, in units
+    truths: Array  # (T, p) in units, that follow the prior
     rewards: Array  # (C, T)
+    session_prior: Prior | None = None  # None: uniform over Omega and its margin
+
+    @property
+    def prior(self) -> Prior:
+        """The density that the truths follow, in fractions of the margin."""
+        return self.session_prior or Prior.uniform(self.truths.shape[1])
 
     def nearest(self, task: Task, particle: Particle) -> int:
         """The candidate nearest to a particle, in fractions of the ranges."""
@@ -107,14 +113,16 @@ def restore_reward_table(task: Task, tensors: Tensors) -> RewardTable:
     return table
 
 
-def weighed(reward_table: RewardTable, weights: Array) -> RewardTable:
-    """The reward table in which each truth is as frequent as its weight (T,): a posterior as the next prior.
+def begun_with(reward_table: RewardTable, task: Task, samples: Array, weights: Array) -> RewardTable:
+    """The reward table of a session that begins with the posterior of another one: `samples` (N, p) in units, `weights`
+    (N,). The same posterior gives the same reward_table.
 
-    Systematic, so the same weights give the same table.
+    `reward_table` is that of the checkpoint. A new truth has the rewards of the nearest one in it.
     """
-    count = len(reward_table.truths)
-    share = (1.0 - UNSURE) * weights / weights.sum() + UNSURE / count
-    places = (np.arange(count) + 0.5) / count
-    drawn = np.minimum(np.searchsorted(np.cumsum(share), places), count - 1)
-    spread = np.random.default_rng(0).permutation(drawn)  # the first truths stand for all
-    return RewardTable(reward_table.candidates, reward_table.truths[spread], reward_table.rewards[:, spread])
+    space = task.margin
+    low, high = space.physical
+    physical = space.normalise(low), space.normalise(high)
+    prior = Prior.after(unit_points(space, samples), weights, physical)
+    cloud = prior.cloud(len(reward_table.truths))
+    nearest = cKDTree(unit_points(space, reward_table.truths)).query(cloud)[1]
+    return RewardTable(reward_table.candidates, space.spread(cloud), reward_table.rewards[:, nearest], prior)

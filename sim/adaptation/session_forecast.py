@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hw.types import Array
 from sim.adaptation.discrepancy import LEAST_END_STD
 from sim.adaptation.method import FAILED, WORTHWHILE, SessionForecast
-from sim.adaptation.outcome_posterior import KEPT, OutcomePosterior
+from sim.adaptation.outcome_posterior import KEPT, OutcomePosterior, predicted_interval
 from sim.rollouts.draws import cover
 from sim.solvers.candidates import Outcomes
 from sim.solvers.solver import SolvedPolicy
@@ -25,11 +25,6 @@ CONTEXTS = 16
 
 CAUTION = 0.5
 """Caution of the first particle and of the final policy, in standard deviations."""
-
-WIDER = 2.0
-"""The interval of the expected reward is so much wider than that of the draws, which held too few rewards of developed
-worlds (docs/decisions/0011).
-"""
 
 _EFFECTIVE = 12.0
 """Least effective number of draws behind a choice: fewer would choose by their own errors."""
@@ -58,14 +53,14 @@ def session_forecast(
     chosen = _chosen(earned, np.full((KEPT, KEPT), 1.0 / KEPT))[:, 0]
     now = earned[np.arange(n), chosen].mean(axis=0)
     mean = float(now.mean())
-    low, high = np.clip(mean + WIDER * (np.quantile(now, [0.025, 0.975]) - mean), 0.0, 1.0)
+    low, high = predicted_interval(now)
     where, tried = _next_trials(earned, optimism, task.adaptation.trials_per_iteration)
     weights = _weights([answers[i] for i in where], tried, posterior.simulators.end_unit)
     gains = _gains(earned, weights)
     off = np.stack([one.actions[i] for one, i in zip(answers, chosen, strict=True)]) - for_e.actions(contexts)
     return SessionForecast(
         reward=mean,
-        ci95=(float(low), float(high)),
+        ci95=(low, high),
         gain=max(0.0, float(gains.mean())),
         likely=float((gains > WORTHWHILE).mean()),
         failures=_failures(posterior),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hw.types import Array
+from sim.adaptation.densities import Prior
 from sim.adaptation.method import Iteration, Trial
 from sim.rollouts.draws import Disturbances, varies
 from sim.solvers.misfit import log_likelihood, observed_share, squares
@@ -22,7 +23,8 @@ class TrajectoryLikelihood:
     """Log-likelihoods of trials, up to a constant. Those of `truths` are computed once for each trial."""
 
     expectations: Expectations
-    truths: Array  # (T, p) in units
+    truths: Array  # (T, p) in units, that follow the prior
+    prior: Prior  # in fractions of the margin
     _of_truths: dict[bytes, Array] = field(default_factory=dict, repr=False)  # by trial
 
     def after_each(self, history: Sequence[Iteration]) -> list[Array]:

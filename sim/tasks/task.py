@@ -385,7 +385,9 @@ class SolvedPolicy(Protocol):
         """(G, c) -> (G, a), without the executability check: for training in simulation."""
 
     def predict(self, context: Array) -> tuple[float, float, float]:
-        """Expected reward of this policy at `context` if its parameters are true: mean, low, high."""
+        """Predicted reward of this policy at `context` if its parameters are true: mean, and both ends of its 95 %
+        interval.
+        """
 
 
 class Policies(Protocol):

@@ -11,7 +11,7 @@ import pytest
 from adaptsim_cli import api
 from adaptsim_cli.bench.rig import Recording
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.session.records import Facts, to_toml
+from adaptsim_cli.session.records import SessionFacts, to_toml
 from sim.errors import NoHardware, OutOfRange
 from sim.tasks import files_of
 
@@ -52,7 +52,7 @@ def test_a_session_goes_on_with_the_checkpoint_that_it_was_begun_with(tmp_path):
 def test_a_real_arm_is_never_moved_from_python():
     session = api.begin("pendulum", name="mine")
     file = session.folder / "session.toml"
-    real: Facts = session.facts.model_copy(update={"hw": "fr3"})
+    real: SessionFacts = session.facts.model_copy(update={"hw": "fr3"})
     file.write_bytes(to_toml(real))
     with pytest.raises(UsageError, match=r"confirmed at a terminal.*adaptsim run-iteration --session mine"):
         session.run_iteration()

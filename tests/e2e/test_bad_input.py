@@ -24,7 +24,7 @@ from adaptsim_cli.commands import app
 from adaptsim_cli.config import Config
 from adaptsim_cli.session import opening
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Parts, Provenance
+from adaptsim_cli.session.target import Provenance, SessionParts
 from calib.types import HandEye
 from hw.collision import KeepOut
 from hw.kinematics import forward
@@ -96,14 +96,14 @@ class BottleBench:
         return len(self.arm.executed) // 3
 
     @contextmanager
-    def open_parts(self, config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
+    def open_parts(self, config: Config, learnt: Path, **_: object) -> Iterator[SessionParts]:
         """In the place of `opening.open_parts`."""
         eye = HandEye(default_X_BC(), 1.0, 0.1, "known", "2026-01-01T00:00:00+00:00")
         with self.arm as arm, _Camera(self) as camera:
             rig = Rig("fake", "bench in memory", arm, camera, self.bench, eye, 10**6)
             origin = Provenance("none", "c" * 64, "w" * 64, "known", "h" * 64, {"adaptsim": "0"})
             target = RigTarget(TASK, rig, tracker_of(TASK), self._planner())
-            yield Parts(TASK, target, MiddleAdaptation(), origin)  # type: ignore[arg-type]  # without a method
+            yield SessionParts(TASK, target, MiddleAdaptation(), origin)  # type: ignore[arg-type]  # without a method
 
     def _planner(self) -> Planner:
         def paths(motion: ToolMotion) -> tuple[JointPath, JointPath, JointPath]:

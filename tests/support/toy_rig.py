@@ -18,7 +18,7 @@ from adaptsim_cli.bench.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.control import ControlPolicies
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Parts, Provenance
+from adaptsim_cli.session.target import Provenance, SessionParts
 from calib.types import HandEye
 from hw.mass import NOTHING
 from hw.types import ArmState, CameraModel, ContactWindow, Execution, Frame, Intrinsics, JointPath
@@ -270,7 +270,7 @@ def toy_parts(
     check: Callable[[JointPath], None] = lambda _: None,
     control: ControlPolicies | None = None,
     **origin: Any,
-) -> Parts:
+) -> SessionParts:
     """`origin` are fields of the provenance that differ."""
     provenance = replace(Provenance("toy", "c" * 64, "w" * 64, "toy", "h" * 64, {"adaptsim": "0.1.0"}), **origin)
     eye = HandEye(X_BC, 1.0, 0.1, "toy", "2024-01-01T00:00:00+00:00", provenance.camera_late_s)
@@ -279,19 +279,19 @@ def toy_parts(
         find, lambda frame, *_: frame.colour, track, lambda drawn: drawn, lambda drawn, found: found.xy_m, OUTCOMES
     )
     target = RigTarget(TASK, rig, tracker, Planner(paths, check, flange))
-    return Parts(TASK, target, ToyAdaptation(), provenance, control)  # type: ignore[arg-type]  # without a method
+    return SessionParts(TASK, target, ToyAdaptation(), provenance, control)  # type: ignore[arg-type]  # without a method
 
 
 def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config, Path], Any]:
     @contextmanager
-    def open_parts(config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
+    def open_parts(config: Config, learnt: Path, **_: object) -> Iterator[SessionParts]:
         with lab:
             yield toy_parts(lab, **kinds)
 
     return open_parts
 
 
-def rig_target(parts: Parts) -> RigTarget:
+def rig_target(parts: SessionParts) -> RigTarget:
     """The target of `parts`, which is one with an arm."""
     assert isinstance(parts.target, RigTarget)
     return parts.target

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from statistics import median
 
-from adaptsim_cli.bench.calibration import checking, sights
+from adaptsim_cli.bench.calibration import checking, detected_views
 from adaptsim_cli.bench.calibration.orders import fitting_order
 from adaptsim_cli.storage.durable import versions
 from calib import files
@@ -69,7 +69,7 @@ def solve_folder(
 
     created = created or datetime.now(UTC).isoformat(timespec="seconds")
     stored = files.read_folder(folder, any_arm)
-    looked = sights.look(stored)
+    looked = detected_views.detect_views(stored)
     views, forward = _chosen_views(looked.views, looked.setup, stored.forward, options), stored.forward
     solution, setup, tried = _solution(stored, views, looked.setup, refine=options.refine_intrinsics)
     refined = options.refine_intrinsics and tried is not None and len(tried.used) >= TO_REFINE

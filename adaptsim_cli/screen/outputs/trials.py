@@ -41,7 +41,7 @@ class PlayedTrial(Record):
     iteration: int = described("number of its iteration, from 1")
     particle: int = described("number of its particle, from 1")
     role: Role = described("`own` or `control`: which policy acted; `alone`: an iteration without control trials")
-    predicted_reward: float = described("reward that the simulator predicted")
+    predicted_reward: float = described("predicted reward, from all trials before it")
     overruled_from: Outcome | None = described("tracked outcome, if the operator set another")
     timing_s: dict[str, float] | None = optional("wall time by stage; null where the iteration states it")
 
@@ -59,13 +59,16 @@ class BestRecord(Record):
     """The best parameters of the session so far."""
 
     params: Quantities = described("parameters, in `units`")
-    mean_reward: float = described("estimated reward of their policy")
-    trials: int = described("trials behind the estimate")
-    ci95: tuple[float, float] = described("95 % interval of the estimate")
+    mean_reward: float = described("predicted reward of their policy, averaged over all contexts")
+    trials: int = described("trials behind the prediction")
+    ci95: tuple[float, float] = described("95 % interval of the predicted reward")
     tried: tuple[int, ...] | None = Field(
         default=None, description="trials that this policy would repeat, action for action; null: not known"
     )
     tried_reward: float | None = Field(default=None, description="mean reward of these trials; null: there are none")
+    chosen_after: int | None = Field(
+        default=None, description="trials before the iteration that first tried this policy, or all of them if none did"
+    )
 
 
 NOTICEABLE = 0.05

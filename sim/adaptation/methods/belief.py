@@ -51,7 +51,7 @@ class AdaptSimBelief:
     @cached_property
     def likelihood(self) -> TrajectoryLikelihood:
         """The likelihood of the truths of `reward_table`."""
-        return TrajectoryLikelihood(self.expectations, self.reward_table.truths)
+        return TrajectoryLikelihood(self.expectations, self.reward_table.truths, self.reward_table.prior)
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The E that earns most over all the truths there may be, and others that may earn more."""

@@ -144,11 +144,11 @@ class TableTrials:
         """(N, R, d) between N executed actions, in their contexts, and the R rows of a half of the table."""
         moving = self.task.physical_context
 
-        def place(contexts: Array, actions: Array) -> Array:
+        def coordinates(contexts: Array, actions: Array) -> Array:
             parts = [self.task.action.normalise(actions), moving.normalise(contexts[:, : len(moving)])]
             return np.concatenate(parts, axis=1)
 
-        return place(contexts, executed)[:, None] - place(requests.context, requests.action)[None]
+        return coordinates(contexts, executed)[:, None] - coordinates(requests.context, requests.action)[None]
 
 
 @dataclass(frozen=True, eq=False)

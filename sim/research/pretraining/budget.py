@@ -12,7 +12,7 @@ from sim.research.methods.q_policy import MemoryName
 from sim.research.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings
 from sim.research.pretraining.meta_training import (
     MetaSettings,
-    gate_visits,
+    gate_distributions,
 )
 from sim.solvers.emulator.training import EmulatorSettings
 from sim.tasks.task import Task
@@ -81,5 +81,5 @@ class PretrainBudget:
         session = self.evaluation.particles * self.evaluation.iterations * trials
         judged = self.evaluation.rollouts * (UDR_POLICIES + 1 + COMPARED * self.evaluation.iterations)
         evaluated = self.evaluation.targets * (COMPARED * session + PROPOSED * SCREENING + judged)
-        trained = len(MEMORIES) * (self.meta.visits(task) + gate_visits(task)) * trials
+        trained = len(MEMORIES) * (self.meta.distributions(task) + gate_distributions(task)) * trials
         return stages.policies * trained + stages.evaluation * evaluated

@@ -55,7 +55,7 @@ class MetaSettings:
         """Number of steps of all parallel particles, in whole episodes."""
         return task.adaptation.horizon * -(-self.episodes // self.parallel)
 
-    def visits(self, task: Task) -> int:
+    def distributions(self, task: Task) -> int:
         """Number of distributions visited in a training."""
         return self.parallel * self.steps(task) * (task.adaptation.horizon + 1) // task.adaptation.horizon
 
@@ -109,7 +109,7 @@ def explore(directions: NDArray[np.int_], epsilon: float, rng: np.random.Generat
     return np.asarray(np.where(rng.random((len(directions), 1)) < epsilon, random, directions), dtype=np.int_)
 
 
-def gate_visits(task: Task) -> int:
+def gate_distributions(task: Task) -> int:
     """Number of distributions visited by the gate."""
     return GATE_TARGETS * (task.adaptation.horizon + 1 + _ENDS)
 

@@ -306,13 +306,13 @@ def _policies(
             of_training, of_trials = np.random.SeedSequence(seed, spawn_key=(MEMORIES.index(memory),)).generate_state(2)
             simulator = _simulator(means, acting, int(of_trials))
             log = curve_file(folder / f"policy-{memory}.csv", CURVE)
-            network, curve, visits = train_adaptation(
+            network, curve, played = train_adaptation(
                 simulator, settings, int(of_training), memory, _after(memory, means, settings, progress), log
             )
             gate = learning_gate(simulator, network, memory, int(of_training) + 1, settings.targets)
             weights, report = policy_files(folder, memory)
             if memory == MEMORIES[0]:
-                save_tensors(episodes, {f.name: getattr(visits, f.name) for f in fields(Episodes)})
+                save_tensors(episodes, {f.name: getattr(played, f.name) for f in fields(Episodes)})
             save_tensors(weights, network.tensors)
             write_toml(report, _summary(curve, gate))
     progress(STAGES[3], 1, 1)

@@ -50,7 +50,7 @@ def test_a_key_releases_each_trial_of_an_iteration(tmp_path, monkeypatch):
     object.__setattr__(session, "screen", operator.screen)
     run_iteration(session)
     text = said.getvalue()
-    assert text.index("The task policy was trained for") < text.index("Expected reward") < text.index("Tracked:")
+    assert text.index("The task policy was trained for") < text.index("Predicted reward") < text.index("Tracked:")
     assert " ".join(text.split()).count("the tool at up to 0.00 m/s. Type y to start, q to stop, ? explains:") == 4
     assert "What changed" in text
 

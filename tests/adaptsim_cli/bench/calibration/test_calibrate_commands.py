@@ -22,8 +22,8 @@ from real_lab import calibration, quiet, said
 from adaptsim_cli import config
 from adaptsim_cli.bench import calibration_in_use
 from adaptsim_cli.bench.calibration import flow, printing, running, touching
+from adaptsim_cli.bench.calibration.board_mover import Automatic, HandGuided
 from adaptsim_cli.bench.calibration.parts import CalibrationRig
-from adaptsim_cli.bench.calibration.visits import Automatic, HandGuided
 from adaptsim_cli.bench.devices.released import ReleasedArm
 from adaptsim_cli.commands import app
 from adaptsim_cli.config import Config

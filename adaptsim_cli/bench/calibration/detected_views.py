@@ -30,7 +30,7 @@ class DetectedViews:
     recognised: tuple[str, ...]  # sentences: conventions that were recognised instead of stated
 
 
-def look(stored: files.Folder) -> DetectedViews:
+def detect_views(stored: files.Folder) -> DetectedViews:
     """Find the target in every picture and read every pose.
 
     A picture without it is left out and named. Raises PerceptionError if no picture shows it, UnusableViews if poses

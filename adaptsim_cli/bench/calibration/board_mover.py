@@ -34,7 +34,7 @@ class Arrival(Enum):
     ENOUGH = "no more places: the operator has enough"
 
 
-class Visits(Protocol):
+class BoardMover(Protocol):
     """The visits of a series, one place after another."""
 
     def numbers(self, done: Set[int]) -> Sequence[int]:
@@ -137,7 +137,7 @@ def plan(rig: CalibrationRig, count: int) -> Array:
 
     Deterministic for a rig and board, so that an interrupted series can continue. Raises PreflightFailed.
     """
-    from sim.panda.visits import nearest_first
+    from sim.panda.postures import nearest_first
 
     if rig.rough_X_BC is None:
         raise PreflightFailed("the camera pose is still unknown, so no motion can be planned: add --guide")

@@ -10,9 +10,9 @@ import numpy as np
 from adaptsim_cli.screen.svg import Canvas, Scale
 from hw.types import Array
 from pages import standalone
+from sim.adaptation.densities import systematic
 from sim.adaptation.discrepancy import END, LEAST_END_STD, Discrepancy
 from sim.adaptation.outcome_posterior import KEPT
-from sim.adaptation.refining import systematic
 from sim.adaptation.session_forecast import CAUTION
 
 FRICTIONS = np.linspace(0.5, 1.5, 1024)

@@ -50,7 +50,7 @@ def pictures(folder: Path, title: str) -> list[Array]:
     """(SIDE_PX, SIDE_PX, 3) RGB pictures of the first trial of a rollout, with the goal and at last the reward."""
     store = SessionStore.open(folder.parent, folder.name)
     (trial, *_) = store.trials(0)
-    stored = api.read_recording(store.trial_folder(*trial.place) / "recording.mcap")
+    stored = api.read_recording(store.trial_folder(*trial.position) / "recording.mcap")
     shown = [
         picture(frame.colour, stored.model, stored.X_BC, np.array(trial.goal_m)) for frame in stored.frames[::STEP]
     ]

@@ -17,6 +17,7 @@ from functools import partial
 from pathlib import Path
 
 from pages import ROOT
+from pages.cheat_sheet import cheat_sheet
 from pages.commands import commands
 from pages.files import files
 from pages.json_output import json_output
@@ -29,6 +30,7 @@ DOCS = ROOT / "docs"
 
 PAGES: Mapping[Path, Callable[[], str]] = {
     DOCS / "reference/commands.md": commands,
+    DOCS / "reference/cheat-sheet.md": cheat_sheet,
     DOCS / "reference/parameters.md": parameters,
     DOCS / "reference/files.md": files,
     DOCS / "reference/json.md": json_output,

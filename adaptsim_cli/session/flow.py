@@ -34,7 +34,7 @@ from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.history import history_of, particles_of, played_of, result_of, trials_of
-from adaptsim_cli.session.live_trial import Motion, OutcomeUndecided, Placement
+from adaptsim_cli.session.live_trial import Motion, OutcomeUndecided, PlacedTrial, PlannedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
@@ -232,16 +232,16 @@ def _goes_on(session: RunningSession, stage: RunTrial) -> bool:
     return stage.interrupted and session.parts.target.goes_on(stage.key)
 
 
-def _begun(session: RunningSession, stage: RunTrial) -> tuple[MotionRecord, Placement]:
+def _begun(session: RunningSession, stage: RunTrial) -> tuple[MotionRecord, PlannedTrial]:
     """An interrupted attempt as it was proposed. Raises SessionError if no file tells."""
     proposed = session.store.proposed(stage.iteration, stage.key)
     if proposed is None:
         raise SessionError(f"trial {stage.key.number} was begun, and its proposal is missing: redo it")
     drawn = np.array(list(proposed.drawn_context.values()))
-    return proposed, Placement(drawn, proposed.context_array, action=proposed.action_array, key=stage.key)
+    return proposed, PlannedTrial(drawn, proposed.context_array, stage.key, proposed.action_array)
 
 
-def _execute(session: RunningSession, stage: RunTrial, proposed: MotionRecord, planned: Placement) -> Motion | None:
+def _execute(session: RunningSession, stage: RunTrial, proposed: MotionRecord, planned: PlannedTrial) -> Motion | None:
     """Execute the trial, store the recording and return the motion. None: try again."""
     started = now()
     try:
@@ -411,7 +411,7 @@ def show(session: RunningSession, stage: Show) -> IterationOutput:
     return summary(store, result)
 
 
-def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Placement:
+def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> PlacedTrial:
     """Announce the trial, then have the object placed and found; meanwhile the policy prepares for its drawn place."""
     task, parts = session.parts.task, session.parts
     drawn = _drawn(session, stage) if session.context_of is None else session.context_of(stage)
@@ -420,7 +420,8 @@ def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Pl
     session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle, left_s))
     deferred = submit(session.thread, partial(policy.actions, drawn[None]))
     try:
-        return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
+        placed: PlacedTrial = parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
+        return placed
     finally:
         deferred.settle()
 

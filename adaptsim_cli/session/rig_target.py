@@ -18,7 +18,7 @@ from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness, clear_to_move, top_speed_m_s
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.film import Filmed, key_moments
-from adaptsim_cli.session.live_trial import MotionPreview, OutcomeUndecided, Placement, TrackedTrial
+from adaptsim_cli.session.live_trial import MotionPreview, OutcomeUndecided, PlacedTrial, PlannedTrial, TrackedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import brightness, rig_checks
 from adaptsim_cli.session.records import RIG, to_json
@@ -35,6 +35,23 @@ from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
 from sim.errors import NotExecutable
 from sim.tasks.task import Hardware, Task
+
+
+@dataclass(frozen=True, eq=False)
+class FoundObject(PlacedTrial):
+    """A placed trial whose object the camera has found."""
+
+    overlay: bytes  # JPEG of the detection
+    frame: Frame  # the object was found in it
+    detection: Detection  # of the rig's tracker
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RigPlan(PlannedTrial):
+    """A planned trial with the three paths of the arm."""
+
+    found: FoundObject
+    paths: Paths
 
 
 @dataclass(eq=False)
@@ -125,7 +142,7 @@ class RigTarget:
         operator.repeat_interrupted(stage)
         return self.moves
 
-    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placement:
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> FoundObject:
         """Have the object placed, find it with the camera, and check that it lies in the area."""
         task, rig, tracker = self.task, self.rig, self.tracker
         if rig.attendant is not None:
@@ -144,9 +161,9 @@ class RigTarget:
             place = ", ".join(f"{value:.3f}" for value in context)
             raise ObjectNotFound(f"the {task.object_name} lies outside of the area: found {place}; area {ranges}")
         overlay = tracker.overlay(frame, model, rig.hand_eye.X_BC, detection, drawn)
-        return Placement(drawn, context, recording.encode_jpeg(overlay, 90), frame, detection)
+        return FoundObject(drawn, context, key, recording.encode_jpeg(overlay, 90), frame, detection)
 
-    def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
+    def plan(self, placed: FoundObject, action: Array, progress: Progress = silently) -> RigPlan:
         """The three paths of the motion, after they passed every limit."""
         with progress("Planning the motion", "planning"):
             paths = self.planner.paths(self.hardware.plan(placed.context, action))
@@ -164,17 +181,21 @@ class RigTarget:
         what, asked_s = f"comes to the {self.task.object_name}, makes its motion and goes back", played_s
         if self.release.asks_each:
             what, asked_s = f"comes to the {self.task.object_name}", played[0].duration_s
-        return replace(
-            placed,
-            action=action,
+        return RigPlan(
+            placed.drawn,
+            placed.context,
+            placed.key,
+            action,
             summary=f"The motion takes {duration_s:.1f} s and passed all limits{slow}",
             announcement=clear_to_move(self.moves, what, asked_s, speed_m_s),
+            overlay=placed.overlay,
             preview=self._preview(placed, paths),
+            found=placed,
             paths=paths,
             digest=played[0].digest,
         )
 
-    def execute(self, planned: Placement, progress: Progress = silently) -> RigMotion:
+    def execute(self, planned: RigPlan, progress: Progress = silently) -> RigMotion:
         """Approach, record the motion, go back.
 
         If the arm stops or loses its tool, the recording until then is kept. However it ends, no motion stays released.
@@ -184,8 +205,7 @@ class RigTarget:
         finally:
             self.release.withdraw()
 
-    def _executed(self, planned: Placement, progress: Progress) -> RigMotion:
-        assert planned.paths is not None and planned.frame is not None
+    def _executed(self, planned: RigPlan, progress: Progress) -> RigMotion:
         approach, motion, back = planned.paths
         arm, camera, after = self.rig.arm, self.rig.camera, None
         slow_approach, slow_motion, slow_back = (self.planner.at_speed(path, self.rig.pace) for path in planned.paths)
@@ -198,7 +218,7 @@ class RigTarget:
             played, frames, stopped = self._film(motion)
         if stopped is None:
             self.release.completed()
-        begun, followed = self._behind(planned, planned.frame, frames, played)
+        begun, followed = self._behind(planned, frames, played)
         del frames  # each is freed once it is compressed
         if stopped is None:
             try:
@@ -216,7 +236,7 @@ class RigTarget:
                 "command without --pace makes the trial"
             )
         finish = partial(self._finished, planned, begun, after)
-        return RigMotion(self, planned.context, planned.action, stopped, planned.detection, followed, finish)
+        return RigMotion(self, planned.context, planned.action, stopped, planned.found.detection, followed, finish)
 
     def read(self, folder: Path, context: Array, action: Array) -> RigMotion:
         """See `Target`."""
@@ -272,7 +292,7 @@ class RigTarget:
         """The frame with its time on the arm's clock: the camera delay found by the calibration is subtracted."""
         return replace(frame, t_s=frame.t_s - self.rig.hand_eye.camera_late_s)
 
-    def _preview(self, placed: Placement, paths: Paths) -> MotionPreview:
+    def _preview(self, placed: FoundObject, paths: Paths) -> MotionPreview:
         """The picture with the path of the tool, and the arm along all three paths."""
         model, context = self.rig.camera.model(), self.task.context
         X_CB = inverse(self.rig.hand_eye.X_BC)
@@ -286,14 +306,14 @@ class RigTarget:
         corners = np.array([self.tracker.placement(corner) for corner in (context.low, context.high)])[:, :2]
         low, high = corners.min(axis=0), corners.max(axis=0)
         return MotionPreview(
-            picture=placed.overlay or b"",
+            picture=placed.overlay,
             size_px=(model.colour.width, model.colour.height),
             path_px=project(model.colour, X_CB, path_m),
             path_m=path_m,
             t_s=t_s,
             arm_m=np.concatenate([joints_m, X_BF[:, None, :3, 3], tool_m[:, None]], axis=1),
             motion_s=motion_s,
-            spot_m=np.asarray(_detected(placed).xy_m),
+            spot_m=np.asarray(placed.detection.xy_m),
             area_m=np.array([low[0], high[0], low[1], high[1]]),
             goal_m=None if self.task.goal_m is None else np.asarray(self.task.goal_m(placed.context)),
         )
@@ -318,7 +338,7 @@ class RigTarget:
         return played, rig.camera.stop_recording(), None
 
     def _behind(
-        self, planned: Placement, before: Frame, filmed: Sequence[Frame], played: Execution | None
+        self, planned: RigPlan, filmed: Sequence[Frame], played: Execution | None
     ) -> tuple[Future[recording.PartialRecording], Future[ObjectTrack] | None]:
         """While the arm goes back: every frame compressed and decoded, the recording encoded, the object tracked in it.
 
@@ -334,10 +354,10 @@ class RigTarget:
             return recording.begin(first, frames, model, X_BC, moved, self.tool_pose(moved), late_s, arm)
 
         def followed() -> ObjectTrack:
-            return self._follow(planned.context, planned.action, begun.result().recording, _detected(planned))
+            return self._follow(planned.context, planned.action, begun.result().recording, planned.found.detection)
 
         pool = ThreadPoolExecutor(4, thread_name_prefix="behind")  # OpenCV and zstd release the interpreter
-        compressed = [pool.submit(recording.stored, before, lossless=True)]
+        compressed = [pool.submit(recording.stored, planned.found.frame, lossless=True)]
         one_by_one = [filmed[i : i + 1] for i in range(len(filmed))]
         compressed += [pool.submit(lambda one: recording.stored(self.in_time(one[0])), one) for one in one_by_one]
         begun = pool.submit(encoded)
@@ -351,7 +371,7 @@ class RigTarget:
         return self.tracker.track(TrackRequest(stored, detection, self.tool_pose(stored.execution), duration_s))
 
     def _finished(
-        self, planned: Placement, begun: Future[recording.PartialRecording], after: Frame | None
+        self, planned: RigPlan, begun: Future[recording.PartialRecording], after: Frame | None
     ) -> tuple[Mapping[str, bytes], Recording]:
         """(recording, overlay, and the facts of a real rig; the recording as it is tracked)."""
         mcap, stored = begun.result().finish(None if after is None else recording.stored(after, lossless=True))
@@ -362,12 +382,7 @@ class RigTarget:
                 files = {RIG: to_json(facts)}
             except ValueError as error:  # NaN must not cost the recording
                 files = {RIG: to_json(RigFacts(problem=str(error)))}
-        return {recording.FILE: mcap, "overlay.jpg": planned.overlay or b"", **files}, stored
-
-
-def _detected(placed: Placement) -> Detection:
-    assert placed.detection is not None, "a rig finds the object before it plans"
-    return placed.detection
+        return {recording.FILE: mcap, "overlay.jpg": planned.found.overlay, **files}, stored
 
 
 def _motionless(t_s: float) -> Execution:

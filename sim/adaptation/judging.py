@@ -134,7 +134,7 @@ def verdict_of(
     """
     trials = [trial for iteration in history for entry in iteration for trial in entry.trials]
     limit = SLACK * misfits.expectations.misfit_limit
-    strange = sum(misfits.of(t) > limit for t in trials)
+    strange = 0 if np.isinf(limit) else sum(misfits.of(t) > limit for t in trials)  # a misfit may cost rollouts
     reasons = [Reason.INEXPRESSIBLE] if 2 * strange > len(trials) else []
     if forecast is not None and forecast.has_only_failed:
         reasons.append(Reason.FAILURES)

@@ -11,7 +11,9 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.errors import MomentsMissing
-from sim.solvers.solver import Executable, Policies, SolvedPolicy, policy_for
+from sim.rollouts.kept import KeptRollouts
+from sim.solvers.solver import Executable, Policies, SolvedPolicy, Solver, policy_for
+from sim.tasks.task import Task
 
 WORTHWHILE = 0.05
 """The smallest gain of reward that is worth an iteration."""
@@ -158,6 +160,42 @@ class Forecasting(Protocol):
 
     def assess(self, history: Sequence[Iteration]) -> tuple[Best, SessionForecast]:
         """The final parameters, and the forecast. Raises ValueError without a trial."""
+
+
+class ExpectedTrajectories(Protocol):
+    """The part of `sim.solvers.solver.Expectations` that predictions of trajectories need."""
+
+    @property
+    def task(self) -> Task:
+        """The task of the trials."""
+
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array) -> Array:
+        """(N, size)"""
+
+
+@runtime_checkable
+class Simulating(Protocol):
+    """A method that simulates in the session, so that it needs no Phase 1 and knows which parameters are likely."""
+
+    @property
+    def solver(self) -> Solver:
+        """Its task policies, by true rollouts."""
+
+    @property
+    def rollouts(self) -> KeptRollouts:
+        """All that it has simulated."""
+
+    def draws_after_each(self, history: Sequence[Iteration]) -> tuple[Array, ...]:
+        """(N, p) equally likely parameters of the margin, in units: before the first iteration, and after each."""
+
+    def near_fit(self, history: Sequence[Iteration]) -> ExpectedTrajectories:
+        """Trajectories of the trials in `history` for likely parameters, which need no further rollout."""
+
+    def rollouts_before(self, particles: int) -> int:
+        """The most rollouts before the first trial of a session."""
+
+    def rollouts_after(self, particles: int, iteration: int) -> int:
+        """The most rollouts after an iteration, numbered from 1."""
 
 
 @runtime_checkable

@@ -134,7 +134,8 @@ class ConstantPolicy:
 
 
 def _best_mean(checkpoint: Checkpoint, seed: int) -> tuple[SolvedPolicy, ...]:
-    return (_with_best_mean(checkpoint.solver),)
+    solver: Any = checkpoint.solver  # hashed by its identity
+    return (_with_best_mean(solver),)
 
 
 def _require_one_context(task: Task) -> None:
@@ -177,6 +178,12 @@ FIXED_RULES: Mapping[str, FixedRule] = {
     SECOND: partial(_before_any_trial, 1),
 }
 """Rules that need no trial."""
+
+
+@cache
+def fixed_policies(name: str, checkpoint: Checkpoint, seed: int) -> tuple[SolvedPolicy, ...]:
+    """The policies of a fixed rule: they are the same in every world, so they are made once in a process."""
+    return FIXED_RULES[name](checkpoint, seed)
 
 
 def entry_names() -> tuple[str, ...]:

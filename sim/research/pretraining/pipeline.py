@@ -35,9 +35,9 @@ from sim.research.methods.search import RandomSearch
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.research.pretraining.budget import EVERYTHING, MEMORIES, NETWORKS, OptionalStages, PretrainBudget
-from sim.research.pretraining.cost import GROWN, enough_rollouts, measured_cost
 from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, SolverActing, fill_library
 from sim.research.pretraining.evaluation import evaluate
+from sim.research.pretraining.growth import GROWN, enough_rollouts
 from sim.research.pretraining.logs import StageTimer, curve_file
 from sim.research.pretraining.meta_training import (
     CURVE,
@@ -48,6 +48,7 @@ from sim.research.pretraining.meta_training import (
 )
 from sim.research.pretraining.soundness import require_sound
 from sim.research.pretraining.worth import measured_worth
+from sim.rollouts.cost import measured_cost
 from sim.rollouts.dataset import AdaptiveSampling, build_dataset, build_share
 from sim.rollouts.run import Roll, run_many
 from sim.rollouts.shards import CachedRollouts, simulate_missing

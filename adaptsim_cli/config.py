@@ -210,6 +210,11 @@ class Places:
         return self.data / "sessions"
 
     @property
+    def logs(self) -> Path:
+        """The folder of what loggers keep of sessions."""
+        return self.data / "logs"
+
+    @property
     def pretraining(self) -> Path:
         """The folder of own checkpoints."""
         return self.data / "pretraining"

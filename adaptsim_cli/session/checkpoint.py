@@ -209,9 +209,9 @@ def started_from(checkpoint: Checkpoint, settings: Config | SessionFacts) -> tup
         )
     before, _ = started_from(checkpoint, store.facts)  # it may have begun so itself
     task = before.solver.task
-    known = posterior(likelihood_of(before), history_of(task, store, store.iterations() - 1))
+    earlier = posterior(likelihood_of(before), history_of(task, store, store.iterations() - 1))
     assert checkpoint.reward_table is not None  # else there is no likelihood
-    reward_table = begun_with(checkpoint.reward_table, task, known.samples, known.weights)
+    reward_table = begun_with(checkpoint.reward_table, task, earlier.samples, earlier.weights)
     return replace(checkpoint, reward_table=reward_table), hashlib.sha256(reward_table.truths.tobytes()).hexdigest()
 
 

@@ -87,6 +87,11 @@ PANELS: Mapping[str, Mapping[str, CommandRow]] = {
             "Compare sessions: methods, worlds, days, posteriors. "
             "Writes a page, and CSV of the sessions and of the trials.",
         ),
+        "dashboard": CommandRow(
+            "dashboard:dashboard",
+            "Show all sessions in the browser: search, tags, learning curves side by side, "
+            "and the running session live.",
+        ),
         "sessions": CommandRow("sessions:app", "List, check, mark, correct, prune and export stored sessions."),
         "replay": CommandRow(
             "exporting:replay",
@@ -122,6 +127,9 @@ PANELS: Mapping[str, Mapping[str, CommandRow]] = {
         "retrack": CommandRow(
             "exporting:retrack",
             "Track the recordings of a session again, with the tracker of this version. Nothing stored is changed.",
+        ),
+        "explain": CommandRow(
+            "explain:explain", "Say what a message means: what happened, what the arm did, and what to do next."
         ),
         "schema": CommandRow(
             "config:schema",

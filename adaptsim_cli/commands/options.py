@@ -124,7 +124,12 @@ AnswerMoves = Annotated[
 ]
 Object = Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of your own object.")]
 Solver = Annotated[
-    str | None, typer.Option("--solver", rich_help_panel=ADVANCED, help="How task policies are found: emulator or naf.")
+    str | None,
+    typer.Option(
+        "--solver",
+        rich_help_panel=ADVANCED,
+        help="How task policies are found: emulator, naf, or direct (without Phase 1).",
+    ),
 ]
 Recorded = Annotated[
     str | None,

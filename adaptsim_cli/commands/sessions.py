@@ -95,7 +95,7 @@ def index(
         Path | None, typer.Option("--out", help="HTML file to write; default: index.html in the sessions' folder.")
     ] = None,
 ) -> Reply:
-    """Write one page of all sessions: by world and method, sortable, linked to reports and films.
+    """Write the page of all sessions to a file: the page that `adaptsim dashboard` serves and keeps up to date.
 
     Example: adaptsim sessions index
     """

@@ -52,7 +52,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
     """
     if verdict.kind is Kind.TOO_FEW:
         return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, at least {LEAST_TRIALS} are needed."
-    kind = "estimated" if verdict.gain is None else "predicted"
+    kind = "predicted" if verdict.has_forecast else "estimated"
     reward = f"{kind} reward {verdict.reward:.2f} (95 % {predicted_between(*verdict.ci95)})"
     sentences = [f"{HEADLINES[verdict.kind]}: {reward}{_worth(verdict)}."]
     if verdict.kind is Kind.UNINFORMED and verdict.prediction_error is not None:
@@ -87,14 +87,11 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
 
 def _worth(verdict: Verdict) -> str:
     """The worth of another iteration, for a method with a forecast."""
-    if verdict.gain is None or verdict.likely is None or verdict.kind in (Kind.HOPELESS, Kind.UNINFORMED):
-        return ""
-    if Reason.UNTRIED in verdict.reasons:
+    if verdict.kind is Kind.GO_ON and Reason.UNTRIED in verdict.reasons:
         return "; it rests on the first iteration alone, and the next one checks it"
-    clauses = [f"another iteration is predicted to gain {verdict.gain:.2f}"] if verdict.gain >= 0.005 else []
-    if verdict.kind is not Kind.ENOUGH:
-        clauses.append(f"with a chance of {100.0 * verdict.likely:.0f} % there is more than {WORTHWHILE:.2f} to gain")
-    return f"; {', and '.join(clauses) or 'another iteration is predicted to gain nothing'}"
+    if verdict.kind is Kind.ENOUGH:
+        return f"; after two iterations another one rarely gains more than {WORTHWHILE:.2f}"
+    return ""
 
 
 def control_name(control: str) -> str:

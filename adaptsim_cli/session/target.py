@@ -28,6 +28,7 @@ from perception.types import Outcome
 from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
+from sim.rollouts.kept import KeptRollouts
 from sim.tasks.task import Task
 
 Placed = TypeVar("Placed", bound=PlacedTrial)
@@ -115,6 +116,7 @@ class SessionParts:
     train_policies: Callable[[Screen], bool] | None = None
     """Trains the missing policies of the session; whether there are new ones, so that the parts are opened again. None:
     the task trains none in a session."""
+    rollouts: KeptRollouts | None = None  # of the direct solver; None: Phase 1 simulated them
 
 
 class OpenParts(Protocol):

@@ -98,16 +98,13 @@ def _where(task: Task, trial: MotionRecord) -> tuple[str, ...]:
 
 def trials_needed(forecast: TrialsForecast) -> str:
     """How many trials a session needs, in a sentence."""
-    clauses = [
-        f"{100 * share.share:.0f} % {until} trial {share.most}"
-        for share, until in (
-            (forecast.first_success.four_of_five, "had a success by"),
-            (forecast.stop.four_of_five, "were told to stop by"),
-        )
-        if share.most is not None
-    ]
-    where = f"adaptsim checkpoints trials --task {forecast.task}"
-    return f"Of {forecast.sessions} imagined sessions {' and '.join(clauses)} ({where})." if clauses else ""
+    share, where = forecast.first_success.four_of_five, f"adaptsim checkpoints trials --task {forecast.task}"
+    if share.most is None:
+        return ""
+    return (
+        f"Of {forecast.sessions} imagined sessions {100 * share.share:.0f} % had a success by trial {share.most} "
+        f"({where})."
+    )
 
 
 def tracked(record: TrialRecord) -> RenderableType:

@@ -25,13 +25,13 @@ def create(task: Task, checkpoint: Checkpoint | None) -> Udr:
     return Udr(task)
 
 
-def udr_policies(solver: Solver, rng: np.random.Generator) -> tuple[SolvedPolicy, ...]:
-    """`DRAWS` policies for all of Omega, from different draws; the reward of UDR is their mean.
+def udr_policies(solver: Solver, rng: np.random.Generator, count: int = DRAWS) -> tuple[SolvedPolicy, ...]:
+    """`count` policies for all of Omega, from different draws; the reward of UDR is their mean.
 
     Over Omega many actions earn the same, and the solver's choice among them is arbitrary. In one target they may
     differ as much as success and failure.
     """
-    starts = Udr(solver.task).start(DRAWS, rng)
+    starts = Udr(solver.task).start(count, rng)
     return tuple(policy_for(solver, particle.samples, seed=k) for k, particle in enumerate(starts))
 
 

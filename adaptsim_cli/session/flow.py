@@ -211,7 +211,7 @@ def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy, mean: 
         planned = target.plan(placed, action, progress)
         trial = propose(session.parts.task, stage, mean, policy, planned)
         if planned.overlay is not None:
-            planned = replace(planned, overlay_file=store.scratch("overlay.jpg", planned.overlay))
+            planned = replace(planned, overlay_file=store.scratch("detection.jpg", planned.overlay))
         session.screen.show(terminal_views.proposal(session.parts.task, trial, planned.summary))
         session.watcher.proposed(trial, planned)
         operator.approve(trial, planned, target.needs_consent, target.release)
@@ -296,7 +296,7 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> 
         session.screen.show(terminal_views.tracked(record))
     if tracked_trial.film is not None:
         durable.replace_file(folder / FILM, tracked_trial.files[FILM])
-        session.screen.plain(f"  Film: {folder / FILM}")
+        session.screen.file("  Film", folder / FILM)
     session.watcher.tracked(record, tracked_trial)
     choices = choices_of(task, target.outcomes, tracked_trial.track, motion.context_array)
     review = operator.review(record, choices) if undecided is None else operator.decide(str(undecided), record, choices)
@@ -383,7 +383,7 @@ def _reject(session: RunningSession, stage: RunTrial, reason: str) -> None:
     session.screen.note(f"Trial {stage.key.number}, attempt {stage.key.attempt + 1}, does not count: {reason}")
     folder = session.store.trial_folder(stage.iteration, stage.key)
     if folder.is_dir():
-        session.screen.plain(f"Its recording is kept: {folder}")
+        session.screen.file("Its recording is kept", folder)
         motion = session.store.motion(stage.iteration, stage.key)
         session.overhead_s[REJECTED] = session.overhead_s.get(REJECTED, 0.0) + sum(motion.timing_s.values())
         if motion.stopped is None:

@@ -148,7 +148,7 @@ class _Looking(AllOf):
             self._screen.note(f"The first trial is not drawn over the expected ones: {error}")
             return
         self._screen.note(look.in_words)
-        self._screen.plain(f"  Its trajectory over the expected ones: {path}")
+        self._screen.file("  Its trajectory over the expected ones", path)
 
 
 def with_first_look(open_view: OpenView) -> OpenView:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from adaptsim_cli.config import is_own, same_lab
 from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord
 from adaptsim_cli.screen.views import predicted_between, signed
-from adaptsim_cli.session.records import ResultRecord, SessionFacts
+from adaptsim_cli.session.records import ROLLOUT, ResultRecord, SessionFacts
 from sim.adaptation.method import WORTHWHILE
 from sim.adaptation.paired import MOST_FURTHER, WORTH, Claim
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
@@ -215,6 +215,15 @@ def after_iteration(facts: SessionFacts, result: ResultRecord) -> Steps:
         case _:
             steps = (again, use)
     return (*steps, *checks) if verdict.is_inexpressible else steps
+
+
+def onwards(facts: SessionFacts, results: Sequence[ResultRecord], iterations: int) -> Steps:
+    """The next commands for a stored session with so many begun `iterations`; none for a rollout."""
+    if facts.method == ROLLOUT:
+        return ()
+    if results and results[-1].iteration == iterations:
+        return after_iteration(facts, results[-1])
+    return ((f"adaptsim run-iteration --session {facts.name}", "continues this session"),)
 
 
 def _checks(facts: SessionFacts) -> Steps:

@@ -23,7 +23,7 @@ from adaptsim_cli.session import folders, terminal_views
 from adaptsim_cli.session.advice import after_iteration
 from adaptsim_cli.session.deferred import Deferred, submit
 from adaptsim_cli.session.ending import EndRule, after_iterations, asked_at_the_verdict, at_the_verdict
-from adaptsim_cli.session.flow import RunningSession, rows_of, show, stages, update_watchers
+from adaptsim_cli.session.flow import RunningSession, show, stages, update_watchers
 from adaptsim_cli.session.history import results_of
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.own.trust import require_trusted
@@ -39,6 +39,7 @@ from adaptsim_cli.session.records import (
     generator,
     now,
 )
+from adaptsim_cli.session.results import rows_of
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged

@@ -14,7 +14,8 @@ from adaptsim_cli.bench.devices.trackers import BOTTLE_AREA
 from adaptsim_cli.bench.rig import Detection
 from adaptsim_cli.research.lab_place import rig_in_lab
 from adaptsim_cli.session import recording
-from adaptsim_cli.session.rig_target import FoundObject, RigPlan, RigTarget
+from adaptsim_cli.session.rig_preview import FoundObject
+from adaptsim_cli.session.rig_target import RigPlan, RigTarget
 from adaptsim_cli.storage import durable
 from hw.errors import MotionRefused
 from hw.kinematics import forward

@@ -13,7 +13,7 @@ from adaptsim_cli.errors import AnswerRefused
 from adaptsim_cli.screen.outputs.exchange import Answer, PolicyFile, Question
 from adaptsim_cli.screen.outputs.trials import TrackRecord, as_row, named
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.screen.views import Readiness
+from adaptsim_cli.screen.views import Readiness, value_in_words
 from adaptsim_cli.session.folders import QUESTIONS
 from adaptsim_cli.session.live_trial import PlacedTrial, PlannedTrial
 from adaptsim_cli.session.operator import Operator
@@ -31,6 +31,7 @@ from sim.errors import ActionImpossible, MomentsMissing
 from sim.solvers.misfit import observed_share
 from sim.tasks.library import library_of, main_file
 from sim.tasks.task import Task
+from sim.types import Space
 
 NEAR = 0.05
 """An action is as impossible as one within this share of every range of it, for a context that near."""
@@ -171,6 +172,7 @@ class OwnTarget:
             policy=None if action is None else _policy_of(task, action),
             goal_m=None if task.goal_m is None else as_row(task.goal_m(context)),
             units={d.name: d.unit for space in spaces for d in space.dimensions},
+            words={**in_words(task.context, context), **({} if action is None else in_words(task.action, action))},
             times_s=as_row(task.observation.times_s),
             state=report.columns,
             outcomes=report.outcomes,
@@ -219,3 +221,10 @@ def _explained(exchange: Exchange) -> Iterator[None]:
             f"the answer to trial {exchange.question().trial} does not count: {error}. It is kept in "
             f"{exchange.answer_file}: correct it there, or delete it to be asked again"
         ) from error
+
+
+def in_words(space: Space, values: Array) -> dict[str, str]:
+    """The categories among the values (n,) of a space, by name, in words."""
+    return {
+        d.name: value_in_words(d, float(value)) for d, value in zip(space.dimensions, values, strict=True) if d.words
+    }

@@ -64,11 +64,10 @@ from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.training import reward_error, split, train_emulator
 from sim.solvers.grid import grid_behind
 from sim.solvers.library import train_library, with_library
-from sim.solvers.solver import Solver
 from sim.storage.files import load_tensors, save_tensors, write_toml
 from sim.tasks.library import FOLDER as POLICIES
 from sim.tasks.library import digests_of, library_of
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 BELIEF, RANDOM = "adaptsim-belief", "random"
 """The methods in the evaluation, by their names in `sim.adaptation.methods.METHODS`."""

@@ -24,6 +24,12 @@ OWN: Hardware = "own"
 """A robot of one's own, which answers questions (docs/guide/own-robot.md)."""
 PERSON = "person"
 
+LEARNT = ("emulator", "naf")
+"""Solvers that need Phase 1."""
+DIRECT = "direct"
+"""The solver and the method without Phase 1."""
+SOLVERS = (*LEARNT, DIRECT)
+
 
 def is_simulated(hw: str) -> bool:
     """Whether `hw` names the simulated lab. No other code compares hardware names."""
@@ -110,7 +116,10 @@ class Config(Record):
     checkpoint: Annotated[
         str, Field(description="name or folder of a checkpoint; empty: the shipped one, or that of the own object")
     ] = ""
-    solver: Annotated[str, Field(description="solver of task policies: emulator, naf; empty: as pretrained")] = ""
+    solver: Annotated[
+        str,
+        Field(description="solver of task policies: emulator, naf, or direct without Phase 1; empty: as pretrained"),
+    ] = ""
     object: Annotated[
         str, Field(description="TOML file with the ranges of your object (docs/guide/own-objects.md)")
     ] = ""
@@ -199,6 +208,11 @@ class Places:
     def sessions(self) -> Path:
         """The folder of the sessions."""
         return self.data / "sessions"
+
+    @property
+    def logs(self) -> Path:
+        """The folder of what loggers keep of sessions."""
+        return self.data / "logs"
 
     @property
     def pretraining(self) -> Path:

@@ -5,7 +5,6 @@ A command's module is imported when it is called, and imports what it needs when
 
 from __future__ import annotations
 
-import io
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ import typer
 from adaptsim_cli.commands.rows import CommandGroup, CommandRow
 from adaptsim_cli.screen import loading
 from adaptsim_cli.screen.pages import addressed
+from adaptsim_cli.screen.pipes import outlast_readers
 
 if TYPE_CHECKING:
     from adaptsim_cli.session.target import Openers
@@ -52,6 +52,10 @@ PANELS: Mapping[str, Mapping[str, CommandRow]] = {
         "touch-off": CommandRow(
             "touch_off:app", "Measure the table and the tool's pose in the hand. Do this before the first scoop."
         ),
+        "find": CommandRow(
+            "find:find",
+            "Find cameras, serial ports and the arm, and say where each belongs in the rig file. Nothing moves.",
+        ),
         "parts": CommandRow(
             "setup:parts",
             "Write the parts that a lab prints: pusher, adapter of the turner, holder of the board, and a sheet.",
@@ -83,6 +87,11 @@ PANELS: Mapping[str, Mapping[str, CommandRow]] = {
             "Compare sessions: methods, worlds, days, posteriors. "
             "Writes a page, and CSV of the sessions and of the trials.",
         ),
+        "dashboard": CommandRow(
+            "dashboard:dashboard",
+            "Show all sessions in the browser: search, tags, learning curves side by side, "
+            "and the running session live.",
+        ),
         "sessions": CommandRow("sessions:app", "List, check, mark, correct, prune and export stored sessions."),
         "replay": CommandRow(
             "exporting:replay",
@@ -98,7 +107,7 @@ PANELS: Mapping[str, Mapping[str, CommandRow]] = {
         ),
         "pretrain": CommandRow(
             "pretrain:pretrain",
-            "Phase 1: simulate a dataset, fit the emulator, tabulate the prospects, write a checkpoint.",
+            "Phase 1: simulate a dataset, fit the emulator, tabulate the rewards, write a checkpoint.",
         ),
         "object": CommandRow(
             "own_object:own_object",
@@ -118,6 +127,9 @@ PANELS: Mapping[str, Mapping[str, CommandRow]] = {
         "retrack": CommandRow(
             "exporting:retrack",
             "Track the recordings of a session again, with the tracker of this version. Nothing stored is changed.",
+        ),
+        "explain": CommandRow(
+            "explain:explain", "Say what a message means: what happened, what the arm did, and what to do next."
         ),
         "schema": CommandRow(
             "config:schema",
@@ -200,9 +212,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def main() -> None:
     """The console script."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without Unicode
+    outlast_readers()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: a second thread costs more than it saves
     sys.exit(run())
 

@@ -64,7 +64,9 @@ def rollout(
 
     if best != (session is not None):
         raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
-    open_view = partial(live_view, port=view_port) if view or view_port is not None else None
+    open_view = (
+        partial(live_view, port=view_port, root=resolved.places.sessions) if view or view_port is not None else None
+    )
     request = rollouts.RolloutRequest(context or (), action or (), param or (), session, trials, out, yes)
     return rollouts.run(resolved, request, openers.parts, screen, page.write, open_view)
 

@@ -41,6 +41,15 @@ class CommandGroup(TyperGroup):
             return None
         return self.commands.listed(cmd_name) if self._is_listing else self.commands[cmd_name]  # type: ignore[attr-defined]
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """See typer; a command of a group is suggested before one that only looks similar."""
+        if args and args[0] not in self.commands:
+            groups = [name for name in self.commands if args[0] in getattr(self.commands[name], "commands", {})]
+            if groups:
+                meant = " or ".join(f"'adaptsim {group} {args[0]}'" for group in groups)
+                ctx.fail(f"No such command '{args[0]}'. Did you mean {meant}?")
+        return super().resolve_command(ctx, args)
+
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """See typer."""
         self._is_listing = True
@@ -89,7 +98,18 @@ def _loaded(name: str, panel: str, row: CommandRow) -> Any:
         holder.add_typer(command, name=name, rich_help_panel=panel)
     else:
         holder.command(name, rich_help_panel=panel, help=_unwrapped(command.__doc__))(command)
-    return typer.main.get_command(holder).commands[name]  # type: ignore[attr-defined]
+    loaded = typer.main.get_command(holder).commands[name]  # type: ignore[attr-defined]
+    _name_no_type_of_flags(loaded)
+    return loaded
+
+
+def _name_no_type_of_flags(command: Any) -> None:
+    """A flag takes no value, so its help shows none."""
+    for option in command.params:
+        if getattr(option, "is_flag", False):
+            option.metavar = ""
+    for inner in getattr(command, "commands", {}).values():
+        _name_no_type_of_flags(inner)
 
 
 def _unwrapped(doc: str | None) -> str:

@@ -45,6 +45,10 @@ def run_iteration(
     ] = False,
     view: options.View = False,
     view_port: options.ViewPort = None,
+    log: Annotated[
+        list[str] | None,
+        typer.Option("--log", help="Keep the session in a logger too: tensorboard, wandb, mlflow; may be repeated."),
+    ] = None,
 ) -> Reply:
     """Run the trials of one iteration, adapt the simulation parameters and train the next task policies.
 
@@ -72,4 +76,8 @@ def run_iteration(
     opener = partial(openers.parts, own=begun, screen=None if resolved.config.unattended(yes) else screen)
     reports = Reports()
     view_of_session = with_first_look(looking_on)
+    if log:
+        from adaptsim_cli.show.loggers.feed import with_loggers
+
+        view_of_session = with_loggers(log, resolved.places.logs, view_of_session)
     return running.run_session(resolved, request, opener, reports.draw, screen, view_of_session, reports.ending)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from adaptsim_cli.config import is_own, same_lab
 from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord
 from adaptsim_cli.screen.views import predicted_between, signed
-from adaptsim_cli.session.records import ResultRecord, SessionFacts
+from adaptsim_cli.session.records import ROLLOUT, ResultRecord, SessionFacts
 from sim.adaptation.method import WORTHWHILE
 from sim.adaptation.paired import MOST_FURTHER, WORTH, Claim
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
@@ -52,7 +52,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
     """
     if verdict.kind is Kind.TOO_FEW:
         return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, at least {LEAST_TRIALS} are needed."
-    kind = "estimated" if verdict.gain is None else "predicted"
+    kind = "predicted" if verdict.has_forecast else "estimated"
     reward = f"{kind} reward {verdict.reward:.2f} (95 % {predicted_between(*verdict.ci95)})"
     sentences = [f"{HEADLINES[verdict.kind]}: {reward}{_worth(verdict)}."]
     if verdict.kind is Kind.UNINFORMED and verdict.prediction_error is not None:
@@ -87,14 +87,11 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
 
 def _worth(verdict: Verdict) -> str:
     """The worth of another iteration, for a method with a forecast."""
-    if verdict.gain is None or verdict.likely is None or verdict.kind in (Kind.HOPELESS, Kind.UNINFORMED):
-        return ""
-    if Reason.UNTRIED in verdict.reasons:
+    if verdict.kind is Kind.GO_ON and Reason.UNTRIED in verdict.reasons:
         return "; it rests on the first iteration alone, and the next one checks it"
-    clauses = [f"another iteration is predicted to gain {verdict.gain:.2f}"] if verdict.gain >= 0.005 else []
-    if verdict.kind is not Kind.ENOUGH:
-        clauses.append(f"with a chance of {100.0 * verdict.likely:.0f} % there is more than {WORTHWHILE:.2f} to gain")
-    return f"; {', and '.join(clauses) or 'another iteration is predicted to gain nothing'}"
+    if verdict.kind is Kind.ENOUGH:
+        return f"; after two iterations another one rarely gains more than {WORTHWHILE:.2f}"
+    return ""
 
 
 def control_name(control: str) -> str:
@@ -218,6 +215,15 @@ def after_iteration(facts: SessionFacts, result: ResultRecord) -> Steps:
         case _:
             steps = (again, use)
     return (*steps, *checks) if verdict.is_inexpressible else steps
+
+
+def onwards(facts: SessionFacts, results: Sequence[ResultRecord], iterations: int) -> Steps:
+    """The next commands for a stored session with so many begun `iterations`; none for a rollout."""
+    if facts.method == ROLLOUT:
+        return ()
+    if results and results[-1].iteration == iterations:
+        return after_iteration(facts, results[-1])
+    return ((f"adaptsim run-iteration --session {facts.name}", "continues this session"),)
 
 
 def _checks(facts: SessionFacts) -> Steps:

@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from adaptsim_cli.bench.checkpoints import checkpoint_of, task_of
+from adaptsim_cli.bench.checkpoints import task_of
 from adaptsim_cli.bench.devices.opening import open_lab
 from adaptsim_cli.bench.devices.trackers import tracker_of
 from adaptsim_cli.bench.rig import Rig
@@ -22,7 +22,13 @@ from adaptsim_cli.config import PERSON, Config, Places, is_own, places
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.session.checkpoint import recordings_of, solver_of, started_from
+from adaptsim_cli.session.checkpoint import (
+    checkpoint_in_session,
+    cost_in_words,
+    recordings_of,
+    solver_of,
+    started_from,
+)
 from adaptsim_cli.session.control_policies import control_of
 from adaptsim_cli.session.folders import FACTS
 from adaptsim_cli.session.own.exchange import Answerer
@@ -41,12 +47,12 @@ from hw.braking import FULL
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.adaptation import Adaptation
+from sim.adaptation.method import Simulating
 from sim.adaptation.methods import kind_of
 from sim.adaptation.worth_in_words import worth_in_words
 from sim.rollouts.recorded import RecordedTrials
-from sim.solvers.solver import Executable, Expectations, Policies
 from sim.tasks import files_of
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, Expectations, Policies, Task
 
 if TYPE_CHECKING:
     from adaptsim_cli.bench.devices.lab import Drivers
@@ -71,40 +77,37 @@ def open_parts(
 
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
-    checkpoint, prior = started_from(checkpoint_of(config), config)
-    of_library, session = checkpoint, learnt.parent
-    checkpoint = with_session_policies(of_library, session, config.workers, None)
-    worth = tuple(worth_in_words(checkpoint.card.worth))
-    training = checkpoint.solver.task.training
-    train = partial(trained_policies, of_library, session, config.workers) if training is not None else None
-    if config.recorded:
-        yield _recorded_parts(config, checkpoint, prior, learnt.parent)
-        return
-    if config.is_own:
-        yours = _own_target(config, checkpoint.solver.task, learnt.parent, screen, answerer)
-        with solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations):
-            adaptation = _adaptation(config, checkpoint, policies, expectations, yours.executable)
-            control, sha256 = control_of(config, checkpoint, policies, yours.executable)
-            origin = replace(_provenance(checkpoint, prior, ""), control_sha256=sha256)
-            yield SessionParts(yours.task, yours, adaptation, origin, control, worth=worth, train_policies=train)
-        return
-    with (
-        _open_target(config, checkpoint.solver.task, drivers, own, screen) as (task, target, executable, rig),
-        solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
-    ):
-        adaptation = _adaptation(config, checkpoint, policies, expectations, executable)
-        origin = _provenance(checkpoint, prior, _world_sha256(config.lab_world))
-        if rig is not None:
-            origin = replace(
-                origin,
-                calibration=rig.hand_eye.source,
-                calibration_sha256=hash_of(rig.hand_eye.X_BC, task.require_hardware().X_FT),
-                camera_late_s=rig.hand_eye.camera_late_s,
-            )
-        control, sha256 = control_of(config, checkpoint, policies, executable)
-        newest = None if rig is None else rig.camera.newest
-        origin = replace(origin, control_sha256=sha256)
-        yield SessionParts(task, target, adaptation, origin, control, newest, worth, train)
+    with checkpoint_in_session(config, learnt) as unbiased:
+        checkpoint, prior = started_from(unbiased, config)
+        of_library, session = checkpoint, learnt.parent
+        checkpoint = with_session_policies(of_library, session, config.workers, None)
+        worth = tuple(worth_in_words(checkpoint.card.worth))
+        training = checkpoint.solver.task.training
+        train = partial(trained_policies, of_library, session, config.workers) if training is not None else None
+        if config.recorded:
+            yield _recorded_parts(config, checkpoint, prior, session)
+            return
+        with (
+            _open_own_or_target(config, checkpoint.solver.task, session, drivers, own, screen, answerer) as opened,
+            solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
+        ):
+            task, target, executable, rig = opened
+            adaptation = _adaptation(config, checkpoint, policies, expectations, executable)
+            control, sha256 = control_of(config, checkpoint, policies, executable)
+            world = "" if config.is_own else _world_sha256(config.lab_world)
+            origin = replace(_provenance(checkpoint, prior, world), control_sha256=sha256)
+            if rig is not None:
+                origin = replace(
+                    origin,
+                    calibration=rig.hand_eye.source,
+                    calibration_sha256=hash_of(rig.hand_eye.X_BC, task.require_hardware().X_FT),
+                    camera_late_s=rig.hand_eye.camera_late_s,
+                )
+            newest = None if rig is None else rig.camera.newest
+            rollouts = None
+            if isinstance(adaptation.method, Simulating):
+                rollouts, worth = adaptation.method.rollouts, (cost_in_words(adaptation.method, config),)
+            yield SessionParts(task, target, adaptation, origin, control, newest, worth, train, rollouts)
 
 
 def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> SessionParts:
@@ -162,9 +165,10 @@ def _adaptation(
     from sim.adaptation.methods import make_method
     from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
 
-    table = checkpoint.reward_table
-    likelihood = None if table is None else TrajectoryLikelihood(checkpoint.solver, table.truths, table.prior)
     method = make_method(config.method, checkpoint.solver.task, checkpoint)
+    likelihood: TrajectoryLikelihood | Simulating | None = method if isinstance(method, Simulating) else None
+    if likelihood is None and (table := checkpoint.reward_table) is not None:
+        likelihood = TrajectoryLikelihood(checkpoint.solver, table.truths, table.prior)
     return Adaptation(method, policies, expectations, executable, likelihood)
 
 
@@ -194,7 +198,26 @@ def _spent(trials: RecordedTrials, session: Path) -> set[int]:
     return {int(row) for row in trials.at(np.array(used))} if used else set()
 
 
-_Opened = tuple[Task, Target, Executable | None, Rig | None]
+_Opened = tuple[Task, Target[Any, Any], Executable | None, Rig | None]
+
+
+@contextmanager
+def _open_own_or_target(
+    config: Config,
+    task: Task,
+    session: Path,
+    drivers: Drivers | None,
+    own: SessionFacts | None,
+    screen: Screen | None,
+    answerer: Answerer | None,
+) -> Iterator[_Opened]:
+    """See `_open_target`; a robot of one's own is a target without devices."""
+    if config.is_own:
+        yours = _own_target(config, task, session, screen, answerer)
+        yield yours.task, yours, yours.executable, None
+        return
+    with _open_target(config, task, drivers, own, screen) as opened:
+        yield opened
 
 
 @contextmanager

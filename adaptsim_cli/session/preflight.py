@@ -56,7 +56,7 @@ def _words(settings: list[tuple[int, int]]) -> str:
     return ", ".join(f"{exposure_us} µs and {balance_K} K" for exposure_us, balance_K in settings)
 
 
-def preflight(target: Target, facts: SessionFacts, folder: Path, min_free_mb: int) -> tuple[Readiness, ...]:
+def preflight(target: Target[Any, Any], facts: SessionFacts, folder: Path, min_free_mb: int) -> tuple[Readiness, ...]:
     """All checks, in the order of the screen. A device that is not ready raises nothing."""
     return (
         Readiness("checkpoint", True, f"{facts.checkpoint} ({facts.checkpoint_sha256[:12] or 'no hash'})"),

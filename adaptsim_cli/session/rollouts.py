@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from adaptsim_cli.config import Config, Resolved, same_lab
+from adaptsim_cli.config import DIRECT, Config, Resolved, same_lab
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
@@ -63,6 +63,8 @@ def run(
     folder = folder.absolute()
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         place = folder / SOLVER if settings.is_own else Path(learnt)  # questions to an own robot lie beside the session
+        if settings.solver == DIRECT and request.best_of and not settings.is_own:
+            place = resolved.places.sessions / request.best_of / SOLVER  # where the rollouts behind its policy are kept
         asking = None if settings.unattended(request.yes) else screen
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(open_parts(settings, place, screen=asking))
@@ -75,7 +77,7 @@ def run(
     records = trials_of(store)
     for record in records:
         screen.data("rollout", single.rollout_output(store, record, chosen))
-    screen.plain(f"Stored: {store.folder}")
+    screen.file("Stored", store.folder)
     with screen.busy("Drawing its page", "reporting"):
         page = draw(store)
     text = [f"Report: {page}"]

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 from rich.console import RenderableType
 
-from adaptsim_cli.config import Config, Resolved, is_own
+from adaptsim_cli.config import DIRECT, Config, Resolved, is_own
 from adaptsim_cli.errors import AnswerRefused, StoppedByOperator, UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
@@ -22,7 +23,7 @@ from adaptsim_cli.session import folders, terminal_views
 from adaptsim_cli.session.advice import after_iteration
 from adaptsim_cli.session.deferred import Deferred, submit
 from adaptsim_cli.session.ending import EndRule, after_iterations, asked_at_the_verdict, at_the_verdict
-from adaptsim_cli.session.flow import RunningSession, rows_of, show, stages, update_watchers
+from adaptsim_cli.session.flow import RunningSession, show, stages, update_watchers
 from adaptsim_cli.session.history import results_of
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.own.trust import require_trusted
@@ -38,13 +39,16 @@ from adaptsim_cli.session.records import (
     generator,
     now,
 )
+from adaptsim_cli.session.results import rows_of
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
+from hw.cores import usable_cores
 from hw.memory import return_pictures
 from hw.plugins import did_you_mean
 from sim.adaptation.stages import Show
 from sim.errors import MomentsMissing
+from sim.rollouts.run import Progress
 
 OpenSessionParts = Callable[[Config, Path], AbstractContextManager[SessionParts]]
 """(settings, folder for a solver's policies) -> the connected parts."""
@@ -60,6 +64,8 @@ _FROZEN = (
     *("method", "control", "pairs", "solver", "object", "seed", "particles"),
 )
 
+SHOWN_S = 3.0
+"""Rollouts that take longer have a progress bar."""
 
 NO_CONSENT = "each motion of a real robot is confirmed at a terminal, also with --yes: run in a terminal"
 
@@ -230,13 +236,31 @@ def facts_of(resolved: Resolved, request: SessionRequest) -> SessionFacts:
     return store.facts
 
 
+def _together(config: Config) -> Config:
+    """The settings, in which the direct solver and the direct method name each other. Raises UsageError."""
+    if DIRECT not in (config.solver, config.method):
+        return config
+    usual = Config()
+    for key, chosen, other in (("solver", config.solver, usual.solver), ("method", config.method, usual.method)):
+        if chosen not in (DIRECT, other):
+            raise UsageError(
+                f"--{key} {chosen}: the direct solver and the direct method need each other. Leave --{key} out, or "
+                "leave direct out"
+            )
+    for key in ("start_from", "recorded"):
+        if getattr(config, key):
+            raise UsageError(f"--{key.replace('_', '-')} rests on a checkpoint, and the direct solver has none")
+    return config.model_copy(update={"solver": DIRECT, "method": DIRECT})
+
+
 def default_name(config: Config) -> str:
     """The name of a session if none is given: task and world, and method and seed unless they are the defaults."""
     usual = Config()
     method = config.method if config.method != usual.method else ""
     seed = f"seed{config.seed}" if config.seed != usual.seed else ""
+    solver = config.solver if config.solver != method else ""
     control = f"control-{config.control}" if config.control else ""
-    parts = (config.task, Path(config.object).stem, config.target_name, method, control, config.solver, seed)
+    parts = (config.task, Path(config.object).stem, config.target_name, method, control, solver, seed)
     return re.sub(r"[^A-Za-z0-9._-]", "-", "-".join(part for part in parts if part))
 
 
@@ -247,10 +271,10 @@ def absolute(named: str) -> str:
 
 
 def anywhere(config: Config) -> Config:
-    """The settings with absolute paths."""
+    """The settings with absolute paths, and with a solver and a method that fit. Raises UsageError."""
     recorded = str(Path(config.recorded).expanduser().absolute()) if config.recorded else ""
     update = {"world": absolute(config.world), "object": absolute(config.object), "recorded": recorded}
-    return config.model_copy(update=update)
+    return _together(config.model_copy(update=update))
 
 
 def _known(root: Path, name: str) -> SessionStore | None:
@@ -289,12 +313,24 @@ def _opened(
             return stack.enter_context(open_parts(config, folder / folders.SOLVER))
 
     parts = opened()
+    if parts.rollouts is not None:
+        parts.rollouts.progress = partial(_shown, screen, parts.rollouts.seconds, config.workers or usable_cores())
     if not begun:
         for sentence in parts.worth:
             screen.plain(sentence)
     elif parts.train_policies is not None and parts.train_policies(screen):
         parts = opened()
     return parts
+
+
+@contextmanager
+def _shown(screen: Screen, seconds: float, processes: int, rollouts: int) -> Iterator[Progress]:
+    """A bar for rollouts that take a while."""
+    if rollouts * seconds / processes < SHOWN_S:
+        yield lambda done, total: None
+        return
+    with screen.progress() as progress:
+        yield lambda done, total: progress("rollouts", done, total)
 
 
 def begin(root: Path, name: str, config: Config, parts: SessionParts) -> SessionStore:
@@ -347,8 +383,9 @@ _OWN = {
 def _same_parts(store: SessionStore, parts: SessionParts, screen: Screen) -> SessionStore:
     """The store, if its checkpoint, calibration and world are still those that it was begun with."""
     facts, now = store.facts, parts.provenance
+    learnt = "checkpoint" if parts.rollouts is None else "physics or a range of the task"
     for what, was, digest in (
-        ("checkpoint", facts.checkpoint_sha256, now.checkpoint_sha256),
+        (learnt, facts.checkpoint_sha256, now.checkpoint_sha256),
         ("calibration or touch-off", facts.calibration_sha256, now.calibration_sha256),
         ("camera's time offset", _ms(facts.camera_late_s), _ms(now.camera_late_s)),
         ("recording" if facts.recorded else "world", facts.world_sha256, now.world_sha256),

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 from adaptsim_cli.bench.rig import Image
 from adaptsim_cli.config import Config
@@ -19,7 +19,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.control import ControlPolicies
-from adaptsim_cli.session.live_trial import Motion, Placement
+from adaptsim_cli.session.live_trial import Motion, PlacedTrial, PlannedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.own.exchange import Answerer
 from adaptsim_cli.session.records import SessionFacts
@@ -28,11 +28,15 @@ from perception.types import Outcome
 from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
+from sim.rollouts.kept import KeptRollouts
 from sim.tasks.task import Task
 
+Placed = TypeVar("Placed", bound=PlacedTrial)
+Planned = TypeVar("Planned", bound=PlannedTrial)
 
-class Target(Protocol):
-    """The target that a session adapts to."""
+
+class Target(Protocol[Placed, Planned]):
+    """The target that a session adapts to. Placed and planned trials of its own carry what its next step needs."""
 
     @property
     def title(self) -> str:
@@ -63,16 +67,16 @@ class Target(Protocol):
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         """Whether an interrupted attempt is spent; if not, it is repeated from its start."""
 
-    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placement:
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placed:
         """Realise the `drawn` context (c,) as closely as possible. Raises HardwareError, ObjectNotFound."""
 
-    def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
+    def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
         """Plan the motion of `action` (a,).
 
         Raises NotExecutable, or MotionRefused naming joint, time, value and limit.
         """
 
-    def execute(self, planned: Placement, progress: Progress = silently) -> Motion:
+    def execute(self, planned: Planned, progress: Progress = silently) -> Motion:
         """Execute the trial. Raises MotionRefused, CameraError, or ArmFault if nothing was recorded."""
 
     def read(self, folder: Path, context: Array, action: Array) -> Motion:
@@ -103,7 +107,7 @@ class SessionParts:
     """Task, target and adaptation of one session, with their provenance."""
 
     task: Task
-    target: Target
+    target: Target[Any, Any]
     adaptation: Adaptation
     provenance: Provenance
     control: ControlPolicies | None = None  # of the control trials; None: there are none
@@ -112,6 +116,7 @@ class SessionParts:
     train_policies: Callable[[Screen], bool] | None = None
     """Trains the missing policies of the session; whether there are new ones, so that the parts are opened again. None:
     the task trains none in a session."""
+    rollouts: KeptRollouts | None = None  # of the direct solver; None: Phase 1 simulated them
 
 
 class OpenParts(Protocol):

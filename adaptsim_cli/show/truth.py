@@ -120,7 +120,7 @@ def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
     They are simulated once, in parallel where they are slow, and kept in the data folder by the hash of checkpoint and
     world.
     """
-    from sim.adaptation.methods.udr import udr_policies
+    from sim.adaptation.methods.udr import DRAWS, udr_policies
     from sim.lab.world import rollouts_in
     from sim.rollouts.draws import cover
     from sim.rollouts.executors import process_pool, serial_executor
@@ -130,7 +130,8 @@ def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
     task = checkpoint.solver.task
     contexts = cover(task.context, CONTEXTS if len(task.context) else 1, np.random.default_rng(0))
     middle = task.nuisance.denormalise(np.full(len(task.nuisance), 0.5))
-    policies = udr_policies(checkpoint.solver, np.random.default_rng(0))
+    of_udr = DRAWS if checkpoint.reward_table is not None else 1  # else each one costs hundreds of rollouts
+    policies = udr_policies(checkpoint.solver, np.random.default_rng(0), of_udr)
     count = len(policies) * len(contexts)
     requests = Requests(
         np.tile(world.parameters, (count, 1)),

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.adaptation.judging import Misfits, assess, final_policy, repeated_trials, verdict_of
-from sim.adaptation.method import Best, Iteration, Method, Particle, SessionForecast, policy_of
+from sim.adaptation.method import Best, Iteration, Method, Particle, SessionForecast, Simulating, policy_of
 from sim.adaptation.posterior import Posterior, posterior
 from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
 from sim.adaptation.verdict import Verdict
-from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy
+from sim.tasks.task import Executable, Expectations, Policies, SolvedPolicy
 
 
 class Assessment(NamedTuple):
@@ -34,7 +34,7 @@ class Adaptation:
     policies: Policies
     expectations: Expectations
     executable: Executable | None = None  # None: every action is
-    likelihood: TrajectoryLikelihood | None = None  # for display; a method may have its own
+    likelihood: TrajectoryLikelihood | Simulating | None = None  # for display; a method may have its own
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The first `n` particles."""

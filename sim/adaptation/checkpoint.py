@@ -24,13 +24,13 @@ from sim.errors import CheckpointError
 from sim.solvers.emulator.network import SELF_TEST, Emulator, EmulatorReport, predictions, require_same
 from sim.solvers.grid import grid_behind
 from sim.solvers.library import with_library
-from sim.solvers.solver import Solver, naf
+from sim.solvers.solver import naf
 from sim.storage.files import Tensors, load_tensors, read_toml, save_tensors, sha256, write_toml
 from sim.tasks import files_of, task_names
 from sim.tasks.fingerprint import changes, content, fingerprint, interface, scene_key
 from sim.tasks.library import FOLDER as POLICIES
 from sim.tasks.library import read_library
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 CARD = "card.toml"
 FORMAT = 1
@@ -106,7 +106,7 @@ class Card(_Table):
     versions: dict[str, str] = {}  # of the packages that it was made with
     seed: int | None = None
     simulations: int = 0
-    solver: Literal["emulator", "naf"] = "emulator"
+    solver: Literal["emulator", "naf", "direct"] = "emulator"
     naf: dict[str, Any] | None = None  # read by NAF's solver
     budget: Budget = Budget()
     self_test: list[float] | None = None  # predictions repeated on loading; None: no emulator
@@ -253,6 +253,20 @@ def _require_same_physics(task: Task, path: Path, card: Card) -> None:
         f"same, and rollouts end differently ({task.file.path}, or a file of its scene). Pretrain again with `adaptsim "
         f"pretrain --task {task.file.path}`, in a new --out, or restore the file"
     )
+
+
+def without_phase_1(task: Task, solver: Solver) -> Checkpoint:
+    """What stands for a checkpoint where every answer is simulated. Its hash is that of the task and its physics."""
+    card = Card(
+        format=1,
+        task=task.name,
+        object=task.object_name,
+        fingerprint=fingerprint(task),
+        interface=interface(task),
+        sha256=scene_key(task, FEW),
+        solver="direct",
+    )
+    return Checkpoint(files_of(task.name, "checkpoints") / "direct", card, solver, None, None, {})
 
 
 def reward_table_of(method: str, task: Task, checkpoint: Checkpoint | None) -> RewardTable:

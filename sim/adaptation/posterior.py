@@ -22,12 +22,12 @@ from hw.types import Array, frozen_array
 from sim.adaptation.checkpoint import Checkpoint, reward_table_of
 from sim.adaptation.densities import unit_points
 from sim.adaptation.exact_fit import exact_fit, is_exact
-from sim.adaptation.method import Iteration
+from sim.adaptation.method import ExpectedTrajectories, Iteration, Simulating
 from sim.adaptation.refining import refined
 from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
 from sim.errors import CollapsedPosterior
 from sim.solvers.grid import grid_behind
-from sim.solvers.solver import Expectations, SolvedPolicy
+from sim.tasks.task import Expectations, SolvedPolicy
 from sim.types import Estimate, Space
 
 RESOLVED = 24.0
@@ -125,13 +125,20 @@ def likelihood_of(checkpoint: Checkpoint) -> TrajectoryLikelihood:
     return TrajectoryLikelihood(checkpoint.solver, table.truths, table.prior)
 
 
-def posterior(likelihood: TrajectoryLikelihood, history: Sequence[Iteration]) -> Posterior:
+def posterior(likelihood: TrajectoryLikelihood | Simulating, history: Sequence[Iteration]) -> Posterior:
     """The posterior after all trials of `history`; without any, the prior."""
     return posterior_after_each(likelihood, history)[-1]
 
 
-def posterior_after_each(likelihood: TrajectoryLikelihood, history: Sequence[Iteration]) -> tuple[Posterior, ...]:
+def posterior_after_each(
+    likelihood: TrajectoryLikelihood | Simulating, history: Sequence[Iteration]
+) -> tuple[Posterior, ...]:
     """The prior, and the posterior after each iteration of `history`."""
+    if isinstance(likelihood, Simulating):
+        return tuple(
+            Posterior(likelihood.solver.task.margin, drawn, np.full(len(drawn), 1.0 / len(drawn)))
+            for drawn in likelihood.draws_after_each(history)
+        )
     logs = likelihood.after_each(history)
     return tuple(_posterior(likelihood, history[:k], log) for k, log in enumerate(logs))
 
@@ -157,7 +164,7 @@ def _posterior(likelihood: TrajectoryLikelihood, history: Sequence[Iteration], l
         return Posterior(space, samples, _tempered(np.log(finer.weights), np.arange(len(samples))))
 
 
-def predicted(expectations: Expectations, parameters: Array, context: Array, action: Array) -> Array:
+def predicted(expectations: ExpectedTrajectories, parameters: Array, context: Array, action: Array) -> Array:
     """(N, M, k) expected states, in units, of trials for parameters (N, p), at the times of the task's observation.
 
     The trials have contexts (N, c) and actions (N, a), or one context (c,) and action (a,) for all.

@@ -21,6 +21,7 @@ MOST_LINES = {
     "calibrate": 40_000,
     "checkpoints": 26_000,
     "config": 22_000,
+    "dashboard": 22_000,
     "exporting": 30_000,
     "lab": 25_000,
     "measurements": 34_000,

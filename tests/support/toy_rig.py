@@ -27,7 +27,8 @@ from perception.types import ObjectTrack, Outcome
 from sim.adaptation.adaptation import Assessment
 from sim.adaptation.method import Best, Iteration, Particle
 from sim.adaptation.verdict import Kind, Verdict
-from sim.tasks.task import AdaptationSettings, Hardware, Observation, Task
+from sim.tasks.hardware import Hardware
+from sim.tasks.task import AdaptationSettings, Observation, Task
 from sim.types import Dimension, Space, ToolMotion
 
 PARAMETERS = Space((Dimension("mu", "", 0.2, 0.4), Dimension("e", "Pa", 1e4, 1e6, "log")))

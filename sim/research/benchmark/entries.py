@@ -24,8 +24,7 @@ from sim.research.benchmark import baselines
 from sim.research.benchmark.knowledge import RANGES, Ranges
 from sim.research.benchmark.sessions import udr_policies
 from sim.rollouts.draws import cover
-from sim.solvers.solver import SolvedPolicy
-from sim.tasks.task import Task
+from sim.tasks.task import SolvedPolicy, Task
 
 if TYPE_CHECKING:
     from sim.adaptation.methods import Factory
@@ -134,7 +133,8 @@ class ConstantPolicy:
 
 
 def _best_mean(checkpoint: Checkpoint, seed: int) -> tuple[SolvedPolicy, ...]:
-    return (_with_best_mean(checkpoint.solver),)
+    solver: Any = checkpoint.solver  # hashed by its identity
+    return (_with_best_mean(solver),)
 
 
 def _require_one_context(task: Task) -> None:
@@ -177,6 +177,12 @@ FIXED_RULES: Mapping[str, FixedRule] = {
     SECOND: partial(_before_any_trial, 1),
 }
 """Rules that need no trial."""
+
+
+@cache
+def fixed_policies(name: str, checkpoint: Checkpoint, seed: int) -> tuple[SolvedPolicy, ...]:
+    """The policies of a fixed rule: they are the same in every world, so they are made once in a process."""
+    return FIXED_RULES[name](checkpoint, seed)
 
 
 def entry_names() -> tuple[str, ...]:

@@ -16,7 +16,16 @@ from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.judging import final_policy
 from sim.adaptation.methods import kind_of, make_method
 from sim.lab.world import World
-from sim.research.benchmark.entries import BEST_ACTION, FIXED_RULES, LIMITS, ORACLE, UDR, Entry, make_entry
+from sim.research.benchmark.entries import (
+    BEST_ACTION,
+    FIXED_RULES,
+    LIMITS,
+    ORACLE,
+    UDR,
+    Entry,
+    fixed_policies,
+    make_entry,
+)
 from sim.research.benchmark.knowledge import checkpoint_knowing
 from sim.research.benchmark.sessions import (
     Commands,
@@ -101,7 +110,7 @@ def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
         return estimated_reward(task, act, simulated, few, job.seed)
 
     if entry.name in FIXED_RULES:
-        policies = FIXED_RULES[entry.name](checkpoint, job.seed)
+        policies = fixed_policies(entry.name, checkpoint, job.seed)
         last = mean_of([final(policy.actions, len(policies)) for policy in policies])
         played = [mean_played_reward(task, p.actions, place, conditions.judged, job.seed) for p in policies]
         shown_reward = sum(played) / len(policies)

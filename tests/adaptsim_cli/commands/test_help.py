@@ -65,3 +65,13 @@ def test_defaults_that_settings_decide_are_those_of_the_settings() -> None:
             expected = getattr(usual, option.name)
             assert option.show_default == (f"{expected:g}" if isinstance(expected, float) else str(expected)), path
     assert compared > 40
+
+
+def test_a_flag_shows_no_type_and_other_options_do() -> None:
+    shown = {option.is_flag: option.metavar for _, option in OPTIONS if getattr(option, "is_flag", False)}
+    assert shown == {True: ""}
+
+
+def test_a_command_of_a_group_is_suggested_with_its_group(capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["export"]) == 2
+    assert "Did you mean 'adaptsim sessions export'?" in capfd.readouterr().err

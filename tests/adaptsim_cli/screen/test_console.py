@@ -18,7 +18,7 @@ from adaptsim_cli.screen.console import CleanConsole, Screen, clean
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import between, clear_to_move, predicted_between, top_speed_m_s
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.live_trial import Placement
+from adaptsim_cli.session.live_trial import PlannedTrial
 from adaptsim_cli.session.operator import Attended
 from adaptsim_cli.session.records import MotionRecord
 from hw.errors import ArmFault
@@ -180,7 +180,7 @@ def test_it_is_asked_after_every_placing_and_before_anything_moves(name, tmp_pat
         def placed(self, what: str, wanted_m: np.ndarray, real: bool) -> None:
             events.append("placed")
 
-        def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
+        def approve(self, trial: MotionRecord, planned: PlannedTrial, real: bool, release: Release) -> None:
             who = "THE REAL ROBOT" if real else "The simulated robot"
             assert planned.announcement.startswith(
                 f"Is the work area clear, nobody within reach? {who} then comes to the"

@@ -20,8 +20,7 @@ CHECK, TOUCH, RANGES = "adaptsim calibrate check", "adaptsim touch-off", "adapts
 
 
 def found(kind: Kind, *reasons: Reason, reward: float = 0.5) -> Verdict:
-    forecast = {"gain": 0.08, "likely": 0.4} if kind in (Kind.GO_ON, Kind.ENOUGH, Kind.HOPELESS) else {}
-    return Verdict(kind=kind, reasons=reasons, reward=reward, ci95=(0.2, 0.95), trials=8, strange=6, **forecast)
+    return Verdict(kind=kind, reasons=reasons, reward=reward, ci95=(0.2, 0.95), trials=8, strange=6)
 
 
 def best_of(tried: tuple[int, ...] | None, reward: float | None) -> BestRecord:

@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 from moving_task import TASK, simulate
 
-from sim.research.pretraining.cost import GROWN, RolloutCost, duration, enough_rollouts, measured_cost
+from sim.research.pretraining.growth import GROWN, enough_rollouts
 from sim.rollouts import serial_executor
+from sim.rollouts.cost import RolloutCost, duration, measured_cost
 from sim.solvers.emulator.training import EmulatorSettings
 from sim.storage.files import read_toml
 

@@ -84,6 +84,7 @@ def open_parts(
         yours = _own_target(config, checkpoint.solver.task, learnt.parent, screen, answerer)
         with solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations):
             learner = _learner(config, checkpoint, policies, expectations, yours.executable)
+            yours = replace(yours, expectations=expectations)
             control, sha256 = control_of(config, checkpoint, policies, yours.executable)
             origin = replace(_provenance(checkpoint, prior, ""), control_sha256=sha256)
             yield Parts(yours.task, yours, learner, origin, control, worth=worth, train_policies=train)
@@ -115,7 +116,7 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
         raise UsageError(f"--recorded: policies choose among recorded actions, so leave out --solver {config.solver}")
     if config.control:
         raise UsageError(f"--recorded: no further trial can be made, so leave out --control {config.control}")
-    recordings = recordings_of(checkpoint, config)
+    recordings = recordings_of(checkpoint, config, begins=not (session / FACTS).exists())
     solver = recordings.checkpoint.solver
     title = f"recorded trials of {config.recorded}, {len(recordings.held_out)} of them held out"
     title = "; ".join((title, *recordings.shown.notes))

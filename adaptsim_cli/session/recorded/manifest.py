@@ -89,6 +89,9 @@ class Manifest(Record):
     tables: Tables | None = Field(None, description="trials in CSV or Parquet files")
     mcap: Mcap | None = Field(None, description="trials in MCAP files")
     sessions: tuple[str, ...] = Field((), description="folders of sessions of this program")
+    as_written: bool = Field(
+        False, description="true: use the trials as written, although another reading of them fits the simulator better"
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> Manifest:
@@ -130,7 +133,12 @@ class RawTrial:
 
 
 def checked(
-    task: Task, raw: Sequence[RawTrial], outcome: Outcome | None, notes: tuple[str, ...] = ()
+    task: Task,
+    raw: Sequence[RawTrial],
+    outcome: Outcome | None,
+    notes: tuple[str, ...] = (),
+    *,
+    as_written: bool = True,
 ) -> RecordedTrials:
     """The trials as the task knows them, with `notes` about their reading. Raises RecordingsRefused."""
     named = set(raw[0].values) if raw else set()
@@ -142,6 +150,7 @@ def checked(
         np.array([_point(trial, task.action) for trial in raw]).reshape(len(raw), len(task.action)),
         tuple(_track(trial, outcome) for trial in raw),
         notes,
+        as_written,
     )
     _require_ends(trials)
     if trials.contexts is not None and REWARD in named:

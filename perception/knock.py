@@ -8,7 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from hw.types import Array, Frame
+from hw.types import Frame
 from perception.geometry import Array32
 from perception.types import ObjectTrack
 
@@ -55,16 +55,17 @@ def _small(frame: Frame) -> Array32:
 def _shift_share(start: Array32, now: Array32) -> float:
     """How far the whole picture has moved, as a share of its width; 0 if no shift explains the difference."""
     window = cv2.createHanningWindow((start.shape[1], start.shape[0]), cv2.CV_32F)
-    (u, v), _ = cv2.phaseCorrelate(start, now, window)
+    (u, v), _ = cv2.phaseCorrelate(start.copy(), now.copy(), window)  # it writes into its arguments
     if not np.isfinite([u, v]).all() or np.hypot(u, v) > 0.2 * start.shape[1]:
         return 0.0
-    back = cv2.warpAffine(now, np.array([[1.0, 0.0, -u], [0.0, 1.0, -v]]), start.shape[::-1], flags=cv2.INTER_LINEAR)
+    move = np.array([[1.0, 0.0, -u], [0.0, 1.0, -v]])
+    back = np.asarray(cv2.warpAffine(now, move, (start.shape[1], start.shape[0])), dtype=np.float32)
     rim = int(np.ceil(np.hypot(u, v))) + 1
     inner = np.s_[rim:-rim, rim:-rim]
     differs, differs_back = _difference(now[inner], start[inner]), _difference(back[inner], start[inner])
     return float(np.hypot(u, v)) / start.shape[1] if differs_back < _BETTER * differs else 0.0
 
 
-def _difference(one: Array, other: Array) -> float:
+def _difference(one: Array32, other: Array32) -> float:
     """The mean difference of two pictures."""
     return float(np.abs(one - other).mean())

@@ -19,11 +19,12 @@ SPIKE_M, SPIKE_M_S = 0.05, 3.0
 _MOVED, _RESTS, _REST_S = 0.05, 0.01, 0.3
 """An object has moved by more than the first share of the range of observations; it rests while it stays within the
 second for so long (s)."""
-_DRAWS = 8
+_DRAWS = 4
 WRONG_WAY_DEG = 30.0
 """How far the direction from start to end may lie beside those of all simulations."""
-DRIFT_M_S, _CREEP_S, _STILL_M, _DRIFTING = 0.003, 0.15, 0.015, 5
-"""In so many trials no object creeps faster than this (m/s), before it has moved by so much and as it rests."""
+DRIFT_M_S, _CREEP_S, _MOVES_M_S, _DRIFTING = 0.003, 0.15, 0.10, 5
+"""In so many trials (the last) no object creeps alike and faster than the first (m/s), for so long (s), before it moves
+faster than the third (m/s) and as it rests."""
 HEIGHT_M = 0.10
 """How far from its known height an object may begin (m)."""
 
@@ -65,12 +66,13 @@ def drifts(task: Task, tracks: Sequence[ObjectTrack]) -> str:
 def _creeps_m_s(task: Task, track: ObjectTrack) -> tuple[Array, Array] | None:
     """Velocities (k,) before the object is moved and after it rests; None: not observed."""
     t_s, places_m = track.t_s, track.state[:, list(task.observation.columns)]
-    before = np.flatnonzero(np.linalg.norm(places_m - places_m[0], axis=1) > _STILL_M)
-    last = np.flatnonzero(t_s >= t_s[-1] - _CREEP_S)
-    first = int(before[0]) if len(before) else 0
-    if len(last) < 3 or first < 2 or t_s[first - 1] - t_s[0] < _CREEP_S:
+    if len(t_s) < 4:
         return None
-    start_m_s = (places_m[first - 1] - places_m[0]) / (t_s[first - 1] - t_s[0])
+    moving = np.linalg.norm(np.diff(places_m, axis=0), axis=1) / np.diff(t_s) > _MOVES_M_S
+    last, first = np.flatnonzero(t_s >= t_s[-1] - _CREEP_S), int(moving.argmax())  # the last sample before it moves
+    if not moving.any() or len(last) < 3 or t_s[first] - t_s[0] < _CREEP_S:
+        return None
+    start_m_s = (places_m[first] - places_m[0]) / (t_s[first] - t_s[0])
     return start_m_s, (places_m[last[-1]] - places_m[last[0]]) / (t_s[last[-1]] - t_s[last[0]])
 
 

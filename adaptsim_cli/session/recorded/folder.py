@@ -13,6 +13,7 @@ import numpy as np
 
 from adaptsim_cli.session.folders import FACTS
 from adaptsim_cli.session.history import trials_of
+from adaptsim_cli.session.recorded.datasets import of_lerobot, of_robomimic
 from adaptsim_cli.session.recorded.manifest import (
     MANIFEST,
     OUTCOME,
@@ -84,6 +85,10 @@ def _raw(task: Task, folder: Path, manifest: Manifest) -> tuple[list[RawTrial], 
         return _of_tables(folder, manifest.tables)
     if manifest.mcap is not None:
         return of_mcap(folder, manifest.mcap), ()
+    if manifest.lerobot is not None:
+        return of_lerobot(folder, manifest.lerobot), ()
+    if manifest.robomimic is not None:
+        return of_robomimic(folder, manifest.robomimic), ()
     trials = []
     for name in manifest.sessions:
         where = folder / name

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from perception.types import ObjectTrack
+from perception.types import ObjectTrack, Outcome
 from sim.rollouts.trajectories import contradiction, drifts
 from sim.tasks import get_task
 
@@ -38,6 +38,7 @@ def test_one_sample_off_the_way_is_named(push: ObjectTrack) -> None:
     assert "mm off its way" in sentence(replace(push, state=state))
 
 
+@pytest.mark.long  # four rollouts
 def test_an_object_that_is_carried_away_after_its_rest_is_named(push: ObjectTrack) -> None:
     rest, home = push.state[-1], push.state[0]
     carried = [rest + share * (home - rest) for share in np.linspace(0.0, 1.0, 30)]
@@ -48,6 +49,7 @@ def test_an_object_that_is_carried_away_after_its_rest_is_named(push: ObjectTrac
     assert "moves again" in sentence(track)
 
 
+@pytest.mark.long  # four rollouts
 def test_an_object_that_never_moves_under_a_push_is_named(push: ObjectTrack) -> None:
     frozen = replace(push, state=np.repeat(push.state[:1], len(push.t_s), axis=0))
     assert "the object never moves" in sentence(frozen)
@@ -65,7 +67,5 @@ def test_a_drift_that_all_trials_share_is_named(push: ObjectTrack) -> None:
 
 def test_a_task_of_angles_is_left_alone() -> None:
     pendulum = get_task("pendulum")
-    still = ObjectTrack(
-        np.arange(9) / 10, np.zeros((9, 5)), pendulum.require_report().outcomes[0], np.zeros(3), np.ones(9)
-    )
+    still = ObjectTrack(np.arange(9) / 10, np.zeros((9, 5)), Outcome.SETTLED, np.zeros(3), np.ones(9))
     assert contradiction(pendulum, still, None, np.zeros(8)) == ""

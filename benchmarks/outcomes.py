@@ -17,6 +17,7 @@ import argparse
 import sys
 import tempfile
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,7 @@ def main() -> None:
         for name in args.tasks:
             for condition in args.conditions:
                 lit = draw_worlds(get_task(name), args.seed, args.worlds, condition, args.camera)[number]
-                row = kept.row(f"{args.camera} {lit.name}", args.seed, lambda n=name, w=lit: trial_row(get_task(n), w))
+                row = kept.row(f"{args.camera} {lit.name}", args.seed, partial(trial_row, get_task(name), lit))
                 one = Judged(**{**row, "flags": tuple(row["flags"])})
                 done.setdefault((name, condition), []).append(one)
                 if one.refused or one.is_wrong or one.is_doubted:

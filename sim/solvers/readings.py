@@ -30,25 +30,25 @@ _TURNS_DEG = (10.0, 20.0, 45.0, 90.0, 180.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class TableReading:
     """One way to read a table: the observations (N, size) of its trials."""
 
     words: str  # after "if"
     observations: Array
 
 
-def readings_of(trials: RecordedTrials) -> tuple[Reading, ...]:
+def readings_of(trials: RecordedTrials) -> tuple[TableReading, ...]:
     """The table as it is written, first, and every other reading of it."""
     task, tracks = trials.task, trials.tracks
     times_s, columns = task.observation.times_s, list(task.observation.columns)
 
-    def observed(words: str, factor: float, shift_s: float, change: Callable[[Array, Array], Array]) -> Reading:
+    def observed(words: str, factor: float, shift_s: float, change: Callable[[Array, Array], Array]) -> TableReading:
         """The true time is `factor` times the recorded one, and `shift_s` later."""
         rows = []
         for track in tracks:
             first = track.state[0, columns]
             rows.append(task.observation.normalise(change(track.at((times_s - shift_s) / factor)[:, columns], first)))
-        return Reading(words, np.array(rows))
+        return TableReading(words, np.array(rows))
 
     def same(states: Array, first: Array) -> Array:
         return states
@@ -61,9 +61,9 @@ def readings_of(trials: RecordedTrials) -> tuple[Reading, ...]:
     turned = [observed(words, 1.0, 0.0, change) for words, change in _frames(task)]
     rows = written.observations
     exchanged = [
-        Reading("each trajectory belongs to the trial before it in the list", np.roll(rows, -1, axis=0)),
-        Reading("each trajectory belongs to the trial after it in the list", np.roll(rows, 1, axis=0)),
-        Reading("the trajectories belong to the trials in reversed order", rows[::-1]),
+        TableReading("each trajectory belongs to the trial before it in the list", np.roll(rows, -1, axis=0)),
+        TableReading("each trajectory belongs to the trial after it in the list", np.roll(rows, 1, axis=0)),
+        TableReading("the trajectories belong to the trials in reversed order", rows[::-1]),
     ]
     return (written, *timed, *turned, *exchanged)
 
@@ -99,7 +99,7 @@ def _flip(column: int, columns: int) -> Callable[[Array, Array], Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class ReadingFit:
     """How well one reading of a table fits the simulator, at the parameters that suit the whole table best."""
 
     words: str
@@ -140,9 +140,9 @@ def _paths(expectations: Expectations, trials: RecordedTrials) -> Array:
     return np.array(paths).reshape(len(trials), DRAWS, DISTURBED, -1)
 
 
-def _fit(expectations: Expectations, reading: Reading, paths: Array) -> Fit:
+def _fit(expectations: Expectations, reading: TableReading, paths: Array) -> ReadingFit:
     pairs = zip(reading.observations, paths, strict=True)
     near = np.array([squares(expectations, row, mine).min(axis=-1) for row, mine in pairs])  # (N, K)
     costs = np.log1p(VALUES * near / FREEDOM).mean(axis=0)
     k = int(costs.argmin())
-    return Fit(reading.words, float(costs[k]), int((near[:, k] <= expectations.misfit_limit**2).sum()))
+    return ReadingFit(reading.words, float(costs[k]), int((near[:, k] <= expectations.misfit_limit**2).sum()))

@@ -37,7 +37,8 @@ def drawing(board: Chessboard, *, is_inverted: bool) -> tuple[NDArray[np.uint8],
     squares = np.add.outer(np.arange(down), np.arange(across)) % 2 * 205 + 25
     grey = np.pad(np.kron(squares, np.ones((PX, PX))), PX, constant_values=230).astype(np.uint8)
     u, v = np.meshgrid(np.arange(1, across), np.arange(1, down))
-    return (255 - grey if is_inverted else grey), PX * (np.stack([u, v], axis=-1).reshape(-1, 2) + 1.0) - 0.5
+    corners = np.asarray(PX * (np.stack([u, v], axis=-1).reshape(-1, 2) + 1.0) - 0.5, dtype=np.float64)
+    return (255 - grey if is_inverted else grey), corners
 
 
 def board_in_room(board: Chessboard, number: int, *, is_inverted: bool, width_px: float = 110.0) -> BoardInRoom:

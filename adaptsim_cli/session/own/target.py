@@ -162,10 +162,12 @@ class OwnTarget:
         for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
             exchange = Exchange(file.parent, "trial")
             with suppress(AnswerRefused, OSError, ValueError):
-                earlier, asked = exchange.answer(), exchange.question()
-                if earlier is not None and asked.trial < question.trial and earlier.t_s is not None:
-                    answers.append((track_of(earlier, asked, task), asked))
-        contexts = [np.array([asked.context[name] for name in task.context.names]) for _, asked in answers]
+                earlier, its_question = exchange.answer(), exchange.question()
+                if earlier is not None and its_question.trial < question.trial and earlier.t_s is not None:
+                    answers.append((track_of(earlier, its_question, task), its_question))
+        contexts = [
+            np.array([one_question.context[name] for name in task.context.names]) for _, one_question in answers
+        ]
         pairs = list(zip(answers, contexts, strict=True))
         aside = frame_aside([start_offset_m(task, one, context) for (one, _), context in pairs])
         if aside or self.expectations is None or len(answers) not in COMPARED_AT:
@@ -173,9 +175,9 @@ class OwnTarget:
         with suppress(RecordingsRefused):
             trials = RecordedTrials(
                 task,
-                tuple(f"{asked.trial}" for _, asked in answers),
+                tuple(f"{one_question.trial}" for _, one_question in answers),
                 np.array(contexts),
-                np.array([action_of(asked, task) for _, asked in answers]),
+                np.array([action_of(one_question, task) for _, one_question in answers]),
                 tuple(one for one, _ in answers),
             )
             if sentence := doubt(self.expectations, trials):

@@ -25,13 +25,13 @@ def of_lerobot(folder: Path, source: LeRobot) -> list[RawTrial]:
     """The episodes of a LeRobot data set. Raises RecordingsRefused, ExtraMissing."""
     if not (paths := sorted(folder.glob(source.files))):
         raise RecordingsRefused(f"no file in {folder} is called {source.files}")
-    wanted = (*source.state, *source.fields.values())
-    columns = list(dict.fromkeys(["episode_index", "timestamp", *(_split(folder, where)[0] for where in wanted)]))
+    sources = (*source.state, *source.fields.values())
+    columns = list(dict.fromkeys(["episode_index", "timestamp", *(_split(folder, where)[0] for where in sources)]))
     trials = list[RawTrial]()
     for path in paths:
         cells = read_columns(path, columns)
         episodes, t_s = numbers(path, cells, "episode_index"), numbers(path, cells, "timestamp")
-        series = {where: _series(path, cells[_split(path, where)[0]], where) for where in wanted}
+        series = {where: _series(path, cells[_split(path, where)[0]], where) for where in sources}
         for episode in np.unique(episodes):
             rows = np.flatnonzero(episodes == episode)
             values = {name: float(series[where][rows[0]]) for name, where in source.fields.items()}

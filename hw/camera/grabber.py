@@ -208,8 +208,8 @@ class Grabber:
             clock, jumps = self._clock.map(), self._clock.jumps - self._jumps
         if jumps:
             raise CameraError(
-                "the camera's clock jumped or stood still during the recording, so the times of its images are unknown: "
-                "repeat the trial; if it happens again, plug the camera in again"
+                "the camera's clock jumped or stood still during the recording, so the times of its images are "
+                "unknown: repeat the trial; if it happens again, plug the camera in again"
             )
         if t_s - self._since_s > LONGEST_S:
             raise CameraError(

@@ -12,7 +12,7 @@ RUN apt-get update \
 WORKDIR /adaptsim
 COPY requirements-run.lock ./
 RUN pip install --no-cache-dir --no-deps --requirement requirements-run.lock
-COPY pyproject.toml setup.py README.md LICENSE NOTICE ./
+COPY pyproject.toml setup.py adaptsim.py README.md LICENSE NOTICE ./
 COPY adaptsim_cli adaptsim_cli
 COPY calib calib
 COPY hw hw

@@ -134,17 +134,16 @@ check-live: $(STAMP)
 
 # What a user gets: the wheel, installed in an empty environment and used outside of the checkout; its hash and its bill of materials.
 package:
-	rm -rf .venv-package build/package && mkdir -p build/package
-	$(PYTHON) -m venv .venv-package
-	$(PYTHON) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir build/package .
+	rm -rf .venv-package .venv-build build/package && mkdir -p build/package
+	$(PYTHON) -m venv .venv-build && $(PYTHON) -m venv .venv-package
+	.venv-build/bin/python -m pip install --quiet --disable-pip-version-check 'build>=1.3' 'cyclonedx-bom>=7.2,<8'
+	.venv-build/bin/python -m build --outdir build/package . >build/package/build.log || { tail build/package/build.log; exit 1; }
 	.venv-package/bin/python -m pip install --quiet --disable-pip-version-check --constraint requirements.lock build/package/*.whl
 	cd build/package && export ADAPTSIM_HOME=$$PWD/home PATH=$(CURDIR)/.venv-package/bin:$$PATH && \
 	  adaptsim --version && python -m adaptsim_cli --help >/dev/null && adaptsim lab list && adaptsim doctor && \
 	  adaptsim run-iteration --task pendulum --world wd --yes
-	rm -rf .venv-sbom && $(PYTHON) -m venv .venv-sbom
-	.venv-sbom/bin/python -m pip install --quiet --disable-pip-version-check 'cyclonedx-bom>=7.2,<8'
-	.venv-sbom/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible --output-file build/package/sbom.cdx.json .venv-package/bin/python
-	cd build/package && sha256sum *.whl sbom.cdx.json > SHA256SUMS
+	.venv-build/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible --output-file build/package/sbom.cdx.json .venv-package/bin/python
+	cd build/package && sha256sum *.tar.gz *.whl sbom.cdx.json > SHA256SUMS
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .
@@ -166,4 +165,4 @@ lock:
 	rm -rf .venv-lock
 
 clean:
-	rm -rf $(VENV) .venv-lock .venv-lowest .venv-newest .venv-site .venv-package .venv-sbom .venv-extra build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) .venv-lock .venv-lowest .venv-newest .venv-site .venv-package .venv-build .venv-extra build *.egg-info .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

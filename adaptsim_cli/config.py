@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 import platformdirs
 from pydantic import Field, PrivateAttr, ValidationError
 
-from adaptsim_cli.errors import UsageError, place, plain, unknown
+from adaptsim_cli.errors import UsageError, location, plain, unknown
 from hw.bounded import Unreadable, read_table
 from hw.records import Record
 
@@ -23,6 +23,12 @@ SIMULATED: Hardware = "fake"
 OWN: Hardware = "own"
 """A robot of one's own, which answers questions (docs/guide/own-robot.md)."""
 PERSON = "person"
+
+LEARNT = ("emulator", "naf")
+"""Solvers that need Phase 1."""
+DIRECT = "direct"
+"""The solver and the method without Phase 1."""
+SOLVERS = (*LEARNT, DIRECT)
 
 
 def is_simulated(hw: str) -> bool:
@@ -110,7 +116,10 @@ class Config(Record):
     checkpoint: Annotated[
         str, Field(description="name or folder of a checkpoint; empty: the shipped one, or that of the own object")
     ] = ""
-    solver: Annotated[str, Field(description="solver of task policies: emulator, naf; empty: as pretrained")] = ""
+    solver: Annotated[
+        str,
+        Field(description="solver of task policies: emulator, naf, or direct without Phase 1; empty: as pretrained"),
+    ] = ""
     object: Annotated[
         str, Field(description="TOML file with the ranges of your object (docs/guide/own-objects.md)")
     ] = ""
@@ -156,7 +165,7 @@ class Config(Record):
         return self.world if self.is_simulated and not self.recorded else ""
 
     @property
-    def place(self) -> str:
+    def target_name(self) -> str:
         """The place of trials as part of a name: the recordings, the world of the simulated lab, or the arm."""
         return Path(self.recorded).name or Path(self.lab_world).stem or self.hw
 
@@ -199,6 +208,11 @@ class Places:
     def sessions(self) -> Path:
         """The folder of the sessions."""
         return self.data / "sessions"
+
+    @property
+    def logs(self) -> Path:
+        """The folder of what loggers keep of sessions."""
+        return self.data / "logs"
 
     @property
     def pretraining(self) -> Path:
@@ -325,7 +339,7 @@ def _checked(layer: Mapping[str, Any], source: str, *, strict: bool) -> dict[str
 
 def _message(error: ValidationError) -> str:
     first = error.errors(include_url=False)[0]
-    key = place(first["loc"])
+    key = location(first["loc"])
     keys = tuple(Config.model_fields)
     if first["type"] == "extra_forbidden":
         return unknown(key, key, keys, "Known keys")

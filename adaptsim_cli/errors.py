@@ -58,7 +58,7 @@ class DiskFull(SessionError):
     """No room left for the next record."""
 
 
-def place(loc: Sequence[int | str]) -> str:
+def location(loc: Sequence[int | str]) -> str:
     """The place of an error in a file; empty: the whole file."""
     return ".".join(str(part) for part in loc)
 
@@ -83,4 +83,4 @@ def explained(error: ValidationError) -> str:
     from hw.records import number_hint  # pydantic is slow to import, and no other error needs it
 
     first = error.errors()[0]
-    return f"{place(first['loc']) or 'the whole file'}: {plain(first['msg'])}{number_hint(first['input'])}"
+    return f"{location(first['loc']) or 'the whole file'}: {plain(first['msg'])}{number_hint(first['input'])}"

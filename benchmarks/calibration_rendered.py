@@ -25,7 +25,7 @@ import numpy as np
 from kept import Kept
 from rich.console import Console
 
-from adaptsim_cli.bench.calibration import flow, solving, visits
+from adaptsim_cli.bench.calibration import board_mover, flow, solving
 from adaptsim_cli.bench.calibration.parts import CalibrationRig
 from adaptsim_cli.bench.calibration.store import CalibrationStore
 from adaptsim_cli.bench.calibration_in_use import BOARD_HOME_RAD, ways
@@ -74,7 +74,7 @@ def calibrated(world: World, seed: int, spoilt: float, folder: Path) -> tuple[Sa
             lambda _: None, lab.hands,
         )  # fmt: skip
         screen = Screen(console=Console(file=io.StringIO()))
-        going = visits.Automatic(rig, screen, visits.plan(rig, 25), home_rad, unattended=True)
+        going = board_mover.Automatic(rig, screen, board_mover.plan(rig, 25), home_rad, unattended=True)
         try:
             record = flow.calibrate(rig, CalibrationStore(folder), going, screen, fresh=True, unattended=True)[0].record
         except CalibrationRejected:

@@ -30,9 +30,8 @@ from sim.lab.drawn import drawn_world
 from sim.rollouts.draws import Disturbances
 from sim.rollouts.recorded import RecordedTrials, require_sound
 from sim.solvers.readings import doubt
-from sim.solvers.solver import Solver
 from sim.tasks import get_task
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 NOISE_M, RATE_HZ = 0.0008, 30.0
 FAILED = (Outcome.SOLVER_FAILED, Outcome.DIVERGED)

@@ -4,8 +4,8 @@
     adaptsim benchmark --task pushing --targets drawn --methods adaptsim-iteration,udr --seeds 3 \
         --checkpoints default,build/paper-policy/pushing-1,build/paper-policy/pushing-2
 
-Emulator and prospects are those of the shipped checkpoint, whose own policy is seed 0. The training is that of
-`adaptsim pretrain --methods`: 10,000 episodes. The gate compares a trained policy with staying where it starts, and
+The emulator and the reward table are those of the shipped checkpoint, whose own policy is seed 0. The training is that
+of `adaptsim pretrain --methods`: 10,000 episodes. The gate compares a trained policy with staying where it starts, and
 with its own mean drift, in emulated episodes; the second command judges it by true rollouts. What is there is kept.
 """
 
@@ -21,10 +21,10 @@ import numpy as np
 
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from sim.research.methods.q_policy import tensors_of
+from sim.research.pretraining.dataset_share import stage_seeds
 from sim.research.pretraining.episodes import EmulatedRolls, Simulator, fill_library
 from sim.research.pretraining.logs import silent
 from sim.research.pretraining.meta_training import Gate, MetaSettings, learning_gate, train_adaptation
-from sim.research.pretraining.pipeline import stage_seeds
 from sim.storage.files import read_toml, write_toml
 from sim.tasks import get_task
 from sim.tasks.task import Task
@@ -70,7 +70,7 @@ def trained(task: Task, shipped: Checkpoint, seed: int, folder: Path) -> dict[st
     found = {"gate": asdict(gate), "reward": np.round(curve[:, 0], 4).tolist()}
     facts: dict[str, Any] = {"seed": seed, "simulations": shipped.card.simulations}
     facts |= {"emulator": shipped.card.facts()["emulator"], "policy": {"iteration": found}}
-    save_checkpoint(task, folder, emulator, tensors_of({"iteration": network}), facts, shipped.prospects)
+    save_checkpoint(task, folder, emulator, tensors_of({"iteration": network}), facts, shipped.reward_table)
     write_toml(report, found)
     return found
 

@@ -155,7 +155,6 @@ def main() -> None:
             seen = executed.track()
             waited_s.append(time.perf_counter() - home_s)
             frames = 0 if executed.recorded is None else len(executed.recorded.frames)
-            assert planned.paths is not None
             back_s = planned.paths[2].duration_s
             print(
                 f"trial {trial + 1}: proposal after {proposed_s:.2f} s; {frames} frames, way "

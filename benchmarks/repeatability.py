@@ -4,9 +4,9 @@
 
 Real postures of a Panda before three fixed cameras (tests/data/panda-realsense), in even and odd views. `marker` has
 the real corners of a 40 mm marker. `board` has a chessboard of 8 x 6 corners in its place, projected by the solved
-calibration, with white noise of .09 px: its true camera is known. To both, errors common to a view are added: a smooth
-warp of the picture (random waves, some four times as long as the target), of .2 to 1 px root mean square.
-`lens` multiplies the focal length by 1.01 and adds .01 to k1 of the stated intrinsics.
+calibration, with white noise of 0.09 px: its true camera is known. To both, errors common to a view are added: a smooth
+warp of the picture (random waves, some four times as long as the target), of 0.2 to 1 px root mean square.
+`lens` multiplies the focal length by 1.01 and adds 0.01 to k1 of the stated intrinsics.
 
 The plain fit minimises a soft-L1 loss (1 px) over all corners of all views; it rejects nothing. "apart" is the distance
 of the two camera positions, "other half" the error with which one half predicts the other; root mean squares over

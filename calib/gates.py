@@ -20,7 +20,7 @@ CROSS_CHECK_LIMIT_MM = 15.0
 """Closed forms are off by more than this only if all of the data are wrong."""
 
 
-def judge(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> tuple[Check, ...]:
+def gates_of(solution: Solution, setup: Setup, checks: Sequence[Check] = ()) -> tuple[Check, ...]:
     """Apply all gates. `checks` are further measurements besides the solution; a bad one also forbids."""
     own = (square_size(solution), joint_offsets(solution), variety(solution))
     named = {check.name for check in checks}

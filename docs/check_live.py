@@ -3,7 +3,7 @@
     python docs/check_live.py                          the pendulum, some seconds
     python docs/check_live.py --task scooping --out pictures
 
-Two sessions run with `--view`; the browser has their page open from beginning to end. Then report and comparison are opened. Every
+Two sessions run with `--view`; the browser has their page open from beginning to end. Then dashboard, report and comparison are opened. Every
 page is laid out 1400 and 420 px wide, and as printed. Exit code 1, with a line each, where the console holds an error,
 a page asks for something beyond 127.0.0.1, does not fit its width, or the stream does not arrive. Needs Chromium or Chrome.
 """
@@ -159,10 +159,8 @@ def live_session(page: Tab, shown: str, *arguments: str) -> Iterator[None]:
     command = adaptsim("run-iteration", *arguments, "--yes", "--view-port", str(port))
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
         assert running.stdout is not None
-        for line in running.stdout:
-            if line.startswith("Live page:"):
-                break
-        page.open(f"http://127.0.0.1:{port}/")
+        address = next(line.split()[-1] for line in running.stdout if line.startswith("Live page:"))
+        page.open(address)
         until(lambda: page.script(f"Boolean({shown})"), "no trial arrived")
         yield
         running.communicate()
@@ -176,6 +174,19 @@ def watched(page: Tab, task: str, session: str, more: list[str]) -> None:
     until(lambda: page.script("over") is True, "the page does not say that the command has ended", 60.0)
     if page.script("document.body.innerText.includes('SIMULATED')") is not True:
         page.problems.append("the live page does not say SIMULATED")
+
+
+def dashboard(page: Tab) -> None:
+    """The page of all sessions, served."""
+    command = [*adaptsim("dashboard", "--no-browser"), "--port", str(free_port())]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as serving:
+        assert serving.stdout is not None
+        page.open(serving.stdout.readline().split()[-1])
+        until(lambda: page.script("document.querySelectorAll('#chart .dot').length > 0"), "no curve was drawn", 60.0)
+        page.look("dashboard")
+        page.print("dashboard")
+        page.open("about:blank")  # a stream would keep the server busy
+        serving.terminate()
 
 
 def main() -> int:
@@ -192,6 +203,7 @@ def main() -> int:
         for name, more in sessions:
             watched(page, asked.task, name, ["--world", asked.world, *more])
         root = Path(home) / "data/sessions"
+        dashboard(page)
         pages = {"report": root / "adapted/report.html"}
         if not asked.once:
             told = subprocess.run(

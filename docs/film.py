@@ -2,8 +2,8 @@
 
     python docs/film.py
 
-It writes docs/figures/setup.cast (asciinema play FILE). Waits longer than a second are cut to one; nothing else is
-changed.
+It writes docs/figures/setup.cast (asciinema play FILE). Waits longer than a second are cut to one, also those with a
+turning wheel; nothing else is changed.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ COLUMNS, ROWS, LONGEST_WAIT_S = 80, 24, 1.0
 ROOT = Path(__file__).parents[1]
 PROMPT = "$ "
 CAST = ROOT / "docs/figures/setup.cast"
+WHEEL = re.compile(r"\r\x1b\[2K[⠀-⣿] ([^\x1b]*)\x1b\[1m\d+ s\x1b\[0m")
+"""One turn of the wheel beside a step, with its seconds."""
 ANSWERS = {"Name a box": "lamp", "upper corner": "0.7 -0.7 0.5"}
 """Typed once each, at the question that has these words in it; a motion gets the word it asks for, the rest Enter."""
 
@@ -35,9 +37,25 @@ def main() -> int:
         place = Path(folder)
         (place / "adaptsim").symlink_to(ROOT)
         events = film(place, ("adaptsim setup --world oreo",))
+        events = without_waits(events)
         write_cast(CAST, "adaptsim: a setup, practised", events)
     print(f"{CAST.relative_to(ROOT)}: {events[-1][0]:.0f} s")
     return 0
+
+
+def without_waits(events: Sequence[tuple[float, str]]) -> list[tuple[float, str]]:
+    """The events with at most `LONGEST_WAIT_S` of turns of the same wheel."""
+    kept, cut_s, step, since_s, last_s = list[tuple[float, str]](), 0.0, "", 0.0, 0.0
+    for t_s, text in events:
+        wheel = WHEEL.fullmatch(text)
+        if wheel is None or wheel[1] != step:
+            step, since_s = wheel[1] if wheel else "", t_s
+        if wheel and t_s - since_s > LONGEST_WAIT_S:
+            cut_s += t_s - last_s
+        else:
+            kept.append((t_s - cut_s, text))
+        last_s = t_s
+    return kept
 
 
 def write_cast(path: Path, title: str, events: Sequence[tuple[float, str]]) -> None:

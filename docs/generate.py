@@ -3,8 +3,9 @@
     python docs/generate.py            write them
     python docs/generate.py --check    exit code 1 if a committed page is out of date
 
-Commands come from the Typer app, file formats from the models that read and write them, parameters and actions from
-the tasks, and messages from the `raise` statements of every documented error.
+Commands come from the Typer app, file formats from the models that read and write them, and parameters and actions
+from the tasks. Numbers in hand-written pages that have an
+expression beside them are computed again (`pages/numbers.py`).
 """
 
 from __future__ import annotations
@@ -16,21 +17,27 @@ from functools import partial
 from pathlib import Path
 
 from pages import ROOT
+from pages.cheat_sheet import cheat_sheet
 from pages.commands import commands
 from pages.files import files
 from pages.json_output import json_output
-from pages.messages import messages
+from pages.method_figure import method_figure
+from pages.numbers import hand_written, with_numbers
 from pages.parameters import parameters
+from pages.result_figures import reward_by_trials, reward_by_world
 
 DOCS = ROOT / "docs"
 
 PAGES: Mapping[Path, Callable[[], str]] = {
     DOCS / "reference/commands.md": commands,
+    DOCS / "reference/cheat-sheet.md": cheat_sheet,
     DOCS / "reference/parameters.md": parameters,
     DOCS / "reference/files.md": files,
     DOCS / "reference/json.md": json_output,
-    DOCS / "guide/troubleshooting.md": messages,
-    DOCS / "guide/developer-messages.md": partial(messages, for_developers=True),
+    DOCS / "figures/method.svg": method_figure,
+    DOCS / "figures/reward-by-trials.svg": reward_by_trials,
+    DOCS / "figures/reward-by-world.svg": reward_by_world,
+    **{page: partial(with_numbers, page) for page in hand_written()},
 }
 
 

@@ -52,7 +52,7 @@ DRAWN_BY: Mapping[str, Sequence[str]] = {
 
 
 NUMBERED = """
-[".verdict", ".figures div:nth-child(1) dt", ".figures div:nth-child(2) dt", ".best", ".best ~ .best", "section figure"]
+[".gain", ".figures div:nth-child(1) dt", ".verdict", ".best", ".best ~ .best", "section figure"]
   .forEach((selector, i) => {
     const mark = document.createElement("span");
     mark.textContent = i + 1;
@@ -64,7 +64,7 @@ NUMBERED = """
 """Numbers in the report, which the operator's guide explains."""
 
 
-PARTS = ("SIMULATED", "The simulated lab puts", "Found", "Action", "Expected reward", "The motion takes", "Detection",
+PARTS = ("SIMULATED", "The simulated lab puts", "Found", "Action", "Predicted reward", "The motion takes", "Detection",
          "The simulated robot is about", "Is the work area clear", "Tracked")  # fmt: skip
 """The first words of the numbered lines of a trial; the operator's guide explains the numbers."""
 ANSWERS = (("stop, ? explains", ""), ("Type panda", "panda"), ("comes to the piece", "y"), ("makes its motion", "y"),
@@ -151,8 +151,9 @@ def trial(page: Tab, folder: Path) -> None:
 
 
 def plain(shown: str) -> str:
-    """Without colours."""
-    return "\n".join(line.rstrip() for line in re.sub(r"\x1b\[[0-9;]*m", "", shown).splitlines())
+    """Without colours and links."""
+    bare = re.sub(r"\x1b\[[0-9;]*m|\x1b\]8;[^\x1b\x07]*(?:\x1b\\|\x07)", "", shown)
+    return "\n".join(line.rstrip() for line in bare.splitlines())
 
 
 def _terminal(tmux: Sequence[str], question: str) -> str:

@@ -45,7 +45,7 @@ def trials(session: str) -> Shown:
     """The trials of a session with the pictures of their ends."""
     opened = api.open_session(session)
     stored = SessionStore.open(opened.root, session)
-    return [(trial, stored.trial_folder(*trial.place) / "moment-end.jpg") for trial in opened.trials]
+    return [(trial, stored.trial_folder(*trial.position) / "moment-end.jpg") for trial in opened.trials]
 
 
 def draw(rows: dict[str, Shown]) -> None:

@@ -86,7 +86,7 @@ class Child:
         except (EOFError, OSError) as error:
             raise self._gone() from error
 
-    def tell(self, word: bytes) -> None:
+    def send_word(self, word: bytes) -> None:
         """Write a word to the pipe; never waits."""
         with suppress(BlockingIOError, BrokenPipeError):  # full: it knows already; broken: the answer will say so
             os.write(self._say, word)

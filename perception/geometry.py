@@ -45,7 +45,7 @@ def scaled(camera: Intrinsics, scale: float) -> Intrinsics:
     return Intrinsics(round(camera.width * scale), round(camera.height * scale), K, camera.distortion)
 
 
-def place(xy_m: Array) -> str:
+def position_in_words(xy_m: Array) -> str:
     """A place (2,) on the table in words, as the robot sees it: 558 mm ahead, 2 mm left."""
     return f"{1e3 * xy_m[0]:.0f} mm ahead, {1e3 * abs(xy_m[1]):.0f} mm {'left' if xy_m[1] > 0 else 'right'}"
 

@@ -26,7 +26,7 @@ _LEAST_CONTRAST = 0.15
 _AGREE = 0.7
 """Share of the pictures' own best contrasts that one shift for all must reach.
 
-It is .8 and more for a hand in full view, even of a camera that is believed elsewhere. It is under .65 for one that
+It is 0.8 and more for a hand in full view, even of a camera that is believed elsewhere. It is under 0.65 for one that
 shows only short edges beside a board and the rim of the picture: each picture then prefers another shift.
 """
 _DIFFERENT = 20.0  # of CIELAB, lightness counted half: certainly not the room

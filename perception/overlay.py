@@ -12,7 +12,7 @@ from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.bottle.detection import BottleDetection
 from perception.cylinder import Cylinder
-from perception.geometry import Area, place, project
+from perception.geometry import Area, position_in_words, project
 from perception.piece.detection import PieceDetection
 
 _PLACE_RGB, _FOUND_RGB, _TARGET_RGB = (70, 130, 255), (30, 220, 60), (255, 60, 60)
@@ -54,7 +54,7 @@ def overlay_piece(
     if detection is not None:
         cv2.polylines(image, [np.rint(detection.contour_px).astype(np.int32)], True, _FOUND_RGB, thick)
         u, v = np.rint(project(model.colour, X_CB, detection.centre_m)[0]).astype(int)
-        words = f"near side: {place(detection.near_m)}"  # the place that the task policy gets
+        words = f"near side: {position_in_words(detection.near_m)}"  # the place that the task policy gets
         _text(image, (int(u) + 14 * thick, int(v) - 8 * thick), words, _FOUND_RGB, thick)
     return image
 
@@ -87,14 +87,19 @@ def overlay_bottle(
     _line(image, _fixed(pixels_of(_ring(goal_m, _NEAR_M))), _TARGET_RGB, thick)
     _line(image, _fixed(pixels_of(_ring(mark_m, body.radius_m))), _PLACE_RGB, thick)
     u, v = pixels_of(np.array([[*goal_m, 0.0]]))[0]
-    _label(image, u + 32 * thick, v, f"goal: {place(goal_m)}", _TARGET_RGB, thick)
+    _label(image, u + 32 * thick, v, f"goal: {position_in_words(goal_m)}", _TARGET_RGB, thick)
     if detection is not None:
         X_BO = detection.X_BO
         rims_px = pixels_of(detection.body.rims_m @ X_BO[:3, :3].T + X_BO[:3, 3])
         outline = cv2.convexHull(rims_px.astype(np.float32)).reshape(-1, 2)
         _line(image, _fixed(np.concatenate([outline, outline[:1]])), _FOUND_RGB, thick)
         _label(
-            image, outline[:, 0].max() + 6, outline[:, 1].min(), f"bottle: {place(detection.xy_m)}", _FOUND_RGB, thick
+            image,
+            outline[:, 0].max() + 6,
+            outline[:, 1].min(),
+            f"bottle: {position_in_words(detection.xy_m)}",
+            _FOUND_RGB,
+            thick,
         )
     return image
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from types import ModuleType
 from typing import Any
@@ -18,6 +19,7 @@ def load_open3d() -> Any:
         plots = ModuleType(_PLOTS, "Left out: see perception.raycasting.")
         vars(plots).update(dict.fromkeys(("get_plotly_fig", "draw_plotly", "draw_plotly_server")))
         sys.modules[_PLOTS] = plots
+    os.environ.setdefault("OPEN3D_DISABLE_WEB_VISUALIZER", "true")  # else it prints a line into every notebook
     import open3d  # noqa: PLC0415 - slow to import, and the first question comes without it
 
     return open3d

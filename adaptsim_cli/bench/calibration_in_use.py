@@ -22,7 +22,7 @@ from calib.errors import CalibrationMissing
 from calib.saved import SavedCalibration
 from calib.types import HandEye
 from hw.collision import camera_box
-from hw.types import Array, JointPath
+from hw.types import Array
 from hw.workcell import Workcell
 from perception.board.types import Board
 
@@ -123,15 +123,12 @@ def held_board(board: Board) -> HeldBoard:
 
 def ways(cell: Workcell, home_rad: Array) -> Ways:
     """Plans paths between postures that keep clear of everything in `cell`."""
-    from sim.panda import visits
+    from sim.panda import postures
 
-    def postures(X_BF: Array) -> list[Array | None]:
-        return visits.postures(X_BF, cell, home_rad)
-
-    def way(q_from: Array, q_to: Array) -> JointPath:
-        return visits.way(q_from, q_to, home_rad, cell)
-
-    return Ways(postures=postures, way=way)
+    return Ways(
+        postures=lambda X_BF: postures.postures(X_BF, cell, home_rad),
+        way=lambda q_from, q_to: postures.way(q_from, q_to, home_rad, cell),
+    )
 
 
 def _plain(name: str) -> str:

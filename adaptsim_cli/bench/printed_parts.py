@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_pdf import PdfPages
-from matplotlib.figure import Figure
 
+from adaptsim_cli.screen.paper import A4_MM, Sheet
 from sim.tasks.shared.shapes import library, simplified
 from sim.types import Part
 
@@ -20,7 +17,8 @@ OPENING_M = 0.08
 PLA_KG_M3 = 1240.0
 """Density of solid PLA (data sheets of filaments)."""
 
-A4_INCH = (8.27, 11.69)
+_MARGIN_MM = 17.0
+_VIEW_MM = (176.0, 85.0)
 SHARP_RAD = 0.3
 """Edges between faces that turn by more are drawn."""
 
@@ -32,11 +30,7 @@ _VIEWS = (("from above", 0, 1), ("from the front", 0, 2), ("from the side", 1, 2
 
 def pdf(parts: Sequence[Part]) -> bytes:
     """One page of text, then a page for each part: its drawing, or its outline at true size."""
-    out = io.BytesIO()
-    with mpl.rc_context({"font.size": 9, "pdf.fonttype": 42}), PdfPages(out, metadata={"CreationDate": None}) as pages:
-        for page in (_text(parts), *(_outline(part) if part.flat else _drawing(part) for part in parts)):
-            pages.savefig(page)
-    return out.getvalue()
+    return Sheet.pdf([_text(parts), *(_outline(part) if part.flat else _drawing(part) for part in parts)])
 
 
 def printed(part: Part) -> Any:
@@ -73,8 +67,9 @@ def lines(part: Part) -> tuple[str, ...]:
     return (*rows, *part.notes)
 
 
-def _text(parts: Sequence[Part]) -> Figure:
-    figure = Figure(figsize=A4_INCH)
+def _text(parts: Sequence[Part]) -> Sheet:
+    sheet = Sheet(*A4_MM)
+    y_mm = sheet.height_mm - _MARGIN_MM
     rows = [
         "Parts to print",
         "",
@@ -87,54 +82,53 @@ def _text(parts: Sequence[Part]) -> Figure:
     rows += [
         "The calibration board: adaptsim calibrate board. Print outlines at 100 %, and measure their ruler.",
     ]
-    figure.text(0.08, 0.95, "\n".join(rows), va="top", wrap=True, linespacing=1.5)
-    return figure
+    for row in rows:
+        indent_mm = 0.0 if row == row.lstrip() else 4.0
+        room_mm = sheet.width_mm - 2.0 * _MARGIN_MM - indent_mm
+        y_mm = sheet.paragraph(_MARGIN_MM + indent_mm, y_mm, room_mm, row.strip(), 9)
+    return sheet
 
 
-def _drawing(part: Part) -> Figure:
-    figure = Figure(figsize=A4_INCH)
+def _drawing(part: Part) -> Sheet:
+    sheet = Sheet(*A4_MM)
     solid = printed(part)
     angles = solid.face_adjacency_angles
     edges = solid.vertices[solid.face_adjacency_edges[angles > SHARP_RAD]]
-    figure.suptitle(f"{part.name}, as it lies on the printer's bed, mm")
-    figure.subplots_adjust(hspace=0.5)
-    for place, (name, u, v) in enumerate(_VIEWS, 1):
-        axis = figure.add_subplot(3, 1, place)
+    middle_mm = sheet.width_mm / 2
+    sheet.text(middle_mm, sheet.height_mm - _MARGIN_MM, f"{part.name}, as it lies on the printer's bed, mm", 11, "mt")
+    for place, (name, u, v) in enumerate(_VIEWS):
+        top_mm = sheet.height_mm - 30.0 - _VIEW_MM[1] * place
+        sheet.text(middle_mm, top_mm, name, 8, "mt")
+        low, high = solid.bounds[:, [u, v]]
+        size = high - low
+        scale = min((_VIEW_MM[0] - 30.0) / size[0], (_VIEW_MM[1] - 30.0) / size[1])
+        shift = np.array([middle_mm, top_mm - 12.0 - scale * size[1] / 2]) - scale * (low + high) / 2
         for edge in edges:
-            axis.plot(edge[:, u], edge[:, v], color="black", linewidth=0.6)
-        (left, low), (right, high) = solid.bounds[0][[u, v]], solid.bounds[1][[u, v]]
-        off = 0.08 * max(right - left, high - low)
-        for start, end in (((left, low - off), (right, low - off)), ((left - off, low), (left - off, high))):
-            axis.annotate("", start, end, arrowprops={"arrowstyle": "<->", "shrinkA": 0, "shrinkB": 0})
-        axis.text((left + right) / 2, low - 1.3 * off, f"{right - left:.1f}", ha="center", va="top")
-        axis.text(left - 1.3 * off, (low + high) / 2, f"{high - low:.1f}", ha="right", va="center")
-        axis.set(xlim=(left - 3 * off, right + off), ylim=(low - 2.5 * off, high + off))
-        axis.set_aspect("equal")
-        axis.set_title(name, fontsize=8)
-        axis.axis("off")
-    return figure
+            sheet.line(map(tuple, scale * edge[:, [u, v]] + shift), 0.2)
+        (left, bottom), (right, top) = scale * low + shift, scale * high + shift
+        sheet.dimension((left, bottom - 4.0), (right, bottom - 4.0), 0.2)
+        sheet.dimension((left - 4.0, bottom), (left - 4.0, top), 0.2)
+        sheet.text((left + right) / 2, bottom - 5.5, f"{size[0]:.1f}", 9, "mt")
+        sheet.text(left - 5.5, (bottom + top) / 2, f"{size[1]:.1f}", 9, "rm")
+    return sheet
 
 
-def _outline(part: Part) -> Figure:
+def _outline(part: Part) -> Sheet:
     """An outline at true size on A4, with a ruler that checks the printer."""
-    figure = Figure(figsize=A4_INCH)
-    axis = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    width_mm, height_mm = (25.4 * side for side in A4_INCH)
-    u, v = width_mm / 2, height_mm * 0.55
+    sheet = Sheet(*A4_MM)
+    u, v = sheet.width_mm / 2, sheet.height_mm * 0.55
     half_u, half_v = printed(part).extents[:2] / 2
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * [half_u, half_v] + [u, v]
-    axis.plot(*corners.T, color="black", linewidth=0.8)
-    axis.plot([u - 5, u + 5], [v, v], [u, u], [v - 5, v + 5], color="black", linewidth=0.5)
+    corners = [(u + i * half_u, v + j * half_v) for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))]
+    sheet.line(corners, 0.3)
+    sheet.line([(u - 5, v), (u + 5, v)], 0.2)
+    sheet.line([(u, v - 5), (u, v + 5)], 0.2)
     caption = f"{part.name}, {2 * half_u:.0f} x {2 * half_v:.0f} mm: cut the material along this line"
-    axis.text(u, v + half_v + 8, caption, ha="center")
-    axis.text(u, v - half_v - 10, "; ".join(part.notes), ha="center")
+    sheet.text(u, v + half_v + 8, caption, 9, "mb")
+    sheet.text(u, v - half_v - 10, "; ".join(part.notes), 9, "mt")
     start = u - 50
-    axis.plot([start, start + 100], [40, 40], color="black", linewidth=0.8)
+    sheet.line([(start, 40), (start + 100, 40)], 0.3)
     for tick in range(11):
-        axis.plot([start + 10 * tick] * 2, [40, 43], color="black", linewidth=0.6)
-    axis.text(
-        u, 32, "100 mm: measure this line; if it is not 100 mm, print at 100 % without fitting to the page", ha="center"
-    )
-    axis.set(xlim=(0, width_mm), ylim=(0, height_mm))
-    axis.axis("off")
-    return figure
+        sheet.line([(start + 10 * tick, 40), (start + 10 * tick, 43)], 0.2)
+    advice = "100 mm: measure this line; if it is not 100 mm, print at 100 % without fitting to the page"
+    sheet.text(u, 34, advice, 9, "mt")
+    return sheet

@@ -1,38 +1,21 @@
 """The `adaptsim` program: the commands, and the one place that turns errors into exit codes.
 
-Nothing heavy is imported here or by the command modules: each command imports what it needs when it runs.
+A command's module is imported when it is called, and imports what it needs when it runs.
 """
 
 from __future__ import annotations
 
-import inspect
-import io
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer.core import TyperGroup
 
-from adaptsim_cli.commands import (
-    benchmark,
-    calibrate,
-    checkpoints,
-    config,
-    exporting,
-    lab,
-    own_object,
-    pretrain,
-    rollout,
-    run_iteration,
-    sessions,
-    setup,
-    task,
-    touch_off,
-)
+from adaptsim_cli.commands.rows import CommandGroup, CommandRow
 from adaptsim_cli.screen import loading
 from adaptsim_cli.screen.pages import addressed
+from adaptsim_cli.screen.pipes import outlast_readers
 
 if TYPE_CHECKING:
     from adaptsim_cli.session.target import Openers
@@ -53,81 +36,123 @@ Quick start:
 Documentation: {addressed("docs/README.md")}
 """
 
-PANELS: Mapping[str, Mapping[str, Callable[..., Any] | typer.Typer]] = {
+PANELS: Mapping[str, Mapping[str, CommandRow]] = {
     "Set up": {
-        "setup": setup.setup,
-        "doctor": setup.doctor,
-        "calibrate": calibrate.app,
-        "touch-off": touch_off.app,
-        "parts": setup.parts,
-        "task": task.app,
-        "config": config.app,
+        "setup": CommandRow(
+            "setup:setup", "Set up a lab: from an unpacked arm to the first trial, with a check after every step."
+        ),
+        "doctor": CommandRow(
+            "setup:doctor",
+            "Check everything that an iteration needs, and give the remedy for whatever is missing. Nothing moves.",
+        ),
+        "calibrate": CommandRow(
+            "calibrate:app",
+            "Find the camera's pose: the arm shows the camera a board from many sides. Takes about ten minutes.",
+        ),
+        "touch-off": CommandRow(
+            "touch_off:app", "Measure the table and the tool's pose in the hand. Do this before the first scoop."
+        ),
+        "find": CommandRow(
+            "find:find",
+            "Find cameras, serial ports and the arm, and say where each belongs in the rig file. Nothing moves.",
+        ),
+        "parts": CommandRow(
+            "setup:parts",
+            "Write the parts that a lab prints: pusher, adapter of the turner, holder of the board, and a sheet.",
+        ),
+        "task": CommandRow("task:app", "A task of your own, in one file."),
+        "config": CommandRow("config:app", "Settings, and where each comes from."),
     },
     "Run": {
-        "run-iteration": run_iteration.run_iteration,
-        "rollout": rollout.rollout,
-        "preview": rollout.preview,
+        "run-iteration": CommandRow(
+            "run_iteration:run_iteration",
+            "Run the trials of one iteration, adapt the simulation parameters and train the next task policies.",
+        ),
+        "rollout": CommandRow(
+            "rollout:rollout",
+            "Execute one trial with a chosen action, or with the action of a policy. Nothing is adapted.",
+        ),
+        "preview": CommandRow(
+            "rollout:preview",
+            "Plan one motion, show how close it comes to each limit, and play it in the browser. Nothing moves.",
+        ),
     },
     "Look": {
-        "report": exporting.report,
-        "compare": exporting.compare,
-        "sessions": sessions.app,
-        "replay": exporting.replay,
-        "lab": lab.app,
+        "report": CommandRow(
+            "exporting:report",
+            "Write one self-contained HTML page of a session: is it better, rewards, parameters, paths, camera frames.",
+        ),
+        "compare": CommandRow(
+            "exporting:compare",
+            "Compare sessions: methods, worlds, days, posteriors. "
+            "Writes a page, and CSV of the sessions and of the trials.",
+        ),
+        "dashboard": CommandRow(
+            "dashboard:dashboard",
+            "Show all sessions in the browser: search, tags, learning curves side by side, "
+            "and the running session live.",
+        ),
+        "sessions": CommandRow("sessions:app", "List, check, mark, correct, prune and export stored sessions."),
+        "replay": CommandRow(
+            "exporting:replay",
+            "Watch a recorded trial: a video with the tracked centre, or the Rerun viewer with the moving arm.",
+        ),
+        "lab": CommandRow("lab:app", "The simulated lab and its worlds."),
     },
     "Research": {
-        "benchmark": benchmark.benchmark,
-        "pretrain": pretrain.pretrain,
-        "object": own_object.own_object,
-        "checkpoints": checkpoints.app,
-        "world-tables": benchmark.world_tables,
+        "benchmark": CommandRow(
+            "benchmark:benchmark",
+            "Compare methods: the same worlds, contexts, noise and budget of real trials for all, "
+            "scored by fresh rollouts.",
+        ),
+        "pretrain": CommandRow(
+            "pretrain:pretrain",
+            "Phase 1: simulate a dataset, fit the emulator, tabulate the rewards, write a checkpoint.",
+        ),
+        "object": CommandRow(
+            "own_object:own_object",
+            "Describe an object of your own, draw it, and make its checkpoint from the shipped one.",
+        ),
+        "checkpoints": CommandRow("checkpoints:app", "The pretrained policies."),
+        "world-tables": CommandRow(
+            "benchmark:world_tables",
+            "Simulate the tables in which a benchmark looks up its trials: about a minute of one core a world.",
+        ),
     },
     "Maintain": {
-        "bundle": exporting.bundle,
-        "retrack": exporting.retrack,
-        "schema": config.schema,
+        "bundle": CommandRow(
+            "exporting:bundle",
+            "Pack a session for a bug report: records, versions, settings. Pictures stay out unless asked for.",
+        ),
+        "retrack": CommandRow(
+            "exporting:retrack",
+            "Track the recordings of a session again, with the tracker of this version. Nothing stored is changed.",
+        ),
+        "explain": CommandRow(
+            "explain:explain", "Say what a message means: what happened, what the arm did, and what to do next."
+        ),
+        "schema": CommandRow(
+            "config:schema",
+            "Print the JSON schema of what a command prints with --json: names, types, units, meanings.",
+        ),
     },
 }
-"""Every command, by the panel of the help that shows it, in this order."""
+"""Every command, by the panel of the help that shows it, in this order: where it is, and its one sentence there."""
 
 
-class _InOrder(TyperGroup):
-    def list_commands(self, ctx: Any) -> list[str]:
-        """See typer: the order of `PANELS`, not commands first."""
-        return [name for commands in PANELS.values() for name in commands]
+class _Program(CommandGroup):
+    panels = PANELS
 
 
 app = typer.Typer(
     name="adaptsim",
-    cls=_InOrder,
+    cls=_Program,
     help=QUICK_START,
     epilog=EXIT_CODES,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-
-def _unwrapped(doc: str | None) -> str:
-    """A docstring with each paragraph on one line: only the terminal wraps it."""
-    return "\n\n".join(" ".join(part.split()) for part in inspect.cleandoc(doc or "").split("\n\n"))
-
-
-def _register() -> None:
-    for panel, commands in PANELS.items():
-        for name, command in commands.items():
-            if not isinstance(command, typer.Typer):
-                app.command(name, rich_help_panel=panel, help=_unwrapped(command.__doc__))(command)
-                continue
-            for one in command.registered_commands:
-                assert one.callback is not None, "a command has a function"
-                one.help = _unwrapped(one.help or one.callback.__doc__)
-            if (alone := command.registered_callback) is not None and alone.callback is not None:
-                alone.help = _unwrapped(alone.callback.__doc__)
-            app.add_typer(command, name=name, rich_help_panel=panel)
-
-
-_register()
 
 
 _QUICK = frozenset(("-h", "--help", "--version"))
@@ -187,9 +212,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def main() -> None:
     """The console script."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a terminal without Unicode
+    outlast_readers()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: a second thread costs more than it saves
     sys.exit(run())
 

@@ -20,9 +20,11 @@ def benchmark(
     screen: Screen,
     resolved: Resolved,
     targets: Annotated[
-        str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn and named.")
+        str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn, named and sealed.")
     ] = "wd,ood-1,ood-2,ood-3,ood-4",
-    methods: Annotated[str, typer.Option("--methods", help="Names of methods, or all.")] = "all",
+    methods: Annotated[
+        str, typer.Option("--methods", help="Names of methods and baselines, or all; NAME@omega, NAME@margin.")
+    ] = "all",
     budget: Annotated[int, typer.Option("--budget", min=1, help="Real trials of a session.")] = 20,
     fresh: Annotated[
         int, typer.Option("--fresh", min=0, help="Simulate trials, and score by N rollouts; 0: look them up in tables.")
@@ -50,6 +52,8 @@ def benchmark(
     The worlds of a contact task need tables of true rollouts: adaptsim world-tables makes them. The set drawn is for
     results that are reported; develop with develop. oracle (the best E) and best-action are limits, not methods.
 
+    sealed are worlds of a fresh seed, opened by one version of the code; sealed-20 are the first twenty.
+
     With --recorded, each seed takes one part of recorded trials and scores by the other; permuted, a control with
     shuffled outcomes, must earn what permuted-udr earns.
 
@@ -68,7 +72,7 @@ def benchmark(
     if part is not None:
         return complete(part, f"{len(result.rows)} sessions", request.folder)
     document = page.write(result)
-    screen.print([*page.tables(result.summaries), f"Report: {document}"])
+    screen.print([*page.tables(result.summaries), *page.strata_tables(result.strata), f"Report: {document}"])
     more = (f"xdg-open {document}", "the page, in the browser; the same command with more methods adds to it")
     return Reply(result.as_json(), next=[more])
 
@@ -78,7 +82,7 @@ def world_tables(
     screen: Screen,
     resolved: Resolved,
     targets: Annotated[
-        str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn and named.")
+        str, typer.Option("--targets", help="Worlds: names, files, or the sets develop, drawn, named and sealed.")
     ] = "develop,drawn,named",
     rollouts: Annotated[
         int, typer.Option("--rollouts", rich_help_panel=options.ADVANCED, min=8, help="True rollouts of each world.")

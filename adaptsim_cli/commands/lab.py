@@ -92,16 +92,18 @@ def _truth(resolved: Resolved, task: Task, truth: dict[str, Any]) -> tuple[dict[
     ]
     rows = truth.get("X_BC", [])
     body += [("camera", f"X_BC row {i}", "  ".join(f"{v:8.4f}" for v in row), "") for i, row in enumerate(rows)]
-    text.append(views.rows(("", "name", "value", "plain name"), body))
     if revealed is not None:
         text.append(truth_view.table(revealed))
-        text.append(f"Found by session {revealed.session}, the newest in this world.")
+        text.append(f"This belief is that of session {revealed.session}, the newest in this world.")
+    text.append(views.rows(("", "name", "value", "plain name"), body))
     return truth | {"units": units, "revealed": revealed}, text
 
 
 def _in_words(dimension: Dimension, value: float) -> str:
     """A value for a person: the word of a category."""
-    return dimension.words[round(value)] if dimension.words else str(value)
+    from adaptsim_cli.screen import views
+
+    return views.value_in_words(dimension, value) if dimension.words or dimension.scale == "integer" else str(value)
 
 
 @app.command("list")
@@ -131,4 +133,4 @@ def list_all(resolved: Resolved) -> Reply:
     body = [(row["name"], row["physics"], row["description"]) for row in rows]
     table = views.rows(("world", "physics", "what it is"), body)
     session = (f"adaptsim run-iteration --task {task.name} --world NAME", "a session in one of these worlds")
-    return Reply({"worlds": rows, "quantities": words}, [table, views.meanings(*spaces)], [session])
+    return Reply({"worlds": rows, "quantities": words}, [table, views.meanings(task, with_symbols=True)], [session])

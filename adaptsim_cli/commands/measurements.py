@@ -64,7 +64,7 @@ def add_to(app: typer.Typer, kind: MeasurementKind) -> None:
         path = store.numbered.named(name)
         record = store.read(path)
         data = views.summary(record) | {"folder": str(path)}
-        return Reply(data, views.shown(record, path), [again(path.name, resolved, "puts it in use again")])
+        return Reply(data, views.description(record, path), [again(path.name, resolved, "puts it in use again")])
 
     @app.command(
         "restore",

@@ -35,6 +35,27 @@ def world_names(incomplete: str) -> list[str]:
     return _like(incomplete, {file.stem for file in _WORLDS.glob("*/*.toml")})
 
 
+def method_names(incomplete: str) -> list[str]:
+    """Methods that begin like this."""
+    from sim.adaptation.methods import REGISTRY
+
+    return _like(incomplete, set(REGISTRY.names()))
+
+
+def control_names(incomplete: str) -> list[str]:
+    """Methods and sessions whose policies can make control trials, that begin like this."""
+    return sorted({*method_names(incomplete), *session_names(incomplete)})
+
+
+def hardware_names(incomplete: str) -> list[str]:
+    """Values of --hw that begin like this."""
+    from typing import get_args
+
+    from adaptsim_cli.config import Config
+
+    return _like(incomplete, set(get_args(Config.model_fields["hw"].annotation)))
+
+
 def export_formats(incomplete: str) -> list[str]:
     """Formats of `sessions export` that begin like this."""
     from adaptsim_cli.session.formats import FORMATS
@@ -76,7 +97,11 @@ Seed = Annotated[int | None, typer.Option("--seed", show_default="0", help="Seed
 Hw = Annotated[
     str | None,
     typer.Option(
-        "--hw", show_default="fake", rich_help_panel=ROBOT, help="Which hardware: fake, panda, fr3, fr3v2 or own."
+        "--hw",
+        autocompletion=hardware_names,
+        show_default="fake",
+        rich_help_panel=ROBOT,
+        help="Which hardware: fake, panda, fr3, fr3v2 or own.",
     ),
 ]
 AnswerWith = Annotated[
@@ -99,7 +124,12 @@ AnswerMoves = Annotated[
 ]
 Object = Annotated[str | None, typer.Option("--object", help="TOML file with the ranges of your own object.")]
 Solver = Annotated[
-    str | None, typer.Option("--solver", rich_help_panel=ADVANCED, help="How task policies are found: emulator or naf.")
+    str | None,
+    typer.Option(
+        "--solver",
+        rich_help_panel=ADVANCED,
+        help="How task policies are found: emulator, naf, or direct (without Phase 1).",
+    ),
 ]
 Recorded = Annotated[
     str | None,
@@ -179,11 +209,20 @@ StartFrom = Annotated[
 ]
 Method = Annotated[
     str | None,
-    typer.Option("--method", show_default="adaptsim", help="How to adapt, e.g. adaptsim, udr or random."),
+    typer.Option(
+        "--method",
+        autocompletion=method_names,
+        show_default="adaptsim",
+        help="How to adapt, e.g. adaptsim, udr or random.",
+    ),
 ]
 Control = Annotated[
     str | None,
-    typer.Option("--control", help="Add blind control trials by a method's first policies, or a session's best."),
+    typer.Option(
+        "--control",
+        autocompletion=control_names,
+        help="Add blind control trials by a method's first policies, or a session's best.",
+    ),
 ]
 Pairs = Annotated[
     int | None,

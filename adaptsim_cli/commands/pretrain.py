@@ -63,7 +63,7 @@ def pretrain(
         bool, typer.Option("--evaluate", help="Judge sessions of the methods on unseen targets, by true rollouts.")
     ] = False,
 ) -> Reply:
-    """Phase 1: simulate a dataset, fit the emulator, tabulate the prospects, write a checkpoint.
+    """Phase 1: simulate a dataset, fit the emulator, tabulate the rewards, write a checkpoint.
 
     The method adaptsim needs no more. --methods adds the paper's adaptation policies, --evaluate judges all methods;
     both take longer than all the rest. Add them whenever you like: finished stages are not repeated.

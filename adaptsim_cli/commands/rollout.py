@@ -49,7 +49,7 @@ def rollout(
 ) -> Reply:
     """Execute one trial with a chosen action, or with the action of a policy. Nothing is adapted.
 
-    It is stored as a session without a learner, which `sessions` lists, shows and exports. The policy chooses the
+    It is stored as a session without adaptation, which `sessions` lists, shows and exports. The policy chooses the
     actions that are not given. `--session NAME --best` takes task, world and the best policy of a session. With
     `--trials 5` its reward is measured at five drawn contexts, and the session's report says so.
 
@@ -64,7 +64,9 @@ def rollout(
 
     if best != (session is not None):
         raise UsageError("--session and --best go together: adaptsim rollout --session NAME --best")
-    open_view = partial(live_view, port=view_port) if view or view_port is not None else None
+    open_view = (
+        partial(live_view, port=view_port, root=resolved.places.sessions) if view or view_port is not None else None
+    )
     request = rollouts.RolloutRequest(context or (), action or (), param or (), session, trials, out, yes)
     return rollouts.run(resolved, request, openers.parts, screen, page.write, open_view)
 

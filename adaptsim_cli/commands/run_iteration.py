@@ -45,6 +45,10 @@ def run_iteration(
     ] = False,
     view: options.View = False,
     view_port: options.ViewPort = None,
+    log: Annotated[
+        list[str] | None,
+        typer.Option("--log", help="Keep the session in a logger too: tensorboard, wandb, mlflow; may be repeated."),
+    ] = None,
 ) -> Reply:
     """Run the trials of one iteration, adapt the simulation parameters and train the next task policies.
 
@@ -62,14 +66,18 @@ def run_iteration(
     from adaptsim_cli.commands import settings
     from adaptsim_cli.session import running
     from adaptsim_cli.show.first_look import with_first_look
-    from adaptsim_cli.show.live import beside
+    from adaptsim_cli.show.live import live_page
     from adaptsim_cli.show.reports import Reports
 
     most = iterations or (None if until_done else 1)
     request = running.SessionRequest(session, settings.named_by_flags(resolved), most, yes, until_done)
-    looking_on = beside(view_port) if view or view_port is not None else running.terminal_alone
+    looking_on = live_page(view_port) if view or view_port is not None else running.terminal_alone
     begun = running.facts_of(resolved, request) if own_calibration else None
     opener = partial(openers.parts, own=begun, screen=None if resolved.config.unattended(yes) else screen)
     reports = Reports()
     view_of_session = with_first_look(looking_on)
+    if log:
+        from adaptsim_cli.show.loggers.feed import with_loggers
+
+        view_of_session = with_loggers(log, resolved.places.logs, view_of_session)
     return running.run_session(resolved, request, opener, reports.draw, screen, view_of_session, reports.ending)

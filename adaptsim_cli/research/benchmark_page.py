@@ -17,7 +17,8 @@ from adaptsim_cli.screen import views
 from adaptsim_cli.screen.svg import Canvas, Scale
 from adaptsim_cli.storage import durable
 from sim.adaptation.methods.udr import DRAWS
-from sim.research.benchmark.jobs import UDR
+from sim.research.benchmark.entries import UDR
+from sim.research.benchmark.strata import NEED, SealedSummary
 from sim.research.benchmark.summary import LEAST_GAP, WORSE_BY, Interval, MethodSummary, SetSummary
 
 TABLE, DATA = "rows.csv", "benchmark.json"
@@ -134,6 +135,25 @@ def tables(summaries: Sequence[SetSummary]) -> Iterator[Table]:
             name, reward, _, above, interval, closed, worse, _ = cells(method)
             table.add_row(name, reward, above, interval, closed, worse)
         yield table
+
+
+def strata_tables(summary: SealedSummary | None) -> Iterator[Table]:
+    """One for each stratum of sealed worlds: every entry beside `adaptsim`, paired by world."""
+    for name in () if summary is None else dict.fromkeys(one.stratum for one in summary.strata):
+        rows = [one for one in summary.strata if one.stratum == name]  # type: ignore[union-attr]
+        heading = f"sealed, {name}: {_count(rows[0].worlds, 'world')}"
+        table = Table(title=heading, title_justify="left", box=None)
+        table.add_column("entry", no_wrap=True)
+        for column in ("reward", "95 %", "adaptsim minus it", "95 %"):
+            table.add_column(column, justify="right", no_wrap=True)
+        for one in sorted(rows, key=lambda one: -one.reward):
+            table.add_row(
+                one.entry, f"{one.reward:.3f}", between(one.ci95), signed(one.behind), between(one.behind_ci95)
+            )
+        yield table
+    if summary is not None:
+        rule = f"The best fixed rule is {summary.fixed_rule}; a world in need has an action worth {NEED:g} more."
+        yield Table(title=rule, title_justify="left", box=None)
 
 
 def title(summary: SetSummary) -> str:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.research.pretraining import StageProgress
+from adaptsim_cli.research.sealed import Seal, code_version, seal_of
 from adaptsim_cli.research.working import working_in
 from adaptsim_cli.research.world_tables import comma_separated, scene_keys, tables_folder
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.research.benchmark.jobs import BenchmarkRow, Job
     from sim.research.benchmark.sessions import Conditions
+    from sim.research.benchmark.strata import SealedSummary
     from sim.research.benchmark.summary import SetSummary
     from sim.research.benchmark.tables import WorldTable
     from sim.research.benchmark.worlds import BenchmarkWorld
@@ -47,6 +49,7 @@ class BenchmarkRequest:
     in_lab: bool = False  # trials run through the whole simulated lab
     recorded: RecordedTrials | None = None  # instead of targets
     left_out: tuple[tuple[str, str], ...] = ()  # for "all": methods missing from these checkpoints, and why
+    seal: Seal | None = None  # of worlds that were drawn for this benchmark alone
 
     @property
     def plan(self) -> dict[str, Any]:
@@ -64,7 +67,7 @@ class BenchmarkRequest:
             return plan | {"trials": "recorded", "recorded": digest(self.recorded), "held_out": share}
         if self.in_lab or self.conditions.fresh:
             plan["trials"] = "lab" if self.in_lab else "simulated"
-        return plan
+        return plan if self.seal is None else plan | {"sealed": {"seed": self.seal.seed, "commit": code_version()}}
 
     @property
     def folder(self) -> Path:
@@ -96,6 +99,13 @@ class Comparison:
 
         return summarise(self.rows)
 
+    @cached_property
+    def strata(self) -> SealedSummary | None:
+        """Of sealed worlds, if all that it needs was compared."""
+        from sim.research.benchmark.strata import by_strata
+
+        return None if self.request.seal is None else by_strata(self.rows)
+
     def as_json(self) -> dict[str, Any]:
         """The whole comparison, with one row per world, method and seed."""
         return {
@@ -106,6 +116,7 @@ class Comparison:
             "left_out": dict(self.request.left_out),
             "rows": [asdict(row) for row in self.rows],
             "summary": [asdict(summary) for summary in self.summaries],
+            "strata": None if self.strata is None else asdict(self.strata),
             "report": str(self.request.folder / PAGE),
         }
 
@@ -129,32 +140,28 @@ def request_of(
     from adaptsim_cli.bench.checkpoints import usual_checkpoint
     from adaptsim_cli.session.recorded.folder import compared, read_recorded
     from sim.adaptation.checkpoint import load_checkpoint
-    from sim.adaptation.methods import make_method, method_names
-    from sim.errors import CheckpointError
-    from sim.research.benchmark.jobs import BEST_ACTION, CONTROLS, LIMITS
+    from sim.adaptation.methods import method_names
+    from sim.research.benchmark.entries import BEST_ACTION, LIMITS, Entry, entry_names
+    from sim.research.benchmark.jobs import CONTROLS
     from sim.research.benchmark.sessions import Conditions
+    from sim.research.benchmark.strata import SEALED_ENTRIES
     from sim.research.benchmark.worlds import targets_of
     from sim.tasks import get_task
 
     config = resolved.config
     task = get_task(config.task)
-    possible = (*method_names(), *((BEST_ACTION, *CONTROLS) if config.recorded else LIMITS))
-    chosen = possible if methods == "all" else tuple(dict.fromkeys(comma_separated(methods)))
-    if unknown := [name for name in chosen if name not in possible]:
+    seal = None if config.recorded else seal_of(resolved, targets)
+    everything = (*method_names(), *((BEST_ACTION, *CONTROLS) if config.recorded else LIMITS))
+    possible = everything if config.recorded else entry_names()
+    usual = everything if seal is None else SEALED_ENTRIES
+    chosen = usual if methods == "all" else tuple(dict.fromkeys(comma_separated(methods)))
+    if unknown := [name for name in chosen if Entry.parse(name).name not in possible]:
         raise UsageError(f"--methods {','.join(unknown)}: choose all, or any of {', '.join(possible)}")
     if not chosen:
         raise UsageError(f"--methods is empty: choose all, or any of {', '.join(possible)}")
     names = comma_separated(checkpoints) or (config.checkpoint or usual_checkpoint(task),)
     loaded = tuple((name, load_checkpoint(task, name)) for name in names)
-    left_out = dict[str, str]()
-    for name in chosen:
-        try:
-            for _, checkpoint in loaded if name in method_names() else ():
-                make_method(name, task, checkpoint)
-        except CheckpointError as error:
-            if methods != "all":
-                raise
-            left_out[name] = str(error)
+    left_out = _left_out(chosen, [checkpoint for _, checkpoint in loaded], config.recorded, wants_all=methods == "all")
     chosen = tuple(name for name in chosen if name not in left_out)
     seeds = _seeds(seeds, task, chosen, trained=len(loaded), recorded=config.recorded)
     conditions = Conditions(budget, config.particles, fresh=fresh)
@@ -166,11 +173,31 @@ def request_of(
             raise UsageError("--recorded: trials are neither simulated nor run in the lab; leave out --lab and --fresh")
         trials = compared(read_recorded(task, Path(config.recorded)), loaded[0][1].solver)
     else:
-        worlds = targets_of(task, comma_separated(targets))
+        worlds = targets_of(task, comma_separated(targets)) if seal is None else seal.worlds(task)
         if in_lab:
             _require_lab(task, worlds)
     rest = tuple(left_out.items())
-    return BenchmarkRequest(resolved, task, worlds, chosen, conditions, seeds, loaded, out, in_lab, trials, rest)
+    return BenchmarkRequest(resolved, task, worlds, chosen, conditions, seeds, loaded, out, in_lab, trials, rest, seal)
+
+
+def _left_out(
+    entries: Sequence[str], checkpoints: Sequence[Checkpoint], recorded: str, *, wants_all: bool
+) -> dict[str, str]:
+    """The entries for which a checkpoint lacks something, and why. Raises CheckpointError unless all were wanted."""
+    from sim.errors import CheckpointError
+    from sim.research.benchmark.entries import Entry, require_entry
+    from sim.research.benchmark.jobs import CONTROLS
+
+    left_out = dict[str, str]()
+    for text in entries:
+        try:
+            for checkpoint in checkpoints if text not in CONTROLS else ():
+                require_entry(Entry.parse(text).name, checkpoint)
+        except CheckpointError as error:
+            if not wants_all:
+                raise
+            left_out[text] = str(error)
+    return left_out
 
 
 SEEDS = 10
@@ -183,7 +210,7 @@ def _seeds(number: int | None, task: Task, methods: Sequence[str], *, trained: i
     `trained` checkpoints are used in turn. Raises UsageError if identical sessions are requested.
     """
     from sim.adaptation.methods import ignores_seed
-    from sim.research.benchmark.jobs import LIMITS
+    from sim.research.benchmark.entries import LIMITS
     from sim.rollouts.draws import repeats_exactly
 
     same = all(ignores_seed(name, task) or (name in LIMITS and repeats_exactly(task)) for name in methods)
@@ -212,6 +239,8 @@ def benchmark(
         working_in(request.folder, "another benchmark is running in {}: wait for it, or give another --out", share),
         serial_executor() as here,
     ):
+        if request.seal is not None:
+            request.seal.open()
         results = Results(request.folder)
         results.agree(request.plan)
         # A recording is read once, and its sessions cost little: all run in this process.

@@ -26,11 +26,11 @@ from sim.errors import NotExecutable, RolloutError
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import World
 from sim.render.pool import RenderPool, Scene
-from sim.research.benchmark.jobs import LIMITS, UDR, BenchmarkRow, Job, run_job
+from sim.research.benchmark.entries import FIXED_RULES, LIMITS, Entry
+from sim.research.benchmark.jobs import BenchmarkRow, Job, run_job
 from sim.research.benchmark.trial_sources import TableTrials, TrialSource
-from sim.solvers.solver import Executable
 from sim.tasks import get_task
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, Task
 
 ATTEMPTS, INWARD = 6, 0.02
 """How often an object is placed, at most, until it is found and no limit forbids the motion. Each time it is moved
@@ -74,9 +74,9 @@ class InLab:
     def take(self, action: Array) -> None:
         """See `TrialSource`: any number of times."""
 
-    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+    def score(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `TrialSource`: from the table."""
-        return self.table.judge(contexts, actions, rng)
+        return self.table.score(contexts, actions, rng)
 
     def best_actions(self, contexts: Array) -> Array:
         """See `TrialSource`: from the table."""
@@ -103,7 +103,7 @@ def run_in_lab(job: Job) -> BenchmarkRow:
 
     UDR and the upper bounds run outside: they need no trials, or too many.
     """
-    if job.method in (UDR, *LIMITS):
+    if Entry.parse(job.method).name in (*FIXED_RULES, *LIMITS):
         return run_job(job)
     with in_lab(job) as place:
         return run_job(job, place)

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli.bench.checkpoints import checkpoint_of, task_of
-from adaptsim_cli.config import Config, Resolved
+from adaptsim_cli.config import LEARNT, Config, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.research.working import working_in
-from adaptsim_cli.session.checkpoint import SOLVERS
 
 if TYPE_CHECKING:
     from sim.research.pretraining.budget import OptionalStages, PretrainBudget
@@ -92,9 +91,9 @@ def pretrain_share(request: Request, share: Share, executor: Executor, progress:
 
     Raises UsageError if there is no dataset to simulate, SimError, SessionError.
     """
-    from sim.research.pretraining.pipeline import simulate_dataset_share
+    from sim.research.pretraining.dataset_share import simulate_dataset_share
 
-    if request.task.exact or request.solver != SOLVERS[0]:
+    if request.task.exact or request.solver != LEARNT[0]:
         raise UsageError("--share divides the dataset of the emulator, and this pretraining has none: leave it out")
     with working_in(request.folder, BUSY, share):
         return simulate_dataset_share(
@@ -114,9 +113,9 @@ def checked(resolved: Resolved, out: Path | None, budget: str, targets: str, siz
     if budget not in budgets:
         raise UsageError(f"--budget {budget}: choose one of {', '.join(budgets)}")
     config = resolved.config
-    solver = config.solver or SOLVERS[0]
-    if solver not in SOLVERS:
-        raise UsageError(f"--solver {solver}: choose one of {', '.join(SOLVERS)}")
+    solver = config.solver or LEARNT[0]
+    if solver not in LEARNT:
+        raise UsageError(f"--solver {solver}: choose one of {', '.join(LEARNT)}")
     kind = next((one for one in TARGETS if one == targets), None)
     if kind is None:
         raise UsageError(f"--targets {targets}: choose one of {', '.join(TARGETS)}")
@@ -124,7 +123,7 @@ def checked(resolved: Resolved, out: Path | None, budget: str, targets: str, siz
     chosen = sizes.applied_to(budgets[budget](task).on_targets(kind))
     unusual = (
         Path(config.object).stem,
-        solver if solver != SOLVERS[0] else "",
+        solver if solver != LEARNT[0] else "",
         targets if targets != TARGETS[0] else "",
         budget,
         sizes.label,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from adaptsim_cli.config import Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.research.pretraining import StageProgress
+from adaptsim_cli.research.sealed import seal_of
 from adaptsim_cli.research.working import working_in
 
 if TYPE_CHECKING:
@@ -20,8 +21,7 @@ if TYPE_CHECKING:
     from sim.lab.world import World
     from sim.research.benchmark.worlds import BenchmarkWorld
     from sim.rollouts.shares import Share
-    from sim.solvers.solver import Solver
-    from sim.tasks.task import Task
+    from sim.tasks.task import Solver, Task
 
 
 def tables_folder(resolved: Resolved) -> Path:
@@ -108,7 +108,8 @@ def _planned(resolved: Resolved, targets: str, rollouts: int) -> list[_PlannedTa
             f"{task.name} needs no tables: its actions are trained policies, so a benchmark simulates them"
         )
     checkpoint = load_checkpoint(task, config.checkpoint or usual_checkpoint(task))
-    chosen = targets_of(task, comma_separated(targets))
+    seal = seal_of(resolved, targets)
+    chosen = targets_of(task, comma_separated(targets)) if seal is None else seal.worlds(task)
     scenes, folder = scene_keys(task, chosen), tables_folder(resolved)
     return [_PlannedTable(t, checkpoint, scenes[t.world.physics], folder / t.set / t.name, rollouts) for t in chosen]
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from adaptsim_cli.config import is_own, same_lab
 from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord
 from adaptsim_cli.screen.views import predicted_between, signed
-from adaptsim_cli.session.records import Facts, ResultRecord
+from adaptsim_cli.session.records import ROLLOUT, ResultRecord, SessionFacts
 from sim.adaptation.method import WORTHWHILE
 from sim.adaptation.paired import MOST_FURTHER, WORTH, Claim
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
@@ -52,7 +52,7 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
     """
     if verdict.kind is Kind.TOO_FEW:
         return f"{HEADLINES[verdict.kind]}: {verdict.trials} so far, at least {LEAST_TRIALS} are needed."
-    kind = "estimated" if verdict.gain is None else "predicted"
+    kind = "predicted" if verdict.has_forecast else "estimated"
     reward = f"{kind} reward {verdict.reward:.2f} (95 % {predicted_between(*verdict.ci95)})"
     sentences = [f"{HEADLINES[verdict.kind]}: {reward}{_worth(verdict)}."]
     if verdict.kind is Kind.UNINFORMED and verdict.prediction_error is not None:
@@ -73,8 +73,8 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
         )
     if verdict.is_inexpressible:
         sentences.append(
-            f"The simulator cannot express this {object_name}: no parameters in the ranges predict {verdict.strange} "
-            f"of {verdict.trials} trajectories."
+            f"The simulator cannot express this {object_name}: {verdict.strange} of {verdict.trials} trajectories are "
+            "unlike all that it predicts, whichever parameters in the ranges it has."
             + (f" Check the columns, units and clocks of {recordings} first." if recordings else "")
         )
     elif verdict.kind is Kind.STAYS_LOW:
@@ -87,14 +87,11 @@ def in_words(verdict: Verdict, object_name: str, recordings: str = "", first: st
 
 def _worth(verdict: Verdict) -> str:
     """The worth of another iteration, for a method with a forecast."""
-    if verdict.gain is None or verdict.likely is None or verdict.kind in (Kind.HOPELESS, Kind.UNINFORMED):
-        return ""
-    if Reason.UNTRIED in verdict.reasons:
+    if verdict.kind is Kind.GO_ON and Reason.UNTRIED in verdict.reasons:
         return "; it rests on the first iteration alone, and the next one checks it"
-    clauses = [f"another iteration is predicted to gain {verdict.gain:.2f}"] if verdict.gain >= 0.005 else []
-    if verdict.kind is not Kind.ENOUGH:
-        clauses.append(f"with a chance of {100.0 * verdict.likely:.0f} % there is more than {WORTHWHILE:.2f} to gain")
-    return f"; {', and '.join(clauses) or 'another iteration is predicted to gain nothing'}"
+    if verdict.kind is Kind.ENOUGH:
+        return f"; after two iterations another one rarely gains more than {WORTHWHILE:.2f}"
+    return ""
 
 
 def control_name(control: str) -> str:
@@ -128,14 +125,46 @@ def _further(shown: ControlRecord) -> str:
 
 
 def tried_in(best: BestRecord) -> str:
-    """Which trials the best policy would repeat, and their mean reward; "" for a record that does not say."""
+    """Which trials the best policy would repeat, their mean reward, and after how many trials it was chosen.
+
+    "" for a record that does not say.
+    """
     if best.tried is None:
         return ""
     if not best.tried or best.tried_reward is None:
         return "not yet tried"
     *before, last = _runs(best.tried)
     listed = f"{', '.join(before)} and {last}" if before else last
-    return f"tried in trial{'s' if len(best.tried) > 1 else ''} {listed}: mean reward {best.tried_reward:.2f}"
+    mean = f"{'mean ' if len(best.tried) > 1 else ''}reward {best.tried_reward:.2f}"
+    return f"that of trial{'s' if len(best.tried) > 1 else ''} {listed} ({mean}){_chosen(best.chosen_after)}"
+
+
+def _chosen(after: int | None) -> str:
+    """After how many trials a policy was chosen."""
+    if after is None:
+        return ""
+    return f", chosen after {after} trial{'s' * (after != 1)}" if after else ", chosen before the first trial"
+
+
+_ORDINALS = ("first", "second", "third", "fourth", "fifth")
+
+
+def gain_in_words(rewards: Sequence[float]) -> str:
+    """The mean rewards (n,) of the first and the last complete iteration: 0.46 in the first iteration, 0.91 in the
+    second.
+    """
+    first, *others = (f"{reward:.2f}" for reward in rewards)
+    if not others:
+        return f"{first} in the first iteration"
+    last = len(rewards)
+    where = f"the {_ORDINALS[last - 1]}" if last <= len(_ORDINALS) else f"iteration {last}"
+    return f"{first} in the first iteration, {others[-1]} in {where}"
+
+
+def best_in_words(best: BestRecord, parameters: str) -> str:
+    """The best policy, and `parameters`, the simulator's at present, in two sentences."""
+    where = tried_in(best)
+    return f"{f'Best policy: {where}. ' if where else ''}The simulator now: {parameters}."
 
 
 def _runs(numbers: Sequence[int]) -> list[str]:
@@ -148,7 +177,7 @@ def _runs(numbers: Sequence[int]) -> list[str]:
     return texts
 
 
-def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
+def after_iteration(facts: SessionFacts, result: ResultRecord) -> Steps:
     """The next commands, the likeliest first."""
     verdict, done = result.verdict, result.iteration
     go_on = f"adaptsim run-iteration --session {facts.name}"
@@ -188,7 +217,16 @@ def after_iteration(facts: Facts, result: ResultRecord) -> Steps:
     return (*steps, *checks) if verdict.is_inexpressible else steps
 
 
-def _checks(facts: Facts) -> Steps:
+def onwards(facts: SessionFacts, results: Sequence[ResultRecord], iterations: int) -> Steps:
+    """The next commands for a stored session with so many begun `iterations`; none for a rollout."""
+    if facts.method == ROLLOUT:
+        return ()
+    if results and results[-1].iteration == iterations:
+        return after_iteration(facts, results[-1])
+    return ((f"adaptsim run-iteration --session {facts.name}", "continues this session"),)
+
+
+def _checks(facts: SessionFacts) -> Steps:
     """The checks of a rig that has a camera."""
     if not facts.calibration:
         return ()

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from hw.types import Array
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.method import Iteration
-    from sim.solvers.solver import SolvedPolicy
-    from sim.tasks.task import Task
+    from sim.tasks.task import SolvedPolicy, Task
     from sim.types import Space
 
 FORMAT = 1
@@ -65,7 +64,7 @@ class TaskPolicy:
         return self.policy(self._checked(context))
 
     def predict(self, context: ArrayLike = ()) -> tuple[float, float, float]:
-        """Expected reward at (c,) in units: mean and 95 % interval. Raises OutOfRange."""
+        """Predicted reward at (c,) in units, and both ends of its 95 % interval. Raises OutOfRange."""
         return self.policy.predict(self._checked(context))
 
     def __repr__(self) -> str:

@@ -4,25 +4,30 @@ session to begin with.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from adaptsim_cli import config
-from adaptsim_cli.bench.checkpoints import own_checkpoints, task_of
-from adaptsim_cli.config import Config
+from adaptsim_cli.bench.checkpoints import checkpoint_of, own_checkpoints, task_of
+from adaptsim_cli.config import DIRECT, SOLVERS, Config
 from adaptsim_cli.errors import UsageError
+from adaptsim_cli.session.folders import SOLVER
+from hw.cores import usable_cores
+from sim.rollouts.executors import serial_executor
 
 if TYPE_CHECKING:
-    from adaptsim_cli.session.records import Facts
+    from adaptsim_cli.session.records import SessionFacts
     from adaptsim_cli.session.store import SessionStore
+    from perception.types import ObjectTrack
     from sim.adaptation.checkpoint import Checkpoint
+    from sim.adaptation.method import Simulating
     from sim.rollouts.recorded import RecordedTrials
-    from sim.solvers.solver import Expectations, Policies
-
-SOLVERS = ("emulator", "naf")
+    from sim.tasks.task import Expectations, Policies, Task
 
 
 def checkpoint_of_session(store: SessionStore) -> Checkpoint:
@@ -37,6 +42,8 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
 
     facts = store.facts
     task = task_of(config.load().config.model_copy(update={"task": facts.task, "object": facts.object}))
+    if facts.solver == DIRECT:
+        return direct_checkpoint(task, serial_executor(), store.folder / SOLVER)
     for folder in _folders(facts):
         try:
             if read_card(folder, task.name).sha256 == facts.checkpoint_sha256:
@@ -50,7 +57,65 @@ def checkpoint_of_session(store: SessionStore) -> Checkpoint:
     )
 
 
-def _folders(facts: Facts) -> Iterator[Path]:
+def direct_checkpoint(task: Task, executor: Executor, folder: Path) -> Checkpoint:
+    """What stands for the checkpoint of a session with the direct solver, which keeps its rollouts in `folder`.
+
+    Raises UsageError for a task that trains its policies.
+    """
+    from sim.adaptation.checkpoint import without_phase_1
+    from sim.adaptation.method import Simulating
+    from sim.adaptation.methods import make_method
+
+    if task.training is not None:
+        raise UsageError(
+            f"--solver direct: {task.name} trains its policies, which is a part of Phase 1. Leave --solver out, and "
+            f"run adaptsim pretrain --task {task.name}"
+        )
+    seconds = list[float]()
+
+    def timed(*values: Any, **named: Any) -> ObjectTrack:
+        began = time.monotonic()
+        track = task.simulate(*values, **named)
+        seconds.append(time.monotonic() - began)
+        return track
+
+    method = make_method(DIRECT, task, None)
+    assert isinstance(method, Simulating)
+    checkpoint = without_phase_1(replace(task, simulate=timed), method.solver)
+    method.rollouts.executor, method.rollouts.seconds = executor, min(seconds)  # the first one may load a simulator
+    method.rollouts.keep_in(folder / "rollouts")
+    return checkpoint
+
+
+@contextmanager
+def checkpoint_in_session(settings: Config, folder: Path) -> Iterator[Checkpoint]:
+    """The checkpoint of the settings; for the direct solver what stands for it, with the processes that simulate.
+
+    `folder` keeps its rollouts. Raises as `checkpoint_of`.
+    """
+    if settings.solver != DIRECT:
+        yield checkpoint_of(settings)
+        return
+    from sim.rollouts.executors import simulating_executor
+
+    with simulating_executor(settings.workers) as executor:
+        yield direct_checkpoint(task_of(settings), executor, folder)
+
+
+def cost_in_words(method: Simulating, settings: Config) -> str:
+    """The cost of a session that simulates while it runs, before it begins."""
+    cores, particles, seconds = settings.workers or usable_cores(), settings.particles, method.rollouts.seconds
+    before, after = method.rollouts_before(particles), [method.rollouts_after(particles, i) for i in (1, 2)]
+    total = before + sum(after)
+    each = f"{1e3 * seconds:.2g} ms" if seconds < 0.1 else f"{seconds:.2g} s"
+    return (
+        f"No Phase 1: this session simulates up to {before} rollouts before its first trial, {after[0]} after the "
+        f"first iteration, and {after[1]} after the second. A rollout takes {each}, so these {total} take about "
+        f"{seconds * total / cores:.0f} s on {cores} cores."
+    )
+
+
+def _folders(facts: SessionFacts) -> Iterator[Path]:
     """Folders that may hold a session's checkpoint: that of the settings, its own, shipped ones, the user's own."""
     from sim.tasks import files_of
 
@@ -77,7 +142,7 @@ def solver_of(checkpoint: Checkpoint, name: str, workers: int, folder: Path) -> 
             "Leave --solver out, or choose another checkpoint"
         )
     own = checkpoint.solver
-    if name != "naf" and not checkpoint.naf:
+    if name != "naf" and not checkpoint.naf:  # the direct solver is its checkpoint's own
         yield own, own
         return
     from sim.solvers.solver import naf
@@ -101,7 +166,7 @@ class Recordings:
         return _choosing_among(self.checkpoint, self.held_out)
 
 
-def recordings_of(checkpoint: Checkpoint, settings: Config | Facts, *, begins: bool = False) -> Recordings:
+def recordings_of(checkpoint: Checkpoint, settings: Config | SessionFacts, *, begins: bool = False) -> Recordings:
     """The recordings that the settings name; those of a session that `begins` are compared with the simulator.
 
     Raises RecordingsRefused, SessionError, ExtraMissing.
@@ -115,13 +180,13 @@ def recordings_of(checkpoint: Checkpoint, settings: Config | Facts, *, begins: b
     return Recordings(shown, held_out, _choosing_among(checkpoint, shown), digest(trials))
 
 
-def as_begun(checkpoint: Checkpoint, facts: Facts) -> Checkpoint:
+def as_begun(checkpoint: Checkpoint, facts: SessionFacts) -> Checkpoint:
     """The checkpoint as a stored session uses it. Raises UsageError, SimError, SessionError."""
     started, _ = started_from(checkpoint, facts)
     return recordings_of(started, facts).checkpoint if facts.recorded else started
 
 
-def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Checkpoint, str]:
+def started_from(checkpoint: Checkpoint, settings: Config | SessionFacts) -> tuple[Checkpoint, str]:
     """The checkpoint with the posterior of the session `start_from` as its prior, and the SHA-256 of that.
 
     Unchanged, and empty, if there is none. Raises UsageError, SessionError, CheckpointError.
@@ -131,9 +196,8 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
     from adaptsim_cli.session.history import history_of
     from adaptsim_cli.session.store import SessionStore
     from sim.adaptation.methods import METHODS, kind_of
-    from sim.adaptation.methods.belief import create
-    from sim.adaptation.posterior import posterior
-    from sim.adaptation.reward_table import weighed
+    from sim.adaptation.posterior import likelihood_of, posterior
+    from sim.adaptation.reward_table import begun_with
 
     if not settings.start_from:
         return checkpoint, ""
@@ -149,10 +213,10 @@ def started_from(checkpoint: Checkpoint, settings: Config | Facts) -> tuple[Chec
         )
     before, _ = started_from(checkpoint, store.facts)  # it may have begun so itself
     task = before.solver.task
-    weights = posterior(create(task, before), history_of(task, store, store.iterations() - 1)).weights
-    assert before.prospects is not None  # else there is no belief
-    prospects = weighed(before.prospects, weights)
-    return replace(checkpoint, prospects=prospects), hashlib.sha256(prospects.truths.tobytes()).hexdigest()
+    earlier = posterior(likelihood_of(before), history_of(task, store, store.iterations() - 1))
+    assert checkpoint.reward_table is not None  # else there is no likelihood
+    reward_table = begun_with(checkpoint.reward_table, task, earlier.samples, earlier.weights)
+    return replace(checkpoint, reward_table=reward_table), hashlib.sha256(reward_table.truths.tobytes()).hexdigest()
 
 
 def _choosing_among(checkpoint: Checkpoint, trials: RecordedTrials) -> Checkpoint:

@@ -15,13 +15,13 @@ from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.outputs.trials import ControlRecord
 from adaptsim_cli.session.folders import names
 from adaptsim_cli.session.history import played_of
-from adaptsim_cli.session.records import Draw, Facts, TrialRecord, generator
+from adaptsim_cli.session.records import Draw, SessionFacts, TrialRecord, generator
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from sim.adaptation.paired import PAIRS, compare, power
 from sim.adaptation.planned_bets import HIGH
 from sim.adaptation.stages import Role, RunTrial
-from sim.solvers.solver import SolvedPolicy
+from sim.tasks.task import SolvedPolicy
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ ControlPolicies = Callable[[], tuple[ControlPolicy, ...]]
 """Trains the policies of a control. One of them, drawn at random, makes each trial: their mean is the control."""
 
 
-def policy_of_trial(policies: Sequence[ControlPolicy], facts: Facts, stage: RunTrial) -> ControlPolicy:
+def policy_of_trial(policies: Sequence[ControlPolicy], facts: SessionFacts, stage: RunTrial) -> ControlPolicy:
     """The policy of one control trial; the same for each of its attempts."""
     rng = generator(facts.control_seed, Draw.CONTROL, stage.iteration, stage.particle, stage.trial)
     return policies[int(rng.integers(len(policies)))]
@@ -50,7 +50,7 @@ def is_hidden(store: SessionStore, iteration: int) -> bool:
     return store.facts.layout.has_control(iteration) and store.result(iteration) is None
 
 
-def pairs_of(facts: Facts, played: Sequence[TrialRecord]) -> tuple[tuple[TrialRecord, TrialRecord], ...]:
+def pairs_of(facts: SessionFacts, played: Sequence[TrialRecord]) -> tuple[tuple[TrialRecord, TrialRecord], ...]:
     """(trial of the session, its control trial) of each complete pair, in the order in which pairs were completed."""
     by_number = {trial.trial: trial for trial in played}
     partners = dict[tuple[int, int, int], dict[Role, TrialRecord]]()
@@ -63,7 +63,7 @@ def pairs_of(facts: Facts, played: Sequence[TrialRecord]) -> tuple[tuple[TrialRe
     return tuple(sorted(complete, key=lambda pair: max(pair[0].trial, pair[1].trial)))
 
 
-def compared(facts: Facts, played: Sequence[TrialRecord]) -> ControlRecord | None:
+def compared(facts: SessionFacts, played: Sequence[TrialRecord]) -> ControlRecord | None:
     """The result of the pairs; None without a pair."""
     pairs = pairs_of(facts, played)
     if not pairs:
@@ -83,14 +83,14 @@ def compared(facts: Facts, played: Sequence[TrialRecord]) -> ControlRecord | Non
     )
 
 
-def planned_pairs(facts: Facts) -> int:
+def planned_pairs(facts: SessionFacts) -> int:
     """The number of pairs for which the comparison is planned."""
     layout = facts.layout
     in_five = sum(slot.role is Role.CONTROL for i in range(ITERATIONS) for slot in layout.slots(i))
     return facts.pairs or in_five
 
 
-def power_in_words(facts: Facts) -> str:
+def power_in_words(facts: SessionFacts) -> str:
     """Which gains the planned pairs can show, in one sentence."""
     pairs = planned_pairs(facts)
     shares = [f"{gain:.1f} in {power(gain, pairs):.0%}" for gain in GAINS]

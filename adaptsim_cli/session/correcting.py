@@ -107,8 +107,8 @@ def amend(
             reward_before=record.reward,
             observation=as_observed(task.observation(track)),
         )
-        store.amend(*record.place, amendment)
-        return _told(store, record.place[1], amended_words(number, amendment))
+        store.amend(*record.position, amendment)
+        return _told(store, record.position[1], amended_words(number, amendment))
 
 
 def amended_words(number: int, by: Amendment) -> str:

@@ -27,7 +27,7 @@ def after_iterations(most: int) -> EndRule:
 
 
 def before_adapting(session: RunningSession, stage: Stage) -> bool:
-    """Ends when the trials of an iteration are complete: a rollout has no learner."""
+    """Ends when the trials of an iteration are complete: a rollout has no adaptation."""
     return not isinstance(session.next_stage(), RunTrial)
 
 
@@ -36,16 +36,20 @@ def at_the_verdict(session: RunningSession, stage: Stage) -> bool:
     return isinstance(stage, Show) and result_of(session.store, stage.iteration).verdict.stops
 
 
-def asked_at_the_verdict(session: RunningSession, stage: Stage) -> bool:
-    """Asks where the verdict says stop; with nobody to ask it goes on, and says once how it could end."""
-    if not (isinstance(stage, Show) and at_the_verdict(session, stage)):
-        return False
-    store, screen = session.store, session.screen
-    if isinstance(session.operator, Unattended):
-        earlier = store.result(stage.iteration - 1) if stage.iteration else None
-        if earlier is None or not earlier.verdict.stops:
-            screen.note("The verdict says stop. The command runs on; with --until-done it would end here.")
-        return False
-    on = agree("to run the next iteration", "The session goes on with the next iteration.")
-    end = Key("", "to end here", "The command ends. The session can be continued at any time.", is_way_out=True)
-    return screen.choose("The verdict says stop. Run another iteration?", on, end) != "y"
+def asked_at_the_verdict(most: int) -> EndRule:
+    """Asks where the verdict says stop. With nobody to ask it says that `most` iterations were ordered, and goes on."""
+
+    def asked(session: RunningSession, stage: Stage) -> bool:
+        if not (isinstance(stage, Show) and at_the_verdict(session, stage)):
+            return False
+        if isinstance(session.operator, Unattended):
+            session.screen.note(
+                f"The verdict says stop. The session goes on, because this command was given --iterations {most} and "
+                "--yes, so nobody can be asked. With --until-done it would end here."
+            )
+            return False
+        on = agree("to run the next iteration", "The session goes on with the next iteration.")
+        end = Key("", "to end here", "The command ends. The session can be continued at any time.", is_way_out=True)
+        return session.screen.choose("The verdict says stop. Run another iteration?", on, end) != "y"
+
+    return asked

@@ -45,7 +45,7 @@ def write(store: SessionStore, records: Sequence[TrialRecord], folder: Path) -> 
     """
     if folder.exists():
         raise UsageError(f"{folder} exists already: name another --out")
-    has_camera = not store.facts.curves and (store.trial_folder(*records[0].place) / "recording.mcap").exists()
+    has_camera = not store.facts.curves and (store.trial_folder(*records[0].position) / "recording.mcap").exists()
     fps = CAMERA_FPS if has_camera else SIMULATED_FPS
     index, columns = 0, list[dict[str, Any]]()
     names: Mapping[str, list[str]] = {}

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from adaptsim_cli.session.history import played_of
-from adaptsim_cli.session.records import Facts, TrialRecord
+from adaptsim_cli.session.records import SessionFacts, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.storage import durable
 
@@ -53,7 +53,7 @@ def as_csv(table: Sequence[Mapping[str, Cell]]) -> str:
     return text.getvalue()
 
 
-def _row(facts: Facts, trial: TrialRecord) -> Row:
+def _row(facts: SessionFacts, trial: TrialRecord) -> Row:
     quantities = {"parameter": trial.parameters, "context": trial.context, "action": trial.action}
     return {
         **facts.named(),

@@ -17,53 +17,47 @@ from functools import partial
 import numpy as np
 
 from adaptsim_cli.errors import AnswerAwaited, SessionError
-from adaptsim_cli.screen.console import ANSWERING, Screen
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.outputs.trials import (
-    BestRecord,
     IterationOutput,
-    OutlookRecord,
-    SuspicionRecord,
-    as_row,
-    named,
 )
 from adaptsim_cli.screen.stopwatch import added
-from adaptsim_cli.session import correcting, terminal_views
+from adaptsim_cli.session import terminal_views
 from adaptsim_cli.session.advice import check_first
-from adaptsim_cli.session.control import ControlPolicy, compared, is_hidden, policy_of_trial
+from adaptsim_cli.session.control import ControlPolicy, is_hidden, policy_of_trial
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.film import FILM
-from adaptsim_cli.session.history import history_of, particles_of, played_of, result_of, trials_of
-from adaptsim_cli.session.live_trial import Motion, OutcomeUndecided, Placement
+from adaptsim_cli.session.history import history_of, left_s, particles_of, result_of
+from adaptsim_cli.session.live_trial import Motion, OutcomeUndecided, PlacedTrial, PlannedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
     Draw,
     MotionRecord,
-    ResultRecord,
-    Samples,
     generator,
     now,
 )
+from adaptsim_cli.session.results import iteration_result
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.trial_records import motion_record, propose, trial_record
 from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.storage import durable
 from hw.errors import HardwareError
 from hw.types import Array
 from perception.errors import PerceptionError
-from sim.adaptation.learner import Learner
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.method import Iteration as LearntIteration
 from sim.adaptation.method import Particle
 from sim.adaptation.posterior import Posterior
 from sim.adaptation.sessions import Policies, PolicySource, Progress, iterate, train
-from sim.adaptation.stages import Adapt, Role, RunTrial, Show, Stage, TrialKey, changes_until, next_stage
+from sim.adaptation.stages import Adapt, Role, RunTrial, Show, Stage, TrialKey, next_stage
 from sim.errors import ActionImpossible, NotExecutable
 from sim.tasks.task import SolvedPolicy
 
-TOTAL, REJECTED = "total", "rejected attempts"
+REJECTED = "rejected attempts"
 """Two entries among the times of an iteration: the sum, and the time of attempts that do not count."""
 RIM = 0.1
 """Drawn placements keep this far from the edge of the area, as a share of it: placing by hand is inexact."""
@@ -74,7 +68,7 @@ class RunningSession:
     """A stored session with the parts, the operator and the screen that run it."""
 
     store: SessionStore
-    parts: Parts
+    parts: SessionParts
     operator: Operator
     screen: Screen
     watcher: Watcher = field(default_factory=AllOf)
@@ -86,9 +80,9 @@ class RunningSession:
     overhead_s: dict[str, float] = field(default_factory=dict)  # time of the iteration outside the trials that count
 
     @property
-    def learner(self) -> Learner:
+    def adaptation(self) -> Adaptation:
         """See `PlayableSession`."""
-        return self.parts.learner
+        return self.parts.adaptation
 
     @property
     def progress(self) -> Progress:
@@ -106,7 +100,7 @@ class RunningSession:
         if self.awaited and not isinstance(stage, RunTrial):
             which = ", ".join(str(key.number) for key in sorted(self.awaited))
             raise AnswerAwaited(f"answers are awaited of trials {which}")
-        self.beside()
+        self.book_overhead()
         return stage
 
     def particles(self, iteration: int) -> tuple[Particle, ...]:
@@ -144,7 +138,7 @@ class RunningSession:
         """See `PlayableSession`."""
         self.store.mark_shown(iteration, now())
 
-    def beside(self, stage: str | None = None) -> None:
+    def book_overhead(self, stage: str | None = None) -> None:
         """Book the time since the last lap on the iteration instead of a trial; all of it on `stage`, if given."""
         lap_s = self.screen.lap_s()
         spent = added(self.overhead_s, lap_s if stage is None else {stage: sum(lap_s.values())})
@@ -161,7 +155,7 @@ def stages(session: RunningSession) -> Iterator[Stage]:
     for stage in iterate(session):
         is_trial = isinstance(stage, RunTrial) and stage.key in session.store.existing().completed
         if is_trial or isinstance(stage, Adapt):
-            tell(session)
+            update_watchers(session)
         yield stage
 
 
@@ -217,7 +211,7 @@ def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy, mean: 
         planned = target.plan(placed, action, progress)
         trial = propose(session.parts.task, stage, mean, policy, planned)
         if planned.overlay is not None:
-            planned = replace(planned, overlay_file=store.scratch("overlay.jpg", planned.overlay))
+            planned = replace(planned, overlay_file=store.scratch("detection.jpg", planned.overlay))
         session.screen.show(terminal_views.proposal(session.parts.task, trial, planned.summary))
         session.watcher.proposed(trial, planned)
         operator.approve(trial, planned, target.needs_consent, target.release)
@@ -232,16 +226,16 @@ def _goes_on(session: RunningSession, stage: RunTrial) -> bool:
     return stage.interrupted and session.parts.target.goes_on(stage.key)
 
 
-def _begun(session: RunningSession, stage: RunTrial) -> tuple[MotionRecord, Placement]:
+def _begun(session: RunningSession, stage: RunTrial) -> tuple[MotionRecord, PlannedTrial]:
     """An interrupted attempt as it was proposed. Raises SessionError if no file tells."""
     proposed = session.store.proposed(stage.iteration, stage.key)
     if proposed is None:
         raise SessionError(f"trial {stage.key.number} was begun, and its proposal is missing: redo it")
     drawn = np.array(list(proposed.drawn_context.values()))
-    return proposed, Placement(drawn, proposed.context_array, action=proposed.action_array, key=stage.key)
+    return proposed, PlannedTrial(drawn, proposed.context_array, stage.key, proposed.action_array)
 
 
-def _execute(session: RunningSession, stage: RunTrial, proposed: MotionRecord, planned: Placement) -> Motion | None:
+def _execute(session: RunningSession, stage: RunTrial, proposed: MotionRecord, planned: PlannedTrial) -> Motion | None:
     """Execute the trial, store the recording and return the motion. None: try again."""
     started = now()
     try:
@@ -302,7 +296,7 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> 
         session.screen.show(terminal_views.tracked(record))
     if tracked_trial.film is not None:
         durable.replace_file(folder / FILM, tracked_trial.files[FILM])
-        session.screen.plain(f"  Film: {folder / FILM}")
+        session.screen.file("  Film", folder / FILM)
     session.watcher.tracked(record, tracked_trial)
     choices = choices_of(task, target.outcomes, tracked_trial.track, motion.context_array)
     review = operator.review(record, choices) if undecided is None else operator.decide(str(undecided), record, choices)
@@ -320,74 +314,32 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> 
         session.screen.show(f"  Counts as {record.outcome_words}, reward {record.reward:.2f}.")
 
 
-def _mean_reward(history: Sequence[LearntIteration], trials: tuple[int, ...]) -> float | None:
-    """The mean reward of the trials with these numbers, counted from 1; None for no trials."""
-    rewards = [trial.reward for iteration in history for entry in iteration for trial in entry.trials]
-    return float(np.mean([rewards[number - 1] for number in trials])) if trials else None
-
-
 def keep_particles(
     session: RunningSession, stage: Adapt, history: Sequence[LearntIteration], particles: tuple[Particle, ...]
 ) -> None:
     """Judge the trials, train the next task policies and store the result of an iteration."""
-    store, learner = session.store, session.parts.learner
+    store, adaptation = session.store, session.parts.adaptation
     with session.screen.busy("Judging the trials", "adapting"):
-        judgement = learner.judge(history)
+        judgement = adaptation.assess(history)
     for index, particle in enumerate(particles):
         train(session, stage.iteration + 1, index, particle, history)
-
-    records, lap_s = store.played(stage.iteration), session.screen.lap_s()
-    timing_s = added(*(record.timing_s for record in records), session.overhead_s, lap_s)
-    names = session.parts.task.parameters.names
-    changes = changes_until(store.existing(), stage.iteration)
-    numbers = [trial.trial for trial in trials_of(store)]
-    change_count = max(
-        (one.changes for i in range(stage.iteration + 1) if (one := store.result(i)) is not None), default=0
-    )
-    result = ResultRecord(
-        iteration=stage.iteration + 1,
-        trials=tuple((key.number, key.attempt + 1) for key in stage.keys),
-        next_particles=tuple(rows_of(particle) for particle in particles),
-        best=BestRecord(
-            params=named(names, judgement.best.particle.mean),
-            mean_reward=judgement.best.mean_reward,
-            trials=judgement.best.trials,
-            ci95=judgement.best.ci95,
-            tried=tuple(numbers[number - 1] for number in judgement.tried),
-            tried_reward=_mean_reward(history, judgement.tried),
-        ),
-        verdict=judgement.verdict,
-        outlook=None if judgement.outlook is None else OutlookRecord.of(judgement.outlook),
-        suspicion=_suspicion(session),
-        control=compared(store.facts, played_of(store)),
-        timing_s={**timing_s, TOTAL: sum(timing_s.values())},
-        proposal_s=sum(lap_s.values()) + sum(records[-1].timing_s.get(name, 0.0) for name in ("tracking", "storing")),
-        changes=changes,
-        amended=correcting.sentences(store, stage.iteration, change_count),
+    result = iteration_result(
+        session.parts.task, store, stage, history, particles, judgement, session.overhead_s, session.screen.lap_s()
     )
     shown = summary(store, result).model_dump(mode="json")
     store.save_result(result, json.dumps(shown, allow_nan=False).encode())
     session.overhead_s.clear()
 
 
-def _suspicion(session: RunningSession) -> SuspicionRecord | None:
-    """The fault of the rig at which the trials so far hint, by the task."""
-    hardware = session.parts.task.hardware
-    if hardware is None:
-        return None
-    suspicion = hardware.suspect([record.track.track() for record in played_of(session.store)])
-    return None if suspicion is None else SuspicionRecord.of(suspicion)
-
-
-def tell(session: RunningSession) -> None:
+def update_watchers(session: RunningSession) -> None:
     """Show watchers the present state of the session."""
-    learner, store = session.parts.learner, session.store
+    adaptation, store = session.parts.adaptation, session.store
     last = store.iterations() - 1
     if last >= 0 and is_hidden(store, last):
         last -= 1  # what the trials of this iteration taught would say which of them are the session's own
 
     def posterior() -> Posterior | None:
-        return learner.posterior(history_of(session.parts.task, store, last))
+        return adaptation.posterior(history_of(session.parts.task, store, last))
 
     session.watcher.changed(store, posterior)
 
@@ -403,16 +355,16 @@ def show(session: RunningSession, stage: Show) -> IterationOutput:
     return summary(store, result)
 
 
-def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Placement:
+def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> PlacedTrial:
     """Announce the trial, then have the object placed and found; meanwhile the policy prepares for its drawn place."""
     task, parts = session.parts.task, session.parts
     drawn = _drawn(session, stage) if session.context_of is None else session.context_of(stage)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
-    left_s = _left_s(session.store, stage)
-    session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle, left_s))
+    session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle, left_s(session.store, stage)))
     deferred = submit(session.thread, partial(policy.actions, drawn[None]))
     try:
-        return parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
+        placed: PlacedTrial = parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
+        return placed
     finally:
         deferred.settle()
 
@@ -425,30 +377,15 @@ def _drawn(session: RunningSession, stage: RunTrial) -> Array:
     return space.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
 
 
-def _left_s(store: SessionStore, stage: RunTrial) -> float:
-    """How long the rest of the iteration takes, answers aside, if each trial takes as long as those of this iteration
-    or the one before; 0 without any.
-    """
-    trials = store.played(stage.iteration) or (store.played(stage.iteration - 1) if stage.iteration else ())
-    took_s = [sum(spent for name, spent in one.timing_s.items() if name != ANSWERING) for one in trials]
-    missing = store.facts.layout.numbers(stage.iteration).stop - stage.key.number
-    return missing * sum(took_s) / len(took_s) if took_s else 0.0
-
-
 def _reject(session: RunningSession, stage: RunTrial, reason: str) -> None:
     session.store.reject(stage.iteration, stage.key, now(), reason)
-    session.beside(REJECTED)
+    session.book_overhead(REJECTED)
     session.screen.note(f"Trial {stage.key.number}, attempt {stage.key.attempt + 1}, does not count: {reason}")
     folder = session.store.trial_folder(stage.iteration, stage.key)
     if folder.is_dir():
-        session.screen.plain(f"Its recording is kept: {folder}")
+        session.screen.file("Its recording is kept", folder)
         motion = session.store.motion(stage.iteration, stage.key)
         session.overhead_s[REJECTED] = session.overhead_s.get(REJECTED, 0.0) + sum(motion.timing_s.values())
         if motion.stopped is None:
             name = session.store.facts.name
             session.screen.plain(f"To let it count after all: adaptsim sessions accept {name} {stage.key.number}")
-
-
-def rows_of(particle: Particle) -> Samples:
-    """The samples of a particle, as they are stored."""
-    return tuple(as_row(sample) for sample in particle.samples)

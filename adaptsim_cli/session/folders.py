@@ -12,7 +12,7 @@ from pathlib import Path
 from adaptsim_cli.errors import SessionError, UsageError
 from adaptsim_cli.session import records
 from adaptsim_cli.session.records import (
-    Facts,
+    SessionFacts,
 )
 from hw.bounded import read_table
 from hw.plugins import did_you_mean
@@ -71,7 +71,7 @@ def newest(root: Path, without: str = "") -> str:
     """The newest session by another method than `without`. Raises SessionError without one."""
     candidates = [name for name in names(root) if (root / name / FACTS).is_file()]
     if without:
-        candidates = [name for name in candidates if records.read(Facts, root / name / FACTS).method != without]
+        candidates = [name for name in candidates if records.read(SessionFacts, root / name / FACTS).method != without]
     if not candidates:
         raise SessionError(f"there are no sessions in {root} yet; begin one with adaptsim run-iteration")
     return candidates[-1]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from adaptsim_cli.config import DIRECT
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.outputs.sessions import ParameterBelief
 from adaptsim_cli.session.checkpoint import checkpoint_of_session, recordings_of
@@ -16,15 +17,15 @@ from adaptsim_cli.session.history import history_of, particles_of, results_of, t
 from adaptsim_cli.session.judgement import HeldOutScore, Judgement, Prediction, end_error, mean_of
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.store import SessionStore
+from sim.adaptation.method import Simulating
 from sim.errors import CollapsedPosterior, SimError
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
-    from sim.adaptation.method import Iteration, Method
-    from sim.adaptation.methods.belief import Belief
+    from sim.adaptation.method import ExpectedTrajectories, Iteration, Method
     from sim.adaptation.posterior import Posterior
-    from sim.solvers.solver import SolvedPolicy
-    from sim.tasks.task import Task
+    from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
+    from sim.tasks.task import SolvedPolicy, Task
     from sim.types import Estimate
 
 JUDGED = 64
@@ -42,31 +43,38 @@ class Hindsight:
     """A checkpoint that evaluates the trajectories of its sessions. It caches the results of each trial."""
 
     checkpoint: Checkpoint
-    belief: Belief
+    likelihood: TrajectoryLikelihood | Simulating
     _methods: dict[str, Method] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, store: SessionStore) -> Hindsight:
         """Raises CheckpointError if the session's checkpoint is gone, or has no parts for inference."""
-        from sim.adaptation.methods.belief import create
+        from sim.adaptation.methods import make_method
+        from sim.adaptation.posterior import likelihood_of
 
         checkpoint = checkpoint_of_session(store)
-        return cls(checkpoint, create(checkpoint.solver.task, checkpoint))
+        if store.facts.solver == DIRECT:
+            method = make_method(DIRECT, checkpoint.solver.task, checkpoint)
+            assert isinstance(method, Simulating)
+            return cls(checkpoint, method)
+        return cls(checkpoint, likelihood_of(checkpoint))
 
     @cached_property
-    def _of_udr(self) -> tuple[SolvedPolicy, ...]:
-        return _of_udr(self.checkpoint)
+    def _udr_policies(self) -> tuple[SolvedPolicy, ...]:
+        return _udr_policies(self.checkpoint)
 
     def posterior(self, store: SessionStore, iterations: int | None = None) -> Posterior:
         """The posterior after `iterations` iterations; by default after all trials. Raises SessionError."""
         from sim.adaptation.posterior import posterior
 
         begun = store.iterations() if iterations is None else min(iterations, store.iterations())
-        return posterior(self.belief, history_of(self.checkpoint.solver.task, store, begun - 1))
+        if isinstance(self.likelihood, Simulating):
+            begun = min(begun, len(results_of(store)))
+        return posterior(self.likelihood, history_of(self.checkpoint.solver.task, store, begun - 1))
 
-    def judge(self, store: SessionStore) -> Judgement:
+    def evaluate(self, store: SessionStore) -> Judgement:
         """The judgement that a report shows. Raises SessionError without trials."""
-        from sim.adaptation.posterior import posterior_after_each, prospect
+        from sim.adaptation.posterior import expected_reward, posterior_after_each
         from sim.solvers.solver import policy_for
 
         checkpoint, trials = self.checkpoint, trials_of(store)
@@ -74,18 +82,25 @@ class Hindsight:
             raise SessionError(f"session {store.facts.name} has no completed trial yet")
         results = results_of(store)
         history = history_of(checkpoint.solver.task, store, trials[-1].iteration - 1)
-        posteriors = posterior_after_each(self.belief, history)
+        if is_direct := isinstance(self.likelihood, Simulating):
+            history = history[: len(results)]  # what the session has not simulated yet stays unknown
+        posteriors = posterior_after_each(self.likelihood, history)
         posterior = posteriors[-1]
 
         def expected(policies: Sequence[SolvedPolicy]) -> Estimate:
-            return prospect(checkpoint, posterior, policies, np.random.default_rng(0))  # the same targets for all
+            rng = np.random.default_rng(0)  # the same targets for all
+            return expected_reward(checkpoint, posterior, policies, rng)
 
         return Judgement(
             posteriors=posteriors,
-            predictions=self._predictions(trials, posterior),
-            first=expected([policy_for(checkpoint.solver, one.samples) for one in particles_of(store, 0)]),
-            adapted=expected([self._final(store, history[: results[-1].iteration])]) if results else None,
-            udr=expected(self._of_udr),
+            predictions=self._predictions(trials, posterior, history),
+            first=None
+            if is_direct
+            else expected([policy_for(checkpoint.solver, one.samples) for one in particles_of(store, 0)]),
+            adapted=expected([self._final(store, history[: results[-1].iteration])])
+            if results and not is_direct
+            else None,
+            udr=None if is_direct else expected(self._udr_policies),
             unit=_unit(checkpoint.solver.task),
             held_out=self._held_out(store, posteriors) if results and store.facts.held_out else None,
         )
@@ -134,17 +149,25 @@ class Hindsight:
             trials=len(held),
             contexts=JUDGED,
             final=earned([final]),
-            udr=earned(_of_udr(checkpoint)),
+            udr=earned(_udr_policies(checkpoint)),
             best=float(np.mean(best)),
             before=error(posteriors[0]),
             after=error(posteriors[-1]),
         )
 
-    def _predictions(self, trials: Sequence[TrialRecord], posterior: Posterior) -> dict[int, Prediction]:
+    def _predictions(
+        self, trials: Sequence[TrialRecord], posterior: Posterior, history: Sequence[Iteration]
+    ) -> dict[int, Prediction]:
         """The prediction of each trial, by its number: for the parameters of its policy, and for likely ones."""
         from sim.adaptation.posterior import predicted
 
-        solver, each = self.checkpoint.solver, 1 + LIKELY
+        each = 1 + LIKELY
+        solver: ExpectedTrajectories = self.checkpoint.solver
+        if isinstance(self.likelihood, Simulating):
+            if not history:
+                return {}
+            trials = [trial for trial in trials if trial.iteration <= len(history)]
+            solver = self.likelihood.near_fit(history)
         parameters = [
             np.vstack([list(trial.parameters.values()), posterior.draw(LIKELY, np.random.default_rng(trial.trial))])
             for trial in trials
@@ -159,7 +182,7 @@ class Hindsight:
         }
 
 
-def _of_udr(checkpoint: Checkpoint) -> tuple[SolvedPolicy, ...]:
+def _udr_policies(checkpoint: Checkpoint) -> tuple[SolvedPolicy, ...]:
     """Policies for all of Omega; always the same."""
     from sim.adaptation.methods.udr import udr_policies
 

@@ -53,9 +53,9 @@ class Judgement:
 
     posteriors: tuple[Posterior, ...]  # before the first iteration, and after each
     predictions: Mapping[int, Prediction]  # by number of the trial
-    first: Estimate  # of the first policies, under the last posterior
+    first: Estimate | None  # of the first policies, under the last posterior; None: it would cost rollouts
     adapted: Estimate | None  # of the policy at the best parameters; None without a result
-    udr: Estimate  # of policies for all of Omega
+    udr: Estimate | None  # of policies for all of Omega; None as for `first`
     unit: str  # of the errors of predicted ends: "mm" on the table, else that of the observed quantities
     held_out: HeldOutScore | None = None  # None: no trial was held out
 

@@ -9,10 +9,9 @@ from typing import Protocol
 
 import numpy as np
 
-from adaptsim_cli.bench.rig import Detection, Paths
 from adaptsim_cli.session.records import Film, KeyMoment
 from hw.errors import HardwareError
-from hw.types import Array, Frame
+from hw.types import Array
 from perception.errors import TrackingFailed
 from perception.types import ObjectTrack
 from sim.adaptation.sessions import Progress, silently
@@ -42,23 +41,26 @@ AT_ONCE = (
 
 
 @dataclass(frozen=True, eq=False)
-class Placement:
-    """A trial before its motion: `Target.place` fills in the object's place, `Target.plan` action and motion."""
+class PlacedTrial:
+    """A trial whose object is in its place, as `Target.place` gives it."""
 
     drawn: Array  # (c,) the wanted context
     context: Array  # (c,) as measured, for the task policy
-    overlay: bytes | None = None  # JPEG of the detection; None without a camera
-    frame: Frame | None = None  # the object was found in it
-    detection: Detection | None = None  # of the rig's tracker
-    action: Array = field(default_factory=lambda: np.zeros(0))  # (a,)
+    key: TrialKey
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedTrial(PlacedTrial):
+    """A trial whose motion was planned and checked, as `Target.plan` gives it."""
+
+    action: Array  # (a,)
     summary: str = ""  # the plan in one sentence
     announcement: str = ""  # what happens if the operator agrees, in one sentence
     then: str = AT_ONCE  # what the agreement leads to
-    key: TrialKey | None = None  # of the trial, for a target that asks for it by its number
-    preview: MotionPreview | None = None  # None without a camera
-    paths: Paths | None = None  # None without an arm
-    digest: str = ""  # of the first motion, as it is played: the operator's answer releases it and no other
+    overlay: bytes | None = None  # JPEG of the detection; None without a camera
     overlay_file: Path | None = None  # `overlay`, as the operator may open it
+    preview: MotionPreview | None = None  # None without a camera
+    digest: str = ""  # of the first motion, as it is played: the operator's answer releases it and no other
 
 
 class Motion(Protocol):

@@ -1,4 +1,4 @@
-"""Joins the parts of a session: settings -> devices, tracker, planner and learner."""
+"""Joins the parts of a session: settings -> devices, tracker, planner and adaptation."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from adaptsim_cli.bench.checkpoints import checkpoint_of, task_of
+from adaptsim_cli.bench.checkpoints import task_of
 from adaptsim_cli.bench.devices.opening import open_lab
 from adaptsim_cli.bench.devices.trackers import tracker_of
 from adaptsim_cli.bench.rig import Rig
@@ -22,31 +22,37 @@ from adaptsim_cli.config import PERSON, Config, Places, is_own, places
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.session.checkpoint import recordings_of, solver_of, started_from
+from adaptsim_cli.session.checkpoint import (
+    checkpoint_in_session,
+    cost_in_words,
+    recordings_of,
+    solver_of,
+    started_from,
+)
 from adaptsim_cli.session.control_policies import control_of
 from adaptsim_cli.session.folders import FACTS
 from adaptsim_cli.session.own.exchange import Answerer
 from adaptsim_cli.session.own.person import TypedAnswers
 from adaptsim_cli.session.own.program import Program
 from adaptsim_cli.session.own.target import OwnTarget
-from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.records import SessionFacts
 from adaptsim_cli.session.rig_sessions import own_ground
 from adaptsim_cli.session.rig_target import RigTarget
 from adaptsim_cli.session.session_policies import trained_policies, with_session_policies
 from adaptsim_cli.session.simulated_target import RecordedTarget, SimulatedTarget
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts, Provenance, Target
+from adaptsim_cli.session.target import Provenance, SessionParts, Target
 from adaptsim_cli.storage.durable import versions
 from hw.braking import FULL
 from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.adaptation.learner import Learner
+from sim.adaptation.adaptation import Adaptation
+from sim.adaptation.method import Simulating
 from sim.adaptation.methods import kind_of
 from sim.adaptation.worth_in_words import worth_in_words
 from sim.rollouts.recorded import RecordedTrials
-from sim.solvers.solver import Executable, Expectations, Policies
 from sim.tasks import files_of
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, Expectations, Policies, Task
 
 if TYPE_CHECKING:
     from adaptsim_cli.bench.devices.lab import Drivers
@@ -58,10 +64,10 @@ def open_parts(
     config: Config,
     learnt: Path,
     drivers: Drivers | None = None,
-    own: Facts | None = None,
+    own: SessionFacts | None = None,
     screen: Screen | None = None,
     answerer: Answerer | None = None,
-) -> Iterator[Parts]:
+) -> Iterator[SessionParts]:
     """All parts of a session, with its devices connected. `drivers` are those of a real lab's devices.
 
     `own`: with the calibration and the touch-off of this session instead of those in use. `answerer`: who answers for a
@@ -71,44 +77,40 @@ def open_parts(
 
     Raises SimError, DeviceUnavailable, CalibrationMissing, UsageError.
     """
-    checkpoint, prior = started_from(checkpoint_of(config), config)
-    of_library, session = checkpoint, learnt.parent
-    checkpoint = with_session_policies(of_library, session, config.workers, None)
-    worth = tuple(worth_in_words(checkpoint.card.worth))
-    training = checkpoint.solver.task.training
-    train = partial(trained_policies, of_library, session, config.workers) if training is not None else None
-    if config.recorded:
-        yield _recorded_parts(config, checkpoint, prior, learnt.parent)
-        return
-    if config.is_own:
-        yours = _own_target(config, checkpoint.solver.task, learnt.parent, screen, answerer)
-        with solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations):
-            learner = _learner(config, checkpoint, policies, expectations, yours.executable)
-            yours = replace(yours, expectations=expectations)
-            control, sha256 = control_of(config, checkpoint, policies, yours.executable)
-            origin = replace(_provenance(checkpoint, prior, ""), control_sha256=sha256)
-            yield Parts(yours.task, yours, learner, origin, control, worth=worth, train_policies=train)
-        return
-    with (
-        _open_target(config, checkpoint.solver.task, drivers, own, screen) as (task, target, executable, rig),
-        solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
-    ):
-        learner = _learner(config, checkpoint, policies, expectations, executable)
-        origin = _provenance(checkpoint, prior, _world_sha256(config.lab_world))
-        if rig is not None:
-            origin = replace(
-                origin,
-                calibration=rig.hand_eye.source,
-                calibration_sha256=hash_of(rig.hand_eye.X_BC, task.require_hardware().X_FT),
-                camera_late_s=rig.hand_eye.camera_late_s,
-            )
-        control, sha256 = control_of(config, checkpoint, policies, executable)
-        newest = None if rig is None else rig.camera.newest
-        origin = replace(origin, control_sha256=sha256)
-        yield Parts(task, target, learner, origin, control, newest, worth, train)
+    with checkpoint_in_session(config, learnt) as unbiased:
+        checkpoint, prior = started_from(unbiased, config)
+        of_library, session = checkpoint, learnt.parent
+        checkpoint = with_session_policies(of_library, session, config.workers, None)
+        worth = tuple(worth_in_words(checkpoint.card.worth))
+        training = checkpoint.solver.task.training
+        train = partial(trained_policies, of_library, session, config.workers) if training is not None else None
+        if config.recorded:
+            yield _recorded_parts(config, checkpoint, prior, session)
+            return
+        with (
+            _open_own_or_target(config, checkpoint.solver, session, drivers, own, screen, answerer) as opened,
+            solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
+        ):
+            task, target, executable, rig = opened
+            adaptation = _adaptation(config, checkpoint, policies, expectations, executable)
+            control, sha256 = control_of(config, checkpoint, policies, executable)
+            world = "" if config.is_own else _world_sha256(config.lab_world)
+            origin = replace(_provenance(checkpoint, prior, world), control_sha256=sha256)
+            if rig is not None:
+                origin = replace(
+                    origin,
+                    calibration=rig.hand_eye.source,
+                    calibration_sha256=hash_of(rig.hand_eye.X_BC, task.require_hardware().X_FT),
+                    camera_late_s=rig.hand_eye.camera_late_s,
+                )
+            newest = None if rig is None else rig.camera.newest
+            rollouts = None
+            if isinstance(adaptation.method, Simulating):
+                rollouts, worth = adaptation.method.rollouts, (cost_in_words(adaptation.method, config),)
+            yield SessionParts(task, target, adaptation, origin, control, newest, worth, train, rollouts)
 
 
-def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> Parts:
+def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session: Path) -> SessionParts:
     """The parts of a session in the folder `session` whose trials were recorded before. Raises UsageError, SimError."""
     if not config.is_simulated:
         raise UsageError(f"--recorded: nothing moves, so leave out --hw {config.hw}")
@@ -121,8 +123,8 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
     title = f"recorded trials of {config.recorded}, {len(recordings.held_out)} of them held out"
     title = "; ".join((title, *recordings.shown.notes))
     target = RecordedTarget(recordings.shown, title, _spent(recordings.shown, session))
-    learner = _learner(config, recordings.checkpoint, solver, solver, target.executable)
-    return Parts(solver.task, target, learner, _provenance(checkpoint, prior, recordings.sha256))
+    adaptation = _adaptation(config, recordings.checkpoint, solver, solver, target.executable)
+    return SessionParts(solver.task, target, adaptation, _provenance(checkpoint, prior, recordings.sha256))
 
 
 def _own_target(
@@ -153,19 +155,21 @@ def _own_target(
     return OwnTarget(task, session, answerer, config.method)
 
 
-def _learner(
+def _adaptation(
     config: Config,
     checkpoint: Checkpoint,
     policies: Policies,
     expectations: Expectations,
     executable: Executable | None,
-) -> Learner:
+) -> Adaptation:
     from sim.adaptation.methods import make_method
-    from sim.adaptation.methods.belief import Belief
+    from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
 
-    belief = None if checkpoint.prospects is None else Belief(checkpoint.solver, checkpoint.prospects)
     method = make_method(config.method, checkpoint.solver.task, checkpoint)
-    return Learner(method, policies, expectations, executable, belief)
+    likelihood: TrajectoryLikelihood | Simulating | None = method if isinstance(method, Simulating) else None
+    if likelihood is None and (table := checkpoint.reward_table) is not None:
+        likelihood = TrajectoryLikelihood(checkpoint.solver, table.truths, table.prior)
+    return Adaptation(method, policies, expectations, executable, likelihood)
 
 
 def _provenance(checkpoint: Checkpoint, prior: str, world_sha256: str) -> Provenance:
@@ -194,12 +198,32 @@ def _spent(trials: RecordedTrials, session: Path) -> set[int]:
     return {int(row) for row in trials.at(np.array(used))} if used else set()
 
 
-_Opened = tuple[Task, Target, Executable | None, Rig | None]
+_Opened = tuple[Task, Target[Any, Any], Executable | None, Rig | None]
+
+
+@contextmanager
+def _open_own_or_target(
+    config: Config,
+    expectations: Expectations,
+    session: Path,
+    drivers: Drivers | None,
+    own: SessionFacts | None,
+    screen: Screen | None,
+    answerer: Answerer | None,
+) -> Iterator[_Opened]:
+    """See `_open_target`; a robot of one's own is a target without devices."""
+    task = expectations.task
+    if config.is_own:
+        yours = replace(_own_target(config, task, session, screen, answerer), expectations=expectations)
+        yield yours.task, yours, yours.executable, None
+        return
+    with _open_target(config, task, drivers, own, screen) as opened:
+        yield opened
 
 
 @contextmanager
 def _open_target(
-    config: Config, task: Task, drivers: Drivers | None, own: Facts | None, screen: Screen | None
+    config: Config, task: Task, drivers: Drivers | None, own: SessionFacts | None, screen: Screen | None
 ) -> Iterator[_Opened]:
     """The task as mounted, the target, the check for executable actions, the rig if there is one."""
     if task.hardware is None or _is_foreign(config, task):
@@ -220,7 +244,7 @@ def open_trials(
     places: Places,
     task: Task,
     drivers: Drivers | None = None,
-    own: Facts | None = None,
+    own: SessionFacts | None = None,
     screen: Screen | None = None,
 ) -> Iterator[RigTarget]:
     """The devices for trials, connected, the arm last. Nothing moves.
@@ -279,7 +303,7 @@ def _world_sha256(name_or_path: str) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def seen_by_camera(config: Config, facts: Facts) -> tuple[Task, tuple[Outcome, ...]]:
+def seen_by_camera(config: Config, facts: SessionFacts) -> tuple[Task, tuple[Outcome, ...]]:
     """The task with the session's ranges, and its outcomes. Raises UsageError for a task without a camera."""
     task = task_of(config.model_copy(update={"task": facts.task, "object": facts.object}))
     if is_own(facts.hw):

@@ -12,7 +12,7 @@ from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.keys import Key, agree, enter, stop
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.session.live_trial import Placement
+from adaptsim_cli.session.live_trial import PlannedTrial
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
@@ -40,7 +40,7 @@ class Operator(Protocol):
     def placed(self, what: str, wanted_m: Array, real: bool) -> None:
         """Returns once `what` lies at `wanted_m` (2,), or the simulated lab may put it there."""
 
-    def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
+    def approve(self, trial: MotionRecord, planned: PlannedTrial, real: bool, release: Release) -> None:
         """Returns once the trial may start, which `release` then lets begin."""
 
     def rejected_already(self) -> str:
@@ -96,10 +96,10 @@ class Attended:
             then = f"The lab places the {what}, the camera finds it, and the motion is planned. Nothing moves yet."
             self.screen.go_on(f"The simulated lab puts the {what} at {_spot(wanted_m)}.", then=then)
 
-    def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
+    def approve(self, trial: MotionRecord, planned: PlannedTrial, real: bool, release: Release) -> None:
         """See `Operator`."""
         if planned.overlay_file is not None:
-            self.screen.plain(f"  Detection: {planned.overlay_file}")
+            self.screen.file("  Detection", planned.overlay_file)
         asking = release if release.screen else Release(self.screen)
         asking.announced(f"{planned.announcement}.", planned.digest, planned.then, "everything completed is stored")
 
@@ -175,7 +175,7 @@ def choose_amendment(
         if (outcome := outcomes.get(named.replace(" ", "_"))) is None:
             raise UsageError(f"--outcome {named}: trial {record.trial} can have ended as one of {', '.join(outcomes)}")
         return outcome
-    folder = store.trial_folder(*record.place)
+    folder = store.trial_folder(*record.position)
     screen.show(f"Trial {record.trial} counts as {record.outcome_words}, reward {record.reward:.2f}.")
     for moment in record.moments:
         screen.plain(f"  {moment.label}, {moment.t_s:.2f} s: {folder / moment.file}")
@@ -205,7 +205,7 @@ class Unattended:
         """See `Operator`; only shows it."""
         self.screen.show(Text(f"  The simulated lab puts the {what} at {_spot(wanted_m)}", style="dim"))
 
-    def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
+    def approve(self, trial: MotionRecord, planned: PlannedTrial, real: bool, release: Release) -> None:
         """See `Operator`. Raises UsageError for a real arm."""
         if real:
             raise UsageError(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from adaptsim_cli.bench.facts import RigFacts
 from adaptsim_cli.bench.rig import Rig
 from adaptsim_cli.screen.views import Readiness
-from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.records import SessionFacts
 from adaptsim_cli.session.target import Target
 from calib.types import HandEye
 from hw.errors import CameraError, DeviceUnavailable
@@ -56,7 +56,7 @@ def _words(settings: list[tuple[int, int]]) -> str:
     return ", ".join(f"{exposure_us} µs and {balance_K} K" for exposure_us, balance_K in settings)
 
 
-def preflight(target: Target, facts: Facts, folder: Path, min_free_mb: int) -> tuple[Readiness, ...]:
+def preflight(target: Target[Any, Any], facts: SessionFacts, folder: Path, min_free_mb: int) -> tuple[Readiness, ...]:
     """All checks, in the order of the screen. A device that is not ready raises nothing."""
     return (
         Readiness("checkpoint", True, f"{facts.checkpoint} ({facts.checkpoint_sha256[:12] or 'no hash'})"),

@@ -14,14 +14,14 @@ from adaptsim_cli.session import terminal_views
 from adaptsim_cli.session.control import cost_in_words, power_in_words
 from adaptsim_cli.session.flow import RunningSession
 from adaptsim_cli.session.preflight import preflight
-from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.records import SessionFacts
 from sim.adaptation.methods import ignores_seed
 from sim.adaptation.stages import next_stage
 from sim.adaptation.trials_forecast import load as load_forecast
 from sim.tasks import files_of
 
 
-def _trials_needed(facts: Facts) -> str:
+def _trials_needed(facts: SessionFacts) -> str:
     """How many trials a session like this needs, by the forecast beside its checkpoint; "" without one."""
     task, _, name = facts.checkpoint.partition("/")
     if facts.method != Config().method or facts.recorded or not name:
@@ -50,8 +50,8 @@ def require_ready(session: RunningSession, config: Config, iterations: int) -> N
         screen.note(
             f"Continuing after {count} trial{'s' if count > 1 else ''}. Another --session starts from the beginning."
         )
-    if is_new and (outlook := _trials_needed(facts)):
-        screen.show(Text(outlook, style="dim"))
+    if is_new and (trials_needed := _trials_needed(facts)):
+        screen.show(Text(trials_needed, style="dim"))
     if facts.control:
         screen.note(cost_in_words(session.store, stage.iteration, iterations))
         if is_new:

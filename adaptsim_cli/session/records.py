@@ -20,7 +20,7 @@ from pydantic import Field, ValidationError
 
 from adaptsim_cli.errors import SessionError, explained
 from adaptsim_cli.screen.outputs import Quantities
-from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord, OutlookRecord, SuspicionRecord, TrackRecord
+from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord, ForecastRecord, SuspicionRecord, TrackRecord
 from adaptsim_cli.storage import durable
 from hw.bounded import JSON_BYTES, Unreadable, parse_table, read_bytes
 from hw.records import AnyRecord, Record, content_of, from_any_version
@@ -59,7 +59,7 @@ WITH_CONTROL = 5
 """The format of a session with control trials: an older program would learn from them. Else it is that of FORMAT."""
 
 ROLLOUT = "rollout"
-"""The `method` of a session without a learner: trials with a chosen action or policy."""
+"""The `method` of a session without adaptation: trials with a chosen action or policy."""
 
 Row = tuple[float, ...]
 Samples = tuple[Row, ...]
@@ -84,7 +84,7 @@ def as_records(space: Space) -> tuple[DimensionRecord, ...]:
     )
 
 
-class Facts(Record):
+class SessionFacts(Record):
     """session.toml: the settings that a session was begun with, and must continue with."""
 
     format: int = FORMAT
@@ -181,8 +181,8 @@ class MotionRecord(Record):
     goal_m: Row | None  # (x, y) wanted place of the object, for a task with such goals
     action: Quantities  # commanded
     predicted_reward: float
-    predicted_low: float  # of the emulator's ensemble: mean minus two standard deviations
-    predicted_high: float
+    predicted_low: float  # lower end of its 95 % interval
+    predicted_high: float  # upper end
     started: str = ""  # ISO 8601; "": it has not moved
     stopped: str | None = None  # why the motion ended early; None: it did not
     timing_s: dict[str, float] = Field(default_factory=dict)  # wall time by stage
@@ -195,7 +195,7 @@ class MotionRecord(Record):
         return self.role is not Role.ALONE
 
     @property
-    def place(self) -> tuple[int, TrialKey]:
+    def position(self) -> tuple[int, TrialKey]:
         """(iteration, key) of the trial; stages count from 0."""
         return self.iteration - 1, TrialKey(self.trial, self.attempt - 1)
 
@@ -290,7 +290,7 @@ class ResultRecord(Record):
     next_particles: tuple[Samples, ...]
     best: BestRecord
     verdict: Verdict
-    outlook: OutlookRecord | None = None  # None: the method makes no forecast
+    outlook: ForecastRecord | None = None  # None: the method makes no forecast
     suspicion: SuspicionRecord | None = None  # what the trials so far hint at about the rig
     timing_s: dict[str, float]
     proposal_s: float  # wall time from the end of the last motion until the next task policies are trained

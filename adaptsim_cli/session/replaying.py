@@ -21,7 +21,7 @@ from adaptsim_cli.bench.rig import Image, Recording
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.session import recording, topics
 from adaptsim_cli.session.film import draw_way, way_px, write
-from adaptsim_cli.session.records import Facts, TrialRecord
+from adaptsim_cli.session.records import SessionFacts, TrialRecord
 from adaptsim_cli.session.retracking import tool_poses
 from adaptsim_cli.session.store import SessionStore
 from hw.extras import missing
@@ -37,7 +37,7 @@ REAL_ARMS = tuple(LIMITS)
 class WholeTrial:
     """A completed trial with its recording read."""
 
-    facts: Facts
+    facts: SessionFacts
     record: TrialRecord
     stored: Recording
     file: Path
@@ -104,7 +104,7 @@ class WholeTrial:
 
 def open_trial(store: SessionStore, record: TrialRecord) -> WholeTrial:
     """Read a trial. Raises SessionError if its recording is missing, pruned or corrupt."""
-    file = store.trial_folder(*record.place) / recording.FILE
+    file = store.trial_folder(*record.position) / recording.FILE
     return WholeTrial(store.facts, record, recording.read(file), file)
 
 

@@ -85,7 +85,7 @@ def require_camera(task: Task) -> None:
 
 
 def _again(store: SessionStore, task: Task, tracker: Tracker, record: TrialRecord) -> RetrackedTrial:
-    path = store.trial_folder(*record.place) / recording.FILE
+    path = store.trial_folder(*record.position) / recording.FILE
     stored, X_BT_at = recording.read(path), tool_poses(path)
     played = stored.execution
     if not len(played.t_s):

@@ -10,14 +10,14 @@ from adaptsim_cli.bench.rig_frames import RigFrames, every_ground, ground_of
 from adaptsim_cli.config import Config, Places
 from adaptsim_cli.errors import CliError, UsageError
 from adaptsim_cli.session import folders
-from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.records import SessionFacts
 from adaptsim_cli.session.store import SessionStore
 from calib.errors import CalibrationError
 from sim.errors import SimError
 from sim.tasks.task import Task
 
 
-def own_ground(config: Config, places: Places, task: Task, lab: Lab, facts: Facts) -> RigFrames:
+def own_ground(config: Config, places: Places, task: Task, lab: Lab, facts: SessionFacts) -> RigFrames:
     """The poses that a session was begun with, searched among all stored ones. Raises UsageError if they are gone."""
     grounds = (one for one in every_ground(config, places, task, lab) if one.sha256 == facts.calibration_sha256)
     ground = next((one for one in grounds if one.eye.camera_late_s == facts.camera_late_s), None)

@@ -18,13 +18,13 @@ from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness, clear_to_move, top_speed_m_s
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.film import Filmed, key_moments
-from adaptsim_cli.session.live_trial import MotionPreview, OutcomeUndecided, Placement, TrackedTrial
+from adaptsim_cli.session.live_trial import OutcomeUndecided, PlannedTrial, TrackedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import brightness, rig_checks
 from adaptsim_cli.session.records import RIG, to_json
+from adaptsim_cli.session.rig_preview import FoundObject, preview_of
 from hw.braking import FULL
 from hw.errors import ArmFault, HardwareError, MotionRefused, Rehearsed
-from hw.kinematics import FLANGE, link_poses
 from hw.poses import inverse
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
@@ -34,7 +34,16 @@ from perception.types import SETTLE_S, ObjectTrack, Outcome
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
 from sim.errors import NotExecutable
-from sim.tasks.task import Hardware, Task
+from sim.tasks.hardware import Hardware
+from sim.tasks.task import Task
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RigPlan(PlannedTrial):
+    """A planned trial with the three paths of the arm."""
+
+    found: FoundObject
+    paths: Paths
 
 
 @dataclass(eq=False)
@@ -125,7 +134,7 @@ class RigTarget:
         operator.repeat_interrupted(stage)
         return self.moves
 
-    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placement:
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> FoundObject:
         """Have the object placed, find it with the camera, and check that it lies in the area."""
         task, rig, tracker = self.task, self.rig, self.tracker
         if rig.attendant is not None:
@@ -144,9 +153,9 @@ class RigTarget:
             place = ", ".join(f"{value:.3f}" for value in context)
             raise ObjectNotFound(f"the {task.object_name} lies outside of the area: found {place}; area {ranges}")
         overlay = tracker.overlay(frame, model, rig.hand_eye.X_BC, detection, drawn)
-        return Placement(drawn, context, recording.encode_jpeg(overlay, 90), frame, detection)
+        return FoundObject(drawn, context, key, recording.encode_jpeg(overlay, 90), frame, detection)
 
-    def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
+    def plan(self, placed: FoundObject, action: Array, progress: Progress = silently) -> RigPlan:
         """The three paths of the motion, after they passed every limit."""
         with progress("Planning the motion", "planning"):
             paths = self.planner.paths(self.hardware.plan(placed.context, action))
@@ -164,17 +173,21 @@ class RigTarget:
         what, asked_s = f"comes to the {self.task.object_name}, makes its motion and goes back", played_s
         if self.release.asks_each:
             what, asked_s = f"comes to the {self.task.object_name}", played[0].duration_s
-        return replace(
-            placed,
-            action=action,
+        return RigPlan(
+            placed.drawn,
+            placed.context,
+            placed.key,
+            action,
             summary=f"The motion takes {duration_s:.1f} s and passed all limits{slow}",
             announcement=clear_to_move(self.moves, what, asked_s, speed_m_s),
-            preview=self._preview(placed, paths),
+            overlay=placed.overlay,
+            preview=preview_of(self.task, self.rig, self.tracker, self.planner, placed, paths),
+            found=placed,
             paths=paths,
             digest=played[0].digest,
         )
 
-    def execute(self, planned: Placement, progress: Progress = silently) -> RigMotion:
+    def execute(self, planned: RigPlan, progress: Progress = silently) -> RigMotion:
         """Approach, record the motion, go back.
 
         If the arm stops or loses its tool, the recording until then is kept. However it ends, no motion stays released.
@@ -184,8 +197,7 @@ class RigTarget:
         finally:
             self.release.withdraw()
 
-    def _executed(self, planned: Placement, progress: Progress) -> RigMotion:
-        assert planned.paths is not None and planned.frame is not None
+    def _executed(self, planned: RigPlan, progress: Progress) -> RigMotion:
         approach, motion, back = planned.paths
         arm, camera, after = self.rig.arm, self.rig.camera, None
         slow_approach, slow_motion, slow_back = (self.planner.at_speed(path, self.rig.pace) for path in planned.paths)
@@ -198,7 +210,7 @@ class RigTarget:
             played, frames, stopped = self._film(motion)
         if stopped is None:
             self.release.completed()
-        begun, followed = self._behind(planned, planned.frame, frames, played)
+        begun, followed = self._behind(planned, frames, played)
         del frames  # each is freed once it is compressed
         if stopped is None:
             try:
@@ -216,7 +228,7 @@ class RigTarget:
                 "command without --pace makes the trial"
             )
         finish = partial(self._finished, planned, begun, after)
-        return RigMotion(self, planned.context, planned.action, stopped, planned.detection, followed, finish)
+        return RigMotion(self, planned.context, planned.action, stopped, planned.found.detection, followed, finish)
 
     def read(self, folder: Path, context: Array, action: Array) -> RigMotion:
         """See `Target`."""
@@ -272,32 +284,6 @@ class RigTarget:
         """The frame with its time on the arm's clock: the camera delay found by the calibration is subtracted."""
         return replace(frame, t_s=frame.t_s - self.rig.hand_eye.camera_late_s)
 
-    def _preview(self, placed: Placement, paths: Paths) -> MotionPreview:
-        """The picture with the path of the tool, and the arm along all three paths."""
-        model, context = self.rig.camera.model(), self.task.context
-        X_CB = inverse(self.rig.hand_eye.X_BC)
-        begun_s = paths[0].duration_s
-        motion_s = (begun_s, begun_s + paths[1].duration_s)
-        t_s, q_rad = _decimated(paths)
-        X_BF = np.array([self.planner.flange(q) for q in q_rad])
-        tool_m = (X_BF @ self.hardware.X_FT)[:, :3, 3]
-        joints_m = link_poses(q_rad)[:, :FLANGE, :3, 3]
-        path_m = tool_m[(t_s >= motion_s[0]) & (t_s <= motion_s[1])]
-        corners = np.array([self.tracker.placement(corner) for corner in (context.low, context.high)])[:, :2]
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        return MotionPreview(
-            picture=placed.overlay or b"",
-            size_px=(model.colour.width, model.colour.height),
-            path_px=project(model.colour, X_CB, path_m),
-            path_m=path_m,
-            t_s=t_s,
-            arm_m=np.concatenate([joints_m, X_BF[:, None, :3, 3], tool_m[:, None]], axis=1),
-            motion_s=motion_s,
-            spot_m=np.asarray(_detected(placed).xy_m),
-            area_m=np.array([low[0], high[0], low[1], high[1]]),
-            goal_m=None if self.task.goal_m is None else np.asarray(self.task.goal_m(placed.context)),
-        )
-
     def _film(self, path: JointPath) -> tuple[Execution | None, Sequence[Frame], ArmFault | None]:
         """Play `path` and record it.
 
@@ -318,7 +304,7 @@ class RigTarget:
         return played, rig.camera.stop_recording(), None
 
     def _behind(
-        self, planned: Placement, before: Frame, filmed: Sequence[Frame], played: Execution | None
+        self, planned: RigPlan, filmed: Sequence[Frame], played: Execution | None
     ) -> tuple[Future[recording.PartialRecording], Future[ObjectTrack] | None]:
         """While the arm goes back: every frame compressed and decoded, the recording encoded, the object tracked in it.
 
@@ -334,10 +320,10 @@ class RigTarget:
             return recording.begin(first, frames, model, X_BC, moved, self.tool_pose(moved), late_s, arm)
 
         def followed() -> ObjectTrack:
-            return self._follow(planned.context, planned.action, begun.result().recording, _detected(planned))
+            return self._follow(planned.context, planned.action, begun.result().recording, planned.found.detection)
 
         pool = ThreadPoolExecutor(4, thread_name_prefix="behind")  # OpenCV and zstd release the interpreter
-        compressed = [pool.submit(recording.stored, before, lossless=True)]
+        compressed = [pool.submit(recording.stored, planned.found.frame, lossless=True)]
         one_by_one = [filmed[i : i + 1] for i in range(len(filmed))]
         compressed += [pool.submit(lambda one: recording.stored(self.in_time(one[0])), one) for one in one_by_one]
         begun = pool.submit(encoded)
@@ -351,7 +337,7 @@ class RigTarget:
         return self.tracker.track(TrackRequest(stored, detection, self.tool_pose(stored.execution), duration_s))
 
     def _finished(
-        self, planned: Placement, begun: Future[recording.PartialRecording], after: Frame | None
+        self, planned: RigPlan, begun: Future[recording.PartialRecording], after: Frame | None
     ) -> tuple[Mapping[str, bytes], Recording]:
         """(recording, overlay, and the facts of a real rig; the recording as it is tracked)."""
         mcap, stored = begun.result().finish(None if after is None else recording.stored(after, lossless=True))
@@ -362,12 +348,7 @@ class RigTarget:
                 files = {RIG: to_json(facts)}
             except ValueError as error:  # NaN must not cost the recording
                 files = {RIG: to_json(RigFacts(problem=str(error)))}
-        return {recording.FILE: mcap, "overlay.jpg": planned.overlay or b"", **files}, stored
-
-
-def _detected(placed: Placement) -> Detection:
-    assert placed.detection is not None, "a rig finds the object before it plans"
-    return placed.detection
+        return {recording.FILE: mcap, "overlay.jpg": planned.found.overlay, **files}, stored
 
 
 def _motionless(t_s: float) -> Execution:
@@ -385,16 +366,3 @@ def _interruptible(where: str) -> Iterator[None]:
             f"interrupted {where}: the arm brakes and stays there. This trial does not count; everything completed "
             "is stored"
         ) from error
-
-
-_SHOWN = 120
-"""Postures of the arm that a page draws, over all three paths."""
-
-
-def _decimated(paths: Paths) -> tuple[Array, Array]:
-    """Times (K,) from the start of the first path, and joints (K, 7), of at most `_SHOWN` postures."""
-    starts_s = np.cumsum([0.0, *(path.duration_s for path in paths)])
-    t_s = np.concatenate([start + path.t_s for start, path in zip(starts_s, paths, strict=False)])
-    q_rad = np.concatenate([path.q_rad for path in paths])
-    indices = np.unique(np.linspace(0, len(t_s) - 1, min(_SHOWN, len(t_s))).round().astype(int))
-    return t_s[indices], q_rad[indices]

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from adaptsim_cli.config import Config, Resolved, same_lab
+from adaptsim_cli.config import DIRECT, Config, Resolved, same_lab
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.console import Screen
@@ -20,14 +20,14 @@ from adaptsim_cli.session.folders import SOLVER
 from adaptsim_cli.session.history import trials_of
 from adaptsim_cli.session.single import Chosen
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import OpenParts, Parts
+from adaptsim_cli.session.target import OpenParts, SessionParts
 from adaptsim_cli.session.watching import Watcher
 from sim.tasks import get_task
 
 DrawPage = Callable[[SessionStore], Path]
 """session -> the file of its page, drawn."""
 
-OpenRolloutView = Callable[[Screen, Parts, str, str, str], AbstractContextManager[Watcher]]
+OpenRolloutView = Callable[[Screen, SessionParts, str, str, str], AbstractContextManager[Watcher]]
 """(screen, parts, name of the session, what it is, hardware) -> a watcher besides the terminal."""
 
 
@@ -63,6 +63,8 @@ def run(
     folder = folder.absolute()
     with TemporaryDirectory() as learnt, ExitStack() as stack:
         place = folder / SOLVER if settings.is_own else Path(learnt)  # questions to an own robot lie beside the session
+        if settings.solver == DIRECT and request.best_of and not settings.is_own:
+            place = resolved.places.sessions / request.best_of / SOLVER  # where the rollouts behind its policy are kept
         asking = None if settings.unattended(request.yes) else screen
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             parts = stack.enter_context(open_parts(settings, place, screen=asking))
@@ -74,8 +76,8 @@ def run(
         store = single.rollout(settings, parts, chosen, screen, folder, yes=request.yes, watcher=watcher)
     records = trials_of(store)
     for record in records:
-        screen.data("rollout", single.shown(store, record, chosen))
-    screen.plain(f"Stored: {store.folder}")
+        screen.data("rollout", single.rollout_output(store, record, chosen))
+    screen.file("Stored", store.folder)
     with screen.busy("Drawing its page", "reporting"):
         page = draw(store)
     text = [f"Report: {page}"]

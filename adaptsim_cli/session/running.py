@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 from rich.console import RenderableType
 
-from adaptsim_cli.config import Config, Resolved, is_own
+from adaptsim_cli.config import DIRECT, Config, Resolved, is_own
 from adaptsim_cli.errors import AnswerRefused, StoppedByOperator, UsageError
 from adaptsim_cli.screen import console
 from adaptsim_cli.screen.console import Screen, how_to_continue
@@ -22,7 +23,7 @@ from adaptsim_cli.session import folders, terminal_views
 from adaptsim_cli.session.advice import after_iteration
 from adaptsim_cli.session.deferred import Deferred, submit
 from adaptsim_cli.session.ending import EndRule, after_iterations, asked_at_the_verdict, at_the_verdict
-from adaptsim_cli.session.flow import RunningSession, rows_of, show, stages, tell
+from adaptsim_cli.session.flow import RunningSession, show, stages, update_watchers
 from adaptsim_cli.session.history import results_of
 from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.own.trust import require_trusted
@@ -32,24 +33,27 @@ from adaptsim_cli.session.records import (
     ROLLOUT,
     WITH_CONTROL,
     Draw,
-    Facts,
+    SessionFacts,
     SessionStart,
     as_records,
     generator,
     now,
 )
+from adaptsim_cli.session.results import rows_of
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
+from hw.cores import usable_cores
 from hw.memory import return_pictures
 from hw.plugins import did_you_mean
 from sim.adaptation.stages import Show
 from sim.errors import MomentsMissing
+from sim.rollouts.run import Progress
 
-OpenSessionParts = Callable[[Config, Path], AbstractContextManager[Parts]]
+OpenSessionParts = Callable[[Config, Path], AbstractContextManager[SessionParts]]
 """(settings, folder for a solver's policies) -> the connected parts."""
 
-OpenView = Callable[[Screen, SessionStore, Parts], AbstractContextManager[Watcher]]
+OpenView = Callable[[Screen, SessionStore, SessionParts], AbstractContextManager[Watcher]]
 """(screen, session, parts) -> a watcher besides the terminal."""
 
 Ending = Callable[[SessionStore], RenderableType | None]
@@ -60,6 +64,8 @@ _FROZEN = (
     *("method", "control", "pairs", "solver", "object", "seed", "particles"),
 )
 
+SHOWN_S = 3.0
+"""Rollouts that take longer have a progress bar."""
 
 NO_CONSENT = "each motion of a real robot is confirmed at a terminal, also with --yes: run in a terminal"
 
@@ -76,7 +82,7 @@ class SessionRequest:
     rules: tuple[EndRule, ...] = ()  # further rules for its end
 
 
-def terminal_alone(screen: Screen, store: SessionStore, parts: Parts) -> AbstractContextManager[Watcher]:
+def terminal_alone(screen: Screen, store: SessionStore, parts: SessionParts) -> AbstractContextManager[Watcher]:
     """No watcher besides the terminal."""
     return nullcontext(AllOf())
 
@@ -127,10 +133,10 @@ def run_session(
         also = (AnswerRefused, MomentsMissing)
         stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}", also=also))
         most = request.iterations or parts.task.adaptation.horizon
-        verdict = at_the_verdict if request.until_done else asked_at_the_verdict
+        verdict = at_the_verdict if request.until_done else asked_at_the_verdict(most)
         rules = (after_iterations(most), *request.rules, verdict)
         require_ready(session, config, most)
-        tell(session)
+        update_watchers(session)
         report = None
         for stage in stages(session):
             if isinstance(stage, Show):
@@ -153,7 +159,7 @@ def run_session(
     )
 
 
-def _operator(config: Config, parts: Parts, request: SessionRequest, screen: Screen) -> Operator:
+def _operator(config: Config, parts: SessionParts, request: SessionRequest, screen: Screen) -> Operator:
     """Who answers. Even with --yes, a person confirms the motions of a real robot. Raises UsageError."""
     if parts.target.needs_consent or not (config.is_simulated or config.is_own):
         console.require_terminal(NO_CONSENT)
@@ -221,7 +227,7 @@ def _confirm_session(screen: Screen, request: SessionRequest, resolved: Resolved
         raise StoppedByOperator("no session was begun")
 
 
-def facts_of(resolved: Resolved, request: SessionRequest) -> Facts:
+def facts_of(resolved: Resolved, request: SessionRequest) -> SessionFacts:
     """The facts of the requested session. Raises UsageError if it does not exist yet."""
     config = anywhere(resolved.config)
     name = _meant(resolved.places.sessions, config, request)
@@ -230,13 +236,31 @@ def facts_of(resolved: Resolved, request: SessionRequest) -> Facts:
     return store.facts
 
 
+def _together(config: Config) -> Config:
+    """The settings, in which the direct solver and the direct method name each other. Raises UsageError."""
+    if DIRECT not in (config.solver, config.method):
+        return config
+    usual = Config()
+    for key, chosen, other in (("solver", config.solver, usual.solver), ("method", config.method, usual.method)):
+        if chosen not in (DIRECT, other):
+            raise UsageError(
+                f"--{key} {chosen}: the direct solver and the direct method need each other. Leave --{key} out, or "
+                "leave direct out"
+            )
+    for key in ("start_from", "recorded"):
+        if getattr(config, key):
+            raise UsageError(f"--{key.replace('_', '-')} rests on a checkpoint, and the direct solver has none")
+    return config.model_copy(update={"solver": DIRECT, "method": DIRECT})
+
+
 def default_name(config: Config) -> str:
     """The name of a session if none is given: task and world, and method and seed unless they are the defaults."""
     usual = Config()
     method = config.method if config.method != usual.method else ""
     seed = f"seed{config.seed}" if config.seed != usual.seed else ""
+    solver = config.solver if config.solver != method else ""
     control = f"control-{config.control}" if config.control else ""
-    parts = (config.task, Path(config.object).stem, config.place, method, control, config.solver, seed)
+    parts = (config.task, Path(config.object).stem, config.target_name, method, control, solver, seed)
     return re.sub(r"[^A-Za-z0-9._-]", "-", "-".join(part for part in parts if part))
 
 
@@ -247,10 +271,10 @@ def absolute(named: str) -> str:
 
 
 def anywhere(config: Config) -> Config:
-    """The settings with absolute paths."""
+    """The settings with absolute paths, and with a solver and a method that fit. Raises UsageError."""
     recorded = str(Path(config.recorded).expanduser().absolute()) if config.recorded else ""
     update = {"world": absolute(config.world), "object": absolute(config.object), "recorded": recorded}
-    return config.model_copy(update=update)
+    return _together(config.model_copy(update=update))
 
 
 def _known(root: Path, name: str) -> SessionStore | None:
@@ -279,16 +303,18 @@ def settings_of(store: SessionStore, config: Config) -> Config:
 
 def _opened(
     open_parts: OpenSessionParts, config: Config, folder: Path, screen: Screen, stack: ExitStack, *, begun: bool
-) -> Parts:
+) -> SessionParts:
     """The connected parts of a session; one that was `begun` has its missing policies trained, and a new one hears
     what its checkpoint is worth.
     """
 
-    def opened() -> Parts:
+    def opened() -> SessionParts:
         with screen.busy("Loading the task, the policies and the devices", "loading"):
             return stack.enter_context(open_parts(config, folder / folders.SOLVER))
 
     parts = opened()
+    if parts.rollouts is not None:
+        parts.rollouts.progress = partial(_shown, screen, parts.rollouts.seconds, config.workers or usable_cores())
     if not begun:
         for sentence in parts.worth:
             screen.plain(sentence)
@@ -297,16 +323,26 @@ def _opened(
     return parts
 
 
-def begin(root: Path, name: str, config: Config, parts: Parts) -> SessionStore:
+@contextmanager
+def _shown(screen: Screen, seconds: float, processes: int, rollouts: int) -> Iterator[Progress]:
+    """A bar for rollouts that take a while."""
+    if rollouts * seconds / processes < SHOWN_S:
+        yield lambda done, total: None
+        return
+    with screen.progress() as progress:
+        yield lambda done, total: progress("rollouts", done, total)
+
+
+def begin(root: Path, name: str, config: Config, parts: SessionParts) -> SessionStore:
     """A new session with its first particles. Raises UsageError, SessionError, DiskFull."""
-    particles = parts.learner.start(config.particles, generator(config.seed, Draw.START))
+    particles = parts.adaptation.start(config.particles, generator(config.seed, Draw.START))
     start = SessionStart(particles=tuple(rows_of(p) for p in particles))
     return SessionStore.create(root, facts_for(name, config, parts), start)
 
 
-def facts_for(name: str, config: Config, parts: Parts, **changes: str | int) -> Facts:
+def facts_for(name: str, config: Config, parts: SessionParts, **changes: str | int) -> SessionFacts:
     """The facts of a new session; `changes` are fields that do not come from the settings."""
-    facts = Facts(
+    facts = SessionFacts(
         format=WITH_CONTROL if config.control else FORMAT,
         name=name,
         task=parts.task.name,
@@ -344,11 +380,12 @@ _OWN = {
 }
 
 
-def _same_parts(store: SessionStore, parts: Parts, screen: Screen) -> SessionStore:
+def _same_parts(store: SessionStore, parts: SessionParts, screen: Screen) -> SessionStore:
     """The store, if its checkpoint, calibration and world are still those that it was begun with."""
     facts, now = store.facts, parts.provenance
+    learnt = "checkpoint" if parts.rollouts is None else "physics or a range of the task"
     for what, was, digest in (
-        ("checkpoint", facts.checkpoint_sha256, now.checkpoint_sha256),
+        (learnt, facts.checkpoint_sha256, now.checkpoint_sha256),
         ("calibration or touch-off", facts.calibration_sha256, now.calibration_sha256),
         ("camera's time offset", _ms(facts.camera_late_s), _ms(now.camera_late_s)),
         ("recording" if facts.recorded else "world", facts.world_sha256, now.world_sha256),
@@ -366,7 +403,7 @@ def _same_parts(store: SessionStore, parts: Parts, screen: Screen) -> SessionSto
     return store
 
 
-def changed_file(facts: Facts, parts: Parts) -> str:
+def changed_file(facts: SessionFacts, parts: SessionParts) -> str:
     """A sentence if the file of the task has changed since the session was begun; empty if not.
 
     A change of its names, ranges or physics is refused with the checkpoint, so this one means nothing.

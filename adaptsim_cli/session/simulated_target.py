@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from adaptsim_cli.screen.outputs.trials import TrackRecord
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
-from adaptsim_cli.session.live_trial import Placement, TrackedTrial
+from adaptsim_cli.session.live_trial import PlacedTrial, PlannedTrial, TrackedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.records import read, to_json
 from hw.types import Array
@@ -57,9 +57,9 @@ class WithoutDevices:
         """See `Target`; never: nothing can have moved."""
         return False
 
-    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placement:
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> PlacedTrial:
         """See `Target`: the drawn context is the true one."""
-        return Placement(drawn, drawn)
+        return PlacedTrial(drawn, drawn, key)
 
     def read(self, folder: Path, context: Array, action: Array) -> KnownMotion:
         """See `Target`: the trajectory."""
@@ -79,13 +79,13 @@ class SimulatedTarget(WithoutDevices):
         """See `Target`; there are no devices to check."""
         return (Readiness("devices", True, "none needed"),)
 
-    def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
+    def plan(self, placed: PlacedTrial, action: Array, progress: Progress = silently) -> PlannedTrial:
         """See `Target`: nothing limits a simulated trial."""
         summary = f"{self.duration_s:.1f} s of the {self.object_name} will be simulated"
         announcement = f"The {self.object_name} is simulated for {self.duration_s:.1f} s"
-        return replace(placed, action=action, summary=summary, announcement=announcement)
+        return PlannedTrial(placed.drawn, placed.context, placed.key, action, summary, announcement)
 
-    def execute(self, planned: Placement, progress: Progress = silently) -> KnownMotion:
+    def execute(self, planned: PlannedTrial, progress: Progress = silently) -> KnownMotion:
         """See `Target`: run the rollout, which nothing can stop."""
         with progress(f"Simulating the {self.object_name}", "simulating"):
             trajectory = self.rollout(planned.context, planned.action)
@@ -110,17 +110,15 @@ class RecordedTarget(WithoutDevices):
         left = len(self.trials) - len(self.spent_rows)
         return (Readiness("recorded trials", left > 0, f"{left} of {len(self.trials)} not used yet"),)
 
-    def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
+    def plan(self, placed: PlacedTrial, action: Array, progress: Progress = silently) -> PlannedTrial:
         """See `Target`; the context is that of the recording, unless it only scores. Raises NotExecutable."""
         row = self._row(action)
         if row < 0:
             raise NotExecutable("this action was not recorded: take another method, or the solver of the checkpoint")
         what, context = f"recording {self.trials.names[row]}", self.trials.context_of(row, placed.context)
-        return Placement(
-            placed.drawn, context, action=action, summary=f"{what} is the answer", announcement=f"{what} is taken"
-        )
+        return PlannedTrial(placed.drawn, context, placed.key, action, f"{what} is the answer", f"{what} is taken")
 
-    def execute(self, planned: Placement, progress: Progress = silently) -> KnownMotion:
+    def execute(self, planned: PlannedTrial, progress: Progress = silently) -> KnownMotion:
         """See `Target`: the recording."""
         row = self._row(planned.action)
         self.spent_rows.add(row)

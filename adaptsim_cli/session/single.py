@@ -1,4 +1,4 @@
-"""A rollout: a session without a learner. Its actions are chosen by hand or by a policy, and nothing is adapted."""
+"""A rollout: a session without adaptation. Its actions are chosen by hand or by a policy, and nothing is adapted."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.outputs.trials import PlayedTrial, Rollout
 from adaptsim_cli.screen.views import failures
 from adaptsim_cli.session.ending import before_adapting
-from adaptsim_cli.session.flow import RunningSession, rows_of, stages
+from adaptsim_cli.session.flow import RunningSession, stages
 from adaptsim_cli.session.folders import folder_of
 from adaptsim_cli.session.operator import Attended, Unattended
 from adaptsim_cli.session.records import ROLLOUT, SessionStart, TrialRecord
+from adaptsim_cli.session.results import rows_of
 from adaptsim_cli.session.running import NO_CONSENT, facts_for
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import AllOf, Watcher, logged
 from hw.errors import MotionRefused
 from hw.types import Array
@@ -84,7 +85,7 @@ class ChosenActions:
 
 def rollout(
     config: Config,
-    parts: Parts,
+    parts: SessionParts,
     chosen: Chosen,
     screen: Screen,
     folder: Path,
@@ -113,8 +114,8 @@ def rollout(
         if problem := failures(target.checks()):
             raise PreflightFailed(f"not ready, nothing has moved: {problem}")
         with screen.busy("Training the task policy", "training"):
-            learner, history = parts.learner, chosen.history
-            policy = learner.final(history) if history else learner.train(particle, ())
+            adaptation, history = parts.adaptation, chosen.history
+            policy = adaptation.final(history) if history else adaptation.train(particle, ())
 
         def context_of(stage: RunTrial) -> Array:
             return np.asarray(contexts[stage.trial])
@@ -140,7 +141,7 @@ def rollout(
     return store
 
 
-def shown(store: SessionStore, record: TrialRecord, chosen: Chosen) -> Rollout:
+def rollout_output(store: SessionStore, record: TrialRecord, chosen: Chosen) -> Rollout:
     """A trial of a rollout, as it is printed."""
     facts = store.facts
     return Rollout(

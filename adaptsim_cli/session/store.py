@@ -15,11 +15,11 @@ from adaptsim_cli.session import records
 from adaptsim_cli.session.folders import FACTS, entries, existing_folder, folder_of, session_parts
 from adaptsim_cli.session.records import (
     Amendment,
-    Facts,
     MotionRecord,
     Note,
     Pruned,
     ResultRecord,
+    SessionFacts,
     SessionStart,
     Started,
     TrialRecord,
@@ -56,14 +56,14 @@ class SessionStore:
     """An existing session. Reading checks every record; writing is durable and never overwrites."""
 
     folder: Path
-    facts: Facts
+    facts: SessionFacts
     start: SessionStart
     _read: dict[Path, Record] = field(default_factory=dict, repr=False, compare=False)  # trials and results, by file
     _most: int | None = None  # iterations that are looked at; None: all
     begun_as: str = ""  # its name in its own record, if its folder has another
 
     @classmethod
-    def create(cls, root: Path, facts: Facts, start: SessionStart) -> SessionStore:
+    def create(cls, root: Path, facts: SessionFacts, start: SessionStart) -> SessionStore:
         """Create the folder of a new session in `root`. Raises UsageError on a bad name, SessionError, DiskFull.
 
         If two commands begin the same session at once, the second one raises SessionError.
@@ -79,7 +79,7 @@ class SessionStore:
     def open(cls, root: Path, name: str) -> SessionStore:
         """Open a session; a renamed or copied one has its folder's name. Raises SessionError if missing or corrupt."""
         folder = existing_folder(root, name)
-        facts = records.read(Facts, folder / FACTS)
+        facts = records.read(SessionFacts, folder / FACTS)
         begun_as = "" if facts.name == name else facts.name
         facts = facts.model_copy(update={"name": name})
         return cls(folder, facts, records.read(SessionStart, folder / START), begun_as=begun_as)
@@ -263,14 +263,14 @@ class SessionStore:
 
     def save_motion(self, record: MotionRecord, files: Mapping[str, bytes]) -> None:
         """Store a finished motion with its recorded files, whole or not at all."""
-        folder = self.trial_folder(*record.place)
+        folder = self.trial_folder(*record.position)
         durable.make_folder(folder.parent)
         summed = record.model_copy(update={"checksums": _checksums(files)})
         durable.write_folder(folder, {**files, MOTION: records.to_json(summed)})
 
     def save_trial(self, record: TrialRecord, derived: Mapping[str, bytes]) -> None:
         """Complete the trial of a stored motion with the files `derived` from its recording."""
-        folder = self.trial_folder(*record.place)
+        folder = self.trial_folder(*record.position)
         stored_sizes = {entry.name: entry.stat().st_size for entry in entries(folder) if entry.name != MOTION}
         sizes = stored_sizes | {name: len(content) for name, content in derived.items()}
         sized = record.model_copy(update={"files": sizes, "checksums": record.checksums | _checksums(derived)})
@@ -285,7 +285,7 @@ class SessionStore:
 
     def scratch(self, name: str, content: bytes) -> Path:
         """Write a temporary file for the operator to look at; it is not part of the record."""
-        path = self.folder / f".{name}"
+        path = self.folder / name
         with durable.explained(path):
             path.write_bytes(content)
         return path

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 from adaptsim_cli.bench.rig import Image
 from adaptsim_cli.config import Config
@@ -19,20 +19,24 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness
 from adaptsim_cli.session.control import ControlPolicies
-from adaptsim_cli.session.live_trial import Motion, Placement
+from adaptsim_cli.session.live_trial import Motion, PlacedTrial, PlannedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.own.exchange import Answerer
-from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.records import SessionFacts
 from hw.types import Array
 from perception.types import Outcome
-from sim.adaptation.learner import Learner
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
+from sim.rollouts.kept import KeptRollouts
 from sim.tasks.task import Task
 
+Placed = TypeVar("Placed", bound=PlacedTrial)
+Planned = TypeVar("Planned", bound=PlannedTrial)
 
-class Target(Protocol):
-    """The target that a session adapts to."""
+
+class Target(Protocol[Placed, Planned]):
+    """The target that a session adapts to. Placed and planned trials of its own carry what its next step needs."""
 
     @property
     def title(self) -> str:
@@ -63,16 +67,16 @@ class Target(Protocol):
     def spent(self, stage: RunTrial, operator: Operator) -> bool:
         """Whether an interrupted attempt is spent; if not, it is repeated from its start."""
 
-    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placement:
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placed:
         """Realise the `drawn` context (c,) as closely as possible. Raises HardwareError, ObjectNotFound."""
 
-    def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
+    def plan(self, placed: Placed, action: Array, progress: Progress = silently) -> Planned:
         """Plan the motion of `action` (a,).
 
         Raises NotExecutable, or MotionRefused naming joint, time, value and limit.
         """
 
-    def execute(self, planned: Placement, progress: Progress = silently) -> Motion:
+    def execute(self, planned: Planned, progress: Progress = silently) -> Motion:
         """Execute the trial. Raises MotionRefused, CameraError, or ArmFault if nothing was recorded."""
 
     def read(self, folder: Path, context: Array, action: Array) -> Motion:
@@ -84,7 +88,7 @@ class Target(Protocol):
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where the parts come from, for the session's `Facts`; never the hidden parameters of a world."""
+    """Where the parts come from, for the session's `SessionFacts`; never the hidden parameters of a world."""
 
     checkpoint: str
     checkpoint_sha256: str
@@ -99,12 +103,12 @@ class Provenance:
 
 
 @dataclass(frozen=True)
-class Parts:
-    """Task, target and learner of one session, with their provenance."""
+class SessionParts:
+    """Task, target and adaptation of one session, with their provenance."""
 
     task: Task
-    target: Target
-    learner: Learner
+    target: Target[Any, Any]
+    adaptation: Adaptation
     provenance: Provenance
     control: ControlPolicies | None = None  # of the control trials; None: there are none
     newest_picture: Callable[[], Image | None] | None = None  # (H, W, 3) RGB of the rig's camera, now; None: no camera
@@ -112,6 +116,7 @@ class Parts:
     train_policies: Callable[[Screen], bool] | None = None
     """Trains the missing policies of the session; whether there are new ones, so that the parts are opened again. None:
     the task trains none in a session."""
+    rollouts: KeptRollouts | None = None  # of the direct solver; None: Phase 1 simulated them
 
 
 class OpenParts(Protocol):
@@ -122,10 +127,10 @@ class OpenParts(Protocol):
         config: Config,
         learnt: Path,
         *,
-        own: Facts | None = None,
+        own: SessionFacts | None = None,
         screen: Screen | None = None,
         answerer: Answerer | None = None,
-    ) -> AbstractContextManager[Parts]:
+    ) -> AbstractContextManager[SessionParts]:
         """The settings, and a folder for a solver's policies, which no other process may use meanwhile.
 
         `own`: with the calibration and the touch-off of this session instead of those in use. `answerer`: who answers
@@ -139,5 +144,5 @@ class Openers:
     """The openings that commands get from the program's entry, so that a command and its loop know contracts alone."""
 
     parts: OpenParts
-    seen_by_camera: Callable[[Config, Facts], tuple[Task, tuple[Outcome, ...]]]
+    seen_by_camera: Callable[[Config, SessionFacts], tuple[Task, tuple[Outcome, ...]]]
     """A session's task with its ranges, and its outcomes. Raises UsageError for a task without a camera."""

@@ -13,8 +13,15 @@ from rich.text import Text
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.outputs.sessions import Amended, Damaged, SessionRow, SessionShown, Verified
 from adaptsim_cli.screen.reply import Reply
-from adaptsim_cli.session.advice import ENOUGH_ITERATIONS, HEADLINES, check_first, compared_in_words, in_words, tried_in
-from adaptsim_cli.session.records import ROLLOUT, Facts, MotionRecord, ResultRecord, TrialRecord
+from adaptsim_cli.session.advice import (
+    ENOUGH_ITERATIONS,
+    HEADLINES,
+    best_in_words,
+    check_first,
+    compared_in_words,
+    in_words,
+)
+from adaptsim_cli.session.records import ROLLOUT, MotionRecord, ResultRecord, SessionFacts, TrialRecord
 from hw.types import Array
 from sim.adaptation.method import Particle
 from sim.adaptation.stages import Role, RunTrial
@@ -23,12 +30,12 @@ from sim.tasks.task import Task
 from sim.types import Dimension, Space
 
 
-def session_header(task: Task, facts: Facts, iteration: int, hardware: str, *, is_new: bool) -> RenderableType:
+def session_header(task: Task, facts: SessionFacts, iteration: int, hardware: str, *, is_new: bool) -> RenderableType:
     """The heading of an iteration: hardware, task, number and session; of a new one, also the meaning of the
     quantities.
     """
     where = f"iteration {iteration + 1} of session {facts.name}"
-    legend = (views.indent(views.meanings(task.parameters, task.context, task.action)),) if is_new else ()
+    legend = (views.indent(views.meanings(task, with_symbols=False)),) if is_new else ()
     return Group(
         views.badge(views.RECORDED if facts.recorded else facts.hw, hardware),
         Text(task.title[:1].upper() + task.title[1:], style="bold"),
@@ -37,7 +44,7 @@ def session_header(task: Task, facts: Facts, iteration: int, hardware: str, *, i
     )
 
 
-def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle, left_s: float) -> RenderableType:
+def trial(task: Task, facts: SessionFacts, stage: RunTrial, particle: Particle, left_s: float) -> RenderableType:
     """The heading of a trial: number, attempt, particle, and the time left in its iteration (0: unknown)."""
     again = f", attempt {stage.key.attempt + 1}" if stage.key.attempt else ""
     numbers = facts.layout.numbers(stage.iteration)
@@ -62,7 +69,7 @@ def trial(task: Task, facts: Facts, stage: RunTrial, particle: Particle, left_s:
     return Group(Text(""), head, views.indent(Text(why, style="dim")))
 
 
-def _of_session(facts: Facts, stage: RunTrial) -> str:
+def _of_session(facts: SessionFacts, stage: RunTrial) -> str:
     """` of 20`: how many trials a usual session has, or this rollout; "" beyond that."""
     trials = facts.layout.numbers((1 if facts.method == ROLLOUT else ENOUGH_ITERATIONS) - 1).stop - 1
     return f" of {trials}" if stage.key.number <= trials else ""
@@ -74,7 +81,7 @@ def proposal(task: Task, trial: MotionRecord, summary: str) -> RenderableType:
     lines = (
         *_where(task, trial),
         f"Action   {views.values(task.action, trial.action_array)}",
-        *(() if trial.is_blind else (f"Expected reward {trial.predicted_reward:.2f} ({between})",)),
+        *(() if trial.is_blind else (f"Predicted reward {trial.predicted_reward:.2f} (95 % {between})",)),
         summary,
     )
     return views.indent(Group(*map(Text, lines)))
@@ -91,16 +98,13 @@ def _where(task: Task, trial: MotionRecord) -> tuple[str, ...]:
 
 def trials_needed(forecast: TrialsForecast) -> str:
     """How many trials a session needs, in a sentence."""
-    clauses = [
-        f"{100 * share.share:.0f} % {until} trial {share.most}"
-        for share, until in (
-            (forecast.first_success.four_of_five, "had a success by"),
-            (forecast.stop.four_of_five, "were told to stop by"),
-        )
-        if share.most is not None
-    ]
-    where = f"adaptsim checkpoints trials --task {forecast.task}"
-    return f"Of {forecast.sessions} imagined sessions {' and '.join(clauses)} ({where})." if clauses else ""
+    share, where = forecast.first_success.four_of_five, f"adaptsim checkpoints trials --task {forecast.task}"
+    if share.most is None:
+        return ""
+    return (
+        f"Of {forecast.sessions} imagined sessions {100 * share.share:.0f} % had a success by trial {share.most} "
+        f"({where})."
+    )
 
 
 def tracked(record: TrialRecord) -> RenderableType:
@@ -108,7 +112,7 @@ def tracked(record: TrialRecord) -> RenderableType:
     style = "green" if record.succeeded else "yellow"
     result = Text.assemble("Tracked: ", (f"{record.outcome_words}, reward {record.reward:.2f}", style))
     if not record.is_blind:
-        result.append(f" (expected {record.predicted_reward:.2f})", "dim")
+        result.append(f" (predicted {record.predicted_reward:.2f})", "dim")
     if (off_mm := record.off_goal_mm) is not None:
         result.append(f", {off_mm:.0f} mm from the goal")
     return views.indent(Group(result, *[Text(f"note: {flag}", style="yellow") for flag in record.track.flags]))
@@ -132,21 +136,15 @@ def adapted(
         tables: list[RenderableType] = [_changes(task.parameters, [pair], first=i) for i, pair in enumerate(means)]
     else:
         tables = [_changes(task.parameters, means, first=0)]
-    best = result.best
     amended = [Text(f"New in this result: {one}.", style="magenta") for one in result.amended]
-    estimate = Text.assemble(
-        "Best policy so far" + (f", {where}" if (where := tried_in(best)) else ""),
-        f"; {'estimated' if result.outlook is None else 'predicted'}",
-        (f" reward {best.mean_reward:.2f}", "bold"),
-        f" (95 % {views.predicted_between(*best.ci95)}, from {best.trials} trial{'s' * (best.trials != 1)}) at ",
-        ", ".join(f"{name}={views.number(value)}" for name, value in best.params.items()),
-    )
+    now = views.values(task.parameters, np.array([result.best.params[name] for name in task.parameters.names]))
+    best = Text(best_in_words(result.best, now))
     verdict = Text(in_words(result.verdict, task.object_name, recordings, look), style=_style(result))
     took = views.spent({stage: spent for stage, spent in result.timing_s.items() if stage != "total"})
     spent = f"The iteration took {took}; the next proposal was ready {result.proposal_s:.1f} s after the last trial"
     return Group(
         Text(""), Text("What changed", style="bold"), *amended, *(views.indent(table) for table in tables),
-        estimate, *_correction(task, result), verdict, *_control(result), *_suspicion(result), Text(spent, style="dim"),
+        best, *_correction(task, result), verdict, *_control(result), *_suspicion(result), Text(spent, style="dim"),
     )  # fmt: skip
 
 
@@ -171,8 +169,8 @@ def _correction(task: Task, result: ResultRecord) -> list[Text]:
         for d, off in result.outlook.noticeable(task.action.dimensions)
     ]
     if not terms:
-        return [Text("The actions are those that the simulator proposes for these parameters.", style="dim")]
-    return [Text(f"What the trials add to the simulator's action for these parameters: {', '.join(terms)}")]
+        return [Text("The actions are those that this simulator proposes.", style="dim")]
+    return [Text(f"What the trials add to this simulator's action: {', '.join(terms)}")]
 
 
 def _style(result: ResultRecord) -> str:
@@ -195,9 +193,14 @@ def _changes(space: Space, means: Sequence[tuple[Array, Array]], first: int) -> 
 
 def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
     if np.isclose(now, then, rtol=1e-6, atol=1e-9 * (dimension.high - dimension.low)):
-        return Text(views.number(now), style="dim"), Text("=", style="dim")
+        return Text(_bare(dimension, now), style="dim"), Text("=", style="dim")
     style = "green" if then > now else "blue"
-    return Text(views.number(now)), Text(f"{'↑' if then > now else '↓'} {views.number(then)}", style=style)
+    return Text(_bare(dimension, now)), Text(f"{'↑' if then > now else '↓'} {_bare(dimension, then)}", style=style)
+
+
+def _bare(dimension: Dimension, value: float) -> str:
+    """A value without its unit."""
+    return views.number(value) if dimension.scale != "integer" else views.value_in_words(dimension, value)
 
 
 def verified(checked: Sequence[Verified]) -> RenderableType:
@@ -234,7 +237,9 @@ def session(shown: SessionShown) -> RenderableType:
         )
         for trial in trials
     ]
-    table = views.rows(("trial", "iteration", "particle", "outcome", "reward", "expected"), body, right=(0, 1, 2, 4, 5))
+    table = views.rows(
+        ("trial", "iteration", "particle", "outcome", "reward", "predicted"), body, right=(0, 1, 2, 4, 5)
+    )
     rejected = [
         Text(f"Rejected: trial {r.trial}, attempt {r.attempt}: {r.reason}", style="yellow") for r in shown.rejected
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from adaptsim_cli.screen.outputs.trials import TrackRecord, as_observed, as_row, named
-from adaptsim_cli.session.live_trial import Motion, Placement, TrackedTrial
+from adaptsim_cli.session.live_trial import Motion, PlannedTrial, TrackedTrial
 from adaptsim_cli.session.records import (
     MotionRecord,
     TrialRecord,
@@ -14,8 +14,10 @@ from sim.adaptation.stages import RunTrial
 from sim.tasks.task import SolvedPolicy, Task
 
 
-def propose(task: Task, stage: RunTrial, parameters: Array, policy: SolvedPolicy, planned: Placement) -> MotionRecord:
-    """A planned trial with its expected reward; `parameters` (p,) are those of the policy."""
+def propose(
+    task: Task, stage: RunTrial, parameters: Array, policy: SolvedPolicy, planned: PlannedTrial
+) -> MotionRecord:
+    """A planned trial with its predicted reward; `parameters` (p,) are those of the policy."""
     expected, low, high = policy.predict(planned.context)
     return MotionRecord(
         trial=stage.key.number,

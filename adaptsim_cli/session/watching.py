@@ -11,7 +11,7 @@ from typing import Protocol
 
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.log import CommandLog
-from adaptsim_cli.session.live_trial import Placement, TrackedTrial
+from adaptsim_cli.session.live_trial import PlannedTrial, TrackedTrial
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from sim.adaptation.posterior import Posterior
@@ -23,7 +23,7 @@ PosteriorSource = Callable[[], Posterior | None]
 class Watcher(Protocol):
     """A view of a session. Each call returns at once, and never raises because it cannot show something."""
 
-    def proposed(self, trial: MotionRecord, planned: Placement) -> None:
+    def proposed(self, trial: MotionRecord, planned: PlannedTrial) -> None:
         """A trial is planned; the operator is asked next."""
 
     def tracked(self, record: TrialRecord, tracked_trial: TrackedTrial) -> None:
@@ -42,7 +42,7 @@ class AllOf:
     def __init__(self, *watchers: Watcher) -> None:
         self._watchers = watchers
 
-    def proposed(self, trial: MotionRecord, planned: Placement) -> None:
+    def proposed(self, trial: MotionRecord, planned: PlannedTrial) -> None:
         """See `Watcher`."""
         for watcher in self._watchers:
             watcher.proposed(trial, planned)
@@ -70,7 +70,7 @@ BLIND = {"role", "parameters", "predicted_reward", "predicted_low", "predicted_h
 class SessionLog(CommandLog):
     """The log in a session's folder, which is a `Watcher` too."""
 
-    def proposed(self, trial: MotionRecord, planned: Placement) -> None:
+    def proposed(self, trial: MotionRecord, planned: PlannedTrial) -> None:
         """See `Watcher`."""
         hidden = BLIND if trial.is_blind else set()
         self.write("planned", planned.summary, **trial.model_dump(mode="json", exclude_defaults=True, exclude=hidden))
@@ -93,7 +93,7 @@ class SessionLog(CommandLog):
 def logged(store: SessionStore, screen: Screen, versions: Mapping[str, str]) -> Iterator[SessionLog]:
     """Log one command of a session from here to its end, however it ends."""
     log = SessionLog(store.folder, screen)
-    screen.tell(log)
+    screen.add_listener(log)
     log.write("begun", versions=dict(versions), python=platform.python_version(), process=os.getpid())
     try:
         yield log

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adaptsim_cli.screen.views import signed
+from adaptsim_cli.screen.views import between, signed
 from adaptsim_cli.session.judgement import Z95, Prediction, end_error
 from adaptsim_cli.session.records import TrialRecord
 from sim.adaptation.predictions import LEAST, PredictionQuality, prediction_quality
@@ -56,6 +56,15 @@ class Agreement:
             f"From the second iteration on the predictions missed by {self.quality.error:.2f} (root mean square; the "
             f"mean of the rewards would miss by {self.quality.error_of_mean:.2f}); rank correlation: {order}."
         )
+
+    @property
+    def bias_in_words(self) -> str:
+        """By how much the trials earned more or less than predicted, in one sentence."""
+        if round(abs(self.bias), 2) == 0.0:
+            return "On average the trials earned what was predicted."
+        off = f"{abs(self.bias):.2f} {'more' if self.bias > 0.0 else 'less'} than predicted"
+        ends = between(self.bias_low, self.bias_high, "+.2f")
+        return f"On average a trial earned {off} (95 % interval of this difference: {ends})."
 
     @property
     def inside(self) -> int:

@@ -18,7 +18,7 @@ from adaptsim_cli.session.advice import check_first, in_words, tried_in
 from adaptsim_cli.session.exporting import Row, as_csv, rows
 from adaptsim_cli.session.history import results_of, trials_of
 from adaptsim_cli.session.judgement import MeanReward, mean_of, trial_std
-from adaptsim_cli.session.records import Facts, ResultRecord, TrialRecord
+from adaptsim_cli.session.records import ResultRecord, SessionFacts, TrialRecord
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.show import figures
 from adaptsim_cli.show.figures import Level
@@ -34,14 +34,14 @@ PAGE, SESSIONS, TRIALS = "comparison.html", "sessions.csv", "trials.csv"
 class ComparedSession:
     """One session of a comparison."""
 
-    facts: Facts
+    facts: SessionFacts
     trials: tuple[TrialRecord, ...]  # counting trials, in order
     result: ResultRecord | None  # of the last complete iteration
     iterations: tuple[MeanReward, ...]  # mean reward of each
     table: tuple[Row, ...]
 
     @property
-    def place(self) -> str:
+    def target_name(self) -> str:
         """The place of its trials, for a person."""
         facts = self.facts
         if facts.recorded:
@@ -57,7 +57,7 @@ class ComparedSession:
     @property
     def title(self) -> str:
         """The name of the session among the compared ones."""
-        return f"{self.facts.method}, {self.place}, seed {self.facts.seed}"
+        return f"{self.facts.method}, {self.target_name}, seed {self.facts.seed}"
 
     @property
     def verdict(self) -> str:
@@ -180,8 +180,9 @@ def conclusions(sessions: Sequence[ComparedSession]) -> tuple[str, ...]:
         if c.pair in udr and c.facts.method != UDR:
             count = len(c.iterations)
             last = f", after {count} iterations {c.iterations[-1].mean:.2f}" if count > 1 else ""
+            name = c.target_name[:1].upper() + c.target_name[1:]
             sentences.append(
-                f"{c.place[:1].upper()}{c.place[1:]}: UDR {udr[c.pair].iterations[-1].mean:.2f}, first policies of "
+                f"{name}: UDR {udr[c.pair].iterations[-1].mean:.2f}, first policies of "
                 f"{c.facts.method} {c.iterations[0].mean:.2f}{last} (mean rewards)."
             )
     return tuple(sentences)
@@ -246,7 +247,7 @@ def render(sessions: Sequence[ComparedSession], beliefs: Sequence[ParameterBelie
         title=title[:1].upper() + title[1:],
         methods=methods,
         colours=colours,
-        worlds=sorted({c.place for c in sessions}),
+        worlds=sorted({c.target_name for c in sessions}),
         days=sorted({c.day for c in sessions}),
         figure_levels=both(lambda width: figures.levels(bars, width)),
         figure_lines=both(lambda width: figures.lines(lines, width)),
@@ -276,7 +277,7 @@ def compared_session(store: SessionStore) -> ComparedSession:
 
 
 def _levels(c: ComparedSession, colour: str) -> tuple[Level, ...]:
-    """First and last iteration as measured, and the policy that the session would go with as predicted."""
+    """First and last iteration as measured, and the best policy as predicted."""
     numbered = {"first": (1, c.iterations[0]), "last": (len(c.iterations), c.iterations[-1])}
     if len(c.iterations) == 1:
         del numbered["last"]
@@ -286,8 +287,8 @@ def _levels(c: ComparedSession, colour: str) -> tuple[Level, ...]:
     ]
     if c.result is not None and c.facts.method != "udr":
         best, kind = c.result.best, "predicted" if c.result.outlook else "estimated"
-        detail = f"adapted policy, {kind} from {best.trials} trial{'s' * (best.trials != 1)}"
-        detail += f", {where}" if (where := tried_in(best)) else ""
+        detail = f"best policy, {kind} from {best.trials} trial{'s' * (best.trials != 1)}"
+        detail += f"; {where}" if (where := tried_in(best)) else ""
         rows.append(Level(c.facts.name, kind, detail, best.mean_reward, *best.ci95, colour, is_open=True))
     return tuple(rows)
 

@@ -33,8 +33,13 @@ def _every(count: int, width: float) -> int:
     return max(1, int(np.ceil(count * ROOM_PX / width)))
 
 
-def rewards(trials: Sequence[TrialRecord], iterations: int, layout: Layout, width: float = WIDE) -> str:
-    """Reward of every trial, grouped by iteration; a bar is the expected range, a line the mean of the iteration."""
+def rewards(
+    trials: Sequence[TrialRecord], iterations: int, layout: Layout, width: float = WIDE, udr: float | None = None
+) -> str:
+    """Reward of every trial, grouped by iteration; a bar is the predicted range, a line the mean of the iteration.
+
+    `udr` is the reward of UDR; None: not known.
+    """
     canvas = Canvas(width, 250, "Reward of every trial")
     left, right, top, bottom = 38.0, width - 8.0, 12.0, 212.0
     y = Scale(0.0, 1.0, bottom, top)
@@ -69,6 +74,9 @@ def rewards(trials: Sequence[TrialRecord], iterations: int, layout: Layout, widt
             canvas.dot(x, y(trial.reward), min(5.0, half + 1.0), f"{css} c{trial.particle - 1}", _told(trial))
     if len(means) > 1:
         canvas.curve(means, "mean-curve")
+    if udr is not None:
+        canvas.line(left, y(udr), right, y(udr), "udr")
+        canvas.text(right, y(udr) - 5 if udr < 0.9 else y(udr) + 14, f"UDR {udr:.2f}", anchor="end")
     return canvas.svg()
 
 

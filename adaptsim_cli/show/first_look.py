@@ -23,12 +23,12 @@ from adaptsim_cli.session.live_trial import TrackedTrial
 from adaptsim_cli.session.records import TrialRecord
 from adaptsim_cli.session.running import OpenView
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.show import figures
 from adaptsim_cli.storage import durable
 from sim.adaptation.posterior import predicted
-from sim.solvers.solver import Expectations
+from sim.tasks.task import Expectations
 
 PAGE = "first-trial.html"
 
@@ -98,14 +98,14 @@ class FirstLook:
         return cls(store.facts.name, record, expected, tuple(store.facts.curves), ends)
 
     @property
-    def place(self) -> str:
+    def setting(self) -> str:
         """Where its trials happen, in a word: only a task with a path on the table has one."""
         return "robot" if self.curves else "table"
 
     @property
     def question(self) -> str:
         """The question to the person."""
-        return f"Is this your {self.place}?"
+        return f"Is this your {self.setting}?"
 
     @property
     def in_words(self) -> str:
@@ -148,15 +148,15 @@ class _Looking(AllOf):
             self._screen.note(f"The first trial is not drawn over the expected ones: {error}")
             return
         self._screen.note(look.in_words)
-        self._screen.plain(f"  Its trajectory over the expected ones: {path}")
+        self._screen.file("  Its trajectory over the expected ones", path)
 
 
 def with_first_look(open_view: OpenView) -> OpenView:
     """The same view; with a robot of one's own the first trial is shown over the expected ones."""
 
     @contextmanager
-    def view(screen: Screen, store: SessionStore, parts: Parts) -> Iterator[Watcher]:
+    def view(screen: Screen, store: SessionStore, parts: SessionParts) -> Iterator[Watcher]:
         with open_view(screen, store, parts) as watcher:
-            yield _Looking(screen, store, parts.learner.expectations, watcher) if is_own(store.facts.hw) else watcher
+            yield _Looking(screen, store, parts.adaptation.expectations, watcher) if is_own(store.facts.hw) else watcher
 
     return view

@@ -6,38 +6,42 @@ import base64
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from adaptsim_cli.screen.html import fill
 from adaptsim_cli.screen.outputs.learning import Revealed
-from adaptsim_cli.screen.outputs.trials import OutlookRecord
-from adaptsim_cli.screen.views import predicted_between, quantity, shown
-from adaptsim_cli.session.advice import check_first, compared_in_words, control_name, in_words, tried_in
+from adaptsim_cli.screen.outputs.trials import ForecastRecord
+from adaptsim_cli.screen.views import predicted_between, quantity, value_in_words
+from adaptsim_cli.session.advice import (
+    best_in_words,
+    check_first,
+    compared_in_words,
+    control_name,
+    gain_in_words,
+    in_words,
+)
 from adaptsim_cli.session.control import compared, is_hidden, pairs_of
 from adaptsim_cli.session.film import FILM
 from adaptsim_cli.session.history import means_of, particles_of
 from adaptsim_cli.session.judgement import Judgement, MeanReward, mean_of, trial_std
 from adaptsim_cli.session.records import (
     DimensionRecord,
-    Facts,
     KeyMoment,
     ResultRecord,
+    SessionFacts,
     TrialRecord,
 )
 from adaptsim_cli.session.store import Change, SessionStore
 from adaptsim_cli.show import figures, truth_view
 from adaptsim_cli.show.agreement import agreement
 from adaptsim_cli.show.figures import NARROW, WIDE, Level
+from adaptsim_cli.show.truth_view import UdrReward
 from adaptsim_cli.storage import durable
 from sim.adaptation.method import FAILED
 from sim.adaptation.stages import Role
 from sim.tasks import known_task
 from sim.types import Dimension
-
-if TYPE_CHECKING:
-    pass
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
 _FIRST, _ADAPTED, _UDR = "c3", "c2", "c4"  # colours that no figure of two particles uses
@@ -115,7 +119,10 @@ def render(
     results = [view.result for view in views if view.result is not None]
     newest = trials[-1].iteration if trials else 1
     curves = facts.curves.items() if trials else ()
-    rows = levels(facts, trials, results, assessment, reference, confirmed)
+    complete = [view.mean for view in views if view.result is not None]
+    rows = levels(facts, trials, results, reference, confirmed, truth)
+    simulated = simulator_levels(assessment)
+    of_udr = _udr(facts, reference, truth)
     return fill(
         "show/page.html.j2",
         facts=facts,
@@ -131,12 +138,20 @@ def render(
         )
         if results
         else "",
-        best=parameters_in_words(facts, results[-1].best.params) if results else "",
+        gain="" if not complete else f"{gain_in_words(complete)}{f'; {of_udr.in_words}' if of_udr else ''}.",
+        complete=complete,
+        udr=of_udr,
+        best=best_in_words(results[-1].best, parameters_in_words(facts, results[-1].best.params)) if results else "",
         correction=_correction(facts, results[-1].outlook) if results else "",
         failed=FAILED,
         successes=sum(t.succeeded for t in trials),
         figure_levels=both(lambda width: figures.levels(rows, width)) if rows else "",
-        figure_rewards=both(lambda w: figures.rewards(trials, len(views), facts.layout, w)) if trials else "",
+        figure_simulator=both(lambda width: figures.levels(simulated, width)) if simulated else "",
+        figure_rewards=both(
+            lambda w: figures.rewards(trials, len(views), facts.layout, w, None if of_udr is None else of_udr.reward)
+        )
+        if trials
+        else "",
         figure_parameters=[
             (d, figures.parameter(record, paths, assessment.posteriors if assessment else (), index))
             for index, (d, record, paths) in enumerate(
@@ -145,6 +160,7 @@ def render(
         ],
         known=assessment,
         truth=None if truth is None else truth_view.in_words(truth),
+        misses="" if truth is None else truth_view.misses_in_words(truth),
         truths=[] if truth is None else [(truth_view.row(one), figures.truth(one)) for one in truth.parameters],
         agreement=agreement(
             trials,
@@ -159,7 +175,6 @@ def render(
         control=control_name(facts.control),
         hidden=len(public) < store.iterations(),
         compared="" if (comparison := compared(facts, played)) is None else compared_in_words(comparison),
-        tried=tried_in(results[-1].best) if results and not confirmed else "",
         unknown=judgement if isinstance(judgement, str) else "",
         quantities=[
             (title, space)
@@ -184,51 +199,69 @@ def both(draw: Callable[[float], str]) -> str:
     return f'<div class="wide">{draw(WIDE)}</div><div class="narrow">{draw(NARROW)}</div>'
 
 
+def _udr(facts: SessionFacts, reference: Reference | None, truth: Revealed | None) -> UdrReward | None:
+    """What UDR earns: by the truth of a simulated world, else as a session measured it; None: not known."""
+    if facts.method == "udr":
+        return None
+    if truth is not None:
+        return UdrReward.true(truth)
+    if reference is None:
+        return None
+    count = f"{len(reference.rewards)} trial{'s' * (len(reference.rewards) != 1)}"
+    return UdrReward(float(np.mean(reference.rewards)), f"{count} of session {reference.session}", "here")
+
+
 def levels(
-    facts: Facts,
+    facts: SessionFacts,
     trials: Sequence[TrialRecord],
     results: Sequence[ResultRecord],
-    judgement: Judgement | None,
     reference: Reference | None,
     confirmed: Sequence[float],
+    truth: Revealed | None,
 ) -> tuple[Level, ...]:
-    """Measured and predicted rewards of first policy, adapted policy and uniform domain randomisation."""
+    """Rewards of the first policies, the best policy and UDR: those that ran, then the prediction."""
     if not trials:
         return ()
     std = trial_std(facts.task)
     first = mean_of([t.reward for t in trials if t.iteration == 1], std)
-    rows = [_measured("First policy", first, "in iteration 1", _FIRST)]
+    rows = [_measured("First policies", first, "in iteration 1", _FIRST)]
+    if len(results) > 1:
+        newest = mean_of([t.reward for t in trials if t.iteration == len(results)], std)
+        rows.append(_measured("Last policies", newest, f"in iteration {len(results)}", _ADAPTED))
+    if results and (tried := results[-1].best.tried):
+        repeated = mean_of([t.reward for t in trials if t.trial in tried], std)
+        rows.append(_measured("Best policy", repeated, "that it would repeat", _ADAPTED))
+    if confirmed:
+        rows.append(_measured("Best policy", mean_of(confirmed, std), "after the session", _ADAPTED))
+    if reference is not None:
+        rows.append(_measured("UDR", mean_of(reference.rewards, std), f"in session {reference.session}", _UDR))
+    if truth is not None and facts.method != "udr":
+        of_udr = UdrReward.true(truth)
+        rows.append(Level("UDR", "simulated truth", of_udr.source, of_udr.reward, of_udr.reward, of_udr.reward, _UDR))
     if results:
         best = results[-1].best
-        if len(results) > 1:
-            newest = mean_of([t.reward for t in trials if t.iteration == len(results)], std)
-            rows.append(_measured("Last iteration", newest, f"in iteration {len(results)}", _ADAPTED))
-        pooled = MeanReward(best.mean_reward, *best.ci95, best.trials)
-        if results[-1].outlook is None:
-            rows.append(_measured("Adapted policy", pooled, "at its parameters and near by", _ADAPTED))
-        else:
-            is_open = best.tried == () and not confirmed
-            detail = f"predicted from {best.trials} trials" + (", not yet tried" if is_open else "")
-            rows.append(
-                Level("Adapted policy", "predicted", detail, best.mean_reward, *best.ci95, _ADAPTED, is_open=True)
-            )
-        if best.tried:
-            repeated = mean_of([t.reward for t in trials if t.trial in best.tried], std)
-            rows.append(_measured("Adapted policy", repeated, "that it would repeat", _ADAPTED))
-        if confirmed:
-            rows.append(_measured("Adapted policy", mean_of(confirmed, std), "after the session", _ADAPTED))
-    if reference is not None:
-        of_udr = mean_of(reference.rewards, std)
-        rows.append(_measured("UDR", of_udr, f"session {reference.session}", _UDR))
-    if judgement is not None:
-        expected = (("First policy", judgement.first, _FIRST), ("Adapted policy", judgement.adapted, _ADAPTED))
-        for label, earned, colour in (*expected, ("UDR", judgement.udr, _UDR)):
-            if earned is not None:
-                detail = "predicted by the simulator alone"
-                rows.append(
-                    Level(label, "simulator", detail, earned.mean, earned.low, earned.high, colour, is_open=True)
-                )
+        kind = "estimated" if results[-1].outlook is None else "predicted"
+        detail = f"{kind} from {best.trials} trial{'s' * (best.trials != 1)}"
+        detail += ", not yet tried" if best.tried == () and not confirmed else ""
+        rows.append(Level("Best policy", kind, detail, best.mean_reward, *best.ci95, _ADAPTED, is_open=True))
     return tuple(rows)
+
+
+def simulator_levels(judgement: Judgement | None) -> tuple[Level, ...]:
+    """Rewards as the simulator predicts them without the rewards of the trials, for likely parameters."""
+    if judgement is None:
+        return ()
+    rows = (
+        ("First policies", judgement.first, _FIRST),
+        ("Best policy", judgement.adapted, _ADAPTED),
+        ("UDR", judgement.udr, _UDR),
+    )
+    detail = "predicted by the simulator alone"
+    return tuple(
+        Level(label, "simulator", detail, earned.mean, earned.low, earned.high, colour, is_open=True)
+        for label, earned, colour in rows
+        if earned is not None
+    )
 
 
 def _measured(label: str, measurement: MeanReward, detail: str, colour: str) -> Level:
@@ -255,7 +288,7 @@ def _iteration(store: SessionStore, iteration: int, rejections: Sequence[Change]
 
 
 def _pictures(store: SessionStore, record: TrialRecord, judgement: Judgement | None) -> Pictures:
-    folder = store.trial_folder(*record.place)
+    folder = store.trial_folder(*record.position)
     strip = tuple((moment, picture(folder / moment.file)) for moment in record.moments)
     overlay = picture(folder / "overlay.jpg") if "overlay.jpg" in record.files else ""
     curves = tuple(store.facts.curves)
@@ -274,11 +307,11 @@ def _kinds(results: Sequence[ResultRecord]) -> tuple[str, ...]:
 
 def _quantities(dimensions: Sequence[Dimension], values: Iterable[float]) -> str:
     """Plain name, value and unit of each quantity, without a line break inside one."""
-    each = (f"{d.plain_name} {shown(d, v)}" for d, v in zip(dimensions, values, strict=True))
+    each = (f"{d.plain_name} {value_in_words(d, v)}" for d, v in zip(dimensions, values, strict=True))
     return ", ".join(text.replace(" ", NO_BREAK) for text in each)
 
 
-def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dimension, ...]:
+def _described(facts: SessionFacts, records: tuple[DimensionRecord, ...]) -> tuple[Dimension, ...]:
     """The stored dimensions, with plain names and meanings if the task is known."""
     task = known_task(facts.task)
     spaces = (task.parameters, task.context, task.action) if task is not None else ()
@@ -290,16 +323,16 @@ def _described(facts: Facts, records: tuple[DimensionRecord, ...]) -> tuple[Dime
     )
 
 
-def _correction(facts: Facts, outlook: OutlookRecord | None) -> str:
+def _correction(facts: SessionFacts, forecast: ForecastRecord | None) -> str:
     """The correction of the simulator's action, in words."""
-    if outlook is None:
+    if forecast is None:
         return ""
-    terms = outlook.noticeable(_described(facts, facts.action))
+    terms = forecast.noticeable(_described(facts, facts.action))
     signed = [f"{d.plain_name} {'+' if off > 0 else '−'}{quantity(abs(off), d.unit)}" for d, off in terms]
     return ", ".join(signed) or "none"
 
 
-def parameters_in_words(facts: Facts, params: Mapping[str, float]) -> str:
+def parameters_in_words(facts: SessionFacts, params: Mapping[str, float]) -> str:
     """Plain name, value and unit of each parameter."""
     return _quantities(_described(facts, facts.parameters), tuple(params[d.name] for d in facts.parameters))
 

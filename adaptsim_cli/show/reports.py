@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from adaptsim_cli.config import DIRECT
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.outputs.learning import Revealed
 from adaptsim_cli.session.folders import names
 from adaptsim_cli.session.hindsight import Hindsight
-from adaptsim_cli.session.history import trials_of
+from adaptsim_cli.session.history import results_of, trials_of
 from adaptsim_cli.session.judgement import Judgement
 from adaptsim_cli.session.records import ROLLOUT
 from adaptsim_cli.session.store import RESULT, TRIAL, SessionStore
@@ -62,7 +63,7 @@ class Reports:
         except SimError as error:
             return str(error)
         try:
-            return self._known[sha256].judge(store) if store.existing().completed else "No trial is complete yet."
+            return self._known[sha256].evaluate(store) if store.existing().completed else "No trial is complete yet."
         except RecordingsRefused as error:
             return str(error)
 
@@ -70,6 +71,8 @@ class Reports:
 def _key(store: SessionStore) -> str:
     """The same for sessions with the same checkpoint, prior and recordings."""
     facts = store.facts
+    if facts.solver == DIRECT:  # it keeps rollouts of its own, more with every trial
+        return f"{facts.name} {len(store.existing().completed)} {len(results_of(store))}"
     return facts.checkpoint_sha256 + facts.start_from_sha256 + (facts.name if facts.recorded else "")
 
 
@@ -86,7 +89,7 @@ def confirmed(store: SessionStore) -> tuple[float, ...]:
         with suppress(SessionError):
             other = SessionStore.open(root, name)
             if (other.facts.method, other.facts.policy_of) == (ROLLOUT, store.facts.name):
-                files = ((other.trial_folder(*trial.place) / TRIAL, trial.reward) for trial in trials_of(other))
+                files = ((other.trial_folder(*trial.position) / TRIAL, trial.reward) for trial in trials_of(other))
                 values += [reward for file, reward in files if file.stat().st_mtime_ns >= max(results)]
     return tuple(values)
 

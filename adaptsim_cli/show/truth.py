@@ -6,7 +6,7 @@ import hashlib
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ from adaptsim_cli.config import is_simulated
 from adaptsim_cli.errors import SessionError
 from adaptsim_cli.screen.outputs.learning import Revealed, RevealedParameter
 from adaptsim_cli.session.folders import names
-from adaptsim_cli.session.history import trials_of
+from adaptsim_cli.session.history import results_of, trials_of
 from adaptsim_cli.session.records import ROLLOUT
 from adaptsim_cli.session.store import SessionStore
 from sim.errors import CollapsedPosterior, SimError
@@ -33,6 +33,9 @@ BELIEVED = (0.05, 0.5, 0.95)
 
 CONTEXTS = 4
 """Contexts in which each policy of UDR is tried."""
+
+_NO_EFFECTS = ("colour", "contact", "dt_s")
+"""Entries of a world that say how it is computed or looks."""
 
 PARALLEL_FROM_S = 5.0
 """Rollouts that take longer together are spread over processes, whose start takes seconds."""
@@ -54,8 +57,8 @@ def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[]
         udr = _udr_rewards(checkpoint, world)
     except SimError:
         return None
-    last = [trial.reward for trial in trials if trial.iteration == trials[-1].iteration]
-    first = [trial.reward for trial in trials if trial.iteration == 1]
+    results = results_of(store)
+    best = results[-1].best if results else None
     return Revealed(
         session=facts.name,
         method=facts.method,
@@ -67,10 +70,13 @@ def revealed(store: SessionStore, checkpoint: Checkpoint, posterior: Callable[[]
             )
             for d, truth, ends in zip(task.parameters.dimensions, world.parameters, believed, strict=True)
         ],
-        iterations=trials[-1].iteration,
+        unmodelled=_unmodelled(world),
         trials=len(trials),
-        first_reward=float(np.mean(first)),
-        last_reward=float(np.mean(last)),
+        rewards=[
+            float(np.mean([trial.reward for trial in trials if trial.iteration == number]))
+            for number in range(1, max(len(results), 1) + 1)
+        ],
+        chosen_after=best.chosen_after if best is not None and best.tried else None,
         udr_reward=float(np.mean(udr)),
         udr_trials=len(udr),
     )  # fmt: skip
@@ -88,6 +94,17 @@ def newest_in(root: Path, task: str, world: str) -> SessionStore | None:
     return None
 
 
+def _unmodelled(world: World) -> list[str]:
+    """The effects in which a world differs from training, by name; pictures and steps of time are no effects."""
+    if not is_dataclass(world.unmodelled):
+        return []
+    return [
+        field.name
+        for field in fields(world.unmodelled)
+        if field.name not in _NO_EFFECTS and getattr(world.unmodelled, field.name) != field.default
+    ]
+
+
 def _levels(posterior: Posterior) -> Sequence[tuple[float, float, float] | None]:
     """Lower end, median and upper end of each parameter; None where the posterior offers no interval."""
     try:
@@ -103,7 +120,7 @@ def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
     They are simulated once, in parallel where they are slow, and kept in the data folder by the hash of checkpoint and
     world.
     """
-    from sim.adaptation.methods.udr import udr_policies
+    from sim.adaptation.methods.udr import DRAWS, udr_policies
     from sim.lab.world import rollouts_in
     from sim.rollouts.draws import cover
     from sim.rollouts.executors import process_pool, serial_executor
@@ -113,7 +130,8 @@ def _udr_rewards(checkpoint: Checkpoint, world: World) -> tuple[float, ...]:
     task = checkpoint.solver.task
     contexts = cover(task.context, CONTEXTS if len(task.context) else 1, np.random.default_rng(0))
     middle = task.nuisance.denormalise(np.full(len(task.nuisance), 0.5))
-    policies = udr_policies(checkpoint.solver, np.random.default_rng(0))
+    of_udr = DRAWS if checkpoint.reward_table is not None else 1  # else each one costs hundreds of rollouts
+    policies = udr_policies(checkpoint.solver, np.random.default_rng(0), of_udr)
     count = len(policies) * len(contexts)
     requests = Requests(
         np.tile(world.parameters, (count, 1)),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -11,6 +11,7 @@ from rich.text import Text
 
 from adaptsim_cli.screen import views
 from adaptsim_cli.screen.outputs.learning import Revealed, RevealedParameter
+from adaptsim_cli.session.advice import gain_in_words
 from sim.adaptation.method import WORTHWHILE
 
 NO_BREAK = "\N{NO-BREAK SPACE}"
@@ -22,8 +23,7 @@ CHART = 16
 def in_plain_units(one: RevealedParameter, value: float) -> str:
     """A value as people say it: `cylinder`, `20 kPa`, `−0.9 mm`."""
     if one.scale == "integer":
-        named: dict[str, str] = dict(re.findall(r"(\d+) (\w+)", one.meaning))
-        return named.get(str(round(value)), str(round(value)))
+        return views.kind_in_words(one.meaning, round(value)) or str(round(value))
     return views.quantity(value, one.unit)
 
 
@@ -50,29 +50,84 @@ def table(shown: Revealed) -> RenderableType:
         Text(f"Truth, range and belief: what the session could not see in {shown.world}", style="bold"),
         views.indent(drawn),
         views.indent(Text(f"│ │ range of training, ━ belief (90 %), ● truth{beyond}", style="dim")),
+        *([Text(why)] if (why := misses_in_words(shown)) else []),
         Text(in_words(shown)),
     )
 
 
+@dataclass(frozen=True)
+class UdrReward:
+    """The mean reward of UDR where a session runs."""
+
+    reward: float
+    source: str  # simulated truth, or the session that measured it
+    place: str  # "in ood-2" or "here"
+
+    @classmethod
+    def true(cls, shown: Revealed) -> UdrReward:
+        """That of a simulated world."""
+        count = f"{shown.udr_trials} trial{'s' * (shown.udr_trials != 1)}"
+        return cls(shown.udr_reward, f"simulated truth, {count}", f"in {shown.world}")
+
+    @property
+    def in_words(self) -> str:
+        """As part of a sentence."""
+        return f"UDR {self.place} {self.reward:.2f} ({self.source})"
+
+
 def in_words(shown: Revealed) -> str:
-    """The worth of adapting, in one sentence."""
-    of_udr = (
-        f"One policy for the whole range (UDR) earns {shown.udr_reward:.2f} in {shown.world} "
-        f"({shown.udr_trials} simulated trials)"
-    )
-    first, last = shown.first_reward, shown.last_reward
+    """The worth of adapting, in two sentences."""
+    measured = f"{gain_in_words(shown.rewards)}; {UdrReward.true(shown).in_words}."
     if shown.method == "udr":
-        return f"{of_udr}; this session does not adapt: the last of its {shown.trials} trials earned {last:.2f}."
-    if shown.iterations == 1:
-        return (
-            f"{of_udr}; this session's {shown.trials} trials earned {last:.2f}, before it adapted for the first time."
+        return f"{measured} This session does not adapt."
+    if len(shown.rewards) == 1:
+        return f"{measured} The first iteration ran before the session adapted for the first time."
+    more = shown.rewards[-1] - shown.udr_reward
+    if abs(more) < WORTHWHILE:
+        compared = "The last iteration earned about as much as UDR, one policy for the whole range"
+    else:
+        than = f"{abs(more):.2f} {'more' if more > 0.0 else 'less'} than UDR, one policy for the whole range"
+        compared = f"The last iteration earned {than}"
+    return f"{measured} {compared}, after {shown.trials} trials{_chosen(shown.chosen_after)}."
+
+
+def _chosen(after: int | None) -> str:
+    if after is None:
+        return ""
+    return f"; its best policy was chosen after {after} of them" if after else "; its best policy is one of the first"
+
+
+def misses_in_words(shown: Revealed) -> str:
+    """Why the belief does not hold the truth of some parameters; "" if it holds them all."""
+    missed = [one for one in shown.parameters if one.believed and not _holds(one)]
+    if not missed:
+        return ""
+    beyond = [one.plain_name for one in missed if not one.low <= one.truth <= one.high]
+    others = [one.plain_name for one in missed if one.plain_name not in beyond]
+    sentences = [f"The belief misses {listed([one.plain_name for one in missed])}."]
+    if beyond:
+        lie = "lies" if len(beyond) == 1 else "lie"
+        sentences.append(f"The true {listed(beyond)} {lie} beyond the range of training.")
+    if others:
+        sentences.append(
+            "The belief holds the values with which the simulator of training repeats the observed motions. Values "
+            "that change a motion alike replace each other."
         )
-    adapted = f"adapting earned {last:.2f} in iteration {shown.iterations}, {first:.2f} in the first"
-    if last < shown.udr_reward - WORTHWHILE:
-        return f"{of_udr}; {adapted}: it does not pay here so far, after {shown.trials} trials."
-    if last < shown.udr_reward + WORTHWHILE:
-        return f"{of_udr}; {adapted}: no clear difference after {shown.trials} trials."
-    return f"{of_udr}; {adapted}: {shown.trials} trials were worth {views.signed(last - shown.udr_reward)} of 1."
+    if shown.unmodelled:
+        effects = listed([views.words(name) for name in shown.unmodelled])
+        sentences.append(f"This world also differs in {effects}, which no parameter expresses.")
+    return " ".join(sentences)
+
+
+def _holds(one: RevealedParameter) -> bool:
+    assert one.believed is not None, "only parameters with an interval are asked about"
+    return one.believed[0] <= one.truth <= one.believed[2]
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as people list them: `a, b and c`."""
+    *before, last = names
+    return f"{', '.join(before)} and {last}" if before else last
 
 
 def chart(one: RevealedParameter) -> str:

@@ -117,9 +117,19 @@ def disk_full(path: Path) -> DiskFull:
 
 
 LOCK = ".lock"
+
 """The locked file in the folder, open for writing, because a network file system locks nothing else."""
 
 _POLL_S = 0.02
+
+
+def version_of(path: Path) -> tuple[int, int] | None:
+    """Time and size of a file or folder, which change when it is written; None if there is none."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return stat.st_mtime_ns, stat.st_size
 
 
 @contextmanager

@@ -19,12 +19,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from world import Line
+import postures
+from world import Line, Room
 
 PROGRAM = Path(__file__).with_name("program.py")
 SILENCE_S = 600.0
 QUESTION = re.compile(r"(?:explains:|record:|stops\):)\s*$")
 SPOT = re.compile(r"at x = ([-+.\d]+) m, y = ([-+.\d]+) m")
+SET_DOWN = re.compile(
+    r"Place \d+ of \d+: the (edge|rear end) .*?\(about (\d+)°\), about ([\d.]+) cm ahead of the base, (.*?)\."
+)
 PLACED_WITHIN_M = 0.002
 THINKS_S = 1.0  # keys pressed before a question are discarded
 ENOUGH = 20  # views, where the program has nothing more to ask for
@@ -33,11 +37,12 @@ LATELY = 200  # characters of the screen that belong to a question
 
 @dataclass
 class Person:
-    """One pair of hands. `postures` are where the arm is guided to, one after the other."""
+    """One pair of hands. `postures` are where the arm is guided to in a calibration, one after the other."""
 
     arm: Line
     task: str
     postures: list[list[float]]
+    room: Room | None = None  # where the hands feel how the tool lies on the table
     seed: int = 0
     asked: list[str] = field(default_factory=list)
 
@@ -68,6 +73,19 @@ class Person:
         time.sleep(0.5)
         return ""
 
+    def set_down(self, said: str) -> str:
+        """Set the tool down as the question says, and let go."""
+        words = " ".join(said.split())
+        end, degrees, x_cm, aside = SET_DOWN.findall(words)[-1]
+        offset = re.match(r"([\d.]+) cm to the (left|right)", aside)
+        y_m = 0.0 if offset is None else 0.01 * float(offset[1]) * (1.0 if offset[2] == "left" else -1.0)
+        pitch_rad = np.radians(float(degrees)) * (1.0 if end == "edge" else -1.0)
+        assert self.room is not None
+        joints = postures.set_down(self.room, end, pitch_rad, (0.01 * float(x_cm), y_m), self._rng)
+        self.arm.ask(do="guide", q=joints)
+        time.sleep(1.0)
+        return ""
+
     def place(self, said: str) -> str:
         x, y = map(float, SPOT.findall(" ".join(said.split()))[-1])
         off = PLACED_WITHIN_M * self._rng.uniform(-1.0, 1.0, 2)
@@ -86,6 +104,7 @@ class Person:
 
 REPLIES: dict[str, str | Callable[[Person, str], str]] = {
     "Enter when the arm is at rest": Person.guide,
+    "Enter to read the joints": Person.set_down,
     "n to leave this out": "n",
     "Your name goes into the record": "Kim",
     "Type fr3 to confirm": "fr3",

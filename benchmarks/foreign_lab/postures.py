@@ -1,15 +1,28 @@
-"""Where a person guides the arm to, so that the camera sees the board: postures of the arm, found with MuJoCo."""
+"""Where a person guides the arm to: the board before the camera, or the spatula set down; found with MuJoCo."""
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
-from world import COLOUR, COLOUR_F, Room, camera_pose, quaternion, turn
+from world import (
+    COLOUR,
+    COLOUR_F,
+    ENDS_M,
+    HALF_WIDTH_M,
+    Room,
+    camera_pose,
+    quaternion,
+    table_height_m,
+    table_rotation,
+    turn,
+)
 
 LOW = np.array([-2.70, -1.70, -2.70, -2.95, -2.70, 0.60, -2.90])
 HIGH = np.array([2.70, 1.70, 2.70, -0.25, 2.70, 4.40, 2.90])
 START = np.array([0.0, -0.8, 0.0, -2.2, 0.0, 1.9, -0.785])
 HALF_M = (0.130, 0.093)
+HAND_M = 0.0003
+"""How far a hand leaves both corners above the table, and each corner once more (standard deviations)."""
 
 
 def guided(room: Room, count: int, seed: int = 5) -> list[list[float]]:
@@ -20,8 +33,8 @@ def guided(room: Room, count: int, seed: int = 5) -> list[list[float]]:
         if len(found) == count:
             break
         target = X_BC @ wanted(rng)
-        q = reach(room, data, target, rng)
-        if q is not None and all(np.abs(q - other).max() > 0.05 for other in found):
+        q = reach(room, data, "board", target, rng)
+        if q is not None and clear(room, data) and all(np.abs(q - other).max() > 0.05 for other in found):
             found.append(q)
     return [q.tolist() for q in found]
 
@@ -43,12 +56,32 @@ def wanted(rng: np.random.Generator) -> np.ndarray:
             return X
 
 
-def reach(room: Room, data: mujoco.MjData, target: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
-    """(7,) joints that bring the board there, None where none were found."""
+def set_down(
+    room: Room, end: str, pitch_rad: float, xy_m: tuple[float, float], rng: np.random.Generator
+) -> list[float]:
+    """Joints with both corners of an end of the spatula on the table, as near as a hand comes. Raises ValueError."""
+    data = mujoco.MjData(room.model)
+    lifts_m = np.abs(HAND_M * rng.standard_normal(2)) + abs(HAND_M * rng.standard_normal())
+    target = np.eye(4)
+    leaning = np.arctan2(lifts_m[0] - lifts_m[1], 2.0 * HALF_WIDTH_M)
+    target[:3, :3] = table_rotation(room.truth) @ turn("x", leaning) @ turn("y", pitch_rad)
+    middle = np.array([*xy_m, table_height_m(room.truth, *xy_m) + lifts_m.mean()])
+    target[:3, 3] = middle - target[:3, :3] @ np.array(ENDS_M[end])
+    for _ in range(40):
+        q = reach(room, data, "spatula", target, rng)
+        if q is not None:
+            return [float(value) for value in q]
+    raise ValueError(f"no posture sets the {end} down at {xy_m} with a pitch of {np.degrees(pitch_rad):.0f} degrees")
+
+
+def reach(
+    room: Room, data: mujoco.MjData, name: str, target: np.ndarray, rng: np.random.Generator
+) -> np.ndarray | None:
+    """(7,) joints that bring what the hand holds there, None where none were found."""
     model = room.model
     at = [int(model.joint(f"robot0_fr3_joint{i}").qposadr[0]) for i in range(1, 8)]
     dof = [int(model.joint(f"robot0_fr3_joint{i}").dofadr[0]) for i in range(1, 8)]
-    body = model.body("board").id
+    body = model.body(name).id
     q = START + rng.uniform(-0.4, 0.4, 7)
     jp, jr = np.zeros((3, model.nv)), np.zeros((3, model.nv))
     for _ in range(60):
@@ -59,16 +92,21 @@ def reach(room: Room, data: mujoco.MjData, target: np.ndarray, rng: np.random.Ge
         turned = np.zeros(3)
         mujoco.mju_quat2Vel(turned, quaternion(target[:3, :3] @ R.T), 1.0)
         error = np.concatenate([target[:3, 3] - p, turned])
-        if np.abs(error).max() < 1e-4:
-            break
+        if np.abs(error).max() < 1e-5:
+            return q
         mujoco.mj_jacBody(model, data, jp, jr, body)
         J = np.vstack([jp, jr])[:, dof]
         q = np.clip(q + np.clip(J.T @ np.linalg.solve(J @ J.T + 1e-4 * np.eye(6), error), -0.3, 0.3), LOW, HIGH)
-    else:
-        return None
-    corners = np.array([[sx * 0.15, sy * 0.107, 0.0] for sx in (-1, 1) for sy in (-1, 1)]) @ R.T + p
-    mujoco.mj_forward(model, data)
-    return q if corners[:, 2].min() > 0.04 and not touching(model, data) else None
+    return None
+
+
+def clear(room: Room, data: mujoco.MjData) -> bool:
+    """Whether the board is well over the table and the arm touches nothing."""
+    body = data.body("board")
+    corners = np.array([[sx * 0.15, sy * 0.107, 0.0] for sx in (-1, 1) for sy in (-1, 1)])
+    lowest = (corners @ body.xmat.reshape(3, 3).T + body.xpos)[:, 2].min()
+    mujoco.mj_forward(room.model, data)
+    return bool(lowest > 0.04) and not touching(room.model, data)
 
 
 def touching(model: mujoco.MjModel, data: mujoco.MjData) -> bool:

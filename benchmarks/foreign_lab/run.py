@@ -128,10 +128,10 @@ class Lab:
             raise SystemExit("no calibration: see transcript.txt")
 
     def touch_off(self, task: str) -> None:
-        """Touch off the task's tool, unless that is done; it stays in the hand."""
+        """Set the task's tool down by hand, unless that is done; it stays in the hand."""
         found, name = self._read(), f"touch_off_{task}"
         if found.get(name, {}).get("code") != 0:
-            ended = self._run(task, ["touch-off", "--task", task, "--hw", "fr3", "--json"])
+            ended = self._run(task, ["touch-off", "--task", task, "--hw", "fr3", "--json"], setting_down=True)
             found[name] = self._judged(ended, touch_off)
             self._write(found)
         if found[name]["code"] != 0:
@@ -158,9 +158,11 @@ class Lab:
         told = {"code": ended.code, "said": ended.said[-1500:] if ended.code else ""}
         return told | (judge(ended.data[-1], TRUTH) if ended.code == 0 and ended.data else {})
 
-    def _run(self, task: str, arguments: list[str], *, seed: int = 0, guided: bool = False) -> person.Ended:
-        postures = self._postures() if guided else []
-        who = person.Person(self.arm, task, postures, seed)
+    def _run(
+        self, task: str, arguments: list[str], *, seed: int = 0, guided: bool = False, setting_down: bool = False
+    ) -> person.Ended:
+        views = self._postures() if guided else []
+        who = person.Person(self.arm, task, views, self._room("spatula") if setting_down else None, seed)
         ended = person.run(self._out, arguments, who, self._environment, self._log)
         sys.stdout.write(f"{arguments[0]} {' '.join(arguments[1:])}: exit code {ended.code}\n")
         sys.stdout.flush()
@@ -169,11 +171,16 @@ class Lab:
     def _postures(self) -> list[list[float]]:
         kept = self._out / "postures.json"
         if not kept.exists():
-            room = Room(TRUTH, None, self._out)
-            room.build(START_RAD)
-            kept.write_text(json.dumps(postures.guided(room, VIEWS)))
+            kept.write_text(json.dumps(postures.guided(self._room("board"), VIEWS)))
         found: list[list[float]] = json.loads(kept.read_text())
         return found
+
+    def _room(self, held: str) -> Room:
+        """The room as a person feels it: another model than the arm's, which nothing moves."""
+        room = Room(TRUTH, None, self._out)
+        room.build(START_RAD)
+        room.hold(held)
+        return room
 
     def _alone(self, *arguments: str) -> None:
         program = [sys.executable, "-c", "from adaptsim_cli.commands.app import main; main()", *arguments]

@@ -33,6 +33,9 @@ FAR_AWAY = {"piece": (-0.5, 0.6), "bottle": (-0.5, 0.9)}
 PIECE_M = (0.0130, 0.0120, 0.0100)
 BOTTLE_M = (0.03, 0.05)
 PATCH_X_M, PATCH_M = 0.75, 0.10
+HALF_WIDTH_M = 0.04
+ENDS_M = {"edge": (0.0, 0.0, -0.0012), "rear end": (-0.10, 0.0, -0.0012)}
+"""The lower middle of both ends of the blade, in the spatula."""
 
 # As the drawings have them: the tool in the flange.
 SPATULA = (
@@ -264,7 +267,7 @@ class Room(MujocoSimulator):
 
     def _add_spatula(self, flange: ET.Element) -> None:
         tool = self._tool(flange, "spatula", tool_in_flange("spatula", self.truth), (-0.16, 0.0, 0.07))
-        back, edge, lip, bevel, w = -0.10, -0.0012, -0.0010, -0.005, 0.04
+        back, edge, lip, bevel, w = ENDS_M["rear end"][0], ENDS_M["edge"][2], -0.0010, -0.005, HALF_WIDTH_M
         points = [(x, y, z) for y in (-w, w) for x, z in ((back, 0), (bevel, 0), (0, lip), (0, edge), (back, edge))]
         ET.SubElement(self.scene.find("asset"), "mesh", name="blade", vertex=words(*np.ravel(points)), inertia="convex")
         nylon, tape, rise = "0.05 0.05 0.055 1", "0.45 0.45 0.47 1", 0.9

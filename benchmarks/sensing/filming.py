@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,17 +13,18 @@ from adaptsim_cli.bench.devices.trackers import BOTTLE_AREA
 from adaptsim_cli.bench.rig import Detection
 from adaptsim_cli.research.lab_place import rig_in_lab
 from adaptsim_cli.session import recording
-from adaptsim_cli.session.live_trial import Placement
-from adaptsim_cli.session.rig_target import RigTarget
+from adaptsim_cli.session.rig_preview import FoundObject
+from adaptsim_cli.session.rig_target import RigPlan, RigTarget
 from adaptsim_cli.storage import durable
 from hw.errors import CameraError, MotionRefused
 from hw.kinematics import forward
 from hw.poses import inverse
-from hw.types import Array, Execution
+from hw.types import Array, Execution, Frame
 from perception.errors import ObjectNotFound
 from perception.types import Outcome, is_on_blade
 from sensing.drawing import LitCamera, LitWorld
 from sensing.staging import StagedPool
+from sim.adaptation.stages import TrialKey
 from sim.errors import NotExecutable
 from sim.lab.simulated import SimulatedLab
 from sim.render.pool import Scene
@@ -55,7 +56,7 @@ def _film(lab: SimulatedLab, rig: RigTarget, lit: LitWorld, rng: np.random.Gener
     lab.bench.place(rig.tracker.placement(planned.drawn), 1, 0)
     before = rig.in_time(rig.rig.camera.snapshot())
     try:
-        executed = rig.execute(replace(planned, frame=before))
+        executed = rig.execute(replace(planned, found=replace(planned.found, frame=before)))
     except CameraError as error:
         return str(error)
     if executed.stopped is not None:
@@ -74,11 +75,12 @@ def _film(lab: SimulatedLab, rig: RigTarget, lit: LitWorld, rng: np.random.Gener
     return ""
 
 
-def _planned(rig: RigTarget, rng: np.random.Generator) -> Placement:
+def _planned(rig: RigTarget, rng: np.random.Generator) -> RigPlan:
     for _ in range(TRIES):
         context, action = rig.task.context.sample(rng, 1)[0], rig.task.action.sample(rng, 1)[0]
         try:
-            return rig.plan(Placement(context, context, frame=None, detection=_At(rig, context)), action)
+            placed = FoundObject(context, context, TrialKey(1, 0), b"", cast(Frame, None), _At(rig, context))
+            return rig.plan(placed, action)
         except (NotExecutable, MotionRefused):
             continue
     raise RuntimeError(f"none of {TRIES} random actions is executable")

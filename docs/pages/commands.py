@@ -28,7 +28,7 @@ default. `adaptsim config show` prints every setting with its origin; [files](fi
 def commands() -> str:
     """One section a command: what it does, usage, arguments, options, example."""
     parts = [COMMANDS_HEAD, "## Exit codes\n", _exit_codes()]
-    for name, command in _walk(typer.main.get_command(app.app), "adaptsim"):
+    for name, command in walk(typer.main.get_command(app.app), "adaptsim"):
         parts.append(_command(name, command))
     return "\n".join(parts)
 
@@ -38,12 +38,13 @@ def _exit_codes() -> str:
     return "\n".join(["| code | meaning |", "|---|---|", *(f"| {code} | {words} |" for code, words in found), ""])
 
 
-def _walk(node: Any, name: str) -> Iterator[tuple[str, Any]]:
+def walk(node: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """Every command with its full name, in the order of the help."""
     for word, command in node.commands.items():
         if hasattr(command, "commands"):
             if command.invoke_without_command:
                 yield f"{name} {word}", command
-            yield from _walk(command, f"{name} {word}")
+            yield from walk(command, f"{name} {word}")
         else:
             yield f"{name} {word}", command
 

@@ -49,7 +49,7 @@ FILES: tuple[tuple[str, str, tuple[tuple[str, str, str], ...]], ...] = (
         "session.toml",
         "What a session was begun with, and must be continued with.",
         (
-            ("", "adaptsim_cli.session.records", "Facts"),
+            ("", "adaptsim_cli.session.records", "SessionFacts"),
             ("[[parameters]], [[context]], [[action]]", "adaptsim_cli.session.records", "DimensionRecord"),
         ),
     ),
@@ -174,8 +174,7 @@ SAID = {
     "action": "action that was commanded, in units",
     "outcome": "how the trial ended",
     "file": "file beside this one",
-    "predicted_reward": "expected reward",
-    "predicted_high": "upper end of its interval",
+    "predicted_reward": "predicted reward, in the context as measured",
     "timing_s": "seconds spent on each stage",
     "iteration": "number of the iteration, from 1",
     "particle": "number of the particle, from 1",

@@ -48,8 +48,8 @@ and `action_NAME` hold each quantity of the task, in its unit. The meanings are 
 
 RECORDS = "adaptsim_cli.session.records"
 COLUMNS = {
-    "session": ("Facts", "name"),
-    **{name: ("Facts", name) for name in ("task", "hw", "world", "method", "seed")},
+    "session": ("SessionFacts", "name"),
+    **{name: ("SessionFacts", name) for name in ("task", "hw", "world", "method", "seed")},
     **{name: ("MotionRecord", name) for name in ("started", "iteration", "trial", "attempt", "particle", "role")},
     **{name: ("TrialRecord", name) for name in ("outcome", "overruled_from", "reward")},
     "predicted_reward": ("MotionRecord", "predicted_reward"),

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
+import re
 import types
 import typing
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from typing import Any
 
 from pydantic import BaseModel
 
-from adaptsim_cli.screen.outputs import Output, unit_of
+from adaptsim_cli.screen.outputs import unit_of
 from adaptsim_cli.screen.outputs.catalogue import OUTPUTS
 from pages import cell
+from pages.file_fields import FILES
 
 HEAD = """# JSON output
 
@@ -21,7 +25,7 @@ Written by `make docs` from the models that the program prints through; `adaptsi
 Every command with `--json` prints one object on stdout, in one line, and everything else on stderr. (`run-iteration` prints one for each iteration.)
 A failed command prints no JSON, unless its text below says otherwise: read its [exit code](commands.md#exit-codes) and stderr.
 
-* `version` counts up when a key goes, or means something else. New keys do not change it.
+* Every output has a `version`. It counts up when a key goes, or means something else. New keys do not change it.
 * Everything is numbered from 1: iterations, particles, trials, attempts.
 * The end of a name is its unit (`_s`, `_mm`, `_bytes`). [Parameters, contexts and actions](parameters.md) are tables by name, and `units` gives the unit of each.
 * A key that has nothing to say is `null`.
@@ -33,32 +37,87 @@ adaptsim schema run-iteration
 """
 
 
+SHARED_BY = 3
+"""From this number of models on, a key with one type and meaning is described in the table of shared keys."""
+
+SHARED_HEAD = """## Shared keys
+
+These keys mean the same wherever they stand.
+
+| key | type | meaning |
+|---|---|---|"""
+
+Row = tuple[str, str, str]
+"""key, type, meaning"""
+
+
 def json_output() -> str:
-    """One section a command; a part that several outputs share is described once."""
-    parts, told = [HEAD], set[type[BaseModel]]()
+    """One section a command; what several outputs, or an output and a file, share is described once."""
+    models = list(dict.fromkeys(one for kind in OUTPUTS.values() for one in (kind, *_inside(kind))))
+    counts = Counter(row for model in models if model not in STORED for row in _own_rows(model))
+    common = {key: row for row, number in reversed(counts.most_common()) if number >= SHARED_BY for key in row[:1]}
+    shared = [row for row in counts if row in common.values()]
+    parts, described = [HEAD, SHARED_HEAD, *map(_line, shared), ""], dict[type[BaseModel], str]()
     for command, kind in OUTPUTS.items():
         parts.append(f"## adaptsim {command}\n\n{_sentence(kind)}\n")
-        if kind in told:
-            same = next(other for other, one in OUTPUTS.items() if one is kind)
-            parts.append(f"As of [`adaptsim {same}`](#adaptsim-{same.replace(' ', '-')}).\n")
+        if kind in described:
+            parts.append(f"As of [`adaptsim {described[kind]}`]({_anchor(described[kind])}).\n")
             continue
         for model in (kind, *_inside(kind)):
-            if model in told:
+            if model in described:
                 continue
-            told.add(model)
+            described[model] = command
             if model is not kind:
                 parts.append(f"Each {model.__name__}: {_sentence(model)}\n")
-            parts += ["| key | type | meaning |", "|---|---|---|", *_rows(model), ""]
+            parts += [_model(model, shared, described), ""]
     return "\n".join(parts)
 
 
-def _rows(model: type[BaseModel]) -> Iterator[str]:
+def _model(model: type[BaseModel], shared: Sequence[Row], described: Mapping[type[BaseModel], str]) -> str:
+    """The keys of a model that nothing else describes, and where the others are described."""
+    if model in STORED:
+        file, part = STORED[model]
+        return f"As `{part}` of [{file}](files.md#{re.sub(r'[^a-z-]', '', file)})."
+    rows = _own_rows(model)
+    bases = [base for base in model.__bases__ if base in described]
+    blocks = [f"The keys of [{base.__name__}]({_anchor(described[base])}), and:" for base in bases]
+    if own := [_line(row) for row in rows if row not in shared]:
+        blocks.append("\n".join(["| key | type | meaning |", "|---|---|---|", *own]))
+    if names := [f"`{row[0]}`" for row in rows if row in shared]:
+        blocks.append(f"[Shared keys](#shared-keys): {', '.join(names)}.")
+    return "\n\n".join(blocks)
+
+
+def _anchor(command: str) -> str:
+    return f"#adaptsim-{command.replace(' ', '-')}"
+
+
+def _line(row: Row) -> str:
+    key, kind, meaning = row
+    return f"| `{key}` | {cell(kind)} | {cell(meaning)} |"
+
+
+def _own_rows(model: type[BaseModel]) -> list[Row]:
+    """The keys of a model without those of its bases."""
+    inherited = {name for base in model.__bases__ if issubclass(base, BaseModel) for name in base.model_fields}
+    rows = []
     for name, field in model.model_fields.items():
-        if name == "version" and model is not Output:
+        if name in inherited:
             continue
         unit = unit_of(name)
-        meaning = f"{field.description}{f' ({unit})' if unit else ''}"
-        yield f"| `{name}` | {cell(_words(field.annotation))} | {cell(meaning)} |"
+        rows.append((name, _words(field.annotation), f"{field.description}{f' ({unit})' if unit else ''}"))
+    return rows
+
+
+def _stored() -> Iterator[tuple[type[BaseModel], tuple[str, str]]]:
+    """The models that files hold too, with the file and the heading of the table that describes them there."""
+    for file, _, tables in FILES:
+        for heading, module, name in tables:
+            if heading:
+                yield getattr(importlib.import_module(module), name), (file, heading)
+
+
+STORED = dict(_stored())
 
 
 def _sentence(model: type[BaseModel]) -> str:

@@ -88,7 +88,7 @@ class HandProcess:
             until_s = time.monotonic() + LONGEST_S
             while not child.answers(WORD_EVERY_S):
                 late = time.monotonic() > until_s
-                child.tell(REQUESTED if late else self._word())
+                child.send_word(REQUESTED if late else self._word())
                 if late and not child.answers(_STOPPED_S):
                     raise self._lost(
                         f"the hand did not finish its command within {LONGEST_S:g} s and did not answer a stop"
@@ -107,7 +107,7 @@ class HandProcess:
     def _interrupted(self, child: Child) -> str:
         """Stop the fingers; what they did, for a person."""
         try:
-            child.tell(REQUESTED)
+            child.send_word(REQUESTED)
             answer = child.receive() if child.answers(_STOPPED_S) else None
         except ChildGone:
             answer = None

@@ -126,7 +126,7 @@ class PlayerProcess:
                 if self._child.answers(WORD_EVERY_S):
                     outcome: PlayOutcome = self._receive()
                     return outcome
-                self._child.tell(word())
+                self._child.send_word(word())
         self._child.kill()
         raise Failure(
             LOST, f"the player did not answer {self._timing.overrun_s:g} s after the motion should have ended"

@@ -9,7 +9,7 @@ import numpy as np
 from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import NO_ARM
-from perception.bottle.place import ENOUGH_READ, BottleFix, patch, place
+from perception.bottle.place import ENOUGH_READ, BottleFix, locate_body, patch
 from perception.clutter import Thing, things
 from perception.cylinder import Cylinder, distance_m
 from perception.errors import ObjectNotFound, TableNotFound
@@ -134,7 +134,7 @@ def _both(one: _Bottle, other: _Bottle) -> _Bottle:
 def _bottle_in(scan: Scan, raw: Raw, thing: Thing, body: Cylinder) -> _Bottle | None:
     guess = body.upright(thing.centre_m[:2])
     surface = patch(scan, raw, guess[:3, 3], NO_ARM)
-    best = None if surface is None else place(surface, body, guess)
+    best = None if surface is None else locate_body(surface, body, guess)
     if best is None or best.fit < _BOTTLE_FIT:
         return None
     off = np.abs(distance_m(thing.points_m, best.X_BO, body))

@@ -93,7 +93,7 @@ def patch(scan: Scan, raw: Raw, centre_m: Array, arm: ArmShape) -> Patch | None:
     return Patch(view, depth, along, points[~arm.holds(points)])
 
 
-def place(surface: Patch, body: Cylinder, guess: Array) -> BottleFix | None:
+def locate_body(surface: Patch, body: Cylinder, guess: Array) -> BottleFix | None:
     """The body near X_BO `guess` (4, 4): upright if that explains the readings, else as it leans or lies."""
     if len(surface.points_m) < _FEWEST:
         return None

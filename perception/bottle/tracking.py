@@ -11,7 +11,7 @@ from hw.poses import inverse
 from hw.types import Array, CameraModel, Frame
 from perception.arm_mask import ArmShape
 from perception.bottle.detection import HEIGHT_M, BottleDetection
-from perception.bottle.place import BottleFix, patch, place
+from perception.bottle.place import BottleFix, locate_body, patch
 from perception.clutter import things
 from perception.cylinder import Cylinder, distance_m, tilt_rad
 from perception.errors import TrackingFailed
@@ -110,7 +110,7 @@ def _follow(
         best = BottleFix(history[-1][1], 0.0, 0.0, 0.0, 0.0)
         for guess in _guesses(history, frame.t_s):
             surface = patch(scan, raw, guess[:3, 3], arm)
-            fix = None if surface is None else place(surface, detection.body, guess)
+            fix = None if surface is None else locate_body(surface, detection.body, guess)
             if fix is not None:
                 best = BottleFix.better([best, fix])
             if best.fit >= _FIT and best.confidence >= _SEEN:

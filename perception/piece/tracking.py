@@ -43,7 +43,7 @@ def last_frames(t_s: Array, duration_s: float) -> NDArray[np.bool_]:
     return np.asarray(t_s >= max(t_s[-1] - _LAST_S, min(duration_s, t_s[-1])))
 
 
-def judge(
+def outcome_of(
     t_s: Array, state_m: Array, confidence: Array, X_BT: Array, duration_s: float, proxy: Proxy
 ) -> tuple[Outcome, Array, tuple[str, ...]]:
     """Outcome, final place in the tool frame (3,) and flags, from centres (N, 3) and tool poses (N, 4, 4).
@@ -177,7 +177,7 @@ def track_piece(
     at_s = np.array([t for t, _ in located])
     state = np.stack([np.interp(t_s, at_s, column) for column in centres_m.T], axis=1)
     confidence = np.array([0.0 if place is None else place.confidence for place in places])
-    outcome, end_in_tool_m, doubts = judge(t_s, state, confidence, np.stack(poses), duration_s, detection.proxy)
+    outcome, end_in_tool_m, doubts = outcome_of(t_s, state, confidence, np.stack(poses), duration_s, detection.proxy)
     flags = (*camera_flags, *_flags(t_s, places, state, rig.detection), *doubts)
     track, visible = ObjectTrack(t_s, state, outcome, end_in_tool_m, confidence, flags), confidence >= _SEEN
     if seen_leaving(t_s, state[:, :2], visible, reach_of(detection)):

@@ -19,18 +19,18 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hw.bounded import Unreadable
 from hw.extras import installed
-from sim.adaptation.reward_table import RewardTable, restore_prospects
+from sim.adaptation.reward_table import RewardTable, restore_reward_table
 from sim.errors import CheckpointError
 from sim.solvers.emulator.network import SELF_TEST, Emulator, EmulatorReport, predictions, require_same
 from sim.solvers.grid import grid_behind
 from sim.solvers.library import with_library
-from sim.solvers.solver import Solver, naf
+from sim.solvers.solver import naf
 from sim.storage.files import Tensors, load_tensors, read_toml, save_tensors, sha256, write_toml
 from sim.tasks import files_of, task_names
 from sim.tasks.fingerprint import changes, content, fingerprint, interface, scene_key
 from sim.tasks.library import FOLDER as POLICIES
 from sim.tasks.library import read_library
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 CARD = "card.toml"
 FORMAT = 1
@@ -106,7 +106,7 @@ class Card(_Table):
     versions: dict[str, str] = {}  # of the packages that it was made with
     seed: int | None = None
     simulations: int = 0
-    solver: Literal["emulator", "naf"] = "emulator"
+    solver: Literal["emulator", "naf", "direct"] = "emulator"
     naf: dict[str, Any] | None = None  # read by NAF's solver
     budget: Budget = Budget()
     self_test: list[float] | None = None  # predictions repeated on loading; None: no emulator
@@ -145,7 +145,7 @@ def _wrong(file: Path, error: ValidationError) -> CheckpointError:
 
 
 MODEL = "model.safetensors"
-PROSPECTS, GRID = "prospects.", "grid."
+REWARD_TABLE, GRID = "prospects.", "grid."
 
 LARGEST = 1e12
 """The largest number that a trained network has."""
@@ -159,7 +159,7 @@ class Checkpoint:
     card: Card
     solver: Solver
     emulator: Emulator | None  # None: the solver does not use one
-    prospects: RewardTable | None  # None with NAF, which cannot answer without simulating
+    reward_table: RewardTable | None  # None with NAF, which cannot answer without simulating
     tensors: Tensors  # everything in the checkpoint's weights file
 
     def part(self, prefix: str) -> dict[str, NDArray[Any]]:
@@ -183,7 +183,7 @@ def save_checkpoint(
     emulator: Emulator | None,
     further: Tensors,
     facts: Mapping[str, Any],
-    prospects: RewardTable | None = None,
+    reward_table: RewardTable | None = None,
 ) -> Path:
     """Write `folder`; `facts` (seed, budget, data hash, held-out results, ...) go into the card. Returns the folder.
 
@@ -191,8 +191,8 @@ def save_checkpoint(
     are those of methods (`Checkpoint.part` reads them).
     """
     tensors = {**({f"emulator.{name}": t for name, t in emulator.tensors.items()} if emulator else {}), **further}
-    if prospects is not None:
-        tensors |= {f"{PROSPECTS}{name}": t for name, t in prospects.tensors.items()}
+    if reward_table is not None:
+        tensors |= {f"{REWARD_TABLE}{name}": t for name, t in reward_table.tensors.items()}
     save_tensors(folder / MODEL, tensors)
     card = {
         "format": FORMAT,
@@ -229,7 +229,7 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
     if task.training is not None:
         task = with_library(task, read_library(path / POLICIES, card.policies))
     _require_same_physics(task, path, card)
-    ahead = _part(tensors, PROSPECTS)
+    table = _part(tensors, REWARD_TABLE)
     _require_finite(tensors, path / MODEL)
     emulator = None if task.exact or card.solver == "naf" else Emulator(task, _part(tensors, "emulator."))
     if emulator is not None:
@@ -239,7 +239,7 @@ def load_checkpoint(task: Task, name: str = "default") -> Checkpoint:
         card=card,
         solver=emulator or _solver(task, path, card, tensors),
         emulator=emulator,
-        prospects=restore_prospects(task, ahead) if ahead else None,
+        reward_table=restore_reward_table(task, table) if table else None,
         tensors=tensors,
     )
 
@@ -255,15 +255,29 @@ def _require_same_physics(task: Task, path: Path, card: Card) -> None:
     )
 
 
-def prospects_of(method: str, task: Task, checkpoint: Checkpoint | None) -> RewardTable:
-    """The prospects that `method` needs. Raises CheckpointError if there are none."""
-    if checkpoint is None or checkpoint.prospects is None:
-        why = "there is none" if checkpoint is None else f"{checkpoint.path} holds no prospects"
+def without_phase_1(task: Task, solver: Solver) -> Checkpoint:
+    """What stands for a checkpoint where every answer is simulated. Its hash is that of the task and its physics."""
+    card = Card(
+        format=1,
+        task=task.name,
+        object=task.object_name,
+        fingerprint=fingerprint(task),
+        interface=interface(task),
+        sha256=scene_key(task, FEW),
+        solver="direct",
+    )
+    return Checkpoint(files_of(task.name, "checkpoints") / "direct", card, solver, None, None, {})
+
+
+def reward_table_of(method: str, task: Task, checkpoint: Checkpoint | None) -> RewardTable:
+    """The reward table that `method` needs. Raises CheckpointError if there is none."""
+    if checkpoint is None or checkpoint.reward_table is None:
+        why = "there is none" if checkpoint is None else f"{checkpoint.path} holds no reward table"
         raise CheckpointError(
-            f"{method} needs the prospects of the emulator or of an exact task, and {why}: make a checkpoint with "
+            f"{method} needs the reward table of the emulator or of an exact task, and {why}: make a checkpoint with "
             f"`adaptsim pretrain --task {task.name}`"
         )
-    return checkpoint.prospects
+    return checkpoint.reward_table
 
 
 def list_checkpoints() -> list[tuple[str, str, Path]]:

@@ -1,4 +1,6 @@
-"""Least squares from several starts at once: Levenberg-Marquardt with differences for derivatives. Pure."""
+"""Least squares by Levenberg and Marquardt, with differences for derivatives: from several starts at once, or with few
+evaluations. Pure.
+"""
 
 from __future__ import annotations
 
@@ -37,15 +39,52 @@ def descend(
     return points, np.asarray((off**2).sum(axis=1))
 
 
-def curvature(residuals: Callable[[Array], Array], point: Array, bounds: tuple[Array, Array]) -> Array:
+FEW_STEPS = 3
+_DAMPINGS = np.array([1e-2, 1.0])
+
+
+def descend_with_few(
+    residuals: Callable[[Array], Array], start: Array, bounds: tuple[Array, Array], difference: float
+) -> tuple[Array, float]:
+    """The same from one start (p,), where an evaluation is a simulation: p + 1 + 2 `FEW_STEPS` of them.
+
+    Slopes are measured once, over `difference`; Broyden's update (1965, Math. Comp. 19) follows each step. Each step
+    tries two dampings, which may be simulated side by side.
+    """
+    (low, high), point = bounds, np.clip(start, *bounds)
+    off = residuals(point[None])[0]
+    slopes = _slopes(residuals, point[None], off[None], high, difference)[0]
+    for _ in range(FEW_STEPS):
+        normal = slopes @ slopes.T
+        damped = normal + _DAMPINGS[:, None, None] * np.diag(normal.diagonal() + 1e-12)
+        moved = np.clip(point - np.linalg.solve(damped, (slopes @ off)[None, :, None])[..., 0], low, high)
+        left = residuals(moved)
+        nearest = int((left**2).sum(axis=1).argmin())
+        step, change = moved[nearest] - point, left[nearest] - off
+        if (length := float(step @ step)) == 0.0:
+            break
+        slopes = slopes + np.outer(step, change - step @ slopes) / length
+        if (left[nearest] ** 2).sum() < (off**2).sum():
+            point, off = moved[nearest], left[nearest]
+    return point, float((off**2).sum())
+
+
+def curvature(
+    residuals: Callable[[Array], Array],
+    point: Array,
+    bounds: tuple[Array, Array],
+    difference: float = _DIFFERENCE,
+) -> Array:
     """(p, p) half of the second derivative of the sum of squares at `point` (p,), by Gauss and Newton."""
-    slopes = _slopes(residuals, point[None], residuals(point[None]), bounds[1])[0]
+    slopes = _slopes(residuals, point[None], residuals(point[None]), bounds[1], difference)[0]
     return np.asarray(slopes @ slopes.T)
 
 
-def _slopes(residuals: Callable[[Array], Array], points: Array, off: Array, high: Array) -> Array:
+def _slopes(
+    residuals: Callable[[Array], Array], points: Array, off: Array, high: Array, difference: float = _DIFFERENCE
+) -> Array:
     """(S, p, m)"""
     s, p = points.shape
-    ahead = np.where(points + _DIFFERENCE <= high, _DIFFERENCE, -_DIFFERENCE)  # (S, p)
+    ahead = np.where(points + difference <= high, difference, -difference)  # (S, p)
     beside = points[:, None] + ahead[:, :, None] * np.eye(p)
     return np.asarray((residuals(beside.reshape(s * p, p)).reshape(s, p, -1) - off[:, None]) / ahead[:, :, None])

@@ -13,13 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw.types import Array
+from sim.adaptation.densities import Kernels, Prior
 from sim.adaptation.descent import curvature, descend
 from sim.adaptation.method import Trial
-from sim.adaptation.refining import Proposal, WeightedPoints, refined
+from sim.adaptation.refining import WeightedPoints, refined
 from sim.rollouts.draws import repeats_exactly
 from sim.solvers.grid import grid_behind
 from sim.solvers.misfit import log_likelihood, observed_share, offsets
-from sim.solvers.solver import Expectations
+from sim.tasks.task import Expectations
 
 STARTS = 8
 """Number of starts of a search, the best points of the cloud."""
@@ -50,11 +51,11 @@ def is_exact(expectations: Expectations) -> bool:
     return not np.any(expectations.residual_std)
 
 
-def exact_fit(expectations: Expectations, trials: Sequence[Trial], cloud: Array) -> ExactFit:
-    """The fit to one trial or more; `cloud` (T, p), in units, fills the margin."""
+def exact_fit(expectations: Expectations, trials: Sequence[Trial], cloud: Array, prior: Prior) -> ExactFit:
+    """The fit to one trial or more; `cloud` (T, p), in units, follows the prior."""
     space = expectations.task.margin
     unit = space.normalise(cloud)
-    low, high = np.zeros(len(space)), np.ones(len(space))
+    low, high = prior.low, prior.high
     count = len(trials)
 
     def residuals(points: Array) -> Array:
@@ -69,6 +70,8 @@ def exact_fit(expectations: Expectations, trials: Sequence[Trial], cloud: Array)
         low, high = (space.normalise(end) for end in space.physical)
         points, left = descend(residuals, np.concatenate([points, starts]), (low, high))
         best = points[int(left.argmin())]
+        prior = prior.within(low, high)
+        unit = prior.cloud(len(unit))
     misfit = float(np.clip(left.min() ** 0.5, LEAST_LEFT, 1.0))
 
     def log_likelihoods(points: Array) -> Array:
@@ -79,9 +82,8 @@ def exact_fit(expectations: Expectations, trials: Sequence[Trial], cloud: Array)
         return np.asarray(np.sum(list(terms), axis=0))
 
     around = np.linalg.inv(3.0 * count * curvature(residuals, best, (low, high)) / misfit**2 + 12.0 * np.eye(len(best)))
-    first = Proposal(best[None], np.linalg.cholesky(around))
-    even = low + unit * (high - low)
-    fit: WeightedPoints = refined(log_likelihoods, even, log_likelihoods(even), (low, high), DRAWN, GENERATIONS, first)
+    first = Kernels(best[None], np.linalg.cholesky(around))
+    fit: WeightedPoints = refined(log_likelihoods, unit, log_likelihoods(unit), prior, DRAWN, GENERATIONS, first)
     return ExactFit(space.denormalise(fit.points), fit.weights, fit.log_prior, misfit)
 
 

@@ -9,21 +9,20 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.method import (
-    LEAST_CHANCE,
     Best,
     Choosing,
-    ExpectedGain,
     Forecasting,
     Iteration,
     Method,
     OwnPolicies,
+    SessionForecast,
     Trial,
 )
 from sim.adaptation.predictions import PredictionQuality, prediction_quality
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
 from sim.solvers.misfit import misfit
-from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy, policy_for
-from sim.tasks.task import Task
+from sim.solvers.solver import policy_for
+from sim.tasks.task import Executable, Expectations, Policies, SolvedPolicy, Task
 
 PRIOR_MEAN, PRIOR_STD = 0.5, 0.3
 """Prior standard deviation of the session's general level of reward."""
@@ -89,8 +88,8 @@ def repeated_trials(policy: SolvedPolicy, task: Task, history: Sequence[Iteratio
     return tuple(int(i) + 1 for i in np.flatnonzero(off <= SAME_ACTION))
 
 
-def assess(method: Method, task: Task, history: Sequence[Iteration]) -> tuple[Best, ExpectedGain | None]:
-    """The final parameters, and the outlook of a method that forecasts. Raises ValueError if there is no trial."""
+def assess(method: Method, task: Task, history: Sequence[Iteration]) -> tuple[Best, SessionForecast | None]:
+    """The final parameters, and the forecast of a method that forecasts. Raises ValueError if there is no trial."""
     return method.assess(history) if isinstance(method, Forecasting) else (best_of(method, task, history), None)
 
 
@@ -119,43 +118,41 @@ class Misfits:
     _known: dict[bytes, float] = field(default_factory=dict, repr=False)
 
     def of(self, trial: Trial) -> float:
-        """See `sim.solvers.misfit.misfit`."""
+        """The misfit of a trial (`sim.solvers.misfit`)."""
         if trial.key not in self._known:
             self._known[trial.key] = misfit(self.expectations, trial.context, trial.action, trial.observation)
         return self._known[trial.key]
 
 
-def judge(
-    task: Task, history: Sequence[Iteration], misfits: Misfits, best: Best, ahead: ExpectedGain | None = None
+def verdict_of(
+    task: Task, history: Sequence[Iteration], misfits: Misfits, best: Best, forecast: SessionForecast | None = None
 ) -> Verdict:
     """Whether to stop or to go on, and whether the simulator can express the object at all.
 
-    `best` are the final parameters; `ahead` is the outlook, or None if the method makes no forecast.
+    `best` are the final parameters; `forecast` is None if the method makes none.
     """
     trials = [trial for iteration in history for entry in iteration for trial in entry.trials]
     limit = SLACK * misfits.expectations.misfit_limit
-    strange = sum(misfits.of(t) > limit for t in trials)
+    strange = 0 if np.isinf(limit) else sum(misfits.of(t) > limit for t in trials)  # a misfit may cost rollouts
     reasons = [Reason.INEXPRESSIBLE] if 2 * strange > len(trials) else []
-    if ahead is not None and ahead.has_only_failed:
+    if forecast is not None and forecast.has_only_failed:
         reasons.append(Reason.FAILURES)
-    if ahead is not None and ahead.untried and not ahead.hopeless and ahead.likely < LEAST_CHANCE:
+    if forecast is not None and forecast.untried and not forecast.hopeless:
         reasons.append(Reason.UNTRIED)
-    if ahead is None:
+    if forecast is None:
         kind = _by_parameters(task, history, best, bool(reasons))
     else:
-        kind = Kind.HOPELESS if ahead.hopeless else Kind.ENOUGH if ahead.done else Kind.GO_ON
-    quality = None if ahead is None else _quality(history)
+        kind = Kind.HOPELESS if forecast.hopeless else Kind.ENOUGH if forecast.done else Kind.GO_ON
+    quality = None if forecast is None else _quality(history)
     if quality is not None and quality.is_uninformed and kind is not Kind.HOPELESS:
         kind = Kind.UNINFORMED
     return Verdict(
         kind=kind,
-        reasons=tuple(reasons) if ahead is not None or len(trials) >= LEAST_TRIALS else (),
+        reasons=tuple(reasons) if forecast is not None or len(trials) >= LEAST_TRIALS else (),
         reward=best.mean_reward,
         ci95=best.ci95,
         trials=len(trials),
         strange=strange,
-        gain=None if ahead is None else ahead.gain,
-        likely=None if ahead is None else ahead.likely,
         prediction_error=None if quality is None else quality.error,
         rank_correlation=None if quality is None else quality.rank_correlation,
     )

@@ -11,18 +11,24 @@ import numpy as np
 
 from hw.types import Array, frozen_array
 from sim.errors import MomentsMissing
-from sim.solvers.solver import Executable, Policies, SolvedPolicy, policy_for
+from sim.rollouts.kept import KeptRollouts
+from sim.solvers.solver import policy_for
+from sim.tasks.task import Executable, Policies, SolvedPolicy, Solver, Task
 
 WORTHWHILE = 0.05
 """The smallest gain of reward that is worth an iteration."""
 
-LEAST_CHANCE, HOPELESS = 0.1, 0.4
-"""A session is done below this chance of a worthwhile gain, and hopeless below this upper end of the interval."""
+ENOUGH = 2
+"""Iterations after which a session is done: the second is the first that tries a policy chosen by trials, and no rule
+has shown skill beyond this one (docs/decisions/0018-refine-where-the-weight-is.md)."""
+
+HOPELESS = 0.4
+"""A session is hopeless below this upper end of the interval."""
 
 FAILURES, FAILED = 12, 0.05
 """A session is also hopeless after this many trials in a row that earned no more than this.
 
-All four were chosen on development worlds (docs/decisions/0011-one-method.md)."""
+All three were chosen on development worlds (docs/decisions/0011-one-method.md)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,13 +107,11 @@ class Best:
 
 
 @dataclass(frozen=True, eq=False)
-class ExpectedGain:
-    """The outlook of a session, for its final policy if it ended now."""
+class SessionForecast:
+    """The forecast of a session, for its final policy if it ended now."""
 
     reward: float  # expected
     ci95: tuple[float, float]  # of the expected reward, over all draws of reality
-    gain: float  # expected gain of reward by one more iteration
-    likely: float  # probability that this gain exceeds `WORTHWHILE`
     failures: int  # trials without reward since the last one with some
     untried: bool  # no trial has tried a policy like the one that the session would end with
     correction: Array  # (a,) in units: mean difference between its actions and those of `for_e`
@@ -116,7 +120,7 @@ class ExpectedGain:
     @property
     def done(self) -> bool:
         """Whether another iteration is not worth its trials. A policy that nobody has tried is never enough."""
-        return self.hopeless or (self.likely < LEAST_CHANCE and not self.untried)
+        return self.hopeless or not self.untried
 
     @property
     def hopeless(self) -> bool:
@@ -156,8 +160,44 @@ class OwnPolicies(Protocol):
 class Forecasting(Protocol):
     """A method that judges its session itself, and says what another iteration would bring."""
 
-    def assess(self, history: Sequence[Iteration]) -> tuple[Best, ExpectedGain]:
-        """The final parameters, and the outlook. Raises ValueError without a trial."""
+    def assess(self, history: Sequence[Iteration]) -> tuple[Best, SessionForecast]:
+        """The final parameters, and the forecast. Raises ValueError without a trial."""
+
+
+class ExpectedTrajectories(Protocol):
+    """The part of `sim.solvers.solver.Expectations` that predictions of trajectories need."""
+
+    @property
+    def task(self) -> Task:
+        """The task of the trials."""
+
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array) -> Array:
+        """(N, size)"""
+
+
+@runtime_checkable
+class Simulating(Protocol):
+    """A method that simulates in the session, so that it needs no Phase 1 and knows which parameters are likely."""
+
+    @property
+    def solver(self) -> Solver:
+        """Its task policies, by true rollouts."""
+
+    @property
+    def rollouts(self) -> KeptRollouts:
+        """All that it has simulated."""
+
+    def draws_after_each(self, history: Sequence[Iteration]) -> tuple[Array, ...]:
+        """(N, p) equally likely parameters of the margin, in units: before the first iteration, and after each."""
+
+    def near_fit(self, history: Sequence[Iteration]) -> ExpectedTrajectories:
+        """Trajectories of the trials in `history` for likely parameters, which need no further rollout."""
+
+    def rollouts_before(self, particles: int) -> int:
+        """The most rollouts before the first trial of a session."""
+
+    def rollouts_after(self, particles: int, iteration: int) -> int:
+        """The most rollouts after an iteration, numbered from 1."""
 
 
 @runtime_checkable

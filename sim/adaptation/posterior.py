@@ -3,7 +3,7 @@
 For display only: no method decides with it. It needs only the checkpoint's simulator, so it can be computed again for
 any stored session.
 
-It weighs parameter vectors that fill the margin. Sharp trajectories would leave all weight on the nearest of them, and
+It weighs parameter vectors that follow the prior. Sharp trajectories would leave all weight on the nearest of them, and
 the interval would be that of the grid. So vectors are added where the weight is (`sim.adaptation.refining`; for an
 exact simulator `sim.adaptation.exact_fit`). If that does not resolve the likelihood, it is tempered (raised to a power
 below 1) until `RESOLVED` vectors carry the weight.
@@ -19,14 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, frozen_array
-from sim.adaptation.checkpoint import Checkpoint
+from sim.adaptation.checkpoint import Checkpoint, reward_table_of
+from sim.adaptation.densities import unit_points
 from sim.adaptation.exact_fit import exact_fit, is_exact
-from sim.adaptation.method import Iteration
-from sim.adaptation.methods.belief import Belief
+from sim.adaptation.method import ExpectedTrajectories, Iteration, Simulating
 from sim.adaptation.refining import refined
+from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
 from sim.errors import CollapsedPosterior
 from sim.solvers.grid import grid_behind
-from sim.solvers.solver import Expectations, SolvedPolicy
+from sim.tasks.task import Expectations, SolvedPolicy
 from sim.types import Estimate, Space
 
 RESOLVED = 24.0
@@ -118,41 +119,52 @@ class Posterior:
         return np.asarray(self.samples[rng.choice(len(self.samples), size=n, p=self.weights)])
 
 
-def posterior(belief: Belief, history: Sequence[Iteration]) -> Posterior:
+def likelihood_of(checkpoint: Checkpoint) -> TrajectoryLikelihood:
+    """The likelihood behind every posterior of a checkpoint. Raises CheckpointError without a reward table."""
+    table = reward_table_of("the posterior", checkpoint.solver.task, checkpoint)
+    return TrajectoryLikelihood(checkpoint.solver, table.truths, table.prior)
+
+
+def posterior(likelihood: TrajectoryLikelihood | Simulating, history: Sequence[Iteration]) -> Posterior:
     """The posterior after all trials of `history`; without any, the prior."""
-    return posterior_after_each(belief, history)[-1]
+    return posterior_after_each(likelihood, history)[-1]
 
 
-def posterior_after_each(belief: Belief, history: Sequence[Iteration]) -> tuple[Posterior, ...]:
+def posterior_after_each(
+    likelihood: TrajectoryLikelihood | Simulating, history: Sequence[Iteration]
+) -> tuple[Posterior, ...]:
     """The prior, and the posterior after each iteration of `history`."""
-    logs = belief.log_likelihoods_after_each(history)
-    return tuple(_posterior(belief, history[:k], log) for k, log in enumerate(logs))
+    if isinstance(likelihood, Simulating):
+        return tuple(
+            Posterior(likelihood.solver.task.margin, drawn, np.full(len(drawn), 1.0 / len(drawn)))
+            for drawn in likelihood.draws_after_each(history)
+        )
+    logs = likelihood.after_each(history)
+    return tuple(_posterior(likelihood, history[:k], log) for k, log in enumerate(logs))
 
 
-def _posterior(belief: Belief, history: Sequence[Iteration], log: Array) -> Posterior:
-    """The posterior after `history`, whose trajectories have the log-likelihoods `log` (T,) in the prospects."""
-    space, truths = belief.expectations.task.margin, belief.prospects.truths
+def _posterior(likelihood: TrajectoryLikelihood, history: Sequence[Iteration], log: Array) -> Posterior:
+    """The posterior after `history`, whose trajectories have the log-likelihoods `log` (T,) of its truths."""
+    space, truths = likelihood.expectations.task.margin, likelihood.truths
     trials, groups = [t for iteration in history for entry in iteration for t in entry.trials], _groups(truths)
-    is_even = int(groups.max()) + 1 == len(truths)  # else it is another session's posterior
-    is_fixed = not is_even or grid_behind(belief.expectations) is not None
-    if not trials or is_fixed or _effective(_tempered(log, groups, least=0.0), groups) >= RESOLVED:
-        return Posterior(space, truths, _tempered(log, groups))
-    if is_exact(belief.expectations):
-        fit = exact_fit(belief.expectations, trials, truths)
+    is_grid, prior = grid_behind(likelihood.expectations) is not None, likelihood.prior
+    if trials and is_exact(likelihood.expectations):
+        fit = exact_fit(likelihood.expectations, trials, truths, prior)
         return Posterior(space, fit.parameters, fit.weights)
+    if not trials or is_grid or _effective(_tempered(log, groups, least=0.0), groups) >= RESOLVED:
+        return Posterior(space, truths, _tempered(log, groups))
 
     def log_likelihoods(points: Array) -> Array:
         parameters = space.spread(points)
-        return np.asarray(np.sum([belief.compare(trial, parameters) for trial in trials], axis=0))
+        return np.asarray(np.sum([likelihood.of(trial, parameters) for trial in trials], axis=0))
 
-    cloud, p = space.unspread(truths, np.random.default_rng(0).random(truths.shape)), len(space)
-    finer = refined(log_likelihoods, cloud, log, (np.zeros(p), np.ones(p)), DRAWN, GENERATIONS)
+    finer = refined(log_likelihoods, unit_points(space, truths), log, prior, DRAWN, GENERATIONS)
     samples = space.spread(np.clip(finer.points, 0.0, 1.0))
     with np.errstate(divide="ignore"):
         return Posterior(space, samples, _tempered(np.log(finer.weights), np.arange(len(samples))))
 
 
-def predicted(expectations: Expectations, parameters: Array, context: Array, action: Array) -> Array:
+def predicted(expectations: ExpectedTrajectories, parameters: Array, context: Array, action: Array) -> Array:
     """(N, M, k) expected states, in units, of trials for parameters (N, p), at the times of the task's observation.
 
     The trials have contexts (N, c) and actions (N, a), or one context (c,) and action (a,) for all.
@@ -164,14 +176,14 @@ def predicted(expectations: Expectations, parameters: Array, context: Array, act
     return task.observation.denormalise(expectations.trajectories(parameters, actions, middle, contexts))
 
 
-def prospect(
-    checkpoint: Checkpoint, belief: Posterior, policies: Sequence[SolvedPolicy], rng: np.random.Generator
+def expected_reward(
+    checkpoint: Checkpoint, after: Posterior, policies: Sequence[SolvedPolicy], rng: np.random.Generator
 ) -> Estimate:
-    """The reward of `policies` if the true parameters follow `belief`, averaged over policies, contexts, nuisance and
+    """The reward of `policies` if the true parameters follow `after`, averaged over policies, contexts, nuisance and
     action error; the interval is that of the posterior.
     """
     solver = checkpoint.solver
-    targets, contexts = belief.draw(TARGETS, rng), solver.task.context.sample(rng, CONTEXTS)
+    targets, contexts = after.draw(TARGETS, rng), solver.task.context.sample(rng, CONTEXTS)
     drawn = int(rng.integers(2**31))
     rewards = np.mean([_earned(solver, targets, contexts, policy, drawn) for policy in policies], axis=0)
     low, high = np.quantile(rewards, (0.025, 0.975))

@@ -1,6 +1,7 @@
 """RewardTable: the rewards that the policies of some E would earn, for many possible truths in the margin.
 
-Computed once in pretraining and stored in the checkpoint; a session only weighs its columns.
+Computed once in pretraining and stored in the checkpoint; a session only weighs its columns. A session that begins with
+the posterior of another one has other truths.
 """
 
 from __future__ import annotations
@@ -11,17 +12,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from hw.types import Array
+from sim.adaptation.densities import Prior, unit_points
 from sim.adaptation.method import Particle
 from sim.errors import CheckpointError
 from sim.rollouts.draws import cover
-from sim.solvers.solver import Solver
 from sim.storage.files import Tensors
-from sim.tasks.task import Task
-
-UNSURE = 0.1
-"""Share of the original truths that stay in prospects weighed by another session: its object may differ."""
+from sim.tasks.task import Solver, Task
 
 APART = 0.15
 """Least distance between the particles of an iteration, in fractions of the ranges."""
@@ -31,8 +30,8 @@ OPTIMISM = 1.0
 
 
 @dataclass(frozen=True)
-class ProspectSettings:
-    """The resolution of the prospects."""
+class RewardTableSettings:
+    """The resolution of the reward table."""
 
     candidates: int = 128
     truths: int = 2048
@@ -45,8 +44,14 @@ class RewardTable:
     """`rewards[i, j]` is the expected reward of the policy trained for `candidates[i]` if `truths[j]` is true."""
 
     candidates: Array  # (C, p) in Omega, in units
-    truths: Array  # (T, p) in Omega and its margin, in units
+    truths: Array  # (T, p) in units, that follow the prior
     rewards: Array  # (C, T)
+    session_prior: Prior | None = None  # None: uniform over Omega and its margin
+
+    @property
+    def prior(self) -> Prior:
+        """The density that the truths follow, in fractions of the margin."""
+        return self.session_prior or Prior.uniform(self.truths.shape[1])
 
     def nearest(self, task: Task, particle: Particle) -> int:
         """The candidate nearest to a particle, in fractions of the ranges."""
@@ -64,21 +69,21 @@ class RewardTable:
 
     @property
     def tensors(self) -> dict[str, NDArray[Any]]:
-        """The arrays to store; `restore_prospects` reads them."""
+        """The arrays to store; `restore_reward_table` reads them."""
         return {"candidates": self.candidates, "truths": self.truths, "rewards": self.rewards.astype(np.float16)}
 
 
-def look_ahead(
+def tabulate_rewards(
     solver: Solver,
     seed: int,
-    settings: ProspectSettings | None = None,
+    settings: RewardTableSettings | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> RewardTable:
-    """Compute the prospects.
+    """Compute the reward table.
 
     Both sets fill their space evenly; contexts, errors and nuisance are the same for all rewards.
     """
-    task, rng, s = solver.task, np.random.default_rng(seed), settings or ProspectSettings()
+    task, rng, s = solver.task, np.random.default_rng(seed), settings or RewardTableSettings()
     candidates = cover(task.parameters, s.candidates, rng)
     truths = cover(task.margin, s.truths, rng)
     contexts = task.context.sample(rng, s.contexts)
@@ -93,26 +98,30 @@ def look_ahead(
     return RewardTable(candidates, truths, rewards.astype(np.float64))
 
 
-def restore_prospects(task: Task, tensors: Tensors) -> RewardTable:
-    """The stored prospects. Raises CheckpointError if the tensors are not prospects of this task."""
+def restore_reward_table(task: Task, tensors: Tensors) -> RewardTable:
+    """The stored reward table. Raises CheckpointError if the tensors are not one of this task."""
     try:
-        table = RewardTable(*(tensors[name].astype(np.float64) for name in ("candidates", "truths", "rewards")))
+        candidates, truths, rewards = (tensors[name].astype(np.float64) for name in ("candidates", "truths", "rewards"))
     except KeyError as error:
-        raise CheckpointError(f"the prospects hold no {error}: pretrain again") from error
-    parameters = len(task.parameters)
+        raise CheckpointError(f"the reward table holds no {error}: pretrain again") from error
+    table, parameters = RewardTable(candidates, truths, rewards), len(task.parameters)
     if table.candidates.shape[1] != parameters or table.truths.shape[1] != parameters:
-        raise CheckpointError(f"prospects of {table.truths.shape[1]} parameters do not fit {task.name}; pretrain again")
+        raise CheckpointError(
+            f"a reward table of {table.truths.shape[1]} parameters does not fit {task.name}; pretrain again"
+        )
     return table
 
 
-def weighed(prospects: RewardTable, weights: Array) -> RewardTable:
-    """The prospects in which each truth is as frequent as its weight (T,): a posterior as the next prior.
+def begun_with(reward_table: RewardTable, task: Task, samples: Array, weights: Array) -> RewardTable:
+    """The reward table of a session that begins with the posterior of another one: `samples` (N, p) in units, `weights`
+    (N,). The same posterior gives the same table.
 
-    Systematic, so the same weights give the same prospects.
+    `reward_table` is that of the checkpoint. A new truth has the rewards of the nearest one in it.
     """
-    count = len(prospects.truths)
-    share = (1.0 - UNSURE) * weights / weights.sum() + UNSURE / count
-    places = (np.arange(count) + 0.5) / count
-    drawn = np.minimum(np.searchsorted(np.cumsum(share), places), count - 1)
-    spread = np.random.default_rng(0).permutation(drawn)  # the first truths stand for all
-    return RewardTable(prospects.candidates, prospects.truths[spread], prospects.rewards[:, spread])
+    space = task.margin
+    low, high = space.physical
+    physical = space.normalise(low), space.normalise(high)
+    prior = Prior.after(unit_points(space, samples), weights, physical)
+    cloud = prior.cloud(len(reward_table.truths))
+    nearest = cKDTree(unit_points(space, reward_table.truths)).query(cloud)[1]
+    return RewardTable(reward_table.candidates, space.spread(cloud), reward_table.rewards[:, nearest], prior)

@@ -17,10 +17,10 @@ from typing import Protocol
 
 import numpy as np
 
-from sim.adaptation.learner import Learner
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
 from sim.adaptation.stages import Adapt, Existing, Layout, RunTrial, Show, Stage, TrialKey, next_stage
-from sim.solvers.solver import SolvedPolicy
+from sim.tasks.task import SolvedPolicy
 
 Progress = Callable[[str, str], AbstractContextManager[None]]
 """Tells the operator a sentence about a running step, and adds up its time under a word."""
@@ -42,7 +42,7 @@ class PlayableSession(Protocol):
     """A session as the loop sees it; on the disk or in memory. Iterations and particles count from 0."""
 
     @property
-    def learner(self) -> Learner:
+    def adaptation(self) -> Adaptation:
         """The adapting part of the session."""
 
     @property
@@ -88,7 +88,7 @@ def iterate(session: PlayableSession) -> Iterator[Stage]:
             case Adapt():
                 history = session.history(stage.iteration + 1)
                 with session.progress("Adapting the simulation parameters", "adapting"):
-                    particles = session.learner.next(history, session.generator(stage.iteration))
+                    particles = session.adaptation.next(history, session.generator(stage.iteration))
                 session.keep_particles(stage, history, particles)
         yield stage
         if isinstance(stage, Show):
@@ -109,7 +109,7 @@ def train(
     with session.progress(f"Training the task policy of particle {index + 1}", "training"):
         for earlier in [key for key in session.policies if key[0] < iteration]:
             del session.policies[earlier]
-        session.policies[iteration, index] = session.learner.train(particle, history)
+        session.policies[iteration, index] = session.adaptation.train(particle, history)
 
 
 PlayTogether = Callable[[SolvedPolicy, int, int], tuple[Trial, ...]]
@@ -120,7 +120,7 @@ PlayTogether = Callable[[SolvedPolicy, int, int], tuple[Trial, ...]]
 class MemorySession:
     """A `PlayableSession` that is kept nowhere. All trials of a particle run together: nobody stands between them."""
 
-    learner: Learner
+    adaptation: Adaptation
     play: PlayTogether
     generator: Callable[[int], np.random.Generator]
     steps: list[tuple[Particle, ...]]  # the particles of every iteration so far
@@ -171,7 +171,7 @@ class MemorySession:
 
 
 def begin_in_memory(
-    learner: Learner,
+    adaptation: Adaptation,
     play: PlayTogether,
     shape: tuple[int, int],
     start: np.random.Generator,
@@ -179,4 +179,4 @@ def begin_in_memory(
 ) -> MemorySession:
     """A session in memory; `shape` is (particles, trials of each in an iteration)."""
     particles, trials = shape
-    return MemorySession(learner, play, generator, [learner.start(particles, start)], trials)
+    return MemorySession(adaptation, play, generator, [adaptation.start(particles, start)], trials)

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from hw.types import Array
+from sim.adaptation.densities import Prior, unit_points
 from sim.adaptation.exact_fit import exact_fit, is_exact
 from sim.adaptation.method import Trial
 from sim.adaptation.reward_table import RewardTable
@@ -17,8 +18,7 @@ from sim.solvers.candidates import ListedActionSolver
 from sim.solvers.grid import GridSolver
 from sim.solvers.misfit import log_likelihood as log_likelihood_of
 from sim.solvers.misfit import observed_share, squares
-from sim.solvers.solver import Solver
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 SIMULATORS = 1024
 """Number of candidate parameter vectors that fill the margin."""
@@ -28,6 +28,14 @@ DRAWS = 4
 
 LEAST_UNIT = 0.1
 """Least unit of an end-state quantity that hardly varies in the ranges, as a share of the largest unit."""
+
+
+@dataclass(frozen=True)
+class PartStrengths:
+    """How much each part of the method counts: 1 as it is, 0 to leave it out, which an ablation does."""
+
+    weights: float = 1.0  # power of the likelihood of trials, by which simulators are weighed
+    discrepancy: float = 1.0  # factor on the scales of reality's discrepancy
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +63,8 @@ class Simulators:
     """The predictions of a task's simulator, shared during a session."""
 
     solver: Solver
-    prospects: RewardTable
+    reward_table: RewardTable
+    strengths: PartStrengths = PartStrengths()
     _grid: dict[bytes, Predicted] = field(default_factory=dict, repr=False)  # of `truths`, by trial
 
     @property
@@ -65,10 +74,8 @@ class Simulators:
 
     @property
     def truths(self) -> Array:
-        """(T, p) candidate truths, T at most `SIMULATORS`, that fill Omega and its margin: the first ones of the
-        prospects.
-        """
-        return self.prospects.truths[:SIMULATORS]
+        """(T, p) candidate truths, T at most `SIMULATORS`, that follow the prior: the first ones of the table."""
+        return self.reward_table.truths[:SIMULATORS]
 
     @property
     def refines(self) -> bool:
@@ -128,19 +135,20 @@ class Simulators:
 
     @cached_property
     def cloud(self) -> Array:
-        """(T, p) `truths` as points that fill the unit box evenly."""
-        return self.task.margin.unspread(self.truths, np.random.default_rng(0).random(self.truths.shape))
+        """(T, p) `truths` in fractions of the margin."""
+        return unit_points(self.task.margin, self.truths)
 
-    @cached_property
-    def is_even(self) -> bool:
-        """Whether the truths fill the margin evenly; those weighed by another session repeat."""
-        return len(np.unique(self.truths, axis=0)) == len(self.truths)
+    @property
+    def prior(self) -> Prior:
+        """The density of the parameters before any trial."""
+        return self.reward_table.prior
 
     def candidates(self, trials: Sequence[Trial]) -> Candidates:
         """The simulators to weigh by trials: `truths`, or for an exact simulator those around the best fit."""
-        if not trials or not is_exact(self.solver) or not self.is_even:
+        weighs = bool(trials) and self.strengths.weights > 0.0
+        if not weighs or not is_exact(self.solver):
             return Candidates(self.truths, np.zeros(len(self.truths)), self.on_grid(trials) if trials else None, 1.0)
-        fit = exact_fit(self.solver, trials, self.truths)
+        fit = exact_fit(self.solver, trials, self.truths, self.prior)
         return Candidates(fit.parameters, fit.log_prior, self.predict(trials, fit.parameters, fit.left), fit.left)
 
     def on_grid(self, trials: Sequence[Trial]) -> Predicted:

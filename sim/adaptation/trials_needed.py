@@ -1,8 +1,8 @@
 """How many trials will a session need? Whole sessions are played in imagination, before the first real trial.
 
-An imagined world is one that the default method holds possible before any trial (`sim.adaptation.reality`):
+An imagined world is one that the default method holds possible before any trial (`sim.adaptation.outcome_posterior`):
 parameters of the margin, and smooth discrepancies of that simulator. In each the whole session runs, with the same
-learner, action errors and camera noise as on a table; beside every trial UDR acts in the same context.
+adaptation, action errors and camera noise as on a table; beside every trial UDR acts in the same context.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.checkpoint import Checkpoint, prospects_of
+from sim.adaptation.adaptation import Adaptation
+from sim.adaptation.checkpoint import Checkpoint, reward_table_of
 from sim.adaptation.discrepancy import END, FACTORS_STD, LEAST_END_STD, SUCCESS, Discrepancy
-from sim.adaptation.learner import Learner
 from sim.adaptation.method import FAILED, Iteration, Trial, trials_of_rows
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import Udr
@@ -25,7 +25,8 @@ from sim.adaptation.sessions import begin_in_memory
 from sim.adaptation.simulators import Simulators
 from sim.adaptation.trials_forecast import MOST_PAIRS, PairsNeeded, SessionShare, TrialsForecast, TrialsNeeded
 from sim.adaptation.verdict import Kind
-from sim.solvers.solver import SolvedPolicy, policy_for
+from sim.solvers.solver import policy_for
+from sim.tasks.task import SolvedPolicy
 
 SESSIONS = 64
 """Imagined sessions: the share of one in five is then known to 5 %."""
@@ -83,7 +84,7 @@ Play = Callable[[Array, Array, np.random.Generator], tuple[Trial, ...]]
 class SessionCourse:
     """A whole session of the default method, with a control trial of UDR beside each of its trials."""
 
-    learner: Learner
+    adaptation: Adaptation
     history: tuple[Iteration, ...]
     control: Array  # (n,) rewards of the control trials
     kinds: tuple[Kind, ...]  # of the verdict after each iteration
@@ -103,12 +104,6 @@ class SessionCourse:
         """Trials until the end of the iteration with the first success; None: none succeeded."""
         succeeded = [trial.reward > FAILED for trial in self.trials]
         return self.each * (succeeded.index(True) // self.each + 1) if True in succeeded else None
-
-    @property
-    def stop(self) -> int | None:
-        """Trials until the verdict says stop; None: it never did."""
-        stops = [kind.stops for kind in self.kinds]
-        return self.each * (stops.index(True) + 1) if True in stops else None
 
     @property
     def differences(self) -> Array:
@@ -135,12 +130,12 @@ def course(
         expected = [policy.predict(context)[0] for context in contexts]
         return tuple(replace(trial, predicted=one) for trial, one in zip(trials, expected, strict=True))
 
-    learner = Learner(make_method("adaptsim", task, checkpoint), checkpoint.solver, checkpoint.solver)
-    session = begin_in_memory(learner, play, (particles, each), rng, lambda _: rng)
+    adaptation = Adaptation(make_method("adaptsim", task, checkpoint), checkpoint.solver, checkpoint.solver)
+    session = begin_in_memory(adaptation, play, (particles, each), rng, lambda _: rng)
     kinds, history = list[Kind](), tuple[Iteration, ...]()
     for history in session.iterations(iterations):
-        kinds.append(learner.judge(history).verdict.kind)
-    return SessionCourse(learner, history, np.array(control), tuple(kinds))
+        kinds.append(adaptation.assess(history).verdict.kind)
+    return SessionCourse(adaptation, history, np.array(control), tuple(kinds))
 
 
 def forecast(
@@ -161,7 +156,6 @@ def forecast(
         trials=len(played[0].control),
         seed=seed,
         first_success=needed([one.first_success for one in played]),
-        stop=needed([one.stop for one in played]),
         shown=tuple(
             PairsNeeded(
                 difference=gain,
@@ -182,7 +176,7 @@ def imagine(
 ) -> list[SessionCourse]:
     """Play a session in each of `sessions` imagined worlds. Raises CheckpointError if the checkpoint cannot predict."""
     task = checkpoint.solver.task
-    simulators = Simulators(checkpoint.solver, prospects_of("adaptsim", task, checkpoint))
+    simulators = Simulators(checkpoint.solver, reward_table_of("adaptsim", task, checkpoint))
     udr = policy_for(checkpoint.solver, Udr(task).start(1, np.random.default_rng(seed))[0].samples)
     played = []
     for number in range(sessions):

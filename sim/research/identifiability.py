@@ -8,7 +8,7 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.method import Trial
-from sim.adaptation.reality import Reality, RealityPolicy
+from sim.adaptation.outcome_posterior import OutcomePosterior, PosteriorPolicy
 from sim.adaptation.simulators import Simulators
 from sim.rollouts.draws import Disturbances
 
@@ -24,15 +24,15 @@ trials.
 def errors_left(simulators: Simulators, seed: int, progress: Callable[[int, int], None] | None = None) -> Array:
     """(p,) the error of each parameter after a session, as a fraction of that before: 1 if trials say nothing.
 
-    By the weights from trials of simulated targets (`sim.adaptation.reality`).
+    By the weights from trials of simulated targets (`sim.adaptation.outcome_posterior`).
     """
     task, rng = simulators.task, np.random.default_rng(seed)
-    policy = RealityPolicy(Reality(simulators, ()))
+    policy = PosteriorPolicy(OutcomePosterior(simulators, ()))
     unit = task.parameters.normalise(simulators.truths)
     before, after = [], []
     for i, target in enumerate(task.parameters.sample(rng, SESSIONS)):
         truth = task.parameters.normalise(target)
-        weights = Reality(simulators, _trials(simulators, policy, target, rng)).weights
+        weights = OutcomePosterior(simulators, _trials(simulators, policy, target, rng)).weights
         before.append(unit.mean(axis=0) - truth)
         after.append(weights @ unit - truth)
         if progress is not None:
@@ -41,7 +41,7 @@ def errors_left(simulators: Simulators, seed: int, progress: Callable[[int, int]
 
 
 def _trials(
-    simulators: Simulators, policy: RealityPolicy, target: Array, rng: np.random.Generator
+    simulators: Simulators, policy: PosteriorPolicy, target: Array, rng: np.random.Generator
 ) -> tuple[Trial, ...]:
     """The trials of a session, with the emulator at `target` in place of the real object."""
     task, solver = simulators.task, simulators.solver

@@ -20,9 +20,8 @@ from sim.rollouts.draws import cover, physical_contexts, sobol, varies
 from sim.rollouts.run import Requests, Rollouts, observed
 from sim.solvers.candidates import FromOutcomes, ListedActionSolver
 from sim.solvers.misfit import tolerance
-from sim.solvers.solver import Expectations
 from sim.storage.files import Tensors
-from sim.tasks.task import Task
+from sim.tasks.task import Expectations, Task
 
 GRID, ACTIONS = 64, 64
 """Points of the grid, and actions that policies choose among: at most 4096 rollouts, each when it is needed."""
@@ -153,7 +152,7 @@ class GridSolver(FromOutcomes):
         a, rows, order = requests.action.shape[1], len(at), np.argsort(which, kind="stable")
         table: _Known | None = None
         for one, here in zip(first, np.split(order, np.cumsum(np.bincount(which))[:-1]), strict=True):
-            entry = self._at(pairs[one, :a], pairs[one, a:], at[here])
+            entry = self._outcomes_at(pairs[one, :a], pairs[one, a:], at[here])
             if table is None:
                 k, size = entry.end.shape[1], entry.observation.shape[1]
                 table = _Known(np.ones(rows, dtype=bool), np.zeros(rows), np.zeros((rows, k)), np.zeros((rows, size)))
@@ -164,7 +163,7 @@ class GridSolver(FromOutcomes):
             raise ValueError("no rollouts were asked for")
         return table
 
-    def _at(self, action: Array, nuisance: Array, points: NDArray[np.intp]) -> _Known:
+    def _outcomes_at(self, action: Array, nuisance: Array, points: NDArray[np.intp]) -> _Known:
         """The known outcomes of an action, at least at `points`."""
         task, key, count = self.task, _key(action, nuisance), len(self.points)
         entry = self._known.get(key)
@@ -199,7 +198,7 @@ class GridSolver(FromOutcomes):
             cover(self.task.nuisance, len(self.probes), np.random.default_rng(0)),
         )
         pairs = zip(self.probes, nuisance, strict=True)
-        return np.stack([self._at(action, drawn, every).observation for action, drawn in pairs])
+        return np.stack([self._outcomes_at(action, drawn, every).observation for action, drawn in pairs])
 
     @cached_property
     def _apart(self) -> Array:

@@ -6,6 +6,7 @@ every value inside its range. They do contradict the simulator: for no parameter
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -15,8 +16,7 @@ from hw.types import Array
 from sim.rollouts.draws import Disturbances, sobol
 from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.misfit import FREEDOM, VALUES, squares
-from sim.solvers.solver import Expectations
-from sim.tasks.task import Task
+from sim.tasks.task import Expectations, Task
 
 DRAWS, DISTURBED = 256, 4
 """Numbers of parameters to try for the whole table, and of nuisances with action errors for each trial."""
@@ -109,8 +109,11 @@ class ReadingFit:
 
 def doubt(expectations: Expectations, trials: RecordedTrials) -> str:
     """A sentence about the reading that fits the simulator of the task much better than the table as it is written,
-    with numbers and without a full stop; "" if there is none.
+    with numbers and without a full stop; "" if there is none, or if the solver has no limit of misfits: one that
+    simulates would need thousands of rollouts.
     """
+    if not math.isfinite(expectations.misfit_limit):
+        return ""
     if len(trials) > MOST_TRIALS:
         trials = trials.some(np.unique(np.linspace(0, len(trials) - 1, MOST_TRIALS).astype(np.intp)))
     paths = _paths(expectations, trials)

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import builtins
+import re
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import adaptsim
 from adaptsim_cli import api
 from adaptsim_cli.bench.rig import Recording
 from adaptsim_cli.errors import SessionError, UsageError
-from adaptsim_cli.session.records import Facts, to_toml
+from adaptsim_cli.session.records import SessionFacts, to_toml
 from sim.errors import NoHardware, OutOfRange
 from sim.tasks import files_of
+
+OURS = ("adaptsim_cli", "sim", "hw")
+CAMEL = re.compile(r"\b[A-Z][a-z]+(?:[A-Z][a-z]+)+\b")
 
 
 @pytest.mark.long
@@ -52,7 +58,7 @@ def test_a_session_goes_on_with_the_checkpoint_that_it_was_begun_with(tmp_path):
 def test_a_real_arm_is_never_moved_from_python():
     session = api.begin("pendulum", name="mine")
     file = session.folder / "session.toml"
-    real: Facts = session.facts.model_copy(update={"hw": "fr3"})
+    real: SessionFacts = session.facts.model_copy(update={"hw": "fr3"})
     file.write_bytes(to_toml(real))
     with pytest.raises(UsageError, match=r"confirmed at a terminal.*adaptsim run-iteration --session mine"):
         session.run_iteration()
@@ -69,13 +75,25 @@ def test_a_recording_is_read_by_its_trial(store):
         session.recording(99)
 
 
+def test_every_error_that_a_docstring_names_is_public():
+    """Of functions, and of the methods of what they return."""
+    words = [getattr(api, name).__doc__ or "" for name in api.__all__]
+    classes = [one for name in api.__all__ if isinstance(one := getattr(api, name), type)]
+    members = [vars(base).items() for one in classes for base in one.__mro__ if base.__module__.startswith(OURS)]
+    words += [member.__doc__ or "" for listed in members for name, member in listed if not name.startswith("_")]
+    named = {error for text in words for part in re.findall(r"Raises ([^.]*)", text) for error in CAMEL.findall(part)}
+    assert {"AnswerRefused", "CheckpointError", "CollapsedPosterior", "ExtraMissing", "UsageError"} <= named
+    for name in named:
+        assert isinstance(getattr(adaptsim, name, getattr(builtins, name, None)), type), name
+
+
 def test_everything_public_is_there_and_documented():
     page = (Path(__file__).parents[2] / "docs/reference/python.md").read_text(encoding="utf-8")
     for name in api.__all__:
         assert (getattr(api, name).__doc__ or "").strip(), name
     assert dir(api) == sorted(api.__all__)
-    for name in ("begin", "open_session", "sessions", "read_recording", "rollout", "benchmark", "methods"):
-        assert f"api.{name}" in page
+    for name in (name for name in api.__all__ if name.islower()):
+        assert f"adaptsim.{name}" in page
 
 
 @pytest.mark.long

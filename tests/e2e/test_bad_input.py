@@ -24,13 +24,13 @@ from adaptsim_cli.commands import app
 from adaptsim_cli.config import Config
 from adaptsim_cli.session import opening
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Parts, Provenance
+from adaptsim_cli.session.target import Provenance, SessionParts
 from calib.types import HandEye
 from hw.collision import KeepOut
 from hw.kinematics import forward
 from hw.types import Array, CameraModel, Frame, JointPath
 from hw.workcell import Workcell
-from sim.adaptation.learner import Assessment
+from sim.adaptation.adaptation import Assessment
 from sim.adaptation.method import Best, Iteration, Particle
 from sim.adaptation.verdict import Kind, Verdict
 from sim.lab.kinect import default_X_BC, kinect_model
@@ -96,14 +96,14 @@ class BottleBench:
         return len(self.arm.executed) // 3
 
     @contextmanager
-    def open_parts(self, config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
+    def open_parts(self, config: Config, learnt: Path, **_: object) -> Iterator[SessionParts]:
         """In the place of `opening.open_parts`."""
         eye = HandEye(default_X_BC(), 1.0, 0.1, "known", "2026-01-01T00:00:00+00:00")
         with self.arm as arm, _Camera(self) as camera:
             rig = Rig("fake", "bench in memory", arm, camera, self.bench, eye, 10**6)
             origin = Provenance("none", "c" * 64, "w" * 64, "known", "h" * 64, {"adaptsim": "0"})
             target = RigTarget(TASK, rig, tracker_of(TASK), self._planner())
-            yield Parts(TASK, target, MiddleLearner(), origin)  # type: ignore[arg-type]  # a learner without a method
+            yield SessionParts(TASK, target, MiddleAdaptation(), origin)  # type: ignore[arg-type]  # without a method
 
     def _planner(self) -> Planner:
         def paths(motion: ToolMotion) -> tuple[JointPath, JointPath, JointPath]:
@@ -116,7 +116,7 @@ class BottleBench:
         return Scene() if self.bench.last is None else self.before(*self.bench.last)
 
 
-class MiddleLearner:
+class MiddleAdaptation:
     """Always the middle of the action space; learns nothing."""
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
@@ -134,7 +134,7 @@ class MiddleLearner:
     def posterior(self, history: Sequence[Iteration]) -> None:
         return None
 
-    def judge(self, history: Sequence[Iteration]) -> Assessment:
+    def assess(self, history: Sequence[Iteration]) -> Assessment:
         verdict = Verdict(kind=Kind.TOO_FEW, reward=0.5, ci95=(0.0, 1.0), trials=1, strange=0)
         return Assessment(Best(history[-1][0].particle, 0.5, (0.0, 1.0), 1), verdict, None, ())
 

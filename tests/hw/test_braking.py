@@ -69,7 +69,7 @@ def test_the_contact_window_lasts_until_the_slowed_path_leaves_it() -> None:
 
 
 def test_a_path_that_slows_down_at_its_limit_is_braked_as_fast_as_that_allows() -> None:
-    """One profile of the clock for all paths took .6 s here: for half of the way the path brakes as hard as it may."""
+    """One profile of the clock for all paths took 0.6 s here: for half of the way the path brakes as hard as it may."""
     path = move(joint(1, 0.8), 0.8)
     assert 0.9 < cell("fr3").check(path).joint_ratio < 1.0
     stops = check_braking(path, cell("fr3").motion, 0.01)

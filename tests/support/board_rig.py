@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from real_lab import quiet
 
-from adaptsim_cli.bench.calibration import flow, visits
+from adaptsim_cli.bench.calibration import board_mover, flow
 from adaptsim_cli.bench.calibration.parts import CalibrationRig, Ways
 from adaptsim_cli.bench.calibration.solving import SolvedFolder
 from adaptsim_cli.bench.calibration.store import CalibrationStore
@@ -30,8 +30,8 @@ from perception.board.types import Board
 from sim.lab.arm import laid_board, touching_q_rad
 from sim.lab.board import HeldBoard
 from sim.lab.kinect import default_X_BC
+from sim.panda.postures import postures
 from sim.panda.tool import cell_as_shipped
-from sim.panda.visits import postures
 from sim.tasks import get_task
 
 CAMERA = Intrinsics(640, 360, np.array([[413.0, 0, 319.0], [0, 413.0, 181.0], [0, 0, 1]]))
@@ -231,7 +231,7 @@ def run(
     unattended = options.pop("unattended", True)
     the_rig, screen = rig(bench, **options), screen or quiet()
     q = places(COUNT) if q_rad is None else q_rad
-    going = visits.Automatic(the_rig, screen, q, np.array(NEAR_RAD), unattended=True)
+    going = board_mover.Automatic(the_rig, screen, q, np.array(NEAR_RAD), unattended=True)
     made = "2024-05-01T10:00:00+00:00"
     return flow.calibrate(the_rig, store(tmp_path), going, screen, fresh=False, unattended=unattended, created=made)
 

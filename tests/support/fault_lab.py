@@ -46,7 +46,7 @@ from hw.serial.pedal_protocol import line_for
 from hw.types import JointPath
 from perception.board.types import Board
 from sim.errors import NotExecutable
-from sim.panda.visits import way
+from sim.panda.postures import way
 
 HOME = np.array([0.0, -0.7, 0.0, -2.3, 0.0, 1.6, 0.7])
 SETTINGS = FrankaSettings("172.16.0.2")

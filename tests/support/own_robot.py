@@ -21,7 +21,7 @@ from adaptsim_cli.session.own.exchange import Answerer
 from adaptsim_cli.session.own.program import Program
 from adaptsim_cli.session.own.target import OwnTarget
 from adaptsim_cli.session.store import SessionStore
-from adaptsim_cli.session.target import Parts
+from adaptsim_cli.session.target import SessionParts
 from adaptsim_cli.show import page
 from perception.types import Outcome
 from sim.tasks.task import LabReport, Task
@@ -77,7 +77,7 @@ def opener(answerer: Answerer, task: Task = PUSHED) -> Callable[..., Any]:
     """Opens the parts of a session of the toy task with a robot of one's own."""
 
     @contextmanager
-    def open_parts(config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
+    def open_parts(config: Config, learnt: Path, **_: object) -> Iterator[SessionParts]:
         target = OwnTarget(task, learnt.parent, answerer, config.method)
         parts = toy_parts(ToyLab(0), calibration="", calibration_sha256="", world_sha256="")
         yield replace(parts, task=task, target=target)

@@ -11,15 +11,14 @@ import numpy as np
 from toy_task import PARAMETERS, TOY, Unmodelled, simulate
 
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
-from sim.adaptation.reward_table import ProspectSettings, RewardTable, look_ahead
+from sim.adaptation.reward_table import RewardTable, RewardTableSettings, tabulate_rewards
 from sim.research.naf.policy import NafPolicy, naf_training, train_together
 from sim.rollouts import Dataset, Requests, Rollouts, build_dataset, run_many, serial_executor
 from sim.rollouts.run import Roll
 from sim.solvers.candidates import ScenarioPolicy
 from sim.solvers.emulator.network import Emulator, EmulatorReport
 from sim.solvers.emulator.training import EmulatorSettings, train_emulator
-from sim.solvers.solver import Executable, SolverSettings
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, SolverSettings, Task
 
 SETTINGS = EmulatorSettings(hidden=64, layers=2, learning_rate=3e-3, least_steps=600, most_steps=600)
 
@@ -41,8 +40,8 @@ def trained() -> tuple[Emulator, EmulatorReport]:
 
 
 @functools.cache
-def prospects() -> RewardTable:
-    return look_ahead(trained()[0], 3, ProspectSettings(64, 512, 4))
+def reward_table() -> RewardTable:
+    return tabulate_rewards(trained()[0], 3, RewardTableSettings(64, 512, 4))
 
 
 TARGET = PARAMETERS.denormalise(np.array([0.85, 0.5, 0.0, 0.15]))

@@ -1,4 +1,4 @@
-"""A whole bench in memory: a task of two parameters, an arm, a camera of 64 x 48 pixels and a learner without training.
+"""A whole bench in memory: a task of two parameters, an arm, a camera of 64 x 48 pixels, no training.
 
 The camera looks straight down from one metre and sees the object as one bright pixel; an action travels through plan,
 path and measured joints to the tracker, so a part that mixes something up changes the result.
@@ -18,16 +18,17 @@ from adaptsim_cli.bench.rig import Paths, Planner, Rig, Tracker, TrackRequest
 from adaptsim_cli.config import Config
 from adaptsim_cli.session.control import ControlPolicies
 from adaptsim_cli.session.rig_target import RigTarget
-from adaptsim_cli.session.target import Parts, Provenance
+from adaptsim_cli.session.target import Provenance, SessionParts
 from calib.types import HandEye
 from hw.mass import NOTHING
 from hw.types import ArmState, CameraModel, ContactWindow, Execution, Frame, Intrinsics, JointPath
 from perception.errors import ObjectNotFound
 from perception.types import ObjectTrack, Outcome
-from sim.adaptation.learner import Assessment
+from sim.adaptation.adaptation import Assessment
 from sim.adaptation.method import Best, Iteration, Particle
 from sim.adaptation.verdict import Kind, Verdict
-from sim.tasks.task import AdaptationSettings, Hardware, Observation, Task
+from sim.tasks.hardware import Hardware
+from sim.tasks.task import AdaptationSettings, Observation, Task
 from sim.types import Dimension, Space, ToolMotion
 
 PARAMETERS = Space((Dimension("mu", "", 0.2, 0.4), Dimension("e", "Pa", 1e4, 1e6, "log")))
@@ -227,7 +228,7 @@ class ToyPolicy:
 
 
 @dataclass
-class ToyLearner:
+class ToyAdaptation:
     trained: list[tuple[float, ...]] = field(default_factory=list)
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
@@ -250,7 +251,7 @@ class ToyLearner:
     def posterior(self, history: Sequence[Iteration]) -> None:
         return None
 
-    def judge(self, history: Sequence[Iteration]) -> Assessment:
+    def assess(self, history: Sequence[Iteration]) -> Assessment:
         trials = [(t.reward, seen.particle) for it in history for seen in it for t in seen.trials]
         reward, particle = max(trials, key=lambda pair: pair[0])
         best = Best(particle, reward, (max(0.0, reward - 0.2), min(1.0, reward + 0.2)), len(trials))
@@ -278,7 +279,7 @@ def toy_parts(
     check: Callable[[JointPath], None] = lambda _: None,
     control: ControlPolicies | None = None,
     **origin: Any,
-) -> Parts:
+) -> SessionParts:
     """`origin` are fields of the provenance that differ."""
     provenance = replace(Provenance("toy", "c" * 64, "w" * 64, "toy", "h" * 64, {"adaptsim": "0.1.0"}), **origin)
     eye = HandEye(X_BC, 1.0, 0.1, "toy", "2024-01-01T00:00:00+00:00", provenance.camera_late_s)
@@ -287,19 +288,19 @@ def toy_parts(
         find, lambda frame, *_: frame.colour, track, lambda drawn: drawn, lambda drawn, found: found.xy_m, OUTCOMES
     )
     target = RigTarget(TASK, rig, tracker, Planner(paths, check, flange))
-    return Parts(TASK, target, ToyLearner(), provenance, control)  # type: ignore[arg-type]  # a learner without a method
+    return SessionParts(TASK, target, ToyAdaptation(), provenance, control)  # type: ignore[arg-type]  # without a method
 
 
 def opener(lab: ToyLab, **kinds: Any) -> Callable[[Config, Path], Any]:
     @contextmanager
-    def open_parts(config: Config, learnt: Path, **_: object) -> Iterator[Parts]:
+    def open_parts(config: Config, learnt: Path, **_: object) -> Iterator[SessionParts]:
         with lab:
             yield toy_parts(lab, **kinds)
 
     return open_parts
 
 
-def rig_target(parts: Parts) -> RigTarget:
+def rig_target(parts: SessionParts) -> RigTarget:
     """The target of `parts`, which is one with an arm."""
     assert isinstance(parts.target, RigTarget)
     return parts.target

@@ -22,7 +22,7 @@ from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session import opening, running
 from adaptsim_cli.session.flow import RunningSession
-from adaptsim_cli.session.live_trial import Placement
+from adaptsim_cli.session.live_trial import PlannedTrial
 from adaptsim_cli.session.operator import Choices, Operator, Review, Unattended
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
@@ -46,7 +46,7 @@ class ScriptedOperator:
     def placed(self, what: str, wanted_m: np.ndarray, real: bool) -> None:
         self.asked.append(f"place the {what}")
 
-    def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
+    def approve(self, trial: MotionRecord, planned: PlannedTrial, real: bool, release: Release) -> None:
         self.asked.append(f"approve {trial.trial}")
         self.before_motion(trial)
 

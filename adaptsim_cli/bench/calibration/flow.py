@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from adaptsim_cli.bench.calibration import camera_check, pictures, terminal_views, touching
 from adaptsim_cli.bench.calibration import page as report
+from adaptsim_cli.bench.calibration.board_mover import Arrival, BoardMover
 from adaptsim_cli.bench.calibration.parts import CalibrationRig
 from adaptsim_cli.bench.calibration.solving import SolvedFolder, solve_folder
 from adaptsim_cli.bench.calibration.store import REPORT, CalibrationStore, Series
 from adaptsim_cli.bench.calibration.taking import Look, ViewRefused, look, record_motion
-from adaptsim_cli.bench.calibration.visits import Arrival, Visits
 from adaptsim_cli.errors import PreflightFailed
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.views import Readiness, failures
@@ -39,16 +39,16 @@ TRIES = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Sights:
+class BoardViews:
     """The views so far."""
 
     names: tuple[str, ...] = ()
     corners: tuple[Corners, ...] = ()
     X_CM: tuple[Array, ...] = ()
 
-    def with_view(self, name: str, corners: Corners, X_CM: Array) -> Sights:
+    def with_view(self, name: str, corners: Corners, X_CM: Array) -> BoardViews:
         """These and another view: its name, corners in pixels, and board pose (4, 4) in the camera."""
-        return Sights((*self.names, name), (*self.corners, corners), (*self.X_CM, X_CM))
+        return BoardViews((*self.names, name), (*self.corners, corners), (*self.X_CM, X_CM))
 
     def coverage(self, rig: CalibrationRig) -> Coverage | None:
         """The coverage of the views; None before the first view."""
@@ -58,7 +58,7 @@ class Sights:
 def calibrate(
     rig: CalibrationRig,
     store: CalibrationStore,
-    visits: Visits,
+    mover: BoardMover,
     screen: Screen,
     *,
     fresh: bool,
@@ -75,10 +75,10 @@ def calibrate(
     setup = files.setup_record(rig.camera.model(), rig.board, rig.arm.model, rig.X_FM)
     series, begun = store.series(setup, fresh=fresh)
     screen.plain(f"  Views: {series.folder}")
-    sights = _seen_before(series, rig, screen) if begun else Sights()
+    board_views = _seen_before(series, rig, screen) if begun else BoardViews()
     _ready(rig, screen)
-    sights = visit_all(rig, series, visits, screen, sights)
-    if not sights.names:
+    board_views = visit_all(rig, series, mover, screen, board_views)
+    if not board_views.names:
         raise TooFewViews(
             "no view shows the board: check that it is in the gripper, with its print towards the camera, and well lit"
         )
@@ -88,7 +88,7 @@ def calibrate(
     return solved, conclude(solved, store, series.folder, screen)
 
 
-def check(rig: CalibrationRig, calibration: SavedCalibration, visits: Visits, screen: Screen) -> Drift:
+def check(rig: CalibrationRig, calibration: SavedCalibration, mover: BoardMover, screen: Screen) -> Drift:
     """`calibrate check`: take three views and compare them with the calibration in use.
 
     Stores nothing. Raises TooFewViews, HardwareError, PerceptionError, StoppedByOperator.
@@ -98,9 +98,9 @@ def check(rig: CalibrationRig, calibration: SavedCalibration, visits: Visits, sc
     camera = rig.camera.model().colour
     setup = files.as_setup(files.setup_record(rig.camera.model(), rig.board, rig.arm.model))
     views: list[View] = []
-    with visits.series():
-        for number in visits.numbers(frozenset()):
-            if visits.go(number, None) is not Arrival.THERE:
+    with mover.series():
+        for number in mover.numbers(frozenset()):
+            if mover.go(number, None) is not Arrival.THERE:
                 continue
             try:
                 shot = look(rig)
@@ -112,31 +112,31 @@ def check(rig: CalibrationRig, calibration: SavedCalibration, visits: Visits, sc
             screen.show(f"  {len(views)} of {MIN_VIEWS}  {len(corners)} of {rig.board.corners} corners")
             if len(views) == MIN_VIEWS:
                 break
-        visits.end(lambda: None)
+        mover.end(lambda: None)
     joint_rad = float("nan") if calibration.joint_rad is None else calibration.joint_rad
     was = Unknowns(np.array(calibration.X_AC)[None], np.array(calibration.X_HM), calibration.offsets_rad())
     return drift(views, setup, forward, was, joint_rad)
 
 
-def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> Sights:
+def _seen_before(series: Series, rig: CalibrationRig, screen: Screen) -> BoardViews:
     """The views of an interrupted run."""
     from perception.board import detect, locate
 
-    sights, camera = Sights(), rig.camera.model().colour
+    board_views, camera = BoardViews(), rig.camera.model().colour
     if not series.has_views:
-        return sights
+        return board_views
     folder = files.read_folder(series.folder)
     for view in folder.views:
         assert view.colour is not None  # our own views always have a picture
         corners = detect(view.colour, rig.board, camera)
         X_CM = locate(corners, rig.board, camera).X_VM
         if not series.path_of_picture(view.name).exists():  # the run was stopped just before this
-            _picture(rig, series, sights, view.name, view.colour, corners, X_CM)
-        sights = sights.with_view(view.name, corners, X_CM)
+            _picture(rig, series, board_views, view.name, view.colour, corners, X_CM)
+        board_views = board_views.with_view(view.name, corners, X_CM)
     for sentence in folder.damaged:
         screen.note(f"  taken again: {sentence}")
-    screen.note(f"Continuing with {len(sights.names)} stored views. --fresh starts again without them.")
-    return sights
+    screen.note(f"Continuing with {len(board_views.names)} stored views. --fresh starts again without them.")
+    return board_views
 
 
 def _ready(rig: CalibrationRig, screen: Screen) -> None:
@@ -152,26 +152,30 @@ def _warm(rig: CalibrationRig) -> Readiness:
     return camera_check.warm(rig.is_real, rig.temperatures_C().get("camera"))
 
 
-def visit_all(rig: CalibrationRig, series: Series, visits: Visits, screen: Screen, sights: Sights) -> Sights:
+def visit_all(
+    rig: CalibrationRig, series: Series, mover: BoardMover, screen: Screen, board_views: BoardViews
+) -> BoardViews:
     """Visit all places without a view. Raises the error that stops it; every view taken is stored."""
-    done_numbers = {int(name) - 1 for name in sights.names}
-    left = visits.numbers(done_numbers)
+    done_numbers = {int(name) - 1 for name in board_views.names}
+    left = mover.numbers(done_numbers)
     if not left and series.has_motion:
-        return sights
-    with visits.series():
+        return board_views
+    with mover.series():
         if not left:
-            visits.go(max(done_numbers), None)  # a place with the board in view, for the missing film of the swing
+            mover.go(max(done_numbers), None)  # a place with the board in view, for the missing film of the swing
         for number in left:
-            arrival = visits.go(number, sights.coverage(rig))
+            arrival = mover.go(number, board_views.coverage(rig))
             if arrival is Arrival.ENOUGH:
                 break
             if arrival is Arrival.THERE:
-                sights = _view(rig, series, screen, sights, number, len(done_numbers) + len(left))
-        visits.end(lambda: record_motion(rig, series, screen))
-    return sights
+                board_views = _view(rig, series, screen, board_views, number, len(done_numbers) + len(left))
+        mover.end(lambda: record_motion(rig, series, screen))
+    return board_views
 
 
-def _view(rig: CalibrationRig, series: Series, screen: Screen, sights: Sights, number: int, total: int) -> Sights:
+def _view(
+    rig: CalibrationRig, series: Series, screen: Screen, board_views: BoardViews, number: int, total: int
+) -> BoardViews:
     """Take, store and show one view. A view that does not count is named and left out."""
     from perception.board import detect, locate
 
@@ -181,28 +185,28 @@ def _view(rig: CalibrationRig, series: Series, screen: Screen, sights: Sights, n
         corners = detect(shot.frame.colour, rig.board, camera)
         pose = locate(corners, rig.board, camera)
     except (ViewRefused, BoardNotFound, WrongBoard, BoardMirrored) as error:
-        if isinstance(error, WrongBoard | BoardMirrored) and not sights.names:
+        if isinstance(error, WrongBoard | BoardMirrored) and not board_views.names:
             raise  # of the first picture: the board is another than stated
         screen.note(f"  view {name} left out: {error}")
-        return sights
-    if not sights.names:
+        return board_views
+    if not board_views.names:
         checks = camera_check.at_board(shot.frame, corners)
         screen.checks(checks)
         if problem := failures(checks):
             raise PreflightFailed(f"the camera cannot calibrate like this: {problem}")
     series.add(files.view_files(name, shot.frame, shot.q_rad, shot.t_arm_s, number, rig.temperatures_C()))
-    path = _picture(rig, series, sights, name, shot.frame.colour, corners, pose.X_VM)
-    sights = sights.with_view(name, corners, pose.X_VM)
-    so_far = sights.coverage(rig)
+    path = _picture(rig, series, board_views, name, shot.frame.colour, corners, pose.X_VM)
+    board_views = board_views.with_view(name, corners, pose.X_VM)
+    so_far = board_views.coverage(rig)
     assert so_far is not None
-    screen.show(terminal_views.view(len(sights.names), total, len(corners), rig.board.corners, pose, so_far, path))
-    return sights
+    screen.show(terminal_views.view(len(board_views.names), total, len(corners), rig.board.corners, pose, so_far, path))
+    return board_views
 
 
 def _picture(
     rig: CalibrationRig,
     series: Series,
-    before: Sights,
+    before: BoardViews,
     name: str,
     colour: NDArray[np.uint8],
     corners: Corners,
@@ -236,7 +240,7 @@ def conclude(solved: SolvedFolder, store: CalibrationStore, views: Path, screen:
     show_arm(solved, views / pictures.ARM_PICTURE, screen)
     if not solved.record.accepted:
         durable.replace_file(views / REPORT, page)
-        advice = "The previous calibration stays in use. --fresh starts a new series of views"
+        advice = "Nothing replaces what is in use. --fresh starts a new series of views"
         if any(check.name == touch.NAME and check.verdict == Grade.BAD for check in solved.record.checks):
             Series(views).set_aside_touch()
             advice += "; without it, the same views are used again and you touch the corner again"

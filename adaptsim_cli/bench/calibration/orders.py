@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import combinations
 
-from adaptsim_cli.bench.calibration import sights
+from adaptsim_cli.bench.calibration import detected_views
 from calib import files
 from calib.errors import CalibrationError
 from calib.foreign.sizing import solve_any_size
@@ -31,7 +31,7 @@ def fitting_order(stored: files.Folder) -> str:
         try:
             views = tuple(replace(view, record=_renamed(view.record, new_names)) for view in stored.views)
             other = replace(stored, views=views)
-            looked = sights.look(other)
+            looked = detected_views.detect_views(other)
             solution, _ = solve_any_size(looked.views, looked.setup, stored.forward)
         except (CalibrationError, PerceptionError, ValueError):
             continue

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import tomli_w
@@ -17,6 +16,9 @@ from calib.target_records import BoardRecord
 from hw.records import Record
 from perception.board.types import Board
 
+if TYPE_CHECKING:
+    from adaptsim_cli.screen.paper import Sheet
+
 PAPERS_MM = {"a4": (297.0, 210.0), "a3": (420.0, 297.0), "letter": (279.4, 215.9)}
 FORMATS = (".pdf", ".png")
 BOARD_FILE = "board.toml"
@@ -25,7 +27,6 @@ LIKELY = 0.03
 
 _TOP_MM, _BOTTOM_MM, _SIDE_MM = 8.0, 17.0, 8.0
 _RULER_MM = 100.0
-_DPI = 600
 _SQUARE_PX = 560
 
 
@@ -52,43 +53,34 @@ def fitting(paper: str, square_mm: float | None) -> Board:
 
 def page(board: Board, paper: str, kind: str) -> bytes:
     """The page as PDF or PNG (`kind` is ".pdf" or ".png"), at true scale if printed at 100 %."""
-    from matplotlib.figure import Figure
-
+    from adaptsim_cli.screen.paper import Sheet
     from perception.board import draw
 
-    width, height = PAPERS_MM[paper]
+    sheet = Sheet(*PAPERS_MM[paper])
     across, down = (1e3 * length for length in board.size_m)
-    left, bottom = (width - across) / 2, height - _TOP_MM - down
-    figure = Figure(figsize=(width / 25.4, height / 25.4))
-    axes = figure.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(0, height))
-    axes.axis("off")
-    extent = (left, left + across, bottom, bottom + down)
-    axes.imshow(draw(board, _SQUARE_PX), cmap="gray", vmin=0, vmax=255, extent=extent, interpolation="nearest")
-    axes.set(xlim=(0, width), ylim=(0, height), aspect="auto")
-    _ruler(axes, left, bottom - 8.5)
+    left, bottom = (sheet.width_mm - across) / 2, sheet.height_mm - _TOP_MM - down
+    sheet.picture(draw(board, _SQUARE_PX), left, bottom, across, down)
+    _ruler(sheet, left, bottom - 8.5)
     square, marker = 1e3 * board.square_m, 1e3 * board.marker_m
-    what = f"{board.squares_across} × {board.squares_down} squares of {square:g} mm, markers {marker:g} mm"
+    size = f"{board.squares_across} by {board.squares_down} squares of {square:g} mm, markers {marker:g} mm"
     lines = (
-        f"adaptsim board: {what}, {board.dictionary}. Print at 100 %, not fitted to the page.",
+        f"adaptsim board: {size}, {board.dictionary}. Print at 100 %, not fitted to the page.",
         f"The {board.squares_across} squares of a row must be {across:g} mm wide together: measure, and enter the "
         "width in adaptsim.",
     )
     for line, text in enumerate(lines):
-        axes.text(left + across, bottom - 3.0 - 4.0 * line, text, fontsize=7, ha="right", va="top")
-    file = io.BytesIO()
-    metadata = {"Creator": None} if kind == ".pdf" else None
-    figure.savefig(file, format=kind.removeprefix("."), dpi=_DPI, metadata=metadata)
-    return file.getvalue()
+        sheet.text(left + across, bottom - 3.0 - 4.0 * line, text, 7, "rt")
+    return Sheet.pdf([sheet]) if kind == ".pdf" else sheet.png()
 
 
-def _ruler(axes: Any, x_mm: float, y_mm: float) -> None:
-    axes.plot([x_mm, x_mm + _RULER_MM], [y_mm, y_mm], color="black", linewidth=0.4)
+def _ruler(sheet: Sheet, x_mm: float, y_mm: float) -> None:
+    sheet.line([(x_mm, y_mm), (x_mm + _RULER_MM, y_mm)], 0.15)
     for tick in range(int(_RULER_MM) + 1):
         length = 4.0 if tick % 10 == 0 else 2.8 if tick % 5 == 0 else 1.8
-        axes.plot([x_mm + tick] * 2, [y_mm, y_mm + length], color="black", linewidth=0.25)
+        sheet.line([(x_mm + tick, y_mm), (x_mm + tick, y_mm + length)], 0.1)
         if tick % 10 == 0:
-            axes.text(x_mm + tick, y_mm - 0.6, f"{tick}", fontsize=5, ha="center", va="top")
-    axes.text(x_mm + _RULER_MM + 2.5, y_mm - 0.6, "mm", fontsize=5, ha="left", va="top")
+            sheet.text(x_mm + tick, y_mm - 0.6, f"{tick}", 5, "mt")
+    sheet.text(x_mm + _RULER_MM + 2.5, y_mm - 0.6, "mm", 5, "lt")
 
 
 def remember(data: Path, board: Board, width_mm: float | None) -> PrintedBoard:

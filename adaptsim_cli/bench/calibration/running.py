@@ -12,10 +12,10 @@ from rich.text import Text
 
 from adaptsim_cli.bench.calibration import flow, pictures, printing, terminal_views, together
 from adaptsim_cli.bench.calibration import page as report
+from adaptsim_cli.bench.calibration.board_mover import Automatic, BoardMover, HandGuided, plan
 from adaptsim_cli.bench.calibration.parts import CalibrationRig
 from adaptsim_cli.bench.calibration.solving import SolveOptions, solve_folder
 from adaptsim_cli.bench.calibration.store import REPORT, CalibrationStore
-from adaptsim_cli.bench.calibration.visits import Automatic, HandGuided, Visits, plan
 from adaptsim_cli.config import Config, Resolved
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen import console
@@ -65,9 +65,9 @@ def calibrate(
         open_rig(config, board, store.current()) as connected,
     ):
         rig = _guided(connected, screen) if guide else connected
-        visits = _visits(rig, screen, None if guide else views, yes=yes)
+        mover = _mover(rig, screen, None if guide else views, yes=yes)
         screen.show(terminal_views.explanation(rig, None if guide else views))
-        solved, folder = flow.calibrate(rig, store, visits, screen, fresh=fresh, unattended=unattended)
+        solved, folder = flow.calibrate(rig, store, mover, screen, fresh=fresh, unattended=unattended)
     where = config.same_lab
     steps = [
         (f"adaptsim touch-off {where}", "finds table and tool, if the tool of the task touches the table"),
@@ -102,7 +102,7 @@ def check(
     ):
         rig = _guided(connected, screen) if guide else connected
         screen.show(badge(rig.name, rig.title))
-        drift = flow.check(rig, calibration, _visits(rig, screen, None if guide else CHECK_PLACES, yes=yes), screen)
+        drift = flow.check(rig, calibration, _mover(rig, screen, None if guide else CHECK_PLACES, yes=yes), screen)
     screen.show(Text(drift.message, style="bold red" if drift.moved else "green"))
     where = config.same_lab
     again = (f"adaptsim calibrate {where}", "finds the camera's new pose")
@@ -238,7 +238,7 @@ def _guided(rig: CalibrationRig, screen: Screen) -> CalibrationRig:
     return replace(rig, arm=GuidedArm(rig.arm, screen, "Every view and touch so far is kept."))
 
 
-def _visits(rig: CalibrationRig, screen: Screen, places: int | None, *, yes: bool) -> Visits:
+def _mover(rig: CalibrationRig, screen: Screen, places: int | None, *, yes: bool) -> BoardMover:
     """The arm's visits to the places; None: a person guides it."""
     if places is None:
         return HandGuided(screen)

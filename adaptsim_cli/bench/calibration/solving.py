@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from statistics import median
 
-from adaptsim_cli.bench.calibration import checking, sights
+from adaptsim_cli.bench.calibration import checking, detected_views
 from adaptsim_cli.bench.calibration.orders import fitting_order
 from adaptsim_cli.storage.durable import versions
 from calib import files
@@ -65,11 +65,11 @@ def solve_folder(
     Raises ViewFolderError, PerceptionError if no view shows the board, CalibrationError.
     """
     from calib.foreign.intrinsics_check import check as intrinsics_check
-    from calib.gates import judge
+    from calib.gates import gates_of
 
     created = created or datetime.now(UTC).isoformat(timespec="seconds")
     stored = files.read_folder(folder, any_arm)
-    looked = sights.look(stored)
+    looked = detected_views.detect_views(stored)
     views, forward = _chosen_views(looked.views, looked.setup, stored.forward, options), stored.forward
     solution, setup, tried = _solution(stored, views, looked.setup, refine=options.refine_intrinsics)
     refined = options.refine_intrinsics and tried is not None and len(tried.used) >= TO_REFINE
@@ -81,7 +81,7 @@ def solve_folder(
         solution,
         setup.p_AP_m,
         checks,
-        judge(solution, setup, checks),
+        gates_of(solution, setup, checks),
         {view.name: view.sha256 for view in stored.views},
         created=created,
         source=_source(hw, created),

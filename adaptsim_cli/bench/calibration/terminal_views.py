@@ -105,7 +105,7 @@ def summary(record: SavedCalibration) -> dict[str, Any]:
     }
 
 
-def shown(record: SavedCalibration, path: Path) -> Sequence[RenderableType]:
+def description(record: SavedCalibration, path: Path) -> Sequence[RenderableType]:
     """One calibration, and its report."""
     return calibration(record), f"Report: {path / REPORT}"
 

@@ -10,7 +10,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from adaptsim_cli.bench.calibration import sights
+from adaptsim_cli.bench.calibration import detected_views
 from adaptsim_cli.screen import views
 from calib import files
 from calib.errors import CalibrationRejected, UnusableViews
@@ -37,7 +37,7 @@ def solve(folders: Sequence[Path], exchange: Sequence[tuple[str, str, str]] = ()
 
 def _camera(folder: Path, pairs: Sequence[tuple[str, str]]) -> CameraViews:
     stored = files.read_folder(folder, any_arm)
-    looked = sights.look(stored)
+    looked = detected_views.detect_views(stored)
     views = looked.views
     if pairs:
         views = resolve_symmetry(pictures_exchanged(views, pairs), looked.setup, stored.forward)

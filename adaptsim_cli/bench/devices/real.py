@@ -53,7 +53,7 @@ class RealLab:
         self._pace, self._operator = config.pace, config.operator
         self._folder, self._rig_file = folder_of(places(), rig), in_one_sentence(config, rig)
         durable.make_folder(self._folder)
-        screen.tell(CommandLog(self._folder, screen))
+        screen.add_listener(CommandLog(self._folder, screen))
         for waiver in rig.in_force():
             screen.note(f"Waived: {waiver.sentence}")
         for waiver in rig.lapsed():

@@ -144,7 +144,7 @@ _MARKS = {Severity.OK: ("✓", "green"), Severity.ADVICE: ("!", "yellow"), Sever
 def checklist(findings: Sequence[Finding], config: Config) -> Iterator[RenderableType]:
     """Everything: the lab, the table, the remedies, and whether it is ready."""
     yield views.badge(config.hw, "simulated lab" if config.is_simulated else config.hw)
-    yield from shown(findings)
+    yield from checks_table(findings)
     if not missing_in(findings):
         yield "\nReady"
 
@@ -163,7 +163,7 @@ def reply(findings: Sequence[Finding], config: Config) -> Reply:
     return Reply(data, next=[first])
 
 
-def shown(results: Sequence[Finding], *, grouped: bool = True) -> Iterator[RenderableType]:
+def checks_table(results: Sequence[Finding], *, grouped: bool = True) -> Iterator[RenderableType]:
     """The table, the checks left out, then each remedy on a line that is not wrapped, to be copied."""
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1))
     table.add_column(width=1)

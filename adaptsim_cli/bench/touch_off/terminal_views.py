@@ -85,7 +85,7 @@ def summary(saved: SavedTouchOff) -> dict[str, Any]:
     }
 
 
-def shown(record: SavedTouchOff, path: Path) -> Sequence[RenderableType]:
+def description(record: SavedTouchOff, path: Path) -> Sequence[RenderableType]:
     """One touch-off, and when it was made."""
     return f"{path.name}, made {record.created}, with {record.tool}", result(record)
 

@@ -137,7 +137,7 @@ def numbers(text: str, count: int) -> list[float]:
     return values
 
 
-def shown(values: Sequence[float]) -> str:
+def as_typed(values: Sequence[float]) -> str:
     """Numbers as `numbers` reads them."""
     return " ".join(f"{value:g}" for value in values)
 

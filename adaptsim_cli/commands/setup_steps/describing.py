@@ -16,7 +16,7 @@ from adaptsim_cli.bench.doctor import readings
 from adaptsim_cli.bench.doctor.readings import like, serial_ports
 from adaptsim_cli.bench.rig_file.devices import BALANCE, OFFERED_INSTRUMENTS, PEDAL, DeviceKind
 from adaptsim_cli.bench.rig_file.reading import BOARD, tasks_with_tools
-from adaptsim_cli.commands.setup_steps.answers import NOTHING, WAIVE, Answers, numbers, shown
+from adaptsim_cli.commands.setup_steps.answers import NOTHING, WAIVE, Answers, as_typed, numbers
 from adaptsim_cli.errors import UsageError
 from hw.camera.kinds import CAMERAS
 from hw.collision import KeepOut, Side
@@ -27,7 +27,7 @@ ANY = "any"
 
 
 def arm(answers: Answers) -> None:
-    """Name and address; the forces at which the arm stops by itself are shown."""
+    """Name and address; the forces at which the arm stops by itself are as_typed."""
     arm_part = answers.rig.arm
     answers.take("Name of the lab, in one word?", answers.rig.name, lambda name: {"name": name})
     answers.take(
@@ -35,7 +35,7 @@ def arm(answers: Answers) -> None:
         arm_part.address,
         lambda address: {"arm": {**asdict(arm_part), "address": address}},
     )
-    torques = shown(arm_part.stops_at_Nm.tolist())
+    torques = as_typed(arm_part.stops_at_Nm.tolist())
     answers.screen.plain(
         f"  The arm stops by itself at {arm_part.stops_at_N:g} N, and at {torques} Nm in joints 1 to 7."
     )
@@ -168,7 +168,7 @@ def table(answers: Answers) -> None:
         ("y_m", "From where to where is it free, to the sides?", 2),
     ):
         table_part = asdict(answers.rig.table)
-        default = shown(np.atleast_1d(table_part[key]).tolist())
+        default = as_typed(np.atleast_1d(table_part[key]).tolist())
 
         def changed(
             text: str, key: str = key, count: int = count, table_part: Mapping[str, Any] = table_part
@@ -221,7 +221,7 @@ def _person(answers: Answers) -> None:
 def _boxes(answers: Answers, drawn: _Drawn | None) -> None:
     """The boxes one after the other, until there are no more."""
     for box in answers.rig.keep_out:
-        answers.screen.plain(f"  box {box.name}: {shown(box.low_m)} to {shown(box.high_m)}")
+        answers.screen.plain(f"  box {box.name}: {as_typed(box.low_m)} to {as_typed(box.high_m)}")
     while (name := _next_box(answers)) != NOTHING:
         low_m = answers.ask("  Its lower corner, x y z?", "0.5 -0.9 0", partial(numbers, count=3))
         answers.take("  Its upper corner, x y z?", "0.7 -0.7 0.4", partial(_with_box, answers, name, low_m))

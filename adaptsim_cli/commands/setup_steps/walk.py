@@ -149,7 +149,7 @@ def _missing(answers: Answers, step: Step) -> list[str]:
         findings = tuple(checks.examine(answers.resolved, step.checks))
         lacking = [gap for gap in gaps(answers.rig, answers.config.task) if gap.what in step.safeguards]
     rows = [finding for finding in findings if finding.verdict is not Severity.SKIPPED]
-    answers.screen.print(table.shown(rows, grouped=False))
+    answers.screen.print(table.checks_table(rows, grouped=False))
     for gap in lacking:
         answers.screen.note(f"  {gap.what}: {gap.message}")
     return [*table.missing_in(findings), *(gap.what for gap in lacking)]

@@ -31,6 +31,7 @@ OUTPUTS: Mapping[str, type[Output]] = {
     "compare": sessions.Compared,
     "bundle": sessions.Bundled,
     "doctor": rig.Doctor,
+    "find": rig.Devices,
     "retrack": sessions.Retracked,
     "replay": sessions.Replayed,
     "schema": Schemas,

@@ -60,10 +60,10 @@ class Revealed(Record):
     method: str = described("its method")
     world: str = described("which world")
     parameters: list[RevealedParameter] = described("one each")
-    iterations: int = described("its iterations so far")
+    unmodelled: list[str] = described("effects of the world that no parameter expresses and training did not have")
     trials: int = described("its trials so far")
-    first_reward: float = described("mean reward of its first iteration")
-    last_reward: float = described("mean reward of its last iteration")
+    rewards: list[float] = described("mean reward of each complete iteration; of the first one also while it runs")
+    chosen_after: int | None = described("trials before its best policy was first tried; null: not tried or not known")
     udr_reward: float = described("mean reward there of UDR, one policy for the whole range, without arm or camera")
     udr_trials: int = described("simulated trials behind it")
 

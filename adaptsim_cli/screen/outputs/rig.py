@@ -220,6 +220,21 @@ class Doctor(Output):
     checks: list[CheckOutput] = described("one each")
 
 
+class DeviceRow(Record):
+    """One device that this computer can reach, or the reason why its kind cannot be listed."""
+
+    device: str = described("which kind of device")
+    name: str = described("its serial number, port or address; none: no device of this kind")
+    found: str = described("what it answered")
+    entry: str = described("its entry in the rig file; empty: not known")
+
+
+class Devices(Output):
+    """The devices that this computer can reach."""
+
+    devices: list[DeviceRow] = described("one each")
+
+
 class Setting(Record):
     """One setting."""
 

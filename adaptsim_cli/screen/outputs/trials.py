@@ -19,7 +19,7 @@ from sim.adaptation.verdict import Verdict
 from sim.types import Dimension, Suspicion
 
 if TYPE_CHECKING:
-    from sim.adaptation.method import ExpectedGain
+    from sim.adaptation.method import SessionForecast
 
 UNITS = "unit of every parameter, context and action by its name; empty for a plain number"
 
@@ -41,7 +41,7 @@ class PlayedTrial(Record):
     iteration: int = described("number of its iteration, from 1")
     particle: int = described("number of its particle, from 1")
     role: Role = described("`own` or `control`: which policy acted; `alone`: an iteration without control trials")
-    predicted_reward: float = described("reward that the simulator predicted")
+    predicted_reward: float = described("predicted reward, from all trials before it")
     overruled_from: Outcome | None = described("tracked outcome, if the operator set another")
     timing_s: dict[str, float] | None = optional("wall time by stage; null where the iteration states it")
 
@@ -59,25 +59,28 @@ class BestRecord(Record):
     """The best parameters of the session so far."""
 
     params: Quantities = described("parameters, in `units`")
-    mean_reward: float = described("estimated reward of their policy")
-    trials: int = described("trials behind the estimate")
-    ci95: tuple[float, float] = described("95 % interval of the estimate")
+    mean_reward: float = described("predicted reward of their policy, averaged over all contexts")
+    trials: int = described("trials behind the prediction")
+    ci95: tuple[float, float] = described("95 % interval of the predicted reward")
     tried: tuple[int, ...] | None = Field(
         default=None, description="trials that this policy would repeat, action for action; null: not known"
     )
     tried_reward: float | None = Field(default=None, description="mean reward of these trials; null: there are none")
+    chosen_after: int | None = Field(
+        default=None, description="trials before the iteration that first tried this policy, or all of them if none did"
+    )
 
 
 NOTICEABLE = 0.05
 """Corrections below this fraction of the quantity's range are not shown."""
 
 
-class OutlookRecord(Record):
-    """The expected gain of another iteration, and the correction of the simulator's actions."""
+class ForecastRecord(Record):
+    """Whether the session is done, and the correction of the simulator's actions."""
 
-    gain: float = described("reward that one more iteration is expected to bring")
-    likely: float = described("chance that more than 0.05 is left to gain")
-    done: bool = described("another iteration is not worth its trials")
+    gain: float | None = optional("expected gain by another iteration, in records of earlier versions; else null")
+    likely: float | None = optional("chance that more than 0.05 is left to gain; the same")
+    done: bool = described("two iterations are done, or nothing is expected to work")
     hopeless: bool = described("nothing in the ranges of the action is expected to work")
     correction: tuple[float, ...] = described(
         "the correction that the trials add to the simulator's action, in the order of the action"
@@ -90,15 +93,13 @@ class OutlookRecord(Record):
         return [(d, off) for d, off in pairs if abs(off) >= NOTICEABLE * (d.high - d.low)]
 
     @classmethod
-    def of(cls, outlook: ExpectedGain) -> OutlookRecord:
-        """The record of an outlook."""
+    def of(cls, forecast: SessionForecast) -> ForecastRecord:
+        """The record of a forecast."""
         return cls(
-            gain=outlook.gain,
-            likely=outlook.likely,
-            done=outlook.done,
-            hopeless=outlook.hopeless,
-            correction=as_row(outlook.correction),
-            correction_std=as_row(outlook.correction_std),
+            done=forecast.done,
+            hopeless=forecast.hopeless,
+            correction=as_row(forecast.correction),
+            correction_std=as_row(forecast.correction_std),
         )
 
 
@@ -144,7 +145,7 @@ class IterationOutput(Output):
     particles: list[ParticleShown] = described("particles, side by side")
     best: BestRecord = described("the best parameters so far")
     verdict: Verdict = described("whether to stop or to go on, and why")
-    outlook: OutlookRecord | None = described("null if the method does not look ahead")
+    outlook: ForecastRecord | None = described("null if the method makes no forecast")
     suspicion: SuspicionRecord | None = described("what the trials so far hint at about the rig; null: nothing")
     control: ControlRecord | None = described("comparison with the control trials; null: no pair of trials yet")
     timing_s: dict[str, float] = described("wall time by stage; `other` has no name, `total` is their sum")

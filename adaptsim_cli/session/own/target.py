@@ -13,9 +13,9 @@ from adaptsim_cli.errors import AnswerRefused
 from adaptsim_cli.screen.outputs.exchange import Answer, PolicyFile, Question
 from adaptsim_cli.screen.outputs.trials import TrackRecord, as_row, named
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.screen.views import Readiness
+from adaptsim_cli.screen.views import Readiness, value_in_words
 from adaptsim_cli.session.folders import QUESTIONS
-from adaptsim_cli.session.live_trial import Placement
+from adaptsim_cli.session.live_trial import PlacedTrial, PlannedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.own.exchange import Answerer, Exchange
 from adaptsim_cli.session.own.reading import action_of, measured_context, track_of
@@ -31,9 +31,9 @@ from sim.errors import ActionImpossible, MomentsMissing, RecordingsRefused
 from sim.rollouts.recorded import RecordedTrials, frame_aside, start_offset_m
 from sim.solvers.misfit import observed_share
 from sim.solvers.readings import doubt
-from sim.solvers.solver import Expectations
 from sim.tasks.library import library_of, main_file
-from sim.tasks.task import Task
+from sim.tasks.task import Expectations, Task
+from sim.types import Space
 
 NEAR = 0.05
 """An action is as impossible as one within this share of every range of it, for a context that near."""
@@ -99,19 +99,19 @@ class OwnTarget:
         """See `Target`; never: before the question is out, nothing has moved."""
         return False
 
-    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> Placement:
+    def place(self, drawn: Array, key: TrialKey, operator: Operator, progress: Progress = silently) -> PlacedTrial:
         """See `Target`: the measured context is asked for, if the task needs it.
 
         Raises AnswerAwaited, AnswerRefused.
         """
         if not self.task.require_report().places_first:
-            return Placement(drawn, drawn, key=key)
+            return PlacedTrial(drawn, drawn, key)
         question = self._question("place", key, drawn, None)
         answer = self._answer(question, key, progress)
         if answer.rejected or answer.impossible:
             raise TrackingFailed(f"your robot's answer: {answer.rejected or answer.impossible}")
         with _explained(self._exchange(key, "place")):
-            return Placement(drawn, measured_context(answer, question, self.task), key=key)
+            return PlacedTrial(drawn, measured_context(answer, question, self.task), key)
 
     def executable(self, context: Array, action: Array) -> bool:
         """Whether no answer has said that such an action is impossible."""
@@ -121,22 +121,23 @@ class OwnTarget:
             for other in self._impossible
         )
 
-    def plan(self, placed: Placement, action: Array, progress: Progress = silently) -> Placement:
+    def plan(self, placed: PlacedTrial, action: Array, progress: Progress = silently) -> PlannedTrial:
         """See `Target`: whether the action can be done, the robot's own code knows."""
         who = self.answerer
-        return replace(
-            placed,
-            action=action,
+        return PlannedTrial(
+            placed.drawn,
+            placed.context,
+            placed.key,
+            action,
             summary="Your robot makes this trial",
             announcement=who.announcement,
             then=who.then,
-            digest="" if placed.key is None else self._exchange(placed.key, "trial").digest,
+            digest=self._exchange(placed.key, "trial").digest,
         )
 
-    def execute(self, planned: Placement, progress: Progress = silently) -> KnownMotion:
+    def execute(self, planned: PlannedTrial, progress: Progress = silently) -> KnownMotion:
         """See `Target`: ask for the trial. Raises AnswerAwaited, AnswerRefused, ActionImpossible, TrackingFailed."""
         key = planned.key
-        assert key is not None
         question = self._question("trial", key, planned.context, planned.action)
         answer = self._answer(question, key, progress)
         if answer.impossible:
@@ -205,6 +206,7 @@ class OwnTarget:
             policy=None if action is None else _policy_of(task, action),
             goal_m=None if task.goal_m is None else as_row(task.goal_m(context)),
             units={d.name: d.unit for space in spaces for d in space.dimensions},
+            words={**in_words(task.context, context), **({} if action is None else in_words(task.action, action))},
             times_s=as_row(task.observation.times_s),
             state=report.columns,
             outcomes=report.outcomes,
@@ -253,3 +255,10 @@ def _explained(exchange: Exchange) -> Iterator[None]:
             f"the answer to trial {exchange.question().trial} does not count: {error}. It is kept in "
             f"{exchange.answer_file}: correct it there, or delete it to be asked again"
         ) from error
+
+
+def in_words(space: Space, values: Array) -> dict[str, str]:
+    """The categories among the values (n,) of a space, by name, in words."""
+    return {
+        d.name: value_in_words(d, float(value)) for d, value in zip(space.dimensions, values, strict=True) if d.words
+    }

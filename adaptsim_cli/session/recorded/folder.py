@@ -32,8 +32,7 @@ from sim.errors import RecordingsRefused
 from sim.rollouts.recorded import RecordedTrials, require_sound
 
 if TYPE_CHECKING:
-    from sim.solvers.solver import Expectations
-    from sim.tasks.task import Task
+    from sim.tasks.task import Expectations, Task
 
 
 def read_recorded(task: Task, folder: Path) -> RecordedTrials:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hw.types import Array
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
-from sim.adaptation.methods.belief import Belief
+from sim.adaptation.methods.belief import AdaptSimBelief
 from sim.adaptation.reward_table import RewardTable
 from sim.rollouts.draws import cover
 from sim.rollouts.recorded import RecordedTrials
@@ -105,7 +105,7 @@ def fitted(grid: GridSolver, trials: RecordedTrials, rows: NDArray[np.int_]) -> 
     )
     table = RewardTable(grid.points, grid.points, np.zeros((1, len(grid.points))))
     tried: Iteration = (ParticleTrials(Particle(grid.points[:1]), history),)
-    return Belief(grid, table).weights([tried])
+    return AdaptSimBelief(grid, table).weights([tried])
 
 
 def errors(trials: RecordedTrials) -> tuple[dict[str, list[float]], Array]:

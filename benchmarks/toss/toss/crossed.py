@@ -19,7 +19,7 @@ import numpy as np
 
 from sim.adaptation.method import Iteration
 from sim.adaptation.methods.adaptsim import AdaptSim
-from sim.adaptation.reality import Reality, RealityPolicy
+from sim.adaptation.outcome_posterior import OutcomePosterior, PosteriorPolicy
 from sim.adaptation.simulators import Simulators
 from toss.experiment import HELD_OUT, METHODS, SEEDS, Split, prepared, stored
 from toss.page import interval
@@ -37,12 +37,12 @@ def crossed(split: Split) -> dict[str, float]:
         history = split.history(METHODS[chooser](split.session))
         for name in CHOSEN_BY:
             results[f"{chooser} > {name}"] = split.final(name, history)
-        known = _reality(split, history)
-        results[f"{chooser} > without caution"] = split.scored(RealityPolicy(known, 0.0, None))
+        known = _posterior(split, history)
+        results[f"{chooser} > without caution"] = split.scored(PosteriorPolicy(known, 0.0, None))
         results[f"{chooser}: points"] = _effective(known)
         with _without_the_grids_error():
             results[f"{chooser} > without the grid's error"] = split.final("adaptsim", history)
-            results[f"{chooser}: points without the grid's error"] = _effective(_reality(split, history))
+            results[f"{chooser}: points without the grid's error"] = _effective(_posterior(split, history))
     with _without_the_grids_error():
         history = split.history(METHODS["adaptsim"](split.session))
         results["without the grid's error > itself"] = split.final("adaptsim", history)
@@ -53,14 +53,14 @@ def _without_the_grids_error() -> AbstractContextManager[object]:
     return patch.object(Simulators, "is_grid", False)
 
 
-def _effective(known: Reality) -> float:
+def _effective(known: OutcomePosterior) -> float:
     return float(1.0 / np.sum(known.weights**2))
 
 
-def _reality(split: Split, history: tuple[Iteration, ...]) -> Reality:
+def _posterior(split: Split, history: tuple[Iteration, ...]) -> OutcomePosterior:
     method = METHODS["adaptsim"](split.scores)
     assert isinstance(method, AdaptSim)
-    return method.reality(history)
+    return method.outcome_posterior(history)
 
 
 def main() -> None:

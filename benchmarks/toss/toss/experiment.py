@@ -21,13 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.adaptation.judging import Misfits, assess, final_policy
-from sim.adaptation.judging import judge as verdict_of
+from sim.adaptation.judging import Misfits, assess, final_policy, verdict_of
 from sim.adaptation.method import Iteration, Method
 from sim.adaptation.methods.adaptsim import AdaptSim
 from sim.adaptation.reward_table import RewardTable
 from sim.adaptation.simulators import Simulators
-from sim.research.benchmark.sessions import Conditions, judge, judged_contexts, run_iterations, udr_policies
+from sim.research.benchmark.sessions import Conditions, estimated_reward, judged_contexts, run_iterations, udr_policies
 from sim.research.benchmark.trial_sources import FromRecordings
 from sim.research.methods.search import RandomSearch
 from sim.rollouts.draws import cover
@@ -56,7 +55,7 @@ ORDER = 7
 """Seed of the order in which tosses are simulated."""
 
 CONTEXTS = 64
-"""Goals over which rewards are averaged in the prospects."""
+"""Goals over which rewards are averaged in the reward table."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,7 @@ class Half:
         return ListedActionSolver(self.grid.task, self.grid, self.trials.actions)
 
     @cached_property
-    def prospects(self) -> RewardTable:
+    def reward_table(self) -> RewardTable:
         """Exact: policies of the grid's points, in simulators at the grid's points."""
         contexts = TASK.context.sample(np.random.default_rng(0), CONTEXTS)
         predicted = self._predicted(contexts)
@@ -129,13 +128,13 @@ class Split:
     def scored(self, policy: SolvedPolicy) -> float:
         """The reward of a policy with the tosses held out."""
         place = FromRecordings(self.session.trials, self.scores.trials)
-        return judge(TASK, policy.actions, place, CONDITIONS, self.seed).mean
+        return estimated_reward(TASK, policy.actions, place, CONDITIONS, self.seed).mean
 
     @property
     def best_recorded(self) -> float:
         """The reward of the best tosses held out, in hindsight."""
         place = FromRecordings(self.session.trials, self.scores.trials)
-        return judge(TASK, place.best_actions, place, CONDITIONS, self.seed).mean
+        return estimated_reward(TASK, place.best_actions, place, CONDITIONS, self.seed).mean
 
 
 def _bo(half: Half) -> Method:
@@ -151,7 +150,7 @@ def _sysid(half: Half, *, point: bool) -> Method:
 
 
 METHODS: dict[str, Callable[[Half], Method]] = {
-    "adaptsim": lambda half: AdaptSim(Simulators(half.solver, half.prospects)),
+    "adaptsim": lambda half: AdaptSim(Simulators(half.solver, half.reward_table)),
     "random": lambda half: RandomSearch(TASK),
     "bo": _bo,
     "sysid-bayes": partial(_sysid, point=False),
@@ -223,9 +222,9 @@ def _controls(grid: GridSolver, trials: RecordedTrials, seed: int) -> dict[str, 
 
 def _judged(method: AdaptSim, split: Split, history: tuple[Iteration, ...]) -> dict[str, Any]:
     """The verdict, and the held-out errors of prior and posterior."""
-    best, ahead = assess(method, TASK, history)
-    verdict = verdict_of(TASK, history, Misfits(split.session.solver), best, ahead)
-    weights = method.reality(history).weights
+    best, forecast = assess(method, TASK, history)
+    verdict = verdict_of(TASK, history, Misfits(split.session.solver), best, forecast)
+    weights = method.outcome_posterior(history).weights
     truth = np.stack([TASK.end_state(track) for track in split.scores.trials.tracks])
     _, ends = split.scores.outcomes
     off_m = np.linalg.norm(ends[..., :2] - truth[:, None, :2], axis=-1)

@@ -46,6 +46,7 @@ METHODS: Mapping[str, MethodKind] = {
     "adaptsim-history": MethodKind(f"{_Q_POLICY}:create_history", needs_whole=True, phase_1="episodes"),
     "bo": MethodKind(f"{_SEARCH}:create_bo"),
     "bo-prior": MethodKind(f"{_SEARCH}:create_prior"),
+    "direct": MethodKind("sim.adaptation.methods.direct:create", phase_1="nothing"),
     "learn-in-target": MethodKind("sim.research.methods.learn_in_target:create", phase_1="nothing"),
     "random": MethodKind(f"{_SEARCH}:create_random"),
     "sysid-bayes": MethodKind(f"{_SYSID}:create_bayes", needs_whole=True),

@@ -1,6 +1,6 @@
 """AdaptSim, the default method: combines the simulator with the trials; a policy is an E plus a correction.
 
-`sim.adaptation.reality` describes all possible realities. The first particle takes the action with the highest expected
+`OutcomePosterior` describes all possible realities. The first particle takes the action with the highest expected
 reward, whether or not any E proposes it, and the surer one if two earn the same. The other particles explore actions
 that may earn still more; they explore less with every iteration, and the last ones confirm. While every trial
 has failed, nothing can be lost, and the surer action would be the surer failure: then all of them explore. A particle
@@ -16,14 +16,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.checkpoint import Checkpoint, prospects_of
-from sim.adaptation.expected_gain import CAUTION, outlook
-from sim.adaptation.method import Best, ExpectedGain, Iteration, Particle
-from sim.adaptation.reality import Reality, RealityPolicy
+from sim.adaptation.checkpoint import Checkpoint, reward_table_of
+from sim.adaptation.method import ENOUGH, Best, Iteration, Particle, SessionForecast
+from sim.adaptation.outcome_posterior import OutcomePosterior, PosteriorPolicy
 from sim.adaptation.reward_table import OPTIMISM
+from sim.adaptation.session_forecast import CAUTION, session_forecast
 from sim.adaptation.simulators import Simulators
-from sim.solvers.solver import Executable, SolvedPolicy, policy_for
-from sim.tasks.task import Task
+from sim.solvers.solver import policy_for
+from sim.tasks.task import Executable, SolvedPolicy, Task
 
 FADES_OVER = 4
 """Number of iterations until exploring particles have no more optimism."""
@@ -34,9 +34,9 @@ DESPERATE = 0.5
 
 def create(task: Task, checkpoint: Checkpoint | None) -> AdaptSim:
     """The method's entry in `METHODS`. Raises CheckpointError if the checkpoint cannot predict."""
-    prospects = prospects_of("adaptsim", task, checkpoint)
-    assert checkpoint is not None  # it holds the prospects
-    return AdaptSim(Simulators(checkpoint.solver, prospects))
+    reward_table = reward_table_of("adaptsim", task, checkpoint)
+    assert checkpoint is not None  # it holds the reward table
+    return AdaptSim(Simulators(checkpoint.solver, reward_table))
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class AdaptSim:
     """A deterministic `Method` with `OwnPolicies`, and `Forecasting` (`sim.adaptation.method`)."""
 
     simulators: Simulators
-    _known: dict[bytes, Reality] = field(default_factory=dict, repr=False)  # by trials
+    _known: dict[bytes, OutcomePosterior] = field(default_factory=dict, repr=False)  # by trials
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The E with the highest expected reward before any trial, and others that may earn more."""
@@ -59,55 +59,50 @@ class AdaptSim:
     ) -> SolvedPolicy:
         """The first particle's policy is the best known one; the others explore."""
         leads = np.array_equal(particle.samples, self._particles(history, 1)[0].samples)
-        reality = self.reality(history)
-        return RealityPolicy(reality, float(_optimism(reality, len(history), 2)[0 if leads else 1]), executable)
+        posterior = self.outcome_posterior(history)
+        return PosteriorPolicy(posterior, float(_optimism(posterior, len(history), 2)[0 if leads else 1]), executable)
 
     def final(self, history: Sequence[Iteration], executable: Executable | None = None) -> SolvedPolicy:
         """The final policy."""
-        reality = self.reality(history)
-        return RealityPolicy(reality, 0.0 if _all_failed(reality) else -CAUTION, executable)
+        posterior = self.outcome_posterior(history)
+        return PosteriorPolicy(posterior, 0.0 if _all_failed(posterior) else -CAUTION, executable)
 
-    def assess(self, history: Sequence[Iteration]) -> tuple[Best, ExpectedGain]:
-        """The final parameters, and the expected gain of another iteration. Raises ValueError without a trial."""
-        reality, leading = self.reality(history), self._particles(history, 1)[0]
-        if not reality.trials:
+    def assess(self, history: Sequence[Iteration]) -> tuple[Best, SessionForecast]:
+        """The final parameters, and the forecast of their reward. Raises ValueError without a trial."""
+        posterior, leading = self.outcome_posterior(history), self._particles(history, 1)[0]
+        if not posterior.trials:
             raise ValueError("no trial has been run yet, so there is no best")
-        outlook = outlook_after(
-            reality, policy_for(self.simulators.solver, leading.samples), len(history), len(history[-1])
-        )
-        return Best(leading, outlook.reward, outlook.ci95, len(reality.trials)), outlook
+        forecast = forecast_after(posterior, policy_for(self.simulators.solver, leading.samples), len(history))
+        return Best(leading, forecast.reward, forecast.ci95, len(posterior.trials)), forecast
 
-    def reality(self, history: Sequence[Iteration]) -> Reality:
+    def outcome_posterior(self, history: Sequence[Iteration]) -> OutcomePosterior:
         """The knowledge from the trials of `history`; cached per set of trials."""
         trials = tuple(t for iteration in history for tried in iteration for t in tried.trials)
         key = b"".join(trial.key for trial in trials)
         if key not in self._known:
             self._known.clear()
-            self._known[key] = Reality(self.simulators, trials)
+            self._known[key] = OutcomePosterior(self.simulators, trials)
         return self._known[key]
 
     def _particles(self, history: Sequence[Iteration], n: int) -> tuple[Particle, ...]:
-        prospects, weights = self.simulators.prospects, self.reality(history).weights
-        earned = prospects.rewards[:, : len(weights)]
+        reward_table, weights = self.simulators.reward_table, self.outcome_posterior(history).weights
+        earned = reward_table.rewards[:, : len(weights)]
         mean = earned @ weights
         std = np.sqrt(np.maximum((earned - mean[:, None]) ** 2 @ weights, 0.0))
-        return prospects.spread_out(self.simulators.task, mean, std, n)
+        return reward_table.spread_out(self.simulators.task, mean, std, n)
 
 
-def outlook_after(reality: Reality, for_e: SolvedPolicy, iterations: int, particles: int) -> ExpectedGain:
-    """The outlook after `iterations` with `particles`; see `outlook`.
-
-    The second iteration is the first that tries a policy chosen by trials.
-    """
-    return outlook(reality, for_e, _optimism(reality, iterations, particles), untried=iterations < 2)
+def forecast_after(posterior: OutcomePosterior, for_e: SolvedPolicy, iterations: int) -> SessionForecast:
+    """The forecast after `iterations`; see `session_forecast`."""
+    return session_forecast(posterior, for_e, untried=iterations < ENOUGH)
 
 
-def _optimism(reality: Reality, iterations: int, particles: int) -> Array:
+def _optimism(posterior: OutcomePosterior, iterations: int, particles: int) -> Array:
     """(n,) the optimism of the particles after `iterations`, in standard deviations of the expected reward."""
-    if _all_failed(reality):
+    if _all_failed(posterior):
         return np.array([DESPERATE, *[OPTIMISM] * (particles - 1)])
     return np.array([-CAUTION, *[OPTIMISM * max(0.0, 1.0 - iterations / FADES_OVER)] * (particles - 1)])
 
 
-def _all_failed(reality: Reality) -> bool:
-    return bool(reality.trials) and all(trial.end_state is None for trial in reality.trials)
+def _all_failed(posterior: OutcomePosterior) -> bool:
+    return bool(posterior.trials) and all(trial.end_state is None for trial in posterior.trials)

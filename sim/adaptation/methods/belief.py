@@ -4,7 +4,7 @@ The paper's adaptation policy learns from thousands of sessions in which directi
 in microseconds allows to ask the question directly, for all trials at once and without a fixed step:
 
 1. Each trajectory weighs candidate parameters by how well the emulator explains it there.
-2. The expected reward of an E is the mean of its prospects under these weights (`sim.adaptation.reward_table`).
+2. The expected reward of an E is the mean of its row of the reward table (`RewardTable`) under these weights.
 3. No parameters describe the real object exactly. So this expectation is only the prior mean of a Gaussian process over
 E, which the rewards of the trials correct. They change little if the simulator expresses the object; else they decide.
 
@@ -15,21 +15,17 @@ gain.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from hw.types import Array
-from sim.adaptation.checkpoint import Checkpoint, prospects_of
-from sim.adaptation.method import Iteration, Particle, Trial
+from sim.adaptation.checkpoint import Checkpoint, reward_table_of
+from sim.adaptation.method import Iteration, Particle
 from sim.adaptation.reward_table import RewardTable
-from sim.rollouts.draws import Disturbances, varies
-from sim.solvers.misfit import log_likelihood, observed_share, squares
-from sim.solvers.solver import Expectations
-from sim.tasks.task import Task
-
-DRAWS = 16
-"""Draws of nuisance and action error, over which the likelihood of a trajectory is averaged."""
+from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
+from sim.tasks.task import Expectations, Task
 
 LEVEL_STD, REALITY_STD, LENGTH = 0.1, 0.15, 0.3
 """Standard deviations of real rewards from the simulator's: one for all E together, one that varies over E with the
@@ -37,20 +33,24 @@ length `LENGTH`, in fractions of the ranges.
 """
 
 
-def create(task: Task, checkpoint: Checkpoint | None) -> Belief:
+def create(task: Task, checkpoint: Checkpoint | None) -> AdaptSimBelief:
     """The method's entry in `METHODS`. Raises CheckpointError if the checkpoint has no parts for inference."""
-    prospects = prospects_of("adaptsim-belief", task, checkpoint)
-    assert checkpoint is not None  # it holds the prospects
-    return Belief(checkpoint.solver, prospects)
+    reward_table = reward_table_of("adaptsim-belief", task, checkpoint)
+    assert checkpoint is not None  # it holds the reward table
+    return AdaptSimBelief(checkpoint.solver, reward_table)
 
 
 @dataclass(frozen=True, eq=False)
-class Belief:
+class AdaptSimBelief:
     """A deterministic `Method` that uses all trials of the session."""
 
     expectations: Expectations
-    prospects: RewardTable
-    _known: dict[bytes, Array] = field(default_factory=dict, repr=False)  # log-likelihoods, by trial
+    reward_table: RewardTable
+
+    @cached_property
+    def likelihood(self) -> TrajectoryLikelihood:
+        """The likelihood of the truths of `reward_table`."""
+        return TrajectoryLikelihood(self.expectations, self.reward_table.truths, self.reward_table.prior)
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The E that earns most over all the truths there may be, and others that may earn more."""
@@ -61,33 +61,19 @@ class Belief:
         return self._best(history, len(history[-1]))
 
     def weights(self, history: Sequence[Iteration]) -> Array:
-        """(T,) probabilities of the candidate truths of `prospects`, given the trajectories."""
-        return self.weights_after_each(history)[-1]
-
-    def weights_after_each(self, history: Sequence[Iteration]) -> list[Array]:
-        """The weights before the first iteration, and after each."""
-        likely = (np.exp(log - log.max()) for log in self.log_likelihoods_after_each(history))
-        return [np.asarray(weights / weights.sum()) for weights in likely]
-
-    def log_likelihoods_after_each(self, history: Sequence[Iteration]) -> list[Array]:
-        """(T,) log-likelihoods of all trajectories up to a constant: before the first iteration, and after each."""
-        log, sums = np.zeros(len(self.prospects.truths)), list[Array]()
-        for iteration in ((), *history):
-            for trial in (t for entry in iteration for t in entry.trials):
-                log = log + self._log_likelihood(trial)
-            sums.append(log)
-        return sums
+        """(T,) probabilities of the candidate truths of `reward_table`, given the trajectories."""
+        return self.likelihood.weights_after_each(history)[-1]
 
     def estimate(self, history: Sequence[Iteration]) -> tuple[Array, Array]:
         """(C,) mean and (C,) standard deviation of the real reward of each candidate E: Rasmussen & Williams 2006,
-        eq. 2.25, with the prospects as mean and covariance.
+        eq. 2.25, with the reward table as mean and covariance.
         """
-        weights, earned = self.weights(history), self.prospects.rewards
+        weights, earned = self.weights(history), self.reward_table.rewards
         task, mean = self.expectations.task, earned @ weights
         off = earned - mean[:, None]
         tried = [(entry.particle, [t.reward for t in entry.trials]) for it in history for entry in it if entry.trials]
-        at = np.array([self.prospects.nearest(task, particle) for particle, _ in tried], dtype=np.intp)
-        unit = task.parameters.normalise(self.prospects.candidates)
+        at = np.array([self.reward_table.nearest(task, particle) for particle, _ in tried], dtype=np.intp)
+        unit = task.parameters.normalise(self.reward_table.candidates)
         squared = ((unit[:, None] - unit[at][None]) ** 2).sum(axis=-1)
         shared = (off * weights) @ off[at].T + LEVEL_STD**2 + REALITY_STD**2 * np.exp(-0.5 * squared / LENGTH**2)
         variance = (off**2) @ weights + LEVEL_STD**2 + REALITY_STD**2
@@ -99,24 +85,4 @@ class Belief:
         return mean, np.sqrt(np.maximum(variance, 0.0))
 
     def _best(self, history: Sequence[Iteration], n: int) -> tuple[Particle, ...]:
-        return self.prospects.spread_out(self.expectations.task, *self.estimate(history), n)
-
-    def _log_likelihood(self, trial: Trial) -> Array:
-        """(T,) log-likelihoods of its trajectory, up to a constant."""
-        if trial.key not in self._known:
-            self._known[trial.key] = self.compare(trial, self.prospects.truths)
-        return self._known[trial.key]
-
-    def compare(self, trial: Trial, parameters: Array) -> Array:
-        """(N,) log-likelihoods of a trial's trajectory for parameters (N, p) in units, up to a constant."""
-        task = self.expectations.task
-        draws = DRAWS if varies(task) else 1
-        drawn = Disturbances.evenly(task, draws, np.random.default_rng(0))
-        paths = self.expectations.trajectories(
-            np.repeat(parameters, draws, axis=0),
-            np.tile(trial.action + drawn.error, (len(parameters), 1)),
-            np.tile(drawn.nuisance, (len(parameters), 1)),
-            np.broadcast_to(trial.context, (len(parameters) * draws, len(task.context))),
-        )
-        squared = squares(self.expectations, trial.observation, paths)
-        return log_likelihood(squared.reshape(len(parameters), draws), observed_share(trial.observation))
+        return self.reward_table.spread_out(self.expectations.task, *self.estimate(history), n)

@@ -10,8 +10,8 @@ import numpy as np
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
 from sim.rollouts.draws import cover
-from sim.solvers.solver import SolvedPolicy, Solver, policy_for
-from sim.tasks.task import Task
+from sim.solvers.solver import policy_for
+from sim.tasks.task import SolvedPolicy, Solver, Task
 
 SAMPLES = 64
 """Number of parameter vectors that represent all of Omega."""
@@ -25,13 +25,13 @@ def create(task: Task, checkpoint: Checkpoint | None) -> Udr:
     return Udr(task)
 
 
-def udr_policies(solver: Solver, rng: np.random.Generator) -> tuple[SolvedPolicy, ...]:
-    """`DRAWS` policies for all of Omega, from different draws; the reward of UDR is their mean.
+def udr_policies(solver: Solver, rng: np.random.Generator, count: int = DRAWS) -> tuple[SolvedPolicy, ...]:
+    """`count` policies for all of Omega, from different draws; the reward of UDR is their mean.
 
     Over Omega many actions earn the same, and the solver's choice among them is arbitrary. In one target they may
     differ as much as success and failure.
     """
-    starts = Udr(solver.task).start(DRAWS, rng)
+    starts = Udr(solver.task).start(count, rng)
     return tuple(policy_for(solver, particle.samples, seed=k) for k, particle in enumerate(starts))
 
 

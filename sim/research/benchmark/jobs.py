@@ -11,39 +11,38 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
-from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
+from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.judging import final_policy
-from sim.adaptation.methods import kind_of, make_method, method_names
+from sim.adaptation.methods import kind_of, make_method
 from sim.lab.world import World
+from sim.research.benchmark.entries import (
+    BEST_ACTION,
+    FIXED_RULES,
+    LIMITS,
+    ORACLE,
+    UDR,
+    Entry,
+    fixed_policies,
+    make_entry,
+)
+from sim.research.benchmark.knowledge import checkpoint_knowing
 from sim.research.benchmark.sessions import (
     Commands,
     Conditions,
     choose_oracle,
-    judge,
+    estimated_reward,
     mean_of,
+    mean_played_reward,
     run_iterations,
     run_session,
-    shown,
     udr_policies,
 )
 from sim.research.benchmark.tables import WorldTable
 from sim.research.benchmark.trial_sources import FromRecordings, SimulatedTrials, TableTrials, TrialSource
 from sim.rollouts.recorded import RecordedTrials
 from sim.solvers.candidates import with_listed_actions
-from sim.tasks import get_task
 from sim.types import Estimate
-
-UDR, ORACLE, BEST_ACTION = "udr", "oracle", "best-action"
-LIMITS = (ORACLE, BEST_ACTION)
-"""Upper bounds with knowledge that no method has: the best E, or the best action, in the world."""
-
-
-def compared() -> tuple[str, ...]:
-    """Everything that a benchmark compares in worlds."""
-    return (*method_names(), *LIMITS)
-
 
 DEFAULT = "adaptsim"
 PERMUTED, PERMUTED_UDR = "permuted", "permuted-udr"
@@ -60,7 +59,7 @@ class Job:
     set: str
     target: str  # name of the world, or of the folder of recorded trials
     answers: str  # digest of the world's answers, or of the trials
-    method: str
+    method: str  # an entry's name, see `sim.research.benchmark.entries`
     seed: int
     conditions: Conditions
     world: World | None = None  # None: trials are recorded
@@ -84,7 +83,7 @@ class BenchmarkRow:
     simulations: int  # true rollouts of Phase 1 that the method needs
     wall_s: float
     curve: tuple[tuple[int, float], ...]  # (real trials, reward) after each iteration
-    shown: float | None  # only UDR and oracle: the reward in other trials, which select the worlds with a gap
+    shown: float | None  # only fixed rules and oracle: the reward in other trials, which tell worlds apart
 
 
 def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
@@ -96,7 +95,8 @@ def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
     if job.recorded is not None:
         return _run_recorded(job, job.recorded)
     assert job.world is not None, "a job has a world or recorded trials"
-    began, checkpoint = time.perf_counter(), _loaded(job.task, job.checkpoint)
+    began, entry = time.perf_counter(), Entry.parse(job.method)
+    checkpoint = checkpoint_knowing(job.task, job.checkpoint, entry.ranges, tabulated=entry.needs_reward_table)
     solver, conditions = checkpoint.solver, job.conditions
     task, shown_reward = solver.task, None
     simulated = SimulatedTrials(solver, job.world)
@@ -105,31 +105,32 @@ def run_job(job: Job, trials: TrialSource | None = None) -> BenchmarkRow:
     def final(act: Commands, policies: int = 1) -> Estimate:
         """Judge by fresh rollouts, divided among `policies`, if they are requested."""
         if not conditions.fresh:
-            return judge(task, act, place, conditions, job.seed)
+            return estimated_reward(task, act, place, conditions, job.seed)
         few = replace(conditions, judged=max(2, conditions.fresh // policies))
-        return judge(task, act, simulated, few, job.seed)
+        return estimated_reward(task, act, simulated, few, job.seed)
 
-    if job.method == UDR:
-        policies = udr_policies(solver, job.seed)
+    if entry.name in FIXED_RULES:
+        policies = fixed_policies(entry.name, checkpoint, job.seed)
         last = mean_of([final(policy.actions, len(policies)) for policy in policies])
-        shown_reward = sum(shown(task, p.actions, place, conditions.judged, job.seed) for p in policies) / len(policies)
+        played = [mean_played_reward(task, p.actions, place, conditions.judged, job.seed) for p in policies]
+        shown_reward = sum(played) / len(policies)
         return _row(job, checkpoint, last, None, began, shown_reward)
-    if job.method in LIMITS:
+    if entry.name in LIMITS:
         act: Commands = place.best_actions
-        if job.method == ORACLE:
+        if entry.name == ORACLE:
             best, shown_reward = choose_oracle(solver, place, conditions, job.seed)
             act = best.actions
         return _row(job, checkpoint, final(act), None, began, shown_reward)
-    method = make_method(job.method, task, checkpoint)
+    method = make_entry(entry.name, task, checkpoint)
     lived = trials or (simulated if conditions.fresh else place)
     chosen = run_session(solver, method, lived, conditions, job.seed)
-    curve = [judge(task, policy.actions, place, conditions, job.seed) for policy in chosen]
+    curve = [estimated_reward(task, policy.actions, place, conditions, job.seed) for policy in chosen]
     return _row(job, checkpoint, final(chosen[-1].actions), curve, began, None)
 
 
 def _run_recorded(job: Job, recorded: RecordedTrials) -> BenchmarkRow:
     """Run the session and judge its policies by the trials held out."""
-    began, checkpoint = time.perf_counter(), _loaded(job.task, job.checkpoint)
+    began, checkpoint = time.perf_counter(), checkpoint_knowing(job.task, job.checkpoint, None)
     task, seed, name = recorded.task, job.seed, job.method
     shown, held = (recorded.permuted(seed) if name in CONTROLS else recorded).split(job.held_out, seed)
     place = FromRecordings(shown, held)
@@ -138,7 +139,7 @@ def _run_recorded(job: Job, recorded: RecordedTrials) -> BenchmarkRow:
     )
 
     def judged(act: Commands) -> Estimate:
-        return judge(task, act, place, job.conditions, seed)
+        return estimated_reward(task, act, place, job.conditions, seed)
 
     if name in (UDR, PERMUTED_UDR):
         last = mean_of([judged(policy.actions) for policy in udr_policies(scores.solver, seed)])
@@ -180,16 +181,11 @@ def _row(
 
 
 def simulations(method: str, checkpoint: Checkpoint) -> int:
-    """True rollouts of Phase 1 that a method needs."""
-    match kind_of(method).phase_1:
+    """True rollouts of Phase 1 that an entry needs."""
+    match kind_of(Entry.parse(method).name).phase_1:
         case "episodes":
             return checkpoint.card.simulations
         case "dataset" if checkpoint.emulator is not None:
             return checkpoint.card.budget.rollouts + checkpoint.card.budget.denser
         case _:
             return 0
-
-
-@lru_cache(maxsize=8)
-def _loaded(task: str, checkpoint: str) -> Checkpoint:
-    return load_checkpoint(get_task(task), checkpoint)

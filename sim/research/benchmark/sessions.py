@@ -13,16 +13,15 @@ from enum import IntEnum
 import numpy as np
 
 from hw.types import Array
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.judging import final_policy
-from sim.adaptation.learner import Learner
 from sim.adaptation.method import Iteration, Method, Trial
 from sim.adaptation.methods import udr
 from sim.adaptation.sessions import begin_in_memory
 from sim.errors import OutOfRange
 from sim.research.benchmark.trial_sources import TrialSource
 from sim.rollouts.draws import cover
-from sim.solvers.solver import SolvedPolicy, Solver
-from sim.tasks.task import Task
+from sim.tasks.task import SolvedPolicy, Solver, Task
 from sim.types import Estimate
 
 SCREENING, FINAL = 16, 6
@@ -67,24 +66,24 @@ class _Chance(IntEnum):
 
 
 def run_session(
-    solver: Solver, method: Method, place: TrialSource, conditions: Conditions, seed: int
+    solver: Solver, method: Method, source: TrialSource, conditions: Conditions, seed: int
 ) -> list[SolvedPolicy]:
     """The final policies of the session if it ended after each iteration."""
-    histories = run_iterations(solver, method, place, conditions, seed)
-    return [final_policy(method, solver, solver.task, history, place.executable) for history in histories]
+    histories = run_iterations(solver, method, source, conditions, seed)
+    return [final_policy(method, solver, solver.task, history, source.executable) for history in histories]
 
 
 def run_iterations(
-    solver: Solver, method: Method, place: TrialSource, conditions: Conditions, seed: int
+    solver: Solver, method: Method, source: TrialSource, conditions: Conditions, seed: int
 ) -> Iterator[tuple[Iteration, ...]]:
     """The history of a session after each iteration."""
     task = solver.task
 
     def play(policy: SolvedPolicy, iteration: int, particle: int) -> tuple[Trial, ...]:
-        return _trials(task, policy, place, (seed, iteration, particle))
+        return _trials(task, policy, source, (seed, iteration, particle))
 
     session = begin_in_memory(
-        Learner(method, solver, solver, place.executable),
+        Adaptation(method, solver, solver, source.executable),
         play,
         (conditions.particles, task.adaptation.trials_per_iteration),
         _stream(seed, _Chance.START),
@@ -93,17 +92,17 @@ def run_iterations(
     return session.iterations(conditions.iterations(task))
 
 
-def judge(task: Task, act: Commands, place: TrialSource, conditions: Conditions, seed: int) -> Estimate:
+def estimated_reward(task: Task, act: Commands, source: TrialSource, conditions: Conditions, seed: int) -> Estimate:
     """The mean reward of these commands over contexts, by rollouts that no session uses."""
     contexts = judged_contexts(task, conditions, seed)
-    rewards = place.judge(contexts, act(contexts), _stream(seed, _Chance.JUDGE))
+    rewards = source.score(contexts, act(contexts), _stream(seed, _Chance.JUDGE))
     half = 1.96 * float(rewards.std(ddof=1)) / len(rewards) ** 0.5
     mean = float(rewards.mean())
     return Estimate(mean, max(0.0, mean - half), min(1.0, mean + half))
 
 
 def judged_contexts(task: Task, conditions: Conditions, seed: int) -> Array:
-    """(N, c) the contexts in which `judge` judges."""
+    """(N, c) the contexts in which `estimated_reward` scores."""
     return task.context.sample(_stream(seed, _Chance.JUDGE_CONTEXT), _worthwhile(task, conditions.judged))
 
 
@@ -118,23 +117,23 @@ def udr_policies(solver: Solver, seed: int) -> tuple[SolvedPolicy, ...]:
     return udr.udr_policies(solver, _stream(seed, _Chance.UDR))
 
 
-def choose_oracle(solver: Solver, place: TrialSource, conditions: Conditions, seed: int) -> tuple[SolvedPolicy, float]:
+def choose_oracle(solver: Solver, source: TrialSource, conditions: Conditions, seed: int) -> tuple[SolvedPolicy, float]:
     """The best of many E, chosen by trials in the world in two rounds, and its reward in the second."""
     task = solver.task
     grid = cover(task.parameters, conditions.candidates, np.random.default_rng(0))
     policies = solver.policies(grid[:, None, :], np.random.default_rng(0))
-    first = [shown(task, policy.actions, place, SCREENING, seed) for policy in policies]
+    first = [mean_played_reward(task, policy.actions, source, SCREENING, seed) for policy in policies]
     left = [policies[i] for i in np.argsort(first)[-FINAL:]]
-    second = [shown(task, policy.actions, place, conditions.judged, seed + 1) for policy in left]
+    second = [mean_played_reward(task, policy.actions, source, conditions.judged, seed + 1) for policy in left]
     best = int(np.argmax(second))
     return left[best], second[best]
 
 
-def shown(task: Task, act: Commands, place: TrialSource, n: int, seed: int) -> float:
+def mean_played_reward(task: Task, act: Commands, source: TrialSource, n: int, seed: int) -> float:
     """Mean reward over `n` trials of the kind that sessions have: for choices, never for scores."""
     rng = _stream(seed, _Chance.CHOOSE)
     contexts = task.context.sample(rng, _worthwhile(task, n))
-    return float(np.mean([trial.reward for trial in place.play(contexts, act(contexts), rng)]))
+    return float(np.mean([trial.reward for trial in source.play(contexts, act(contexts), rng)]))
 
 
 def _worthwhile(task: Task, n: int) -> int:
@@ -142,16 +141,16 @@ def _worthwhile(task: Task, n: int) -> int:
     return n if len(task.context) or np.any(task.action_noise) else 2
 
 
-def _trials(task: Task, policy: SolvedPolicy, place: TrialSource, which: tuple[int, int, int]) -> tuple[Trial, ...]:
+def _trials(task: Task, policy: SolvedPolicy, source: TrialSource, which: tuple[int, int, int]) -> tuple[Trial, ...]:
     """The trials of one particle in one iteration; `which` is (seed, iteration, particle)."""
     seed, *where = which
     contexts = task.context.sample(_stream(seed, _Chance.CONTEXT, *where), task.adaptation.trials_per_iteration)
     chosen = []
     for context in contexts:
         chosen.append(policy(context))
-        place.take(chosen[-1])
+        source.take(chosen[-1])
     actions = np.stack(chosen)
-    return place.play(contexts, actions, _stream(seed, _Chance.TRIAL, *where))
+    return source.play(contexts, actions, _stream(seed, _Chance.TRIAL, *where))
 
 
 def _stream(seed: int, chance: _Chance, *where: int) -> np.random.Generator:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array
-from sim.research.benchmark.jobs import ORACLE, UDR, BenchmarkRow
+from sim.research.benchmark.entries import ORACLE, UDR
+from sim.research.benchmark.jobs import BenchmarkRow
 
 LEAST_GAP = 0.1
 """A world with a smaller difference between oracle and UDR, by the trials for choices, has no gap."""

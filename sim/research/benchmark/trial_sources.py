@@ -21,8 +21,7 @@ from sim.research.benchmark.tables import WorldTable
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.recorded import RecordedTrials
 from sim.rollouts.run import Requests, Rollouts
-from sim.solvers.solver import Executable, Solver
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, Solver, Task
 
 SMOOTHED = 4
 """Number of a table's rollouts averaged for the reward of an action, in the search for the best one."""
@@ -41,7 +40,7 @@ class TrialSource(Protocol):
     def take(self, action: Array) -> None:
         """Announce the action (a,) of the next trial; recorded trials exist only once."""
 
-    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+    def score(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """(N,) rewards of rollouts that `play` never shows."""
 
     def best_actions(self, contexts: Array) -> Array:
@@ -66,7 +65,7 @@ class SimulatedTrials:
     def take(self, action: Array) -> None:
         """See `TrialSource`: any number of times."""
 
-    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+    def score(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `TrialSource`: true rollouts."""
         return self._scores(self._rolled(contexts, actions, rng), contexts)
 
@@ -108,7 +107,7 @@ class TableTrials:
     def take(self, action: Array) -> None:
         """See `TrialSource`: any number of times."""
 
-    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+    def score(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `TrialSource`: from the half of the table for scores."""
         requests, results = self._for_scores
         return results[self._nearest(requests, contexts, self._executed(actions, rng))].rewards(self.task, contexts)
@@ -144,11 +143,11 @@ class TableTrials:
         """(N, R, d) between N executed actions, in their contexts, and the R rows of a half of the table."""
         moving = self.task.physical_context
 
-        def place(contexts: Array, actions: Array) -> Array:
+        def coordinates(contexts: Array, actions: Array) -> Array:
             parts = [self.task.action.normalise(actions), moving.normalise(contexts[:, : len(moving)])]
             return np.concatenate(parts, axis=1)
 
-        return place(contexts, executed)[:, None] - place(requests.context, requests.action)[None]
+        return coordinates(contexts, executed)[:, None] - coordinates(requests.context, requests.action)[None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +181,7 @@ class FromRecordings:
             own_contexts, actions, observations, self.shown.rewards(rows, contexts), map(task.end_of, tracks)
         )
 
-    def judge(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
+    def score(self, contexts: Array, actions: Array, rng: np.random.Generator) -> Array:
         """See `TrialSource`: of the recordings held out."""
         return self.held_out.rewards(self.held_out.at(actions), contexts)
 

@@ -4,7 +4,7 @@ Branching after Tavakoli et al. (2018): a shared trunk, one value head, and one 
 with its mean subtracted.
 
 Values and gradients are written out in numpy, over one vector of all weights: for networks this small torch needs three
-times as long for a gradient step, and most of that is not arithmetic (1.7 ms against .56 ms).
+times as long for a gradient step, and most of that is not arithmetic (1.7 ms against 0.56 ms).
 """
 
 from __future__ import annotations

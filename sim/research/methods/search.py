@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from hw.extras import missing
 from hw.types import Array
-from sim.adaptation.checkpoint import Checkpoint, prospects_of
+from sim.adaptation.checkpoint import Checkpoint, reward_table_of
 from sim.adaptation.method import Iteration, Particle
 from sim.adaptation.reward_table import RewardTable
 from sim.errors import ExtraMissing
@@ -120,21 +120,21 @@ def _maximise(tried: Array, rewards: Array, std: float, candidates: Array, n: in
 
 
 def create_prior(task: Task, checkpoint: Checkpoint | None) -> BoPrior:
-    """The method's entry in `METHODS`. Raises CheckpointError if the checkpoint has no prospects."""
-    return BoPrior(task, prospects_of("bo-prior", task, checkpoint))
+    """The method's entry in `METHODS`. Raises CheckpointError if the checkpoint has no reward table."""
+    return BoPrior(task, reward_table_of("bo-prior", task, checkpoint))
 
 
 @dataclass(frozen=True, eq=False)
 class BoPrior:
     """A deterministic `Method`: Bayesian optimisation with a prior from Phase 1, an empirical Gaussian process.
 
-    Every candidate truth of the checkpoint's prospects acts as a past task, with the reward of each candidate E. Mean
+    Every candidate truth of the reward table acts as a past task, with the reward of each candidate E. Mean
     and covariance over these tasks are the prior over E, which real rewards then condition. The expected improvement is
     in closed form (Jones et al. 1998).
     """
 
     task: Task
-    prospects: RewardTable
+    reward_table: RewardTable
 
     def start(self, n: int, rng: np.random.Generator) -> tuple[Particle, ...]:
         """The E with the highest mean reward in past tasks, and those with the largest expected improvement."""
@@ -146,7 +146,7 @@ class BoPrior:
 
     def conditioned(self, history: Sequence[Iteration]) -> tuple[Array, Array]:
         """Mean (C,) and covariance (C, C) of the rewards of the candidates, given those of the trials."""
-        rewards = self.prospects.rewards
+        rewards = self.reward_table.rewards
         mean, odd = rewards.mean(axis=1), ODD_STD**2 * np.eye(len(rewards))
         covariance = np.cov(rewards) + LEVEL_STD**2 + odd
         evidence = [
@@ -154,7 +154,7 @@ class BoPrior:
         ]
         if not evidence:
             return mean, covariance
-        at = np.array([self.prospects.nearest(self.task, particle) for particle, _ in evidence], dtype=np.intp)
+        at = np.array([self.reward_table.nearest(self.task, particle) for particle, _ in evidence], dtype=np.intp)
         noise = self.task.adaptation.trial_std**2 / np.array([len(r) for _, r in evidence])
         return _condition(mean, covariance, at, np.array([np.mean(r) for _, r in evidence]), noise)
 
@@ -174,7 +174,7 @@ class BoPrior:
             noise = np.array([self.task.adaptation.trial_std**2 / trials])
             mean, covariance = _condition(mean, covariance, np.array([nxt], dtype=np.intp), mean[[nxt]], noise)
             chosen.append(nxt)
-        return tuple(Particle(self.prospects.candidates[i][None]) for i in chosen)
+        return tuple(Particle(self.reward_table.candidates[i][None]) for i in chosen)
 
 
 def _condition(

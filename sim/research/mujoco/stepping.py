@@ -80,12 +80,12 @@ def run(course: Course, model: Any, step_s: float, before_step: Callable[[Any, A
     readings, never raised.
     """
     data = mujoco.MjData(model)
-    place(model, data, course.X_BO, course.tool)
+    set_state(model, data, course.X_BO, course.tool)
     mujoco.mj_forward(model, data)
     return read(_MuJoCo(model, data, course, step_s, before_step), course)
 
 
-def place(model: Any, data: Any, X_BO: Array, tool: Array) -> None:
+def set_state(model: Any, data: Any, X_BO: Array, tool: Array) -> None:
     """Put the object at X_BO (4, 4), at rest, and the carriage at `tool` (6,): forward, up, pitch and their rates."""
     for name, q, rate in zip(_JOINTS, tool[:3], tool[3:], strict=True):
         data.joint(name).qpos, data.joint(name).qvel = q, rate
@@ -99,7 +99,7 @@ def written(spec: Any, model: Any, course: Course) -> str:
         compiled = model.pair(pair.name)
         pair.solref, pair.solimp = compiled.solref, compiled.solimp
     data = mujoco.MjData(model)
-    place(model, data, course.X_BO, course.tool)
+    set_state(model, data, course.X_BO, course.tool)
     spec.add_key(name="start", time=course.start_s, qpos=data.qpos, qvel=data.qvel)
     spec.compile()
     return str(spec.to_xml())

@@ -1,8 +1,7 @@
 """The paper's solver: NAF task policies, trained only on true rollouts, with the budgets and reuse rules of A2.2.
 
-It has only the simulator, so every expectation of `sim.solvers.solver.Solver` needs rollouts. Expected rewards are
-means of `REWARD_ROLLOUTS` (unbiased, but noisy); trial rewards and trajectories are the simulator's own. A policy's own
-prediction is its value head.
+It has only the simulator, so every expectation needs rollouts (`sim.solvers.simulated`). A policy's own prediction is
+its value head.
 """
 
 from __future__ import annotations
@@ -21,26 +20,20 @@ from hw.types import Array
 from sim.errors import UnknownName
 from sim.research.naf.memory import NafMemory, TrainingPlan, features, plan_training, policy_key
 from sim.research.naf.policy import NafPolicy, NafSettings, Training, naf_training, train_together
-from sim.rollouts.draws import Disturbances, physical_contexts, trial_requests
+from sim.rollouts.draws import physical_contexts, trial_requests
 from sim.rollouts.executors import process_pool, serial_executor
-from sim.rollouts.run import Requests, Roll, run_many
+from sim.rollouts.run import Roll, run_many
 from sim.rollouts.shards import CachedRollouts
 from sim.solvers.misfit import misfit
-from sim.solvers.solver import Executable, SolverSettings
-from sim.tasks.task import ReuseRules, Task
-
-REWARD_ROLLOUTS = 8
-"""Rollouts behind one expected reward.
-
-A mean of eight has an error of about 0.15; Phase 1 averages over ten thousand steps.
-"""
+from sim.solvers.simulated import FromSimulator
+from sim.tasks.task import Executable, ReuseRules, SolverSettings, Task
 
 MISFIT_TRIALS = 32
 """Simulated trials that measure the distance of one to the nearest of `sim.solvers.misfit.DRAWS` others."""
 
 
 @dataclass(frozen=True, eq=False)
-class NafSolver:
+class NafSolver(FromSimulator):
     """A `sim.solvers.solver.Solver`. Its policies depend on those trained before (paper, remark 1)."""
 
     task: Task
@@ -67,51 +60,6 @@ class NafSolver:
         by_key |= self._train([(keys[i], samples[i], seeds[i]) for i in new])
         attempts = (settings or SolverSettings()).attempts
         return tuple(replace(by_key[key], executable=executable, attempts=attempts) for key in keys)
-
-    def expected_rewards(
-        self, targets: Array, contexts: Array, actions: Array, rng: np.random.Generator, draws: int = 16
-    ) -> Array:
-        """(B,) means of true rollouts in targets (B, p) of actions (B, G, a) at contexts (G, c) or (B, G, c).
-
-        `draws` rollouts per context, or at least `REWARD_ROLLOUTS` per target, spread evenly over contexts; the same
-        action errors and nuisance for all targets.
-        """
-        count, g = actions.shape[:2]
-        repeats = min(draws, -(-REWARD_ROLLOUTS // g))
-        drawn, a = Disturbances.evenly(self.task, g * repeats, rng), len(self.task.action)
-        everywhere = np.broadcast_to(contexts, (count, g, contexts.shape[-1]))
-        where = np.repeat(everywhere, repeats, axis=1).reshape(count * g * repeats, -1)
-        requests = Requests(
-            parameters=np.repeat(targets, g * repeats, axis=0),
-            context=where,
-            action=(actions[:, :, None] + drawn.error.reshape(g, repeats, a)).reshape(len(where), a),
-            nuisance=np.tile(drawn.nuisance, (count, 1)),
-        )
-        return np.asarray(self.roll(requests).rewards(self.task, where).reshape(count, -1).mean(axis=1))
-
-    def trial_rewards(self, parameters: Array, contexts: Array, action: Array, nuisance: Array) -> Array:
-        """(N,) rewards of the same trials in the simulator; exact, not estimated."""
-        return self.roll(Requests(parameters, contexts, action, nuisance)).rewards(self.task, contexts)
-
-    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
-        """(N, size) of the same trials in the simulator."""
-        contexts = np.broadcast_to(self.task.simulated_in(context), (len(parameters), len(self.task.context)))
-        rollouts = self.roll(Requests(parameters, contexts, action, nuisance))
-        return self.task.at_context(rollouts.observation, context)
-
-    def outcomes(
-        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
-    ) -> tuple[Array, Array]:
-        """Outcomes of the same trials in the simulator: (1, ...) and (1, ..., k); 0 for a failure."""
-        requests, lead = Requests.broadcast(parameters, self.task.simulated_in(context), action, nuisance)
-        done = self.roll(requests)
-        ends = np.where(done.succeeded[:, None], done.end_state, 0.0)
-        return done.succeeded.astype(np.float64).reshape(1, *lead), ends.reshape(1, *lead, -1)
-
-    @property
-    def residual_std(self) -> Array:
-        """(size,) zero: the trajectories are the simulator's own."""
-        return np.zeros(self.task.observation.size)
 
     def _train(self, jobs: list[tuple[str, Array, int]]) -> dict[str, NafPolicy]:
         """(key, samples, seed) of each -> its policy.

@@ -7,12 +7,12 @@ from typing import get_args
 
 from sim.adaptation.checkpoint import Targets
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
-from sim.adaptation.reward_table import ProspectSettings
+from sim.adaptation.reward_table import RewardTableSettings
 from sim.research.methods.q_policy import MemoryName
 from sim.research.pretraining.evaluation import PROPOSED, SCREENING, EvaluationSettings
 from sim.research.pretraining.meta_training import (
     MetaSettings,
-    gate_visits,
+    gate_distributions,
 )
 from sim.solvers.emulator.training import EmulatorSettings
 from sim.tasks.task import Task
@@ -44,7 +44,7 @@ class PretrainBudget:
     naf_scale: float = 1.0  # factor on the paper's rollout budgets, with the solver naf
     emulator: EmulatorSettings = field(default_factory=EmulatorSettings)
     meta: MetaSettings = field(default_factory=MetaSettings)
-    prospects: ProspectSettings = field(default_factory=ProspectSettings)
+    prospects: RewardTableSettings = field(default_factory=RewardTableSettings)
     evaluation: EvaluationSettings = field(default_factory=EvaluationSettings)
 
     @classmethod
@@ -81,5 +81,5 @@ class PretrainBudget:
         session = self.evaluation.particles * self.evaluation.iterations * trials
         judged = self.evaluation.rollouts * (UDR_POLICIES + 1 + COMPARED * self.evaluation.iterations)
         evaluated = self.evaluation.targets * (COMPARED * session + PROPOSED * SCREENING + judged)
-        trained = len(MEMORIES) * (self.meta.visits(task) + gate_visits(task)) * trials
+        trained = len(MEMORIES) * (self.meta.distributions(task) + gate_distributions(task)) * trials
         return stages.policies * trained + stages.evaluation * evaluated

@@ -2,7 +2,8 @@
 
 `SolverActing` asks the solver anew for the task policy of every distribution. `Library` solves some thousands of them
 once, which fill Omega evenly, and lets every distribution act like its nearest one: the paper's reuse of task policies
-(A2.2). Over four parameters the nearest of 2048 is .09 away on average, in normalised parameters; the paper allows .16.
+(A2.2). Over four parameters the nearest of 2048 is 0.09 away on average, in normalised parameters; the paper allows
+0.16.
 """
 
 from __future__ import annotations
@@ -22,8 +23,7 @@ from sim.research.methods.q_policy import MemoryName, PastIterations, encode, lo
 from sim.rollouts.draws import cover, trial_requests
 from sim.rollouts.run import OUTCOMES, Requests, Roll, Rollouts
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.solver import Solver, SolverSettings
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, SolverSettings, Task
 
 DRAWS = 4
 """Draws of action error and nuisance for each context of an expected reward."""
@@ -32,7 +32,7 @@ CONTEXTS = 16
 """Contexts of each distribution: some for its trials, all for its expected reward."""
 
 LIBRARY = SolverSettings(scenarios=4, refine=16)
-"""The resolution of its policies: in pushing they earn .001 less than with the default, at a fifth of its cost."""
+"""The resolution of its policies: in pushing they earn 0.001 less than with the default, at a fifth of its cost."""
 
 Acting = Callable[[Array, np.random.Generator], tuple[Array, Array]]
 """Means (B, p) -> contexts (B, G, c) that fill their space evenly, in random order, and the actions there (B, G, a)."""

@@ -9,8 +9,8 @@ from functools import reduce
 import numpy as np
 
 from hw.types import Array
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.checkpoint import EvaluationReport, MethodScore, Targets
-from sim.adaptation.learner import Learner
 from sim.adaptation.method import Method, Trial
 from sim.adaptation.methods.udr import udr_policies
 from sim.adaptation.sessions import begin_in_memory
@@ -18,8 +18,7 @@ from sim.research.pretraining.episodes import simulated_trials
 from sim.research.pretraining.meta_training import sample_targets
 from sim.rollouts.draws import cover, trial_requests
 from sim.rollouts.run import Requests, Roll
-from sim.solvers.solver import Executable, SolvedPolicy, Solver, SolverSettings
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, SolvedPolicy, Solver, SolverSettings, Task
 
 LEAST_GAP = 0.1
 """Targets with a smaller difference between oracle and UDR say nothing about adaptation."""
@@ -76,14 +75,14 @@ def final_policies(
 ) -> list[SolvedPolicy]:
     """The final policies of a session of `method` in a simulated target (p,), if it ended after each iteration."""
     task = solver.task
-    learner = Learner(method, KnownPolicies(solver), solver)
+    adaptation = Adaptation(method, KnownPolicies(solver), solver)
 
     def play(policy: SolvedPolicy, iteration: int, particle: int) -> tuple[Trial, ...]:
         return simulated_trials(task, policy, target, roll, task.adaptation.trials_per_iteration, rng)
 
     shape = (settings.particles, task.adaptation.trials_per_iteration)
-    session = begin_in_memory(learner, play, shape, rng, lambda _: rng)
-    return [learner.final(history) for history in session.iterations(settings.iterations)]
+    session = begin_in_memory(adaptation, play, shape, rng, lambda _: rng)
+    return [adaptation.final(history) for history in session.iterations(settings.iterations)]
 
 
 def evaluate(

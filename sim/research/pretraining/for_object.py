@@ -1,7 +1,7 @@
 """A checkpoint for an own object from the shipped one: its networks as they are, or trained on for another scene.
 
 The shipped emulator has learnt the whole margin. An object that only has narrower ranges is inside: its networks
-answer for it, and only the prospects are made anew. An object of another size or mass is another scene: the networks
+answer for it, and only the reward table is made anew. An object of another size or mass is another scene: the networks
 begin from the shipped ones and learn from a third of the rollouts.
 """
 
@@ -15,16 +15,15 @@ from typing import Any
 import numpy as np
 
 from sim.adaptation.checkpoint import Checkpoint, save_checkpoint
-from sim.adaptation.reward_table import ProspectSettings, look_ahead
+from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
 from sim.errors import CheckpointError
 from sim.research.pretraining.budget import PretrainBudget
-from sim.research.pretraining.pipeline import StageProgress, stage_seeds
+from sim.research.pretraining.dataset_share import StageProgress, stage_seeds
 from sim.rollouts.dataset import build_dataset, draw_requests
 from sim.rollouts.run import run_many
 from sim.solvers.emulator.network import Emulator, rescaled_to
 from sim.solvers.emulator.training import EmulatorSettings, held_out_errors, train_emulator
-from sim.solvers.solver import Solver
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 HELD_OUT = 192
 """Fresh rollouts over the object's margin that judge the networks."""
@@ -69,7 +68,7 @@ def make_ready(
     executor: Executor,
     progress: StageProgress,
     rollouts: int | None = None,
-    prospects: ProspectSettings | None = None,
+    table_settings: RewardTableSettings | None = None,
     held_out: int = HELD_OUT,
 ) -> tuple[Path, HeldOutErrors | None]:
     """Write the checkpoint of an object into `folder`; `rollouts` to learn from, if it is not inside.
@@ -81,11 +80,11 @@ def make_ready(
     facts: dict[str, Any] = {"seed": seed, "start": shipped.sha256}
     if task.exact is None:
         emulator = _learnt(task, shipped, folder, draws, executor, progress, rollouts)
-        accuracy = judge(emulator, held_out, draws[3], executor, progress)
+        accuracy = _accuracy(emulator, held_out, draws[3], executor, progress)
         facts["held_out"] = {name: value for name, value in asdict(accuracy).items() if value is not None}
     solver = emulator or _exact(task)
-    ahead = look_ahead(solver, draws[2], prospects, _stage("prospects", progress))
-    return save_checkpoint(task, folder / "checkpoint", emulator, {}, facts, ahead), accuracy
+    reward_table = tabulate_rewards(solver, draws[2], table_settings, _stage("reward table", progress))
+    return save_checkpoint(task, folder / "checkpoint", emulator, {}, facts, reward_table), accuracy
 
 
 def _exact(task: Task) -> Solver:
@@ -113,7 +112,7 @@ def _learnt(
     return train_emulator(task, dataset, draws[1], settings, _stage("emulator", progress), start)[0]
 
 
-def judge(emulator: Emulator, count: int, seed: int, executor: Executor, progress: StageProgress) -> HeldOutErrors:
+def _accuracy(emulator: Emulator, count: int, seed: int, executor: Executor, progress: StageProgress) -> HeldOutErrors:
     """The error by fresh rollouts."""
     requests = draw_requests(emulator.task, count, np.random.default_rng(seed))
     true = run_many(emulator.task, requests, executor, _stage("held-out rollouts", progress))

@@ -1,8 +1,9 @@
 """Training of the adaptation policy in Phase 1: double Q-learning over episodes of adapting to random targets; and the
 learning gate.
 
-As in the paper, K counts episodes: its 10,000 are ten times as many steps. Their observations would be 200,000 true
-rollouts. So they come from the emulator's ensemble, and task policies are reused (`sim.research.pretraining.episodes`);
+K counts episodes here, although Table A1 of the paper calls them steps: its 10,000 have the horizon's number of steps
+each. In the contact tasks their observations would be 180,000 true rollouts: two in each of nine distributions of an
+episode. So they come from the emulator's ensemble, and task policies are reused (`sim.research.pretraining.episodes`);
 a task with an exact solver needs neither.
 """
 
@@ -54,7 +55,7 @@ class MetaSettings:
         """Number of steps of all parallel particles, in whole episodes."""
         return task.adaptation.horizon * -(-self.episodes // self.parallel)
 
-    def visits(self, task: Task) -> int:
+    def distributions(self, task: Task) -> int:
         """Number of distributions visited in a training."""
         return self.parallel * self.steps(task) * (task.adaptation.horizon + 1) // task.adaptation.horizon
 
@@ -108,7 +109,7 @@ def explore(directions: NDArray[np.int_], epsilon: float, rng: np.random.Generat
     return np.asarray(np.where(rng.random((len(directions), 1)) < epsilon, random, directions), dtype=np.int_)
 
 
-def gate_visits(task: Task) -> int:
+def gate_distributions(task: Task) -> int:
     """Number of distributions visited by the gate."""
     return GATE_TARGETS * (task.adaptation.horizon + 1 + _ENDS)
 

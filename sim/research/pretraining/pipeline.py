@@ -1,4 +1,4 @@
-"""Phase 1: dataset, emulator, prospects, and optionally policies and evaluation. An interrupted stage can be resumed.
+"""Phase 1: dataset, emulator, reward table, if wanted policies and evaluation. An interrupted stage can be resumed.
 
 A task with an exact solver needs neither dataset nor emulator, and its rollouts are too cheap to store.
 
@@ -21,23 +21,29 @@ from typing import Any
 
 import numpy as np
 
-from hw.bounded import Unreadable
 from hw.types import Array
 from sim.adaptation.checkpoint import CARD, save_checkpoint
 from sim.adaptation.checkpoint import GRID as GRID_TENSORS
 from sim.adaptation.method import Method
-from sim.adaptation.methods.belief import Belief
-from sim.adaptation.reward_table import ProspectSettings, RewardTable, look_ahead, restore_prospects
-from sim.errors import DatasetError
+from sim.adaptation.methods.belief import AdaptSimBelief
+from sim.adaptation.reward_table import RewardTable, RewardTableSettings, restore_reward_table, tabulate_rewards
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import MemoryName, QPolicy, restore_policy, tensors_of
 from sim.research.methods.search import RandomSearch
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.research.pretraining.budget import EVERYTHING, MEMORIES, NETWORKS, OptionalStages, PretrainBudget
-from sim.research.pretraining.cost import GROWN, enough_rollouts, measured_cost
+from sim.research.pretraining.dataset_share import (
+    STAGES,
+    StageProgress,
+    agree_on_plan,
+    denser,
+    read_report,
+    stage_seeds,
+)
 from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, SolverActing, fill_library
 from sim.research.pretraining.evaluation import evaluate
+from sim.research.pretraining.growth import GROWN, enough_rollouts
 from sim.research.pretraining.logs import StageTimer, curve_file
 from sim.research.pretraining.meta_training import (
     CURVE,
@@ -48,30 +54,24 @@ from sim.research.pretraining.meta_training import (
 )
 from sim.research.pretraining.soundness import require_sound
 from sim.research.pretraining.worth import measured_worth
-from sim.rollouts.dataset import AdaptiveSampling, build_dataset, build_share
+from sim.rollouts.cost import measured_cost
+from sim.rollouts.dataset import build_dataset
 from sim.rollouts.run import Roll, run_many
 from sim.rollouts.shards import CachedRollouts, simulate_missing
 from sim.rollouts.shards import split as into_shards
-from sim.rollouts.shares import Share
 from sim.solvers.candidates import ListedActionSolver
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.training import outcome_variance, reward_error, split, train_emulator
+from sim.solvers.emulator.training import reward_error, split, train_emulator
 from sim.solvers.grid import grid_behind
 from sim.solvers.library import train_library, with_library
-from sim.solvers.solver import Solver
-from sim.storage.files import load_tensors, read_toml, save_tensors, write_toml
-from sim.tasks.fingerprint import fingerprint
+from sim.storage.files import load_tensors, save_tensors, write_toml
 from sim.tasks.library import FOLDER as POLICIES
 from sim.tasks.library import digests_of, library_of
-from sim.tasks.task import Task
-
-StageProgress = Callable[[str, int, int], None]
-"""(stage, done, total)"""
+from sim.tasks.task import Solver, Task
 
 BELIEF, RANDOM = "adaptsim-belief", "random"
 """The methods in the evaluation, by their names in `sim.adaptation.methods.METHODS`."""
 
-STAGES = ("dataset", "emulator", "prospects", "adaptation policies", "evaluation", "checkpoint")
 TRAINING, GRID, WORTH = "policies", "grid of rollouts", "worth of the result"
 
 GRID_SHARD = 64
@@ -118,7 +118,7 @@ def pretrain(
     """
     if task.training is None:
         require_sound(task, np.random.default_rng(seed))
-    _agree_on_plan(task, folder, budget, seed, solver)
+    agree_on_plan(task, folder, budget, seed, solver)
     draws, progress = stage_seeds(seed), StageTimer(folder, progress)
     facts: dict[str, Any] = {"seed": seed}
     if task.training is not None:
@@ -138,15 +138,17 @@ def pretrain(
     else:
         means = _learnt(task, folder, budget, (draws[0], draws[1]), executor, progress)
     # None with NAF: without an emulator each entry would cost a simulation.
-    ahead = _prospects(folder, means, budget.prospects, draws[2], progress) if task.exact or means.emulator else None
-    if ahead is not None:
-        facts["worth"] = _worth(folder, means, ahead, draws[2], progress)
+    table = None
+    if task.exact or means.emulator:
+        table = _reward_table(folder, means, budget.prospects, draws[2], progress)
+    if table is not None:
+        facts["worth"] = _worth(folder, means, table, draws[2], progress)
     networks: dict[MemoryName, QNetwork] = {}
-    if stages.policies or ahead is None or policy_files(folder, MEMORIES[0])[1].exists():
+    if stages.policies or table is None or policy_files(folder, MEMORIES[0])[1].exists():
         networks = _policies(folder, means, budget.meta, draws[2], progress)
         facts["policy"] = {memory: read_report(policy_files(folder, memory)[1]) for memory in networks}
     if stages.evaluation or (folder / "evaluation.toml").exists():
-        results = _evaluation(folder, means, networks, ahead, budget, draws[3], progress, anew=stages.evaluation)
+        results = _evaluation(folder, means, networks, table, budget, draws[3], progress, anew=stages.evaluation)
         facts["evaluation"] = results
     path = folder / "checkpoint"
     stored = read_report(path / CARD) if (path / CARD).exists() else {}
@@ -154,46 +156,9 @@ def pretrain(
         facts["simulations"] = means.simulated()
         if library_of(task) is not None:
             shutil.copytree(folder / POLICIES, path / POLICIES, dirs_exist_ok=True)
-        save_checkpoint(task, path, means.emulator, tensors_of(networks) | further, {**means.facts, **facts}, ahead)
+        save_checkpoint(task, path, means.emulator, tensors_of(networks) | further, {**means.facts, **facts}, table)
     progress(STAGES[5], 1, 1)
     return path
-
-
-def simulate_dataset_share(
-    task: Task,
-    folder: Path,
-    budget: PretrainBudget,
-    seed: int,
-    share: Share,
-    executor: Executor,
-    progress: StageProgress,
-) -> bool:
-    """Simulate one share of the dataset that `pretrain` learns from; several processes may do so at a time.
-
-    Returns whether the share is complete: False while the denser part waits for other shares of the first. Only for a
-    task with a dataset, that is for the solver emulator. Raises DatasetError if the folder holds another plan.
-    """
-    _agree_on_plan(task, folder, budget, seed, "emulator")
-    seeds = stage_seeds(seed)
-    return build_share(
-        task,
-        folder / "dataset",
-        budget.rollouts,
-        seeds[0],
-        share,
-        executor,
-        lambda i, n: progress(STAGES[0], i, n),
-        _denser(task, budget, seeds[1]),
-    )
-
-
-def _denser(task: Task, budget: PretrainBudget, seed: int) -> AdaptiveSampling | None:
-    return AdaptiveSampling(budget.denser, partial(outcome_variance, task, seed)) if budget.denser else None
-
-
-def stage_seeds(seed: int) -> tuple[int, ...]:
-    """Seeds of dataset, emulator, adaptation policies and evaluation."""
-    return tuple(int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4))
 
 
 def _grid(folder: Path, solver: Solver, executor: Executor, progress: StageProgress) -> dict[str, Array]:
@@ -240,7 +205,7 @@ def _learnt(
     executor: Executor,
     progress: StageProgress,
 ) -> _Means:
-    cost, size, denser = measured_cost(task, seeds[0]), budget.rollouts, _denser(task, budget, seeds[1])
+    cost, size, denser = measured_cost(task, seeds[0]), budget.rollouts, denser(task, budget, seeds[1])
     progress(cost.in_words(budget.rollouts + budget.denser), 1, 1)
     if cost.is_slow or (folder / "dataset" / GROWN).exists():
         size = enough_rollouts(
@@ -269,29 +234,6 @@ def _learnt(
     return _Means(task, lambda: emulator, emulator, roll, lambda: len(dataset) + roll.count(), facts, unseen_error)
 
 
-def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, solver: str) -> None:
-    drawn = {"seed": seed, "solver": solver, "budget": asdict(budget)}
-    plan = {"task": task.name, "fingerprint": fingerprint(task), **drawn}
-    path = folder / "plan.toml"
-    if not path.exists():
-        write_toml(path, plan)
-        return
-    before = read_report(path)
-    different = [key for key, value in plan.items() if before.get(key) != value]
-    if different:
-        raise DatasetError(
-            f"{folder} was begun with a different {', '.join(different)}: use a new folder, or the settings in {path}"
-        )
-
-
-def read_report(path: Path) -> dict[str, Any]:
-    """Read a TOML file of the folder. Raises DatasetError."""
-    try:
-        return read_toml(path)
-    except (FileNotFoundError, Unreadable) as error:
-        raise DatasetError(f"{path} {error}: remove it, or begin in a new folder") from error
-
-
 def _policies(
     folder: Path, means: _Means, settings: MetaSettings, seed: int, progress: StageProgress
 ) -> dict[MemoryName, QNetwork]:
@@ -304,13 +246,13 @@ def _policies(
             of_training, of_trials = np.random.SeedSequence(seed, spawn_key=(MEMORIES.index(memory),)).generate_state(2)
             simulator = _simulator(means, acting, int(of_trials))
             log = curve_file(folder / f"policy-{memory}.csv", CURVE)
-            network, curve, visits = train_adaptation(
+            network, curve, played = train_adaptation(
                 simulator, settings, int(of_training), memory, _after(memory, means, settings, progress), log
             )
             gate = learning_gate(simulator, network, memory, int(of_training) + 1, settings.targets)
             weights, report = policy_files(folder, memory)
             if memory == MEMORIES[0]:
-                save_tensors(episodes, {f.name: getattr(visits, f.name) for f in fields(Episodes)})
+                save_tensors(episodes, {f.name: getattr(played, f.name) for f in fields(Episodes)})
             save_tensors(weights, network.tensors)
             write_toml(report, _summary(curve, gate))
     progress(STAGES[3], 1, 1)
@@ -342,22 +284,22 @@ def _simulator(means: _Means, acting: Acting, seed: int) -> Simulator:
     return Simulator(means.new_solver(), acting, roll)
 
 
-def _prospects(
-    folder: Path, means: _Means, settings: ProspectSettings, seed: int, progress: StageProgress
+def _reward_table(
+    folder: Path, means: _Means, settings: RewardTableSettings, seed: int, progress: StageProgress
 ) -> RewardTable:
     path = folder / "prospects.safetensors"
     if not path.exists():
-        ahead = look_ahead(means.new_solver(), seed, settings, lambda i, n: progress(STAGES[2], i, n))
-        save_tensors(path, ahead.tensors)
+        table = tabulate_rewards(means.new_solver(), seed, settings, lambda i, n: progress(STAGES[2], i, n))
+        save_tensors(path, table.tensors)
     progress(STAGES[2], 1, 1)
-    return restore_prospects(means.task, load_tensors(path))
+    return restore_reward_table(means.task, load_tensors(path))
 
 
-def _worth(folder: Path, means: _Means, ahead: RewardTable, seed: int, progress: StageProgress) -> dict[str, Any]:
+def _worth(folder: Path, means: _Means, table: RewardTable, seed: int, progress: StageProgress) -> dict[str, Any]:
     path = folder / "worth.toml"
     if not path.exists():
         progress(WORTH, 0, 1)
-        worth = asdict(measured_worth(means.new_solver(), ahead, means.reward_error(), seed))
+        worth = asdict(measured_worth(means.new_solver(), table, means.reward_error(), seed))
         write_toml(path, {key: value for key, value in worth.items() if value is not None})
     progress(WORTH, 1, 1)
     return read_report(path)
@@ -367,7 +309,7 @@ def _evaluation(
     folder: Path,
     means: _Means,
     networks: Mapping[MemoryName, QNetwork],
-    ahead: RewardTable | None,
+    table: RewardTable | None,
     budget: PretrainBudget,
     seed: int,
     progress: StageProgress,
@@ -381,8 +323,8 @@ def _evaluation(
             name: QPolicy(task, networks[memory], memory) for memory, name in NETWORKS.items() if memory in networks
         }
         methods[RANDOM] = RandomSearch(task)
-        if ahead is not None:
-            methods[BELIEF] = Belief(means.new_solver(), ahead)
+        if table is not None:
+            methods[BELIEF] = AdaptSimBelief(means.new_solver(), table)
         results = evaluate(
             means.new_solver(), methods, means.roll, budget.evaluation, seed, lambda i, n: progress(STAGES[4], i, n)
         )

@@ -11,7 +11,7 @@ from sim.adaptation.reward_table import RewardTable
 from sim.adaptation.simulators import Simulators
 from sim.research.identifiability import PARTLY, errors_left
 from sim.rollouts.draws import cover
-from sim.solvers.solver import Solver
+from sim.tasks.task import Solver
 
 HALF = 0.5
 """The expected reward below which a place counts as hopeless."""
@@ -34,7 +34,7 @@ class Worth:
     actions_at_end: dict[str, float]  # share of the best actions at an end of their range, by name
 
 
-def measured_worth(solver: Solver, prospects: RewardTable, reward_error: float | None, seed: int) -> Worth:
+def measured_worth(solver: Solver, reward_table: RewardTable, reward_error: float | None, seed: int) -> Worth:
     """Look at the best actions for parameters all over Omega, and at imagined sessions."""
     task = solver.task
     truths = cover(task.parameters, TRUTHS, np.random.default_rng(seed))
@@ -42,7 +42,7 @@ def measured_worth(solver: Solver, prospects: RewardTable, reward_error: float |
     policies = solver.policies(truths[:, None], np.random.default_rng(seed))
     actions = np.stack([policy.actions(contexts) for policy in policies])  # (T, G, a)
     earned = _earned(solver, truths, contexts, actions)
-    left = errors_left(Simulators(solver, prospects), seed)
+    left = errors_left(Simulators(solver, reward_table), seed)
     unit = task.action.normalise(actions)
     at_end = ((unit < END) | (unit > 1.0 - END)).mean(axis=(0, 1))
     return Worth(

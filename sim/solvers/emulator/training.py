@@ -141,7 +141,7 @@ def split(dataset: Dataset, rng: np.random.Generator, settings: EmulatorSettings
 
 
 def outcome_variance(task: Task, seed: int, dataset: Dataset, candidates: Requests) -> Array:
-    """(N,) variance of the predicted outcome of each candidate, by an emulator of `dataset`: at most .25."""
+    """(N,) variance of the predicted outcome of each candidate, by an emulator of `dataset`: at most 0.25."""
     draft, _ = train_emulator(task, dataset, seed)
     predicted = draft.predict(*_inputs(candidates))
     return predicted.success * (1.0 - predicted.success)

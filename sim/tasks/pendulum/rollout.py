@@ -12,7 +12,7 @@ from perception.types import ObjectTrack, Outcome
 from sim.tasks.pendulum.params import OBSERVATION, PARAMETERS, START
 
 STEEPNESS = 10.0
-"""Reward lost per excess over the least possible cost: at .1 it is 0."""
+"""Reward lost per excess over the least possible cost: at 0.1 it is 0."""
 
 WORTHLESS = 2.0 / STEEPNESS
 """Costs saturate here and score 0: larger ones say nothing about the actions that earn more."""

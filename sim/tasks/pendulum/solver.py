@@ -28,9 +28,10 @@ class LqrPolicy:
         return np.tile(self.gain, (len(contexts), 1))
 
     def predict(self, context: Array) -> tuple[float, float, float]:
-        """Mean, least and largest reward over the distribution; 1 for a single sample."""
+        """Predicted reward: mean over the distribution, and its central 95 %; 1 for a single sample."""
         earned = rewards(self.samples, self.gain)
-        return float(earned.mean()), float(earned.min()), float(earned.max())
+        low, high = np.quantile(earned, [0.025, 0.975])
+        return float(earned.mean()), float(low), float(high)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from adaptsim_cli.bench.touch_off_in_use import correction_by, origin, touch_off
 from adaptsim_cli.commands.app import run
 from adaptsim_cli.config import Places, Resolved
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session.records import Facts
+from adaptsim_cli.session.records import SessionFacts
 from adaptsim_cli.session.rig_sessions import own_ground
 from calib.saved import SavedCalibration
 from hw.types import Array
@@ -90,8 +90,8 @@ def test_a_damaged_one_is_named_and_hides_no_other(settings, printed):
     assert "error" in found[0] and found[1]["in_use"]
 
 
-def facts(ground_sha256: str) -> Facts:
-    return Facts(
+def facts(ground_sha256: str) -> SessionFacts:
+    return SessionFacts(
         name="s", task="scooping", hw="fake", world="ood-1", seed=0, method="adaptsim", particles=2, trials=2,
         created="2026-01-01T00:00:00+00:00", checkpoint="", checkpoint_sha256="", calibration="calibrated",
         calibration_sha256=ground_sha256, versions={}, title="t", object_name="o", parameters=(), context=(), action=(),

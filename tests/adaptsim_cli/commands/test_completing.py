@@ -37,6 +37,9 @@ def test_names_of_this_machine_are_completed(home):
         ("adaptsim run-iteration --session p", ["push-1"]),
         ("adaptsim run-iteration --task pen", ["pendulum"]),
         ("adaptsim sessions mark s", ["scoop-1"]),
+        ("adaptsim run-iteration --hw fr", ["fr3", "fr3v2"]),
+        ("adaptsim run-iteration --method ud", ["udr"]),
+        ("adaptsim run-iteration --control s", ["scoop-1", "sysid-bayes", "sysid-bayes-point", "sysid-bayes-state"]),
     ],
 )
 def test_a_shell_gets_them(home, typed, expected):

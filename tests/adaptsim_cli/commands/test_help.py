@@ -39,6 +39,11 @@ def test_every_command_is_in_one_panel_and_set_up_comes_first(capfd: pytest.Capt
     assert "Documentation: " in shown
 
 
+def test_the_list_of_commands_says_what_each_command_says_of_itself() -> None:
+    listed = {name: row.summary for rows in app.PANELS.values() for name, row in rows.items()}
+    assert listed == {name: (COMMANDS[name].help or "").partition("\n\n")[0] for name in listed}
+
+
 def test_no_docstring_is_wrapped_twice() -> None:
     for path, command in COMMANDS.items():
         for paragraph in (command.help or "").split("\n\n"):
@@ -60,3 +65,13 @@ def test_defaults_that_settings_decide_are_those_of_the_settings() -> None:
             expected = getattr(usual, option.name)
             assert option.show_default == (f"{expected:g}" if isinstance(expected, float) else str(expected)), path
     assert compared > 40
+
+
+def test_a_flag_shows_no_type_and_other_options_do() -> None:
+    shown = {option.is_flag: option.metavar for _, option in OPTIONS if getattr(option, "is_flag", False)}
+    assert shown == {True: ""}
+
+
+def test_a_command_of_a_group_is_suggested_with_its_group(capfd: pytest.CaptureFixture[str]) -> None:
+    assert app.run(["export"]) == 2
+    assert "Did you mean 'adaptsim sessions export'?" in capfd.readouterr().err

@@ -18,7 +18,7 @@ from adaptsim_cli.screen.console import CleanConsole, Screen, clean
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import between, clear_to_move, predicted_between, top_speed_m_s
 from adaptsim_cli.session.flow import run_iteration
-from adaptsim_cli.session.live_trial import Placement
+from adaptsim_cli.session.live_trial import PlannedTrial
 from adaptsim_cli.session.operator import Attended
 from adaptsim_cli.session.records import MotionRecord
 from hw.errors import ArmFault
@@ -50,7 +50,7 @@ def test_a_key_releases_each_trial_of_an_iteration(tmp_path, monkeypatch):
     object.__setattr__(session, "screen", operator.screen)
     run_iteration(session)
     text = said.getvalue()
-    assert text.index("The task policy was trained for") < text.index("Expected reward") < text.index("Tracked:")
+    assert text.index("The task policy was trained for") < text.index("Predicted reward") < text.index("Tracked:")
     assert " ".join(text.split()).count("the tool at up to 0.00 m/s. Type y to start, q to stop, ? explains:") == 4
     assert "What changed" in text
 
@@ -180,7 +180,7 @@ def test_it_is_asked_after_every_placing_and_before_anything_moves(name, tmp_pat
         def placed(self, what: str, wanted_m: np.ndarray, real: bool) -> None:
             events.append("placed")
 
-        def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
+        def approve(self, trial: MotionRecord, planned: PlannedTrial, real: bool, release: Release) -> None:
             who = "THE REAL ROBOT" if real else "The simulated robot"
             assert planned.announcement.startswith(
                 f"Is the work area clear, nobody within reach? {who} then comes to the"

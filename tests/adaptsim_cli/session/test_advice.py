@@ -6,11 +6,11 @@ import pytest
 
 from adaptsim_cli.config import same_lab
 from adaptsim_cli.screen.outputs.trials import BestRecord, SuspicionRecord
-from adaptsim_cli.session.advice import HEADLINES, after_iteration, in_words, tried_in
-from adaptsim_cli.session.records import Facts, ResultRecord
+from adaptsim_cli.session.advice import HEADLINES, after_iteration, best_in_words, gain_in_words, in_words, tried_in
+from adaptsim_cli.session.records import ResultRecord, SessionFacts
 from sim.adaptation.verdict import Kind, Reason, Verdict
 
-FACTS = Facts(
+FACTS = SessionFacts(
     name="s", task="scooping", hw="fake", world="ood-1", seed=3, method="adaptsim", particles=2, trials=2,
     created="2026-01-01T00:00:00+00:00", checkpoint="", checkpoint_sha256="", calibration="calibrated",
     calibration_sha256="", versions={}, title="t", object_name="piece", parameters=(), context=(), action=(),
@@ -20,8 +20,7 @@ CHECK, TOUCH, RANGES = "adaptsim calibrate check", "adaptsim touch-off", "adapts
 
 
 def found(kind: Kind, *reasons: Reason, reward: float = 0.5) -> Verdict:
-    forecast = {"gain": 0.08, "likely": 0.4} if kind in (Kind.GO_ON, Kind.ENOUGH, Kind.HOPELESS) else {}
-    return Verdict(kind=kind, reasons=reasons, reward=reward, ci95=(0.2, 0.95), trials=8, strange=6, **forecast)
+    return Verdict(kind=kind, reasons=reasons, reward=reward, ci95=(0.2, 0.95), trials=8, strange=6)
 
 
 def best_of(tried: tuple[int, ...] | None, reward: float | None) -> BestRecord:
@@ -31,17 +30,37 @@ def best_of(tried: tuple[int, ...] | None, reward: float | None) -> BestRecord:
 @pytest.mark.parametrize(
     ("tried", "reward", "words"),
     [
-        ((3, 4), 0.905, "tried in trials 3 and 4: mean reward 0.91"),
-        ((2,), 0.0, "tried in trial 2: mean reward 0.00"),
-        ((1, 4, 5, 6, 9, 11, 12), 0.5, "tried in trials 1, 4 to 6, 9, 11 and 12: mean reward 0.50"),
-        ((3, 4, 5), 0.5, "tried in trials 3 to 5: mean reward 0.50"),
-        ((1, 3, 4), 0.5, "tried in trials 1, 3 and 4: mean reward 0.50"),
+        ((3, 4), 0.905, "that of trials 3 and 4 (mean reward 0.91)"),
+        ((2,), 0.0, "that of trial 2 (reward 0.00)"),
+        ((1, 4, 5, 6, 9, 11, 12), 0.5, "that of trials 1, 4 to 6, 9, 11 and 12 (mean reward 0.50)"),
+        ((3, 4, 5), 0.5, "that of trials 3 to 5 (mean reward 0.50)"),
+        ((1, 3, 4), 0.5, "that of trials 1, 3 and 4 (mean reward 0.50)"),
         ((), None, "not yet tried"),
         (None, None, ""),  # a record of an earlier version
     ],
 )
 def test_a_policy_is_called_untried_only_if_no_trial_would_be_repeated(tried, reward, words):
     assert tried_in(best_of(tried, reward)) == words
+
+
+@pytest.mark.parametrize(
+    ("after", "words"),
+    [
+        (None, "that of trials 3 to 6 (mean reward 0.91)"),
+        (0, "that of trials 3 to 6 (mean reward 0.91), chosen before the first trial"),
+        (1, "that of trials 3 to 6 (mean reward 0.91), chosen after 1 trial"),
+        (2, "that of trials 3 to 6 (mean reward 0.91), chosen after 2 trials"),
+    ],
+)
+def test_the_best_policy_is_apart_from_the_present_simulator(after, words):
+    best = best_of((3, 4, 5, 6), 0.91).model_copy(update={"chosen_after": after})
+    assert best_in_words(best, "friction 0.26") == f"Best policy: {words}. The simulator now: friction 0.26."
+
+
+def test_the_gain_names_first_and_last_iteration():
+    assert gain_in_words([0.456]) == "0.46 in the first iteration"
+    assert gain_in_words([0.46, 0.91]) == "0.46 in the first iteration, 0.91 in the second"
+    assert gain_in_words([0.1] * 6 + [0.9]) == "0.10 in the first iteration, 0.90 in iteration 7"
 
 
 def test_nothing_is_measured_again_that_a_trial_has_measured():
@@ -69,7 +88,7 @@ def test_a_suspicion_of_the_task_comes_first_with_the_command_that_tells():
     assert rest[0][0] == "adaptsim run-iteration --session s"
 
 
-def steps(verdict: Verdict, iteration: int = 1, facts: Facts = FACTS) -> list[str]:
+def steps(verdict: Verdict, iteration: int = 1, facts: SessionFacts = FACTS) -> list[str]:
     best = BestRecord(params={"mu": 0.3}, mean_reward=0.5, trials=4, ci95=(0.2, 0.8))
     result = ResultRecord(
         iteration=iteration, trials=(), next_particles=(), best=best, verdict=verdict, timing_s={}, proposal_s=0.0

@@ -19,7 +19,7 @@ from adaptsim_cli.session.exporting import rows
 from adaptsim_cli.session.flow import RunningSession, run_iteration
 from adaptsim_cli.session.history import history_of, played_of, trials_of
 from adaptsim_cli.session.keeping import verify
-from adaptsim_cli.session.records import Facts, MotionRecord
+from adaptsim_cli.session.records import MotionRecord, SessionFacts
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.watching import AllOf, SessionLog
 from adaptsim_cli.show import page
@@ -236,7 +236,7 @@ def test_a_session_with_control_is_of_a_format_that_older_programs_refuse(whole,
     path = tmp_path / "session.toml"
     path.write_bytes(records.to_toml(whole.store.facts.model_copy(update={"format": 6})))
     with pytest.raises(SessionError, match="Update adaptsim"):
-        records.read(Facts, path)
+        records.read(SessionFacts, path)
 
 
 def test_a_session_cannot_be_continued_with_another_control(tmp_path):

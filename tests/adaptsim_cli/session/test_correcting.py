@@ -15,7 +15,7 @@ from adaptsim_cli.session import correcting
 from adaptsim_cli.session.correcting import amend, amendable, redo, restore
 from adaptsim_cli.session.flow import run_iteration
 from adaptsim_cli.session.keeping import verify
-from adaptsim_cli.session.live_trial import Placement
+from adaptsim_cli.session.live_trial import PlannedTrial
 from adaptsim_cli.session.operator import Choices, Review
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
 from adaptsim_cli.session.store import SessionStore
@@ -128,7 +128,7 @@ def test_a_restored_attempt_may_be_rejected_and_restored_once_more(tmp_path):
         def review(self, tracked: TrialRecord, choices: Choices) -> Review:
             return Review(rejected="no")
 
-        def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
+        def approve(self, trial: MotionRecord, planned: PlannedTrial, real: bool, release: Release) -> None:
             if trial.attempt > 1:
                 raise StoppedByOperator("later")
 

@@ -187,14 +187,14 @@ def test_messages_are_laid_out_as_cdr_wants_them() -> None:
 def filmed(undisturbed: SessionStore) -> Filmed:
     store = undisturbed
     record = store.trials(0)[0]
-    stored = recording.read(store.trial_folder(*record.place) / recording.FILE)
+    stored = recording.read(store.trial_folder(*record.position) / recording.FILE)
     track, start_s = record.track.track(), stored.execution.t_start_s
     return Filmed(stored.frames, stored.model, stored.X_BC, start_s, track, track.state[0, :2], None)
 
 
 def test_every_trial_has_its_film(undisturbed):
     for record in undisturbed.trials(0):
-        sheet = decode_image((undisturbed.trial_folder(*record.place) / FILM).read_bytes(), cv2.IMREAD_COLOR)
+        sheet = decode_image((undisturbed.trial_folder(*record.position) / FILM).read_bytes(), cv2.IMREAD_COLOR)
         assert sheet.shape == (ROWS * 240, COLUMNS * 240, 3)
         assert record.film is not None and record.film.end_s == record.track.t_s[-1]
         assert FILM in record.checksums

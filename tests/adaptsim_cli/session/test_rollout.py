@@ -45,7 +45,7 @@ def test_the_trial_of_a_policy(lab, tmp_path, printed):
         record["action"],
         tuple(record["observation"]),
     )
-    assert (store.trial_folder(*trial.place) / "recording.mcap").stat().st_size > 0
+    assert (store.trial_folder(*trial.position) / "recording.mcap").stat().st_size > 0
     assert (tmp_path / "one" / "report.html").is_file()
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from recordings import write_tables
 
@@ -15,7 +14,6 @@ from adaptsim_cli.screen.outputs.sessions import ParameterBelief
 from adaptsim_cli.session.checkpoint import solver_of
 from adaptsim_cli.show.comparison import disagreements
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from sim.adaptation.reward_table import RewardTable, weighed
 from sim.errors import UnknownName
 from sim.research.methods.q_policy import new_policy, tensors_of
 from sim.research.naf.memory import NafMemory
@@ -37,38 +35,28 @@ def test_posteriors_disagree_where_their_intervals_have_nothing_in_common():
     assert disagreements(apart[:1]) == ()
 
 
-def test_prospects_weighed_by_a_posterior_repeat_its_truths_and_keep_a_tenth_of_the_others():
-    truths = np.arange(100.0)[:, None]
-    weights = np.zeros(100)
-    weights[7] = 1.0
-    found = weighed(RewardTable(truths[:3], truths, np.arange(300.0).reshape(3, 100)), weights)
-    assert 0.88 < (found.truths == 7.0).mean() < 0.93
-    assert len(np.unique(found.truths)) == pytest.approx(10, abs=2)
-    assert found.rewards[1].tolist() == (found.truths[:, 0] + 100.0).tolist()
-
-
 @pytest.mark.long
 def test_a_session_begins_with_the_posterior_of_another_and_comparing_them_names_parameters(refused, printed):
     run = ["run-iteration", "--task", "pendulum", "--yes", "--world", "wd"]
     assert app.run([*run, "--session", "old"]) == 0
     old, new = api.open_session("old"), api.begin("pendulum", start_from="old", name="new")
-    before, after = old.posterior(0), new.posterior(0)  # the exact fit leaves hardly more than its own point
-    assert after.effective < 0.1 * before.effective
+    before, after = old.posterior(0).quantiles((0.05, 0.95)), new.posterior(0).quantiles((0.05, 0.95))
+    assert (after[1] - after[0] <= before[1] - before[0] + 1e-9).all()
+    assert (after[1] - after[0] < 0.7 * (before[1] - before[0])).any()
     new.run_iteration()
     assert new.facts.start_from == "old"
     assert "the posterior of session old" in (new.folder / "report.html").read_text()
 
-    assert app.run([*run[:-1], "ood-1", "--session", "other"]) == 0
-    shown = printed("compare", "old", "other", "--json")
+    shown = printed("compare", "old", "new", "--json")
     assert [(one["session"], one["parameter"]) for one in shown["posteriors"]][:5] == [
         *(("old", name) for name in ("m1", "m2", "b1", "b2")),
-        ("other", "m1"),
+        ("new", "m1"),
     ]
     assert "The posteriors disagree in" in Path(shown["page"]).read_text()
 
     assert "udr knows no posterior" in refused(2, *run, "--method", "udr", "--start-from", "old")
-    assert old.run_iteration().number == 2  # an exact fit stays where it is, so the posterior is the same
-    assert app.run(["run-iteration", "--session", "new", "--yes"]) == 0
+    assert old.run_iteration().number == 2  # from now on its posterior is another one
+    assert "the posterior that it started from has changed" in refused(2, "run-iteration", "--session", "new", "--yes")
 
 
 @pytest.mark.long

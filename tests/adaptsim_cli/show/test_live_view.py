@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import http.client
-import json
 import re
 import socket
 import struct
@@ -16,18 +14,20 @@ import cv2
 import numpy as np
 import pytest
 from real_lab import quiet, said
+from served_pages import Events, get
 from toy_rig import PARAMETERS, ToyLab
 from toy_session import ScriptedOperator, attended
 
 from adaptsim_cli.errors import UsageError
 from adaptsim_cli.screen.release import Release
 from adaptsim_cli.session.flow import RunningSession, run_iteration
-from adaptsim_cli.session.live_trial import Placement
+from adaptsim_cli.session.live_trial import PlannedTrial
 from adaptsim_cli.session.operator import Choices, Review
 from adaptsim_cli.session.records import MotionRecord, TrialRecord
-from adaptsim_cli.show import live
+from adaptsim_cli.show import live, live_state
+from adaptsim_cli.show.dashboard import Dashboard
 from adaptsim_cli.show.live import LiveView, live_view
-from adaptsim_cli.show.server import Page
+from adaptsim_cli.show.server import LocalServer, Page
 from sim.adaptation.posterior import Posterior
 
 HTML = (resources.files("adaptsim_cli.show") / "live.html").read_text()
@@ -35,107 +35,83 @@ HTML = (resources.files("adaptsim_cli.show") / "live.html").read_text()
 
 @pytest.fixture
 def page() -> Iterator[Page]:
-    with Page("<p>hello</p>") as served:
+    with Page("<p>hello</p>") as shown:
+        yield shown
+
+
+@pytest.fixture
+def server(page: Page) -> Iterator[LocalServer]:
+    with LocalServer(Dashboard(None, {"s": page})) as served:
         yield served
 
 
-def get(page: Page, path: str, host: str | None = None) -> tuple[int, dict[str, str], bytes]:
-    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=20)
-    connection.request("GET", path, headers={} if host is None else {"Host": host})
-    answer = connection.getresponse()
-    content = answer.read()
-    connection.close()
-    return answer.status, dict(answer.getheaders()), content
-
-
-class Events:
-    """The stream of states, one after the other."""
-
-    def __init__(self, page: Page) -> None:
-        self._connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=20)
-        self._connection.request("GET", "/state")
-        self._answer = self._connection.getresponse()
-
-    def next(self) -> Any:
-        """The next state; None where the session is over."""
-        while True:
-            line = self._answer.readline().decode().strip()
-            if line == "event: over":
-                return None
-            if line.startswith("data: "):
-                return json.loads(line.removeprefix("data: "))
-
-    def close(self) -> None:
-        self._answer.close()
-        self._connection.close()
-
-
-def test_it_listens_on_this_computer_alone(page):
-    assert page.address == f"http://127.0.0.1:{page.port}/"
+def test_it_listens_on_this_computer_alone(server):
+    assert server.address == f"http://127.0.0.1:{server.port}/"
     with pytest.raises(OSError):
-        socket.create_connection(("127.0.0.2", page.port), timeout=2).close()
+        socket.create_connection(("127.0.0.2", server.port), timeout=2).close()
 
 
 @pytest.mark.parametrize(
     ("host", "status"), [("127.0.0.1:9", 200), ("localhost:8765", 200), ("evil.example", 403), ("evil.example:80", 403)]
 )
-def test_another_sites_page_reads_nothing(page, host, status):
-    assert get(page, "/", host)[0] == status
+def test_another_sites_page_reads_nothing(server, host, status):
+    assert get(server, "/live/s/", host)[0] == status
 
 
-def test_resets_and_malformed_hosts_leave_the_terminal_alone(page, capfd):
+def test_resets_and_malformed_hosts_leave_the_terminal_alone(server, capfd):
     for sent in (b"GET / HTTP/1.1\r\nHost: [\r\n\r\n", b"GET //[ HTTP/1.1\r\nHost: localhost\r\n\r\n", b"GET"):
-        with socket.create_connection(("127.0.0.1", page.port), timeout=20) as one:
+        with socket.create_connection(("127.0.0.1", server.port), timeout=20) as one:
             one.sendall(sent)
             if sent.endswith(b"\n"):
                 one.recv(64)
             one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # closes by a reset
-    assert get(page, "/", "[")[0] == 403
-    assert get(page, "/")[0] == 200
+    assert get(server, "/live/s/", "[")[0] == 403
+    assert get(server, "/live/s/")[0] == 200
     assert capfd.readouterr().err == ""
 
 
-def test_the_page_may_load_nothing_from_elsewhere(page):
-    _, headers, _ = get(page, "/")
+def test_the_page_may_load_nothing_from_elsewhere(server):
+    _, headers, _ = get(server, "/live/s/")
     assert "default-src 'none'" in headers["Content-Security-Policy"]
     assert not re.search(r"(src|href)=\"(?!data:|\$\{)", HTML), "what it shows comes from its own address"
     assert "http" not in re.sub(r"<!doctype html>", "", HTML)
 
 
-def test_every_state_arrives_pictures_by_name_and_the_end(page):
+def test_every_state_arrives_pictures_by_name_and_the_end(page, server):
     page.show({"a": 1}, {"1.jpg": b"\xff\xd8one"})
-    events = Events(page)
+    events = Events(server)
     assert events.next() == {"a": 1}
     page.show({"a": 2}, {"2.jpg": b"\xff\xd8two"})
     assert events.next() == {"a": 2}
-    assert get(page, "/picture/2.jpg")[2] == b"\xff\xd8two"
-    assert get(page, "/picture/1.jpg")[0] == 404
-    assert get(page, "/../secrets")[0] == 404
+    assert get(server, "/live/s/picture/2.jpg")[2] == b"\xff\xd8two"
+    assert get(server, "/live/s/picture/1.jpg")[0] == 404
+    assert get(server, "/../secrets")[0] == 404
     page.__exit__(None, None, None)
     assert events.next() is None, "its end is told"
     events.close()
 
 
-def test_the_cameras_newest_picture_is_asked_for_by_the_page_alone(page):
-    assert get(page, "/camera")[0] == 204, "a page without a camera"
+def test_the_cameras_newest_picture_is_asked_for_by_the_page_alone(server):
+    assert get(server, "/live/s/camera")[0] == 204, "a page without a camera"
     asked: list[int] = []
 
     def newest() -> np.ndarray | None:
         asked.append(len(asked))
         return None if len(asked) == 1 else np.full((720, 1280, 3), 90, np.uint8)
 
-    with Page("", newest=partial(live.newest_jpeg, newest)) as watched:
+    pages = {"s": Page("", partial(live.newest_jpeg, newest))}
+    with LocalServer(Dashboard(None, pages)) as watched:
         assert not asked
-        assert get(watched, "/camera")[0] == 204, "the camera is busy"
-        status, head, jpeg = get(watched, "/camera?1")
+        assert get(watched, "/live/s/camera")[0] == 204, "the camera is busy"
+        status, head, jpeg = get(watched, "/live/s/camera?1")
     assert (status, head["Content-Type"]) == (200, "image/jpeg")
     assert cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR).shape == (540, live.WIDTH_PX, 3)
 
 
-def test_a_port_that_is_taken_is_an_error_only_where_it_was_asked_for(page):
-    with pytest.raises(UsageError, match=f"--view-port {page.port} is taken"), Page("", page.port):
+def test_a_port_that_is_taken_is_an_error_only_where_it_was_asked_for(server):
+    with pytest.raises(UsageError, match=f"port {server.port} is taken"), LocalServer(Dashboard(None), server.port):
         pass
-    with Page("") as first, Page("") as second:
+    with LocalServer(Dashboard(None)) as first, LocalServer(Dashboard(None)) as second:
         assert first.port != second.port
 
 
@@ -148,7 +124,7 @@ class Looking(ScriptedOperator):
         self.approvals: list[dict[str, Any]] = []
         self.judgements: list[tuple[dict[str, Any], dict[str, bytes]]] = []
 
-    def approve(self, trial: MotionRecord, planned: Placement, real: bool, release: Release) -> None:
+    def approve(self, trial: MotionRecord, planned: PlannedTrial, real: bool, release: Release) -> None:
         self.approvals.append(dict(self._view._state))
 
     def review(self, tracked: TrialRecord, choices: Choices) -> Review:
@@ -190,7 +166,7 @@ def test_the_terminal_says_where_the_page_is_and_how_to_reach_it(tmp_path):
             with screen.busy("The robot moves", "moving"):
                 assert view._state["now"]["move"] == move, "the page plays this part of the plan"
         assert view._state["now"]["doing"] == ""
-    port = re.search(r"Live page: http://127.0.0.1:(\d+)/", said(screen))
+    port = re.search(r"Live page: http://127.0.0.1:(\d+)/live/toy-wd/", said(screen))
     assert f"ssh -L {port[1]}:127.0.0.1:{port[1]} " in said(screen)
 
 
@@ -198,6 +174,6 @@ def test_the_posterior_of_a_parameter_adds_up_over_its_range():
     rng = np.random.default_rng(0)
     samples = PARAMETERS.sample(rng, 500)
     weights = np.where(samples[:, 0] > 0.35, 1.0, 0.0)
-    told = live._marginals(PARAMETERS, Posterior(PARAMETERS, samples, weights / weights.sum()))
+    told = live_state._marginals(PARAMETERS, Posterior(PARAMETERS, samples, weights / weights.sum()))
     assert np.allclose(np.sum(told, axis=1), 1.0, atol=1e-3)
-    assert np.sum(told[0][: int(0.75 * live.BINS)]) == 0.0, "nothing below 0.35 of the range 0.2 to 0.4"
+    assert np.sum(told[0][: int(0.75 * live_state.BINS)]) == 0.0, "nothing below 0.35 of the range 0.2 to 0.4"

@@ -35,20 +35,42 @@ def test_the_chart_has_one_scale_for_range_belief_and_truth():
     assert 0 < drawn.index("━") < drawn.rindex("│")
 
 
+def shown(*rewards: float, **changes: object) -> Revealed:
+    values = {"session": "s", "method": "adaptsim", "world": "w", "parameters": [SHAPE], "unmodelled": [], "trials": 10}
+    earned = {"rewards": list(rewards), "chosen_after": 2, "udr_reward": 0.12, "udr_trials": 32}
+    return Revealed.model_validate(values | earned | changes)
+
+
+UDR = "UDR in w 0.12 (simulated truth, 32 trials)."
+BEST = "after 10 trials; its best policy was chosen after 2 of them."
+
+
 @pytest.mark.parametrize(
-    ("iterations", "last", "told"),
+    ("rewards", "told"),
     [
-        (1, 0.4, "this session's 10 trials earned 0.40, before it adapted for the first time."),
-        (5, 0.9, "adapting earned 0.90 in iteration 5, 0.40 in the first: 10 trials were worth +0.50 of 1."),
-        (5, 0.42, "in the first: no clear difference after 10 trials."),
-        (5, 0.1, "it does not pay here so far, after 10 trials."),
+        ([0.46], f"0.46 in the first iteration; {UDR} The first iteration ran before the session adapted"),
+        (
+            [0.46, 0.91],
+            f"0.46 in the first iteration, 0.91 in the second; {UDR} The last iteration earned 0.79 more than UDR, one "
+            f"policy for the whole range, {BEST}",
+        ),
+        ([0.46, 0.14], f"The last iteration earned about as much as UDR, one policy for the whole range, {BEST}"),
+        ([0.46, 0.05], f"The last iteration earned 0.07 less than UDR, one policy for the whole range, {BEST}"),
     ],
 )
-def test_one_sentence_says_what_adapting_was_worth(iterations: int, last: float, told: str):
-    shown = Revealed(
-        session="s", method="adaptsim", world="w", parameters=[SHAPE], iterations=iterations, trials=10,
-        first_reward=0.4, last_reward=last, udr_reward=0.4, udr_trials=32,
-    )  # fmt: skip
-    said = truth_view.in_words(shown)
-    assert said.startswith("One policy for the whole range (UDR) earns 0.40 in w (32 simulated trials); ")
-    assert said.endswith(told)
+def test_the_gain_stands_beside_udr_in_the_same_world(rewards: list[float], told: str):
+    assert told in truth_view.in_words(shown(*rewards))
+
+
+def test_a_belief_that_holds_the_truth_needs_no_reason():
+    assert truth_view.misses_in_words(shown(0.4)) == ""
+    assert truth_view.misses_in_words(shown(0.4, parameters=[PATCH])) == "", "without an interval nothing is claimed"
+
+
+def test_a_belief_that_misses_the_truth_says_why():
+    within = SHAPE.model_copy(update={"truth": 0.0})
+    beyond = STIFF.model_copy(update={"believed": (2e4, 1e5, 4e5)})
+    said = truth_view.misses_in_words(shown(0.4, parameters=[beyond, within], unmodelled=["density_scale", "edge"]))
+    assert said.startswith("The belief misses stiffness and shape. The true stiffness lies beyond the range")
+    assert "repeats the observed motions" in said
+    assert said.endswith("This world also differs in density scale and edge, which no parameter expresses.")

@@ -8,7 +8,7 @@ from table_scenes import at
 
 from hw.types import Array
 from perception.piece.proxy import Proxy, Shape
-from perception.piece.tracking import judge
+from perception.piece.tracking import outcome_of
 from perception.types import Outcome
 
 X_BT = at(0.80, 0.01, 0.035, pitch=-0.25)
@@ -19,7 +19,7 @@ T_S = np.linspace(0.0, 1.2, 37)
 def verdict(in_tool_m: tuple[float, float, float], drift_m_s: float = 0.0) -> tuple[Outcome, Array, tuple[str, ...]]:
     points = np.array(in_tool_m) + np.outer(T_S - T_S[-1], [drift_m_s, 0.0, 0.0])
     state = points @ X_BT[:3, :3].T + X_BT[:3, 3]
-    return judge(T_S, state, np.full(len(T_S), 0.9), np.tile(X_BT, (len(T_S), 1, 1)), 1.0, PROXY)
+    return outcome_of(T_S, state, np.full(len(T_S), 0.9), np.tile(X_BT, (len(T_S), 1, 1)), 1.0, PROXY)
 
 
 def test_on_the_blade() -> None:

@@ -6,7 +6,7 @@ import functools
 import numpy as np
 import pytest
 from scipy.stats import multivariate_t
-from toy_learning import TARGET, prospects, trained, tried
+from toy_learning import TARGET, reward_table, trained, tried
 from toy_learning import trial as one_trial
 from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, simulate
 
@@ -14,13 +14,13 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.discrepancy import FREEDOM, Discrepancy, DiscrepancyScale
 from sim.adaptation.method import FAILED, FAILURES, OwnPolicies, Trial
 from sim.adaptation.methods import make_method
-from sim.adaptation.methods.adaptsim import AdaptSim, outlook_after
-from sim.adaptation.reality import KEPT, Reality, RealityPolicy
+from sim.adaptation.methods.adaptsim import AdaptSim, forecast_after
+from sim.adaptation.outcome_posterior import KEPT, OutcomePosterior, PosteriorPolicy
 from sim.adaptation.simulators import Simulators
 from sim.errors import NotExecutable
 from sim.lab.drawn import drawn_world
 from sim.lab.world import load_world
-from sim.research.benchmark.sessions import Conditions, judge, run_session, udr_policies
+from sim.research.benchmark.sessions import Conditions, estimated_reward, run_session, udr_policies
 from sim.research.benchmark.trial_sources import SimulatedTrials
 from sim.research.identifiability import errors_left
 from sim.rollouts.draws import cover
@@ -34,7 +34,7 @@ CONTEXTS = TOY.context.sample(np.random.default_rng(5), 16)
 
 @functools.cache
 def simulators() -> Simulators:
-    return Simulators(trained()[0], prospects())
+    return Simulators(trained()[0], reward_table())
 
 
 def trial(action, effects=None, seed=0):
@@ -47,8 +47,8 @@ def trials(n, effects=None):
 
 
 @functools.cache
-def reality_after(n) -> Reality:
-    return Reality(simulators(), trials(n))
+def posterior_after(n) -> OutcomePosterior:
+    return OutcomePosterior(simulators(), trials(n))
 
 
 def earned(policy, effects=None):
@@ -89,7 +89,7 @@ def test_one_success_far_from_where_all_simulators_put_it_does_not_choose_among_
     strange = trial(ACTION.denormalise(np.full(2, 0.5)))
     assert strange.end_state is not None
     shifted = dataclasses.replace(strange, end_state=strange.end_state + 100.0 * simulators().end_unit)
-    weights = [Reality(simulators(), (one, *trials(6))).weights for one in (strange, shifted)]
+    weights = [OutcomePosterior(simulators(), (one, *trials(6))).weights for one in (strange, shifted)]
     effective = [1.0 / (w**2).sum() for w in weights]
     assert effective[1] > 0.3 * effective[0]
 
@@ -99,13 +99,13 @@ def test_the_scale_of_what_reality_adds_grows_where_trials_contradict_the_simula
     agreeing = trials(12)
     some = next(t.end_state for t in agreeing if t.end_state is not None)
     contrary = tuple(dataclasses.replace(t, end_state=some if t.end_state is None else None) for t in agreeing)
-    scales = [Reality(simulators(), seen)._added[0][0].scale.local for seen in (agreeing, contrary)]
+    scales = [OutcomePosterior(simulators(), seen)._discrepancies[0][0].scale.local for seen in (agreeing, contrary)]
     assert scales[0] < scales[1]
 
 
 @pytest.mark.long
 def test_trials_single_out_the_simulators_that_predict_them():
-    before, after = reality_after(0), reality_after(12)
+    before, after = posterior_after(0), posterior_after(12)
     truth = PARAMETERS.normalise(TARGET)
     off = [np.abs(PARAMETERS.normalise(r.parameters) - truth).mean(axis=0) for r in (before, after)]
     assert off[1][0] < 0.5 * off[0][0], "friction moves the piece, so trajectories show it"
@@ -115,7 +115,7 @@ def test_trials_single_out_the_simulators_that_predict_them():
 
 @pytest.mark.long
 def test_the_policy_suits_the_target_and_knows_what_it_earns():
-    policy = RealityPolicy(reality_after(12))
+    policy = PosteriorPolicy(posterior_after(12))
     assert earned(policy) > 0.9
     mean, low, high = policy.predict(CONTEXTS[0])
     assert low <= mean <= high
@@ -128,7 +128,7 @@ def test_what_no_parameter_expresses_is_learnt_as_a_correction_of_the_action():
     method = AdaptSim(simulators())
     joined = method.final(history)
     by_parameters = max(
-        earned(policy_for(simulators().solver, e[None]), tilted) for e in simulators().prospects.candidates[::4]
+        earned(policy_for(simulators().solver, e[None]), tilted) for e in simulators().reward_table.candidates[::4]
     )
     assert earned(joined, tilted) >= by_parameters - 0.02
     _, found = method.assess(history)
@@ -136,19 +136,19 @@ def test_what_no_parameter_expresses_is_learnt_as_a_correction_of_the_action():
 
 
 @pytest.mark.long
-def test_an_outlook_says_how_much_is_left_and_less_so_with_every_trial():
+def test_a_session_is_done_after_two_iterations_and_not_before():
     for_e = policy_for(simulators().solver, TARGET[None])
-    found = [outlook_after(reality_after(n), for_e, n // 4, 2) for n in (0, 4, 16)]
-    assert found[0].gain > 0.02, "before any trial four trials are worth something"
-    assert found[2].gain < found[0].gain
-    assert found[2].likely < found[0].likely
-    assert found[2].done
+    found = {n: forecast_after(posterior_after(4 * n), for_e, n) for n in (0, 1, 2, 4)}
     assert not found[0].done
-    assert not found[2].hopeless
-    assert found[2].ci95[0] <= found[2].reward <= found[2].ci95[1]
-    first = outlook_after(reality_after(16), for_e, 1, 2)
-    assert first.untried
-    assert not first.done, "one iteration never tries the policy that it ends with"
+    assert found[1].untried
+    assert not found[1].done, "one iteration never tries the policy that it ends with"
+    assert found[2].done
+    assert found[4].done
+    for one in found.values():
+        assert not one.hopeless
+        assert one.ci95[0] <= one.reward <= one.ci95[1]
+    width = {n: one.ci95[1] - one.ci95[0] for n, one in found.items()}
+    assert width[4] < width[0], "trials narrow the expected reward"
 
 
 @pytest.mark.long
@@ -159,7 +159,7 @@ def test_a_session_is_hopeless_after_twelve_failures_in_a_row_and_not_before():
     failed = Trial(CONTEXTS[0], action, seen, 0.0, None)
 
     def after(*tried: Trial) -> bool:
-        found = outlook_after(Reality(simulators(), tried), for_e, 1, 2)
+        found = forecast_after(OutcomePosterior(simulators(), tried), for_e, 1)
         return found.failures >= FAILURES
 
     worked = next(trial for trial in trials(12) if trial.reward > FAILED)
@@ -172,14 +172,14 @@ def test_a_session_is_hopeless_after_twelve_failures_in_a_row_and_not_before():
 def test_an_object_that_nothing_suits_is_called_hopeless():
     actions, seen = cover(ACTION, 96, np.random.default_rng(2)), np.full(TOY.observation.size, 0.5)
     failing = tuple(Trial(CONTEXTS[0], action, seen, 0.0, None) for action in actions)
-    found = outlook_after(Reality(simulators(), failing), policy_for(simulators().solver, TARGET[None]), 5, 2)
+    found = forecast_after(OutcomePosterior(simulators(), failing), policy_for(simulators().solver, TARGET[None]), 5)
     assert found.hopeless
     assert found.ci95[1] < 0.4
     assert found.done
 
 
 def optimism(policy):
-    assert isinstance(policy, RealityPolicy)
+    assert isinstance(policy, PosteriorPolicy)
     return policy.optimism
 
 
@@ -207,12 +207,12 @@ def test_while_every_trial_has_failed_all_particles_explore_and_the_surest_failu
 
 
 def test_actions_that_the_arm_cannot_do_are_passed_over():
-    reality = reality_after(0)
-    best = RealityPolicy(reality)(CONTEXTS[0])
-    other = RealityPolicy(reality, executable=lambda _, action: not np.allclose(action, best))(CONTEXTS[0])
+    posterior = posterior_after(0)
+    best = PosteriorPolicy(posterior)(CONTEXTS[0])
+    other = PosteriorPolicy(posterior, executable=lambda _, action: not np.allclose(action, best))(CONTEXTS[0])
     assert not np.allclose(other, best)
     with pytest.raises(NotExecutable, match="move the toy piece"):
-        RealityPolicy(reality, executable=lambda *_: False)(CONTEXTS[0])
+        PosteriorPolicy(posterior, executable=lambda *_: False)(CONTEXTS[0])
 
 
 @pytest.mark.long
@@ -227,8 +227,10 @@ def test_in_the_pendulum_it_ends_far_above_udr_and_every_session_is_the_same():
         for _ in range(2)
     ]
     assert np.array_equal(runs[0], runs[1])
-    udr = np.mean([judge(task, p.actions, place, conditions, 0).mean for p in udr_policies(checkpoint.solver, 0)])
-    assert judge(task, lambda c: np.tile(runs[0], (len(c), 1)), place, conditions, 0).mean > udr + 0.3
+    udr = np.mean(
+        [estimated_reward(task, p.actions, place, conditions, 0).mean for p in udr_policies(checkpoint.solver, 0)]
+    )
+    assert estimated_reward(task, lambda c: np.tile(runs[0], (len(c), 1)), place, conditions, 0).mean > udr + 0.3
 
 
 @pytest.mark.long
@@ -245,4 +247,4 @@ def test_a_pendulum_whose_first_policies_cost_forty_times_the_least_is_balanced_
     assert isinstance(method, AdaptSim)
     assert method.simulators.end_unit > 1e-3, "a unit of 0 would turn every residual into an enormous one"
     policy = run_session(checkpoint.solver, method, place, Conditions(4), seed=0)[-1]
-    assert judge(FAR_TASK, policy.actions, place, Conditions(4), seed=0).mean > 0.9
+    assert estimated_reward(FAR_TASK, policy.actions, place, Conditions(4), seed=0).mean > 0.9

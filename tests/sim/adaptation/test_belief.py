@@ -2,22 +2,22 @@
 
 import numpy as np
 import pytest
-from toy_learning import TARGET, prospects, trained, trial, tried
+from toy_learning import TARGET, reward_table, trained, trial, tried
 from toy_task import ACTION, PARAMETERS, TOY, Unmodelled, best_action
 
 from sim.adaptation.checkpoint import load_checkpoint, save_checkpoint
 from sim.adaptation.methods import make_method
-from sim.adaptation.methods.belief import Belief
-from sim.adaptation.reward_table import APART, restore_prospects
+from sim.adaptation.methods.belief import AdaptSimBelief
+from sim.adaptation.reward_table import APART, restore_reward_table
 from sim.errors import CheckpointError
 
 
 def belief():
-    return Belief(trained()[0], prospects())
+    return AdaptSimBelief(trained()[0], reward_table())
 
 
-def test_prospects_are_what_policies_earn_and_come_back_from_tensors():
-    found = prospects()
+def test_the_reward_table_is_what_policies_earn_and_come_back_from_tensors():
+    found = reward_table()
     assert found.rewards.shape == (64, 512)
     assert all(PARAMETERS.contains(c) for c in found.candidates)
     assert all(TOY.margin.contains(t) for t in found.truths)
@@ -26,11 +26,11 @@ def test_prospects_are_what_policies_earn_and_come_back_from_tensors():
         axis=-1,
     )
     assert found.rewards[distance < 0.1].mean() > found.rewards[distance > 0.8].mean() + 0.3
-    again = restore_prospects(TOY, found.tensors)
+    again = restore_reward_table(TOY, found.tensors)
     assert np.array_equal(again.rewards, found.rewards)
     assert np.array_equal(again.truths, found.truths)
-    with pytest.raises(CheckpointError, match="hold no 'truths'"):
-        restore_prospects(TOY, {"candidates": found.tensors["candidates"]})
+    with pytest.raises(CheckpointError, match="holds no 'truths'"):
+        restore_reward_table(TOY, {"candidates": found.tensors["candidates"]})
 
 
 def test_trajectories_find_what_they_show_of_the_truth():
@@ -38,7 +38,7 @@ def test_trajectories_find_what_they_show_of_the_truth():
     method = belief()
     weights = method.weights([tried(TARGET, *(trial(action, seed=s) for s in range(4)))])
     assert weights.sum() == pytest.approx(1.0)
-    mu = PARAMETERS.normalise(prospects().truths)[:, 0]
+    mu = PARAMETERS.normalise(reward_table().truths)[:, 0]
     assert weights @ mu == pytest.approx(0.85, abs=0.1)
     assert np.sqrt(weights @ (mu - weights @ mu) ** 2) < 0.5 * mu.std()
 
@@ -58,8 +58,8 @@ def test_rewards_decide_where_no_parameters_explain_them():
     method, action = belief(), ACTION.denormalise(np.array([0.5, 0.5]))
     trials = [trial(action, seed=s) for s in range(2)]
     promised = method.next([tried(TARGET, *trials)], np.random.default_rng(0))[0].mean
-    elsewhere = prospects().candidates[
-        np.argmax(np.linalg.norm(PARAMETERS.normalise(prospects().candidates - promised), axis=1))
+    elsewhere = reward_table().candidates[
+        np.argmax(np.linalg.norm(PARAMETERS.normalise(reward_table().candidates - promised), axis=1))
     ]
     history = []
     for _ in range(4):
@@ -84,7 +84,7 @@ def test_particles_are_candidates_that_lie_apart_and_nothing_is_random():
     history = [tried(TARGET, trial(action))]
     one = [p.mean.tolist() for p in method.start(3, np.random.default_rng(0))]
     assert one == [p.mean.tolist() for p in belief().start(3, np.random.default_rng(1))]
-    assert all(c in prospects().candidates.tolist() for c in one)
+    assert all(c in reward_table().candidates.tolist() for c in one)
     unit = PARAMETERS.normalise(np.array(one))
     assert (np.linalg.norm(unit[:, None] - unit[None], axis=-1) + np.eye(3)).min() >= APART
     after = method.next([*history, *history], np.random.default_rng(0))
@@ -92,8 +92,8 @@ def test_particles_are_candidates_that_lie_apart_and_nothing_is_random():
     assert (method.estimate(history)[1] < method.estimate([])[1]).mean() > 0.9
 
 
-def test_a_checkpoint_without_prospects_says_so(tmp_path):
+def test_a_checkpoint_without_a_reward_table_says_so(tmp_path):
     emulator, _ = trained()
     without = load_checkpoint(TOY, str(save_checkpoint(TOY, tmp_path / "b", emulator, {}, {})))
-    with pytest.raises(CheckpointError, match=r"holds no prospects: make .* with `adaptsim pretrain --task toy`"):
+    with pytest.raises(CheckpointError, match=r"holds no reward table: make .* with `adaptsim pretrain --task toy`"):
         make_method("adaptsim-belief", TOY, without)

@@ -18,6 +18,7 @@ from sim.tasks.pendulum.solver import rewards
 
 TASK = get_task("pendulum")
 CHECKPOINT = load_checkpoint(TASK)
+TRUTHS, PRIOR = CHECKPOINT.reward_table.truths[:1024], CHECKPOINT.reward_table.prior
 INSIDE, OUTSIDE, BEYOND = (1.3, 1.7, 1.2, 1.9), (0.5, 2.4, 8.0, 3.0), (3.0, 1.2, 14.0, 4.0)
 
 
@@ -30,7 +31,7 @@ def trial(parameters) -> Trial:
 @pytest.mark.parametrize("parameters", [INSIDE, OUTSIDE, BEYOND])
 def test_one_trial_fixes_all_parameters(parameters):
     assert is_exact(CHECKPOINT.solver)
-    fit = exact_fit(CHECKPOINT.solver, [trial(parameters)], CHECKPOINT.prospects.truths[:1024])
+    fit = exact_fit(CHECKPOINT.solver, [trial(parameters)], TRUTHS, PRIOR)
     assert fit.left == LEAST_LEFT
     assert fit.weights.sum() == pytest.approx(1.0)
     assert fit.weights @ fit.parameters == pytest.approx(np.array(parameters), rel=0.02)
@@ -40,7 +41,7 @@ def test_what_no_parameters_explain_is_left_and_widens_the_posterior():
     clean = trial(INSIDE)
     noise = 1e-3 * np.random.default_rng(0).standard_normal(clean.observation.shape)
     noisy = replace(clean, observation=clean.observation + noise)
-    fits = [exact_fit(CHECKPOINT.solver, [one], CHECKPOINT.prospects.truths[:1024]) for one in (clean, noisy)]
+    fits = [exact_fit(CHECKPOINT.solver, [one], TRUTHS, PRIOR) for one in (clean, noisy)]
     spread = [np.sqrt(fit.weights @ (fit.parameters - fit.weights @ fit.parameters) ** 2) for fit in fits]
     assert fits[1].left > 10.0 * fits[0].left
     assert (spread[1] > 5.0 * spread[0]).all()

@@ -11,8 +11,8 @@ from toy_task import PARAMETERS, TOY, Unmodelled
 from adaptsim_cli.bench.doctor import checks
 from hw import plugins
 from sim.adaptation import methods
-from sim.adaptation.judging import Misfits, assess, choose_best, final_policy, judge
-from sim.adaptation.method import Best, ExpectedGain, Particle, ParticleTrials, Trial
+from sim.adaptation.judging import Misfits, assess, choose_best, final_policy, verdict_of
+from sim.adaptation.method import Best, Particle, ParticleTrials, SessionForecast, Trial
 from sim.adaptation.methods import make_method
 from sim.adaptation.verdict import Kind, Reason
 from sim.errors import CheckpointError, UnknownName
@@ -219,8 +219,8 @@ def test_a_method_may_choose_what_its_session_keeps():
     history = [iteration((MEAN, [0.0, 0.1]), (other, [1.0, 1.0]))]
     udr = make_method("udr", TOY, None)
     assert np.array_equal(assess(udr, TOY, history)[0].particle.mean, other)
-    best, ahead = assess(FirstForever(), TOY, history)
-    assert (best.particle.mean.tolist(), best.mean_reward, ahead) == (MEAN.tolist(), 0.25, None)
+    best, forecast = assess(FirstForever(), TOY, history)
+    assert (best.particle.mean.tolist(), best.mean_reward, forecast) == (MEAN.tolist(), 0.25, None)
     final = final_policy(FirstForever(), emulator, TOY, history)
     context = TOY.reference_context
     assert np.array_equal(final(context), train_one(emulator, MEAN[None], np.random.default_rng(0))(context))
@@ -281,8 +281,8 @@ def test_misfit_is_small_for_the_simulators_own_and_large_for_others():
     assert min(other) > 1.5 * emulator.misfit_limit
 
 
-def judged(history, ahead=None):
-    return judge(TOY, history, Misfits(trained()[0]), choose_best(TOY, history), ahead)
+def judged(history, forecast=None):
+    return verdict_of(TOY, history, Misfits(trained()[0]), choose_best(TOY, history), forecast)
 
 
 def test_the_verdict_follows_from_the_data():
@@ -299,8 +299,8 @@ def test_the_verdict_follows_from_the_data():
 
 def test_a_policy_that_nobody_has_tried_is_never_enough():
     history = session(MEAN, [MEAN])
-    ahead = ExpectedGain(0.9, (0.7, 1.0), 0.0, 0.0, 0, untried=True, correction=np.zeros(2), correction_std=np.zeros(2))
-    first = judged(history, ahead)
+    forecast = SessionForecast(0.9, (0.7, 1.0), 0, untried=True, correction=np.zeros(2), correction_std=np.zeros(2))
+    first = judged(history, forecast)
     assert (first.kind, first.reasons) == (Kind.GO_ON, (Reason.UNTRIED,))
-    assert judged(history, replace(ahead, untried=False)).kind is Kind.ENOUGH
-    assert judged(history, replace(ahead, ci95=(0.0, 0.1), reward=0.05)).kind is Kind.HOPELESS
+    assert judged(history, replace(forecast, untried=False)).kind is Kind.ENOUGH
+    assert judged(history, replace(forecast, ci95=(0.0, 0.1), reward=0.05)).kind is Kind.HOPELESS

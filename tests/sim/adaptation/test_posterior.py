@@ -5,16 +5,16 @@ import pytest
 
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import Particle, ParticleTrials, Trial
-from sim.adaptation.methods.belief import create
 from sim.adaptation.methods.udr import udr_policies
 from sim.adaptation.posterior import (
     RESOLVED,
     Posterior,
     _effective,
     _tempered,
+    expected_reward,
+    likelihood_of,
     posterior,
     predicted,
-    prospect,
 )
 from sim.errors import CollapsedPosterior
 from sim.solvers.solver import policy_for
@@ -71,15 +71,15 @@ def test_a_level_outside_of_0_to_1_is_refused() -> None:
 
 def test_a_trajectory_tells_which_parameters_predict_it() -> None:
     checkpoint = load_checkpoint(TASK)
-    belief = create(TASK, checkpoint)
+    likelihood = likelihood_of(checkpoint)
     truth = TASK.parameters.denormalise(np.full(len(TASK.parameters), 0.8))
     middle = TASK.parameters.middle
     context, nuisance = TASK.reference_context, np.zeros(len(TASK.nuisance))
     action = policy_for(checkpoint.solver, middle[None])(context)
     track = TASK.simulate(truth, context, action, nuisance)
     trial = Trial(context, action, TASK.observation(track), TASK.score(track, context), TASK.end_of(track))
-    before = posterior(belief, ())
-    after = posterior(belief, ((ParticleTrials(Particle(middle[None]), (trial,)),),))
+    before = posterior(likelihood, ())
+    after = posterior(likelihood, ((ParticleTrials(Particle(middle[None]), (trial,)),),))
 
     seen = track.at(TASK.observation.times_s)[:, list(TASK.observation.columns)]
 
@@ -98,10 +98,10 @@ def test_a_trajectory_tells_which_parameters_predict_it() -> None:
     assert states.shape == (2, *seen.shape)
     assert np.abs(states[0] - seen).max() < 0.05 * np.abs(states[1] - seen).max()
 
-    udr = prospect(
+    udr = expected_reward(
         checkpoint, after, udr_policies(checkpoint.solver, np.random.default_rng(0)), np.random.default_rng(0)
     )
     best = [policy_for(checkpoint.solver, after.mean[None])]
-    adapted = prospect(checkpoint, after, best, np.random.default_rng(0))
+    adapted = expected_reward(checkpoint, after, best, np.random.default_rng(0))
     assert 0.0 <= udr.low <= udr.mean <= udr.high <= 1.0
     assert adapted.mean > udr.mean

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from sim.adaptation.densities import Prior
 from sim.adaptation.descent import descend
 from sim.adaptation.refining import RESOLVED, refined
 from sim.rollouts.draws import sobol
 
-BOX = (np.zeros(3), np.ones(3))
+BOX = Prior.uniform(3)
 
 
 @pytest.mark.parametrize("std", [0.1, 0.01, 0.001])

@@ -25,8 +25,8 @@ from sim.lab.kinect import default_X_BC
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import Faults, Mount, Sensing, World, load_world
 from sim.panda.moves import move_path
+from sim.panda.postures import postures
 from sim.panda.tool import cell_as_shipped
-from sim.panda.visits import postures
 from sim.tasks import get_task
 
 pytestmark = pytest.mark.long

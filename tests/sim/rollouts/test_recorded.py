@@ -46,8 +46,8 @@ def test_a_place_of_recordings_gives_each_once_and_scores_by_the_others() -> Non
     assert not place.executable(nowhere[0], action)
     assert not place.executable(nowhere[0], held.actions[0])
     assert place.play(nowhere, action[None], rng)[0].reward == TASK.score(shown.tracks[2], nowhere[0])
-    assert place.judge(nowhere, held.actions[:1], rng)[0] == TASK.score(held.tracks[0], nowhere[0])
-    best = place.judge(nowhere, place.best_actions(nowhere), rng)[0]
+    assert place.score(nowhere, held.actions[:1], rng)[0] == TASK.score(held.tracks[0], nowhere[0])
+    best = place.score(nowhere, place.best_actions(nowhere), rng)[0]
     assert best == max(TASK.score(track, nowhere[0]) for track in held.tracks)
 
 

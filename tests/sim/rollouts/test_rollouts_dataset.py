@@ -61,7 +61,7 @@ def test_the_second_part_is_denser_where_the_outcome_changes(tmp_path):
     assert (len(dataset), dataset.uniform) == (1536, 1024)
     pairs = zip(dataset.requests.action, dataset.requests.parameters, strict=True)
     miss = np.array([ACTION.normalise(a) - best_action(p) for a, p in pairs])
-    rim = np.abs(np.linalg.norm(miss, axis=1) - 0.45) < 0.1  # the toy's scoop works up to a miss of .42 to .48
+    rim = np.abs(np.linalg.norm(miss, axis=1) - 0.45) < 0.1  # the toy's scoop works up to a miss of 0.42 to 0.48
     assert rim[1024:].mean() > 1.5 * rim[:1024].mean()
     assert build(tmp_path, 1024, denser=512).identity == dataset.identity == load_dataset(tmp_path, TOY).identity
 

@@ -10,7 +10,7 @@ import pytest
 from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.method import Trial
-from sim.adaptation.reality import Reality
+from sim.adaptation.outcome_posterior import OutcomePosterior
 from sim.adaptation.reward_table import RewardTable
 from sim.adaptation.simulators import Simulators
 from sim.errors import NotExecutable
@@ -110,7 +110,7 @@ def test_any_number_of_trials_leaves_both_points_beside_the_truth(count) -> None
         Trial(np.array([0.5]), np.array([speed]), np.concatenate([[0.0], end]), 1.0, end)
         for speed, end in zip(speeds, ends, strict=True)
     )
-    prospects = RewardTable(points, points, np.zeros((len(points), len(points))))
-    weights = dict(zip(points[:, 0], Reality(Simulators(solver, prospects), trials).weights, strict=True))
+    reward_table = RewardTable(points, points, np.zeros((len(points), len(points))))
+    weights = dict(zip(points[:, 0], OutcomePosterior(Simulators(solver, reward_table), trials).weights, strict=True))
     assert weights[below] == max(weights.values())
     assert weights[above] > 0.5 * weights[below]

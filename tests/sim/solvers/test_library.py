@@ -18,7 +18,7 @@ from hw.types import Array, frozen_array
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.methods.adaptsim import create
-from sim.adaptation.reality import Reality
+from sim.adaptation.outcome_posterior import OutcomePosterior
 from sim.errors import CheckpointError, TaskError
 from sim.lab.world import Faults, Sensing, World, rollouts_in
 from sim.research.pretraining.budget import OptionalStages, PretrainBudget
@@ -182,7 +182,7 @@ def test_phase_1_trains_simulates_and_stores_all_so_that_a_session_simulates_not
     for mu in (0.85, 1.5):
         chosen = policy_for(solver, np.array([[mu]]))(np.zeros(0))
         assert abs(library.policy(TASK, library.nearest(TASK, chosen)) - mu) < 0.15
-    assert Reality(method.simulators, ()).answers(np.zeros(0)).actions.shape == (5, 1)
+    assert OutcomePosterior(method.simulators, ()).candidate_outcomes(np.zeros(0)).actions.shape == (5, 1)
     method.start(2, np.random.default_rng(0))
     assert not ROLLED
     world = World("here", "gains", "", np.array([1.2]), np.zeros(0), Unmodelled(0.1), Sensing(), Faults())

@@ -7,7 +7,7 @@ import pytest
 
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import ParticleTrials, Trial, require_whole
-from sim.adaptation.methods.belief import Belief
+from sim.adaptation.methods.belief import AdaptSimBelief
 from sim.adaptation.posterior import posterior
 from sim.errors import MomentsMissing
 from sim.solvers.misfit import log_likelihood, misfit, observed_share, squares
@@ -48,12 +48,12 @@ def test_missing_values_are_left_out_of_the_misfit_and_of_the_likelihoods_values
 
 @pytest.mark.long
 def test_without_any_moment_the_posterior_is_the_prior_and_half_the_moments_say_less(checkpoint):
-    belief = Belief(checkpoint.solver, checkpoint.prospects)
+    belief = AdaptSimBelief(checkpoint.solver, checkpoint.reward_table)
     spread = {}
     for name, moments in (("none", slice(0, 0)), ("late", slice(4, None)), ("whole", slice(None))):
         seen = trial(moments)
         history = ((ParticleTrials(None, (seen, seen)),),)
-        known = posterior(belief, history)
+        known = posterior(belief.likelihood, history)
         assert known is not None
         assert np.isfinite(known.mean).all()
         spread[name] = known.probabilities if hasattr(known, "probabilities") else belief.weights(history)

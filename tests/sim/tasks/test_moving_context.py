@@ -14,11 +14,11 @@ from moving_task import TASK, Unmodelled, best_speed, simulate
 
 from hw.types import Array
 from perception.types import ObjectTrack
-from sim.adaptation.learner import Learner
+from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.method import Trial, trials_of_rows
 from sim.adaptation.methods.adaptsim import AdaptSim
-from sim.adaptation.reality import Reality
-from sim.adaptation.reward_table import ProspectSettings, look_ahead
+from sim.adaptation.outcome_posterior import OutcomePosterior
+from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
 from sim.adaptation.sessions import begin_in_memory
 from sim.adaptation.simulators import Simulators
 from sim.lab.world import Faults, Sensing, World
@@ -31,9 +31,9 @@ from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.training import EmulatorSettings, train_emulator
 from sim.solvers.grid import grid_solver
 from sim.solvers.misfit import misfit
-from sim.solvers.solver import SolvedPolicy, Solver, policy_for
+from sim.solvers.solver import policy_for
 from sim.tasks.fingerprint import fingerprint, scene_key
-from sim.tasks.task import Mirror, Task
+from sim.tasks.task import Mirror, SolvedPolicy, Solver, Task
 
 CONTEXTS = np.array([[0.05], [0.2], [0.35], [0.55]])
 SETTINGS = EmulatorSettings(hidden=64, layers=2, learning_rate=3e-3, least_steps=800, most_steps=800)
@@ -56,7 +56,7 @@ def emulator() -> Emulator:
 
 @functools.cache
 def method(solver: Solver) -> AdaptSim:
-    return AdaptSim(Simulators(solver, look_ahead(solver, 0, ProspectSettings(32, 256, 8))))
+    return AdaptSim(Simulators(solver, tabulate_rewards(solver, 0, RewardTableSettings(32, 256, 8))))
 
 
 def off(policy: SolvedPolicy, mu: float) -> float:
@@ -113,16 +113,16 @@ def test_a_policy_acts_for_its_context(solver):
 
 @pytest.mark.long
 def test_a_session_finds_the_friction_from_trials_in_any_context():
-    learner = Learner(method(emulator()), emulator(), emulator())
+    adaptation = Adaptation(method(emulator()), emulator(), emulator())
 
     def play(policy: SolvedPolicy, iteration: int, particle: int) -> tuple[Trial, ...]:
         return real_trials(1.5, policy, contexts=CONTEXTS[[iteration % 4, (iteration + 2) % 4]])
 
     rng = np.random.default_rng(0)
-    *_, history = begin_in_memory(learner, play, (2, 2), rng, lambda _: rng).iterations(2)
-    assert off(learner.final(history), 1.5) < 0.08
-    best, outlook = method(emulator()).assess(history)
-    assert outlook.reward > 0.8
+    *_, history = begin_in_memory(adaptation, play, (2, 2), rng, lambda _: rng).iterations(2)
+    assert off(adaptation.final(history), 1.5) < 0.08
+    best, forecast = method(emulator()).assess(history)
+    assert forecast.reward > 0.8
     assert best.trials == 8
 
 
@@ -131,14 +131,14 @@ def test_a_discrepancy_varies_over_actions_and_contexts():
     """The ball rolls farther than on the slipperiest floor: no parameters explain that."""
     policy = policy_for(emulator(), np.array([[0.6]]))
     trials = real_trials(0.6, policy, wind_m=0.5, contexts=CONTEXTS[:1].repeat(4, 0))
-    reality, action = Reality(simulators, trials), trials[0].action[None]
+    posterior, action = OutcomePosterior(simulators, trials), trials[0].action[None]
 
     def added_m(context: Array) -> float:
         """The mean discrepancy in where the ball stops."""
         drawn = simulators.disturbances
         executed = action[:, None, None] + drawn.error
-        expected = emulator().outcomes(reality.parameters[None, :, None], executed, drawn.nuisance, context)[1]
-        return float((reality.answers_to(action, context).end_state - expected.mean(axis=0)).mean())
+        expected = emulator().outcomes(posterior.parameters[None, :, None], executed, drawn.nuisance, context)[1]
+        return float((posterior.outcomes(action, context).end_state - expected.mean(axis=0)).mean())
 
     near, far = added_m(CONTEXTS[0]), added_m(CONTEXTS[3])
     assert near > 0.05
@@ -160,7 +160,7 @@ def test_a_world_table_answers_with_the_nearest_action_and_context(monkeypatch, 
     best = place.best_actions(CONTEXTS)
     wanted = [best_speed(1.2, c[0]) for c in CONTEXTS]
     assert np.abs(best[:, 0] - wanted).max() < 0.12
-    assert place.judge(CONTEXTS, best, rng).mean() > 0.8
-    assert place.judge(CONTEXTS[::-1], best, rng).mean() < 0.6
+    assert place.score(CONTEXTS, best, rng).mean() > 0.8
+    assert place.score(CONTEXTS[::-1], best, rng).mean() < 0.6
     starts = [TASK.observation.denormalise(t.observation)[0, 0] for t in place.play(CONTEXTS, best, rng)]
     assert np.abs(np.array(starts) - CONTEXTS[:, 0]).max() < 0.15

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.reward_table import ProspectSettings
+from sim.adaptation.reward_table import RewardTableSettings
 from sim.errors import CheckpointError, ObjectError
 from sim.research.pretraining import for_object
 from sim.research.pretraining.budget import OptionalStages, PretrainBudget
@@ -30,7 +30,7 @@ e = [1e4, 3e4]
 g = [1, 2]
 h = [2, 2.6]
 """
-TINY = PretrainBudget(prospects=ProspectSettings(candidates=16, truths=64, contexts=2))
+TINY = PretrainBudget(prospects=RewardTableSettings(candidates=16, truths=64, contexts=2))
 
 
 def stored(tmp_path, text):
@@ -177,7 +177,7 @@ def test_a_checkpoint_for_an_object_starts_from_the_shipped_one(tmp_path, monkey
     own = with_ranges(usual, HEAVY)
     assert not is_inside(own, usual)
     assert is_inside(with_ranges(usual, OwnObject("pushing", "jar", {"mu": (0.08, 0.16)})), usual)
-    tiny = ProspectSettings(candidates=4, truths=8, contexts=1)
+    tiny = RewardTableSettings(candidates=4, truths=8, contexts=1)
     with serial_executor() as executor:
         path, found = make_ready(own, load_checkpoint(usual), tmp_path, 0, executor, lambda *_: None, 64, tiny, 12)
     checkpoint = load_checkpoint(own, str(path))

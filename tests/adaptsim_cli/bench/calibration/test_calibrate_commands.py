@@ -16,13 +16,14 @@ import cv2
 import numpy as np
 import pytest
 from board_rig import COUNT, X_BC, ToyBench, places, rig, run
+from PIL import Image
 from real_lab import calibration, quiet, said
 
 from adaptsim_cli import config
 from adaptsim_cli.bench import calibration_in_use
 from adaptsim_cli.bench.calibration import flow, printing, running, touching
+from adaptsim_cli.bench.calibration.board_mover import Automatic, HandGuided
 from adaptsim_cli.bench.calibration.parts import CalibrationRig
-from adaptsim_cli.bench.calibration.visits import Automatic, HandGuided
 from adaptsim_cli.bench.devices.released import ReleasedArm
 from adaptsim_cli.commands import app
 from adaptsim_cli.config import Config
@@ -176,7 +177,9 @@ def test_the_board_is_printed_to_scale_and_its_measured_size_kept(place, printed
     assert shown["board"]["square_mm"] == pytest.approx(36.9)
     assert shown["nominal_square_mm"] == 37.0
     page = cv2.imread("board.png", cv2.IMREAD_GRAYSCALE)
-    px_per_mm = 600 / 25.4
+    with Image.open("board.png") as file:
+        px_per_mm = file.info["dpi"][0] / 25.4
+    assert px_per_mm > 15
     assert page.shape == pytest.approx((210 * px_per_mm, 297 * px_per_mm), abs=1)
     scale = 0.25
     small = cv2.resize(page, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)

@@ -13,7 +13,7 @@ import real_views
 from real_views import X_BF, corner_folder, postures_rad
 from scipy.spatial.transform import Rotation
 
-from adaptsim_cli.bench.calibration.sights import look
+from adaptsim_cli.bench.calibration.detected_views import detect_views
 from adaptsim_cli.bench.calibration.solving import solve_folder
 from calib.errors import CalibrationError, UnusableViews, ViewFolderError
 from calib.files import read_folder
@@ -28,7 +28,7 @@ Pose = Callable[[int], dict[str, Any]]
 def read(folder: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     """Poses (N, 4, 4) of the flange in the base, as the program reads them, and the conventions that it recognised."""
     stored = read_folder(folder, any_arm)
-    looked = look(stored)
+    looked = detect_views(stored)
     assert len(looked.views) == real_views.POSTURES
     poses = [stored.forward(view.q_rad) if view.X_BF is None else view.X_BF for view in looked.views]
     return np.array(poses), looked.recognised

@@ -11,9 +11,9 @@ from board_rig import BOARD, MODEL, ToyBench, ToyHands, places, rig, store
 from real_lab import quiet, said
 
 from adaptsim_cli.bench.calibration import flow, touching
-from adaptsim_cli.bench.calibration.flow import Sights
+from adaptsim_cli.bench.calibration.board_mover import HandGuided
+from adaptsim_cli.bench.calibration.flow import BoardViews
 from adaptsim_cli.bench.calibration.store import Series
-from adaptsim_cli.bench.calibration.visits import HandGuided
 from adaptsim_cli.errors import StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.guided import GuidedArm
@@ -73,7 +73,7 @@ def guided(root: Path, bench: DroppingBench, monkeypatch: pytest.MonkeyPatch) ->
     asking = replace(plain, arm=GuidedArm(plain.arm, screen, KEPT))
     series = series_of(root)
     with pytest.raises(StoppedByOperator):
-        flow.visit_all(asking, series, HandGuided(screen), screen, Sights())
+        flow.visit_all(asking, series, HandGuided(screen), screen, BoardViews())
     touching.offer(asking, series, screen, unattended=False)
     return series, said(screen)
 

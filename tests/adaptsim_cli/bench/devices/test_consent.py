@@ -52,7 +52,7 @@ def arm_with(consent: Consent) -> tuple[ConfirmedArm, InstantArm]:
 def test_every_question_answer_and_rate_is_in_the_log_with_the_operators_name(tmp_path, monkeypatch):
     screen = quiet()
     screen.note("The processor may fall asleep")  # before the session has its log
-    screen.tell(SessionLog(tmp_path, screen))
+    screen.add_listener(SessionLog(tmp_path, screen))
     typing(monkeypatch, "Kim", "yes", "panda")
     arm, bare = arm_with(Consent(screen, "panda at 10.0.0.1"))
     with arm:
@@ -73,7 +73,7 @@ def test_a_real_lab_asks_on_the_commands_screen_and_logs_it_for_the_arm_too(tmp_
     calibrated(there)
     session = tmp_path / "session"
     session.mkdir()
-    screen.tell(SessionLog(session, screen))
+    screen.add_listener(SessionLog(session, screen))
     typing(monkeypatch, "panda")
     with open_trials(there.config, there.places, get_task("scooping"), devices.drivers(), screen=screen) as real:
         real.rig.arm.execute(STILL)
@@ -173,7 +173,6 @@ def test_a_trial_that_ends_before_its_motion_began_leaves_nothing_released(monke
         target.execute(planned)
     assert said(screen).count("Type y to start") == 2, "the way there was announced, the motion asked for"
     typing(monkeypatch)
-    assert planned.paths is not None
     with pytest.raises(StoppedByOperator):
         arm.execute(planned.paths[1])
 

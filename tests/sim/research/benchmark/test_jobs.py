@@ -14,7 +14,7 @@ from sim.lab.world import load_world
 from sim.research.benchmark import run
 from sim.research.benchmark.jobs import Job, run_job
 from sim.research.benchmark.run import Results, run_jobs
-from sim.research.benchmark.sessions import Conditions, choose_oracle, judge, run_session
+from sim.research.benchmark.sessions import Conditions, choose_oracle, estimated_reward, run_session
 from sim.research.benchmark.tables import WorldTable
 from sim.research.benchmark.trial_sources import SimulatedTrials, TableTrials
 from sim.rollouts import serial_executor
@@ -78,11 +78,11 @@ def test_the_limits_bound_what_methods_earn():
     checkpoint = load_checkpoint(PENDULUM)
     place = SimulatedTrials(checkpoint.solver, load_world("ood-2", PENDULUM))
     chosen, _ = choose_oracle(checkpoint.solver, place, CONDITIONS, 0)
-    earned = judge(PENDULUM, chosen.actions, place, CONDITIONS, 0).mean
+    earned = estimated_reward(PENDULUM, chosen.actions, place, CONDITIONS, 0).mean
     middle = checkpoint.solver.policies(
         PENDULUM.parameters.denormalise(np.full((1, 1, 4), 0.5)), np.random.default_rng(0)
     )
-    assert earned > judge(PENDULUM, middle[0].actions, place, CONDITIONS, 0).mean
+    assert earned > estimated_reward(PENDULUM, middle[0].actions, place, CONDITIONS, 0).mean
 
 
 @pytest.mark.long
@@ -95,7 +95,7 @@ def test_final_policies_may_be_scored_by_true_rollouts_of_their_own_number():
     place = SimulatedTrials(checkpoint.solver, load_world("wd", PENDULUM))
     method = make_method("adaptsim", PENDULUM, checkpoint)
     last = run_session(checkpoint.solver, method, place, few, 0)[-1]
-    assert fresh.reward == judge(PENDULUM, last.actions, place, context, 0).mean
+    assert fresh.reward == estimated_reward(PENDULUM, last.actions, place, context, 0).mean
 
 
 def test_with_fresh_rollouts_no_trial_is_looked_up(monkeypatch):

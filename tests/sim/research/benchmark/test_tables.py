@@ -126,7 +126,7 @@ def test_a_looked_up_trial_is_the_true_one_nearby_and_scores_come_from_other_rol
     seen = np.stack([TOY.observation(t) for t in tracks])
     assert np.median(np.abs(observed - seen)) < 0.03
     assert np.corrcoef(rewards, true)[0, 1] > 0.9
-    judged = place.judge(contexts, actions, rng)
+    judged = place.score(contexts, actions, rng)
     assert judged.mean() == pytest.approx(true.mean(), abs=0.05)
     assert not np.array_equal(judged, rewards)
     known = place.table.half(odd=False)[0].action
@@ -139,8 +139,8 @@ def test_the_best_actions_of_a_table_earn_more_than_any_others(tmp_path):
     table, _ = build(tmp_path, size=640)
     place, rng = TableTrials(TOY, table), np.random.default_rng(1)
     contexts = TOY.context.sample(rng, 32)
-    best = place.judge(contexts, place.best_actions(contexts), rng).mean()
-    others = [place.judge(contexts, np.tile(a, (32, 1)), rng).mean() for a in TOY.action.sample(rng, 20)]
+    best = place.score(contexts, place.best_actions(contexts), rng).mean()
+    others = [place.score(contexts, np.tile(a, (32, 1)), rng).mean() for a in TOY.action.sample(rng, 20)]
     assert best > max(others) - 0.02
     assert best > 0.85
 

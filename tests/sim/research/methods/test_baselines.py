@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from toy_learning import TARGET, prospects, trained
+from toy_learning import TARGET, reward_table, trained
 from toy_learning import trial as one_trial
 from toy_task import ACTION, PARAMETERS, TOY, simulate
 
@@ -138,13 +138,13 @@ def test_torch_draws_as_if_nothing_had_happened():
 
 
 def test_the_learnt_prior_is_that_of_past_tasks_and_rewards_correct_it():
-    method = BoPrior(TOY, prospects())
+    method = BoPrior(TOY, reward_table())
     mean, covariance = method.conditioned([])
-    assert np.allclose(mean, prospects().rewards.mean(axis=1))
+    assert np.allclose(mean, reward_table().rewards.mean(axis=1))
     assert covariance.shape == (64, 64)
     first, second = method.start(2, np.random.default_rng(0))
     at = int(np.argmax(mean))
-    assert np.array_equal(first.mean, prospects().candidates[at])
+    assert np.array_equal(first.mean, reward_table().candidates[at])
     assert not np.array_equal(first.mean, second.mean)
     bad = [(ParticleTrials(first, tuple(trial(reward=0.0) for _ in range(8))),)]
     after, left = method.conditioned(bad)
@@ -155,11 +155,11 @@ def test_the_learnt_prior_is_that_of_past_tasks_and_rewards_correct_it():
 
 
 def test_rewards_of_one_task_lead_to_what_earns_there():
-    method, target = BoPrior(TOY, prospects()), 100
-    truth = prospects().rewards[:, target]
+    method, target = BoPrior(TOY, reward_table()), 100
+    truth = reward_table().rewards[:, target]
     particles, history = method.start(2, None), []
     for _ in range(5):
-        index = [int(np.argmin(np.abs(prospects().candidates - p.mean).sum(axis=1))) for p in particles]
+        index = [int(np.argmin(np.abs(reward_table().candidates - p.mean).sum(axis=1))) for p in particles]
         history.append(
             tuple(
                 ParticleTrials(p, tuple(trial(reward=float(truth[i])) for _ in range(2)))
@@ -167,7 +167,7 @@ def test_rewards_of_one_task_lead_to_what_earns_there():
             )
         )
         particles = method.next(history, None)
-    chosen = int(np.argmin(np.abs(prospects().candidates - particles[0].mean).sum(axis=1)))
+    chosen = int(np.argmin(np.abs(reward_table().candidates - particles[0].mean).sum(axis=1)))
     assert truth[chosen] > np.quantile(truth, 0.9)
 
 

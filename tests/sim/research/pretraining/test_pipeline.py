@@ -11,12 +11,13 @@ from sim.adaptation.checkpoint import load_checkpoint
 from sim.adaptation.method import Method
 from sim.adaptation.methods import make_method
 from sim.adaptation.methods.udr import DRAWS as UDR_POLICIES
-from sim.adaptation.reward_table import ProspectSettings
+from sim.adaptation.reward_table import RewardTableSettings
 from sim.errors import CheckpointError, DatasetError, RolloutError
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import QPolicy, networks_of, new_policy
 from sim.research.methods.search import RandomSearch
 from sim.research.pretraining.budget import COMPARED, EVERYTHING, MEMORIES, OptionalStages, PretrainBudget
+from sim.research.pretraining.dataset_share import STAGES
 from sim.research.pretraining.episodes import (
     EmulatedRolls,
     Library,
@@ -35,17 +36,17 @@ from sim.research.pretraining.meta_training import (
     sample_targets,
     train_adaptation,
 )
-from sim.research.pretraining.pipeline import STAGES, pretrain
+from sim.research.pretraining.pipeline import pretrain
 from sim.rollouts import serial_executor
-from sim.solvers.solver import SolverSettings
 from sim.tasks import get_task
+from sim.tasks.task import SolverSettings
 
 TINY = PretrainBudget(
     rollouts=256,
     denser=44,
     emulator=dataclasses.replace(SETTINGS, hidden=32, least_steps=150, most_steps=150),
     meta=MetaSettings(episodes=8, parallel=8, library=64),
-    prospects=ProspectSettings(candidates=16, truths=64, contexts=2),
+    prospects=RewardTableSettings(candidates=16, truths=64, contexts=2),
     evaluation=EvaluationSettings(targets=2, iterations=2, rollouts=4, oracle=8),
 )
 
@@ -133,7 +134,7 @@ def test_training_repeats_exactly_and_depends_on_the_seed():
     assert np.array_equal(curve, same)
     assert not np.array_equal(one.directions(states), three.directions(states))
     assert len(curve) == 3  # 20 episodes are begun 8 at a time
-    assert curve[:, 1].tolist() == pytest.approx([0.863, 0.55, 0.237], abs=1e-3)  # from 1 to .1
+    assert curve[:, 1].tolist() == pytest.approx([0.863, 0.55, 0.237], abs=1e-3)  # from 1 to 0.1
     horizon = TOY.adaptation.horizon
     assert episodes.directions.shape == (12, 2, horizon, len(PARAMETERS))  # pairs of particles on the same target
     moved = TOY.parameters.step(episodes.means[:, :, 0], episodes.directions[:, :, 0].astype(int), TOY.adaptation.delta)
@@ -204,7 +205,7 @@ def test_pretraining_makes_a_checkpoint_that_sessions_use(tmp_path):
 def test_policies_and_evaluation_are_made_when_they_are_asked_for(tmp_path):
     path, seen = run(tmp_path, wanted=OptionalStages(policies=False, evaluation=False))
     first = load_checkpoint(TOY, str(path))
-    assert list(dict.fromkeys(stage for stage, _, _ in seen)) == ["dataset", "emulator", "prospects", "checkpoint"]
+    assert list(dict.fromkeys(stage for stage, _, _ in seen)) == ["dataset", "emulator", "reward table", "checkpoint"]
     assert first.card.simulations == TINY.rollouts + TINY.denser
     assert not networks_of(first) and first.card.evaluation is None
     assert len(make_method("adaptsim", TOY, first).start(2, np.random.default_rng(0))) == 2

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from moving_task import TASK as ROLLING
-from toy_learning import dataset, prospects, trained
+from toy_learning import dataset, reward_table, trained
 
-from sim.adaptation.reward_table import ProspectSettings, look_ahead
+from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
 from sim.adaptation.worth_in_words import worth_in_words
 from sim.research.pretraining.worth import measured_worth
 from sim.solvers.emulator.training import reward_error
@@ -24,11 +24,11 @@ def test_the_error_of_the_reward_is_that_of_the_emulator():
 
 @pytest.mark.long
 def test_it_names_parameters_that_no_trial_tells_and_actions_at_their_ends():
-    worth = measured_worth(trained()[0], prospects(), 0.04, 0)
+    worth = measured_worth(trained()[0], reward_table(), 0.04, 0)
     assert worth.hopeless_parameters < 0.2
     assert set(worth.actions_at_end) == set(trained()[0].task.action.names)
     grid = grid_solver(ROLLING)
-    rolling = measured_worth(grid, look_ahead(grid, 0, ProspectSettings(16, 64, 4)), None, 0)
+    rolling = measured_worth(grid, tabulate_rewards(grid, 0, RewardTableSettings(16, 64, 4)), None, 0)
     assert rolling.reward_error is None
     assert rolling.unknown_parameters == ()
     assert rolling.hopeless_contexts < 0.1

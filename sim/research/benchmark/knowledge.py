@@ -1,0 +1,92 @@
+"""The ranges of the parameters that a method is told: Omega alone, or Omega with its margin.
+
+Drawn worlds take their parameters from both. A comparison is about methods only if all of them are told the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from hw.types import Array
+from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
+from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
+from sim.solvers.candidates import FromOutcomes
+from sim.solvers.emulator.network import Emulator
+from sim.tasks import get_task
+from sim.tasks.task import Executable, SolvedPolicy, Solver, SolverSettings, Task
+from sim.types import Space
+
+Ranges = Literal["omega", "margin"]
+"""`omega`: nothing is known to lie beyond Omega. `margin`: all that the margin holds counts as Omega."""
+
+RANGES: tuple[Ranges, ...] = get_args(Ranges)
+
+TRUTHS = 1024
+"""Candidate truths of the reward table in other ranges, as many as `adaptsim` weighs."""
+
+
+@dataclass(frozen=True, eq=False)
+class RangedSolver(FromOutcomes):
+    """A `Solver` whose task has other ranges; predictions and policies are those of the solver behind it."""
+
+    task: Task
+    behind: Solver
+
+    def policies(
+        self,
+        samples: Array,
+        rng: np.random.Generator,
+        executable: Executable | None = None,
+        settings: SolverSettings | None = None,
+    ) -> tuple[SolvedPolicy, ...]:
+        """See `sim.tasks.task.Policies`."""
+        return self.behind.policies(samples, rng, executable, settings)
+
+    def trajectories(self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None) -> Array:
+        """See `sim.tasks.task.Expectations`."""
+        return self.behind.trajectories(parameters, action, nuisance, context)
+
+    def outcomes(
+        self, parameters: Array, action: Array, nuisance: Array, context: Array | None = None
+    ) -> tuple[Array, Array]:
+        """See `sim.tasks.task.Expectations`."""
+        return self.behind.outcomes(parameters, action, nuisance, context)
+
+    @property
+    def residual_std(self) -> Array:
+        """See `sim.tasks.task.Expectations`."""
+        return self.behind.residual_std
+
+    @property
+    def misfit_limit(self) -> float:
+        """See `sim.tasks.task.Expectations`."""
+        return self.behind.misfit_limit
+
+
+def with_ranges(checkpoint: Checkpoint, ranges: Ranges, *, tabulated: bool = True) -> Checkpoint:
+    """The checkpoint for methods that are told these ranges; its reward table is computed again, or left out."""
+    task = _with_ranges(checkpoint.solver.task, ranges)
+    behind: Any = checkpoint.solver
+    solver: Solver = RangedSolver(task, behind) if isinstance(behind, Emulator) else replace(behind, task=task)
+    reward_table = None
+    if tabulated and checkpoint.reward_table is not None:
+        reward_table = tabulate_rewards(solver, 0, RewardTableSettings(truths=TRUTHS))
+    return replace(checkpoint, solver=solver, reward_table=reward_table)
+
+
+@lru_cache(maxsize=8)
+def checkpoint_knowing(task: str, name: str, ranges: Ranges | None, *, tabulated: bool = True) -> Checkpoint:
+    """The checkpoint `name` of a task, with its own ranges if none are named. Raises CheckpointError."""
+    checkpoint = load_checkpoint(get_task(task), name)
+    return checkpoint if ranges is None else with_ranges(checkpoint, ranges, tabulated=tabulated)
+
+
+def _with_ranges(task: Task, ranges: Ranges) -> Task:
+    if ranges == "margin":
+        return replace(task, parameters=task.margin)
+    closed = (replace(d, margin=None, limits=None) for d in task.parameters.dimensions)
+    return replace(task, margin=Space(tuple(closed)))

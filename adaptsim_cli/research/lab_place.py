@@ -28,9 +28,8 @@ from sim.lab.world import World
 from sim.research.benchmark.entries import FIXED_RULES, LIMITS, Entry
 from sim.research.benchmark.jobs import BenchmarkRow, Job, run_job
 from sim.research.benchmark.trial_sources import TableTrials, TrialSource
-from sim.solvers.solver import Executable
 from sim.tasks import get_task
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, Task
 
 ATTEMPTS, INWARD = 6, 0.02
 """How often an object is placed, at most, until it is found and no limit forbids the motion. Each time it is moved

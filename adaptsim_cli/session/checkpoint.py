@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.method import Simulating
     from sim.rollouts.recorded import RecordedTrials
-    from sim.solvers.solver import Expectations, Policies
-    from sim.tasks.task import Task
+    from sim.tasks.task import Expectations, Policies, Task
 
 
 def checkpoint_of_session(store: SessionStore) -> Checkpoint:

@@ -51,9 +51,8 @@ from sim.adaptation.method import Simulating
 from sim.adaptation.methods import kind_of
 from sim.adaptation.worth_in_words import worth_in_words
 from sim.rollouts.recorded import RecordedTrials
-from sim.solvers.solver import Executable, Expectations, Policies
 from sim.tasks import files_of
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, Expectations, Policies, Task
 
 if TYPE_CHECKING:
     from adaptsim_cli.bench.devices.lab import Drivers

@@ -28,7 +28,7 @@ from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.show import figures
 from adaptsim_cli.storage import durable
 from sim.adaptation.posterior import predicted
-from sim.solvers.solver import Expectations
+from sim.tasks.task import Expectations
 
 PAGE = "first-trial.html"
 

@@ -23,8 +23,7 @@ from sim.rollouts.dataset import build_dataset, draw_requests
 from sim.rollouts.run import run_many
 from sim.solvers.emulator.network import Emulator, rescaled_to
 from sim.solvers.emulator.training import EmulatorSettings, held_out_errors, train_emulator
-from sim.solvers.solver import Solver
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 HELD_OUT = 192
 """Fresh rollouts over the object's margin that judge the networks."""

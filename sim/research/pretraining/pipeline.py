@@ -64,11 +64,10 @@ from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.training import reward_error, split, train_emulator
 from sim.solvers.grid import grid_behind
 from sim.solvers.library import train_library, with_library
-from sim.solvers.solver import Solver
 from sim.storage.files import load_tensors, save_tensors, write_toml
 from sim.tasks.library import FOLDER as POLICIES
 from sim.tasks.library import digests_of, library_of
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 BELIEF, RANDOM = "adaptsim-belief", "random"
 """The methods in the evaluation, by their names in `sim.adaptation.methods.METHODS`."""
@@ -206,15 +205,16 @@ def _learnt(
     executor: Executor,
     progress: StageProgress,
 ) -> _Means:
-    cost, size, denser = measured_cost(task, seeds[0]), budget.rollouts, denser(task, budget, seeds[1])
+    cost, size = measured_cost(task, seeds[0]), budget.rollouts
+    adaptive = denser(task, budget, seeds[1])
     progress(cost.in_words(budget.rollouts + budget.denser), 1, 1)
     if cost.is_slow or (folder / "dataset" / GROWN).exists():
         size = enough_rollouts(
             task, folder / "dataset", size, seeds[0], budget.emulator, executor, lambda i, n: progress(STAGES[0], i, n)
         )
-        denser = denser if size == budget.rollouts else None
+        adaptive = adaptive if size == budget.rollouts else None
     dataset = build_dataset(
-        task, folder / "dataset", size, seeds[0], executor, lambda i, n: progress(STAGES[0], i, n), denser
+        task, folder / "dataset", size, seeds[0], executor, lambda i, n: progress(STAGES[0], i, n), adaptive
     )
     path, report = folder / "emulator.safetensors", folder / "emulator.toml"
     if not (path.exists() and report.exists()):

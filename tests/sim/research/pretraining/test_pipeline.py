@@ -38,8 +38,8 @@ from sim.research.pretraining.meta_training import (
 )
 from sim.research.pretraining.pipeline import pretrain
 from sim.rollouts import serial_executor
-from sim.solvers.solver import SolverSettings
 from sim.tasks import get_task
+from sim.tasks.task import SolverSettings
 
 TINY = PretrainBudget(
     rollouts=256,

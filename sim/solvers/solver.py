@@ -1,6 +1,6 @@
 """The contract of solvers: task policies, and expectations of their trials.
 
-Siblings: `sim.solvers.emulator.network`, a task's own exact one (`Task.exact`), and NAF's in the wing (`naf`).
+Siblings: `sim.solvers.emulator.network`, a task's own exact one (`Task.exact`), and NAF's in `sim.research.naf`.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ test-extra:
 	rm -rf .venv-extra && $(PYTHON) -m venv .venv-extra
 	.venv-extra/bin/python -m pip install --quiet uv
 	$(if $(TORCH_INDEX),.venv-extra/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) 'torch<2.12' 'torchvision<0.27')
-	.venv-extra/bin/uv pip install --quiet --python .venv-extra --editable '.[export,mlflow,pandas,realsense,rerun,tensorboard,wandb]' 'lerobot[dataset]>=0.6,<0.7' ipykernel jsonschema nbclient pytest pytest-timeout
+	.venv-extra/bin/uv pip install --quiet --python .venv-extra --editable '.[export,hdf5,mlflow,pandas,realsense,rerun,tensorboard,wandb]' 'lerobot[dataset]>=0.6,<0.7' ipykernel jsonschema nbclient pytest pytest-timeout
 	.venv-extra/bin/python -m pytest -m extra tests/extras tests/hw/test_camera_realsense.py tests/contracts/test_camera_contract.py
 
 # Every package that pyproject.toml names, at the lowest version that it allows; the two tests left out are about the locked ones.

@@ -51,7 +51,6 @@ class Course:
     predicted: list[float]
     kinds: list[str]  # of the verdict after each iteration
     first_success: int | None
-    stop: int | None
     gain: float  # over UDR, mean of all pairs
     pairs: int | None  # until it was shown
     final: float  # mean reward of the final policy beside UDR
@@ -80,7 +79,6 @@ def kept_course(checkpoint: Checkpoint, world: str, play_in: Play, seed: int, *,
         [trial.predicted for trial in one.trials],
         [kind.value for kind in one.kinds],
         one.first_success,
-        one.stop,
         float(differences.mean()),
         int(is_shown.argmax()) + 1 if is_shown.any() else None,
         float(np.mean(after)),
@@ -115,7 +113,6 @@ def rows(forecast: TrialsForecast, courses: list[Course]) -> list[tuple[str, str
     lines = []
     for until, said, counts in (
         ("first success", forecast.first_success, [c.first_success for c in courses]),
-        ("verdict says stop", forecast.stop, [c.stop for c in courses]),
         *(
             (f"gain of {one.difference:g} shown", one, [c.pairs for c in courses if is_near(c, one.difference)])
             for one in forecast.shown

@@ -1,13 +1,15 @@
-"""Does a session know when to stop, and when nothing helps? Whole sessions of adaptsim in the worlds of a set.
+"""How often is it right to stop after two iterations, and to go on after one? Whole sessions of adaptsim in a set's
+worlds.
 
     python benchmarks/stopping.py --task pushing --targets drawn-3            forty worlds that a rule drew
     adaptsim world-tables --task pushing --targets drawn
     python benchmarks/stopping.py --task pushing --targets drawn --tables      looked up: many times faster
 
-After every iteration the session says what another one is worth. "Stop" is wrong where the next iteration gained more
-than 0.05 after all, "go on" where it did not. Both are compared with the rule that always stops after two iterations. A
-session that ends under 0.2 should have said "hopeless", and one that ends above 0.3 should not. Rewards come from true
-rollouts, or from the half of a table that no trial sees.
+A session goes on after its first iteration, which is right where the second one gained more than 0.05. From then on it
+says stop, which is wrong where the next iteration gained more than 0.05 after all. Both are base rates, after each
+iteration; beside them are those of sessions with a predicted reward below `LOW`. A session that ends under 0.2 should
+have said "hopeless", and one that ends above 0.3 should not. Rewards come from true rollouts, or from the half of a
+table that no trial sees.
 """
 
 from __future__ import annotations
@@ -17,12 +19,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import fisher_exact
 
 from adaptsim_cli import config
 from adaptsim_cli.research.world_tables import tables_folder
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.adaptation.method import WORTHWHILE, SessionForecast
+from sim.adaptation.method import ENOUGH, WORTHWHILE, SessionForecast
 from sim.adaptation.methods.adaptsim import AdaptSim, create, forecast_after
 from sim.adaptation.outcome_posterior import PosteriorPolicy
 from sim.research.benchmark.sessions import Conditions, estimated_reward, run_session
@@ -32,6 +33,9 @@ from sim.research.benchmark.worlds import targets_of
 from sim.solvers.solver import policy_for
 from sim.tasks import get_task
 from sim.tasks.fingerprint import scene_key
+
+LOW = 0.7
+"""A predicted reward below which another iteration might be worth more."""
 
 POOR, LITTLE = 0.3, 0.2
 """What a session earns that was wrongly called hopeless, and one that should have been."""
@@ -72,7 +76,7 @@ def played(name: str, targets: str, seed: int, *, tables: bool) -> Sequence[Sess
         policies = run_session(checkpoint.solver, AdaptSim(method.simulators), place, conditions, seed)
         own = [policy for policy in policies if isinstance(policy, PosteriorPolicy)]
         earned = tuple(estimated_reward(task, policy.actions, place, conditions, seed).mean for policy in own)
-        said = tuple(forecast_after(one.posterior, shown, i, conditions.particles) for i, one in enumerate(own, 1))
+        said = tuple(forecast_after(one.posterior, shown, i) for i, one in enumerate(own, 1))
         found.append(Session(target.name, said, earned))
         last = found[-1].said[-1]
         print(
@@ -85,20 +89,24 @@ def played(name: str, targets: str, seed: int, *, tables: bool) -> Sequence[Sess
 
 def tell(sessions: Sequence[Session]) -> None:
     """All that the sessions said, against what came."""
-    chances = [
-        (said.done, after - now > WORTHWHILE)
+    changes = [
+        (number, said.reward, after - now)
         for s in sessions
-        for said, now, after in zip(s.said, s.earned, s.earned[1:], strict=False)
-        if not said.untried and not said.hopeless
+        for number, (said, now, after) in enumerate(zip(s.said, s.earned, s.earned[1:], strict=False), start=1)
+        if not said.hopeless
     ]
-    stops, goes = ([gained for done, gained in chances if done is said] for said in (True, False))
-    base, table = sum(stops) + sum(goes), [[sum(goes), len(goes) - sum(goes)], [sum(stops), len(stops) - sum(stops)]]
     print(
-        f"chances from the second iteration on: {len(chances)}; another iteration gained more than {WORTHWHILE} in "
-        f"{base}, so always stopping there is wrong in {base}\n"
-        f"stop: said {len(stops)} times, wrong in {sum(stops)}; go on: said {len(goes)} times, right in {sum(goes)}; "
-        f"Fisher's exact test of any skill: p = {fisher_exact(table, alternative='greater').pvalue:.3f}"
+        "| after iteration | predicted | chances | the next gained more than 0.05 | lost more than 0.05 |\n"
+        + "|---" * 5
+        + "|"
     )
+    numbers = sorted({number for number, *_ in changes})
+    rows = [(str(n), {n}) for n in numbers] + [(f"{ENOUGH} and later", {n for n in numbers if n >= ENOUGH})]
+    for name, included in rows:
+        for reward, low, high in (("any", -np.inf, np.inf), (f"below {LOW}", -np.inf, LOW)):
+            change = np.array([off for n, predicted, off in changes if n in included and low <= predicted < high])
+            gained, lost = int((change > WORTHWHILE).sum()), int((change < -WORTHWHILE).sum())
+            print(f"| {name} | {reward} | {len(change)} | {gained} | {lost} |")
     hopeless = [s for s in sessions if s.said[-1].hopeless]
     poor = [s for s in sessions if s.earned[-1] < LITTLE]
     wrongly, rightly = sum(s.earned[-1] >= POOR for s in hopeless), sum(s.said[-1].hopeless for s in poor)

@@ -142,7 +142,6 @@ def trials(
     forecast = result["forecast"]
     until = [
         ("an iteration has a success", "trial", forecast.trials, forecast.first_success),
-        ("the verdict says stop", "trial", forecast.trials, forecast.stop),
         *((f"a gain of {one.difference:g} over UDR is shown", "pair", MOST_PAIRS, one) for one in forecast.shown),
     ]
     body = [(words, _at_most(one.half, unit, n), _at_most(one.four_of_five, unit, n)) for words, unit, n, one in until]

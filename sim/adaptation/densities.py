@@ -102,7 +102,7 @@ class Prior:
             return uniform
         _, share = self._drawn
         around = np.where(is_inside, self.kernels.log_density(points) - np.log(share), -np.inf)
-        return np.logaddexp(np.log(UNSURE) + uniform, np.log1p(-UNSURE) + around)
+        return np.asarray(np.logaddexp(np.log(UNSURE) + uniform, np.log1p(-UNSURE) + around))
 
     def cloud(self, n: int) -> Array:
         """(n, p) points with this density, in an order without a trend; the uniform part is even. Always the same."""

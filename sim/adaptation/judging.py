@@ -9,7 +9,6 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.method import (
-    LEAST_CHANCE,
     Best,
     Choosing,
     Forecasting,
@@ -22,8 +21,8 @@ from sim.adaptation.method import (
 from sim.adaptation.predictions import PredictionQuality, prediction_quality
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
 from sim.solvers.misfit import misfit
-from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy, policy_for
-from sim.tasks.task import Task
+from sim.solvers.solver import policy_for
+from sim.tasks.task import Executable, Expectations, Policies, SolvedPolicy, Task
 
 PRIOR_MEAN, PRIOR_STD = 0.5, 0.3
 """Prior standard deviation of the session's general level of reward."""
@@ -138,7 +137,7 @@ def verdict_of(
     reasons = [Reason.INEXPRESSIBLE] if 2 * strange > len(trials) else []
     if forecast is not None and forecast.has_only_failed:
         reasons.append(Reason.FAILURES)
-    if forecast is not None and forecast.untried and not forecast.hopeless and forecast.likely < LEAST_CHANCE:
+    if forecast is not None and forecast.untried and not forecast.hopeless:
         reasons.append(Reason.UNTRIED)
     if forecast is None:
         kind = _by_parameters(task, history, best, bool(reasons))
@@ -154,8 +153,6 @@ def verdict_of(
         ci95=best.ci95,
         trials=len(trials),
         strange=strange,
-        gain=None if forecast is None else forecast.gain,
-        likely=None if forecast is None else forecast.likely,
         prediction_error=None if quality is None else quality.error,
         rank_correlation=None if quality is None else quality.rank_correlation,
     )

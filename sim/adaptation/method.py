@@ -12,19 +12,23 @@ import numpy as np
 from hw.types import Array, frozen_array
 from sim.errors import MomentsMissing
 from sim.rollouts.kept import KeptRollouts
-from sim.solvers.solver import Executable, Policies, SolvedPolicy, Solver, policy_for
-from sim.tasks.task import Task
+from sim.solvers.solver import policy_for
+from sim.tasks.task import Executable, Policies, SolvedPolicy, Solver, Task
 
 WORTHWHILE = 0.05
 """The smallest gain of reward that is worth an iteration."""
 
-LEAST_CHANCE, HOPELESS = 0.1, 0.4
-"""A session is done below this chance of a worthwhile gain, and hopeless below this upper end of the interval."""
+ENOUGH = 2
+"""Iterations after which a session is done: the second is the first that tries a policy chosen by trials, and no rule
+has shown skill beyond this one (docs/decisions/0018-refine-where-the-weight-is.md)."""
+
+HOPELESS = 0.4
+"""A session is hopeless below this upper end of the interval."""
 
 FAILURES, FAILED = 12, 0.05
 """A session is also hopeless after this many trials in a row that earned no more than this.
 
-All four were chosen on development worlds (docs/decisions/0011-one-method.md)."""
+All three were chosen on development worlds (docs/decisions/0011-one-method.md)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +112,6 @@ class SessionForecast:
 
     reward: float  # expected
     ci95: tuple[float, float]  # of the expected reward, over all draws of reality
-    gain: float  # expected gain of reward by one more iteration
-    likely: float  # probability that this gain exceeds `WORTHWHILE`
     failures: int  # trials without reward since the last one with some
     untried: bool  # no trial has tried a policy like the one that the session would end with
     correction: Array  # (a,) in units: mean difference between its actions and those of `for_e`
@@ -118,7 +120,7 @@ class SessionForecast:
     @property
     def done(self) -> bool:
         """Whether another iteration is not worth its trials. A policy that nobody has tried is never enough."""
-        return self.hopeless or (self.likely < LEAST_CHANCE and not self.untried)
+        return self.hopeless or not self.untried
 
     @property
     def hopeless(self) -> bool:

@@ -19,9 +19,8 @@ from sim.adaptation.densities import Prior, unit_points
 from sim.adaptation.method import Particle
 from sim.errors import CheckpointError
 from sim.rollouts.draws import cover
-from sim.solvers.solver import Solver
 from sim.storage.files import Tensors
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 APART = 0.15
 """Least distance between the particles of an iteration, in fractions of the ranges."""
@@ -102,10 +101,10 @@ def tabulate_rewards(
 def restore_reward_table(task: Task, tensors: Tensors) -> RewardTable:
     """The stored reward table. Raises CheckpointError if the tensors are not one of this task."""
     try:
-        table = RewardTable(*(tensors[name].astype(np.float64) for name in ("candidates", "truths", "rewards")))
+        candidates, truths, rewards = (tensors[name].astype(np.float64) for name in ("candidates", "truths", "rewards"))
     except KeyError as error:
         raise CheckpointError(f"the reward table holds no {error}: pretrain again") from error
-    parameters = len(task.parameters)
+    table, parameters = RewardTable(candidates, truths, rewards), len(task.parameters)
     if table.candidates.shape[1] != parameters or table.truths.shape[1] != parameters:
         raise CheckpointError(
             f"a reward table of {table.truths.shape[1]} parameters does not fit {task.name}; pretrain again"
@@ -115,7 +114,7 @@ def restore_reward_table(task: Task, tensors: Tensors) -> RewardTable:
 
 def begun_with(reward_table: RewardTable, task: Task, samples: Array, weights: Array) -> RewardTable:
     """The reward table of a session that begins with the posterior of another one: `samples` (N, p) in units, `weights`
-    (N,). The same posterior gives the same reward_table.
+    (N,). The same posterior gives the same table.
 
     `reward_table` is that of the checkpoint. A new truth has the rewards of the nearest one in it.
     """

@@ -47,7 +47,9 @@ class TrialsForecast(Record):
     trials: int = Field(description="trials of each")
     seed: int = Field(description="seed of worlds and trials")
     first_success: TrialsNeeded = Field(description="trials until the end of the iteration with the first success")
-    stop: TrialsNeeded = Field(description="trials until the verdict says stop")
+    stop: TrialsNeeded | None = Field(
+        default=None, description="trials until the verdict says stop, in files of earlier versions; else null"
+    )
     shown: tuple[PairsNeeded, ...] = Field(description="pairs of trial and control trial until a gain is shown")
 
 

@@ -25,7 +25,8 @@ from sim.adaptation.sessions import begin_in_memory
 from sim.adaptation.simulators import Simulators
 from sim.adaptation.trials_forecast import MOST_PAIRS, PairsNeeded, SessionShare, TrialsForecast, TrialsNeeded
 from sim.adaptation.verdict import Kind
-from sim.solvers.solver import SolvedPolicy, policy_for
+from sim.solvers.solver import policy_for
+from sim.tasks.task import SolvedPolicy
 
 SESSIONS = 64
 """Imagined sessions: the share of one in five is then known to 5 %."""
@@ -105,12 +106,6 @@ class SessionCourse:
         return self.each * (succeeded.index(True) // self.each + 1) if True in succeeded else None
 
     @property
-    def stop(self) -> int | None:
-        """Trials until the verdict says stop; None: it never did."""
-        stops = [kind.stops for kind in self.kinds]
-        return self.each * (stops.index(True) + 1) if True in stops else None
-
-    @property
     def differences(self) -> Array:
         """Rewards minus those of UDR beside them, from the second iteration on, as with `--control`."""
         return (np.array([trial.reward for trial in self.trials]) - self.control)[self.each :]
@@ -161,7 +156,6 @@ def forecast(
         trials=len(played[0].control),
         seed=seed,
         first_success=needed([one.first_success for one in played]),
-        stop=needed([one.stop for one in played]),
         shown=tuple(
             PairsNeeded(
                 difference=gain,

@@ -15,8 +15,8 @@ LEAST_TRIALS = 6
 class Kind(StrEnum):
     """The advice. The first four come from a forecast, the others from how the parameters move."""
 
-    GO_ON = "go_on"  # another iteration is worth its trials
-    ENOUGH = "enough"  # it is not, and the best policy is good
+    GO_ON = "go_on"  # the next iteration is the first that tries a policy chosen by trials
+    ENOUGH = "enough"  # two iterations are done
     HOPELESS = "hopeless"  # no action in the ranges is expected to work
     UNINFORMED = "uninformed"  # the predictions made before the trials say nothing about them
     TOO_FEW = "too_few"  # too few trials to judge
@@ -36,7 +36,7 @@ class Reason(StrEnum):
 
     INEXPRESSIBLE = "inexpressible"  # no parameters in the ranges predict most trajectories
     FAILURES = "failures"  # many trials in a row earned nothing
-    UNTRIED = "untried"  # little is to gain, but no trial has tried a policy like this one
+    UNTRIED = "untried"  # no trial has tried a policy like this one
 
 
 class Verdict(Record):
@@ -48,8 +48,10 @@ class Verdict(Record):
     ci95: tuple[float, float] = Field(description="95 % interval of that")
     trials: int = Field(description="trials so far")
     strange: int = Field(description="trajectories that no parameters in the ranges predict")
-    gain: float | None = Field(default=None, description="expected gain by another iteration; null without a forecast")
-    likely: float | None = Field(default=None, description="chance of a worthwhile gain; null without a forecast")
+    gain: float | None = Field(
+        default=None, description="expected gain by another iteration, in records of earlier versions; else null"
+    )
+    likely: float | None = Field(default=None, description="chance of a worthwhile gain; the same")
     prediction_error: float | None = Field(
         default=None, description="root mean square of observed minus predicted rewards, from the second iteration on"
     )
@@ -61,6 +63,11 @@ class Verdict(Record):
     def stops(self) -> bool:
         """Whether it says that more trials are not worth their time."""
         return self.kind.stops
+
+    @property
+    def has_forecast(self) -> bool:
+        """Whether the reward is predicted by the method, not estimated from trials alone."""
+        return self.kind in (Kind.GO_ON, Kind.ENOUGH, Kind.HOPELESS, Kind.UNINFORMED)
 
     @property
     def is_inexpressible(self) -> bool:

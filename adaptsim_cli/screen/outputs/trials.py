@@ -76,11 +76,11 @@ NOTICEABLE = 0.05
 
 
 class ForecastRecord(Record):
-    """The expected gain of another iteration, and the correction of the simulator's actions."""
+    """Whether the session is done, and the correction of the simulator's actions."""
 
-    gain: float = described("reward that one more iteration is expected to bring")
-    likely: float = described("chance that more than 0.05 is left to gain")
-    done: bool = described("another iteration is not worth its trials")
+    gain: float | None = optional("expected gain by another iteration, in records of earlier versions; else null")
+    likely: float | None = optional("chance that more than 0.05 is left to gain; the same")
+    done: bool = described("two iterations are done, or nothing is expected to work")
     hopeless: bool = described("nothing in the ranges of the action is expected to work")
     correction: tuple[float, ...] = described(
         "the correction that the trials add to the simulator's action, in the order of the action"
@@ -96,8 +96,6 @@ class ForecastRecord(Record):
     def of(cls, forecast: SessionForecast) -> ForecastRecord:
         """The record of a forecast."""
         return cls(
-            gain=forecast.gain,
-            likely=forecast.likely,
             done=forecast.done,
             hopeless=forecast.hopeless,
             correction=as_row(forecast.correction),

@@ -17,13 +17,13 @@ import numpy as np
 
 from hw.types import Array
 from sim.adaptation.checkpoint import Checkpoint, reward_table_of
-from sim.adaptation.method import Best, Iteration, Particle, SessionForecast
+from sim.adaptation.method import ENOUGH, Best, Iteration, Particle, SessionForecast
 from sim.adaptation.outcome_posterior import OutcomePosterior, PosteriorPolicy
 from sim.adaptation.reward_table import OPTIMISM
 from sim.adaptation.session_forecast import CAUTION, session_forecast
 from sim.adaptation.simulators import Simulators
-from sim.solvers.solver import Executable, SolvedPolicy, policy_for
-from sim.tasks.task import Task
+from sim.solvers.solver import policy_for
+from sim.tasks.task import Executable, SolvedPolicy, Task
 
 FADES_OVER = 4
 """Number of iterations until exploring particles have no more optimism."""
@@ -68,13 +68,11 @@ class AdaptSim:
         return PosteriorPolicy(posterior, 0.0 if _all_failed(posterior) else -CAUTION, executable)
 
     def assess(self, history: Sequence[Iteration]) -> tuple[Best, SessionForecast]:
-        """The final parameters, and the expected gain of another iteration. Raises ValueError without a trial."""
+        """The final parameters, and the forecast of their reward. Raises ValueError without a trial."""
         posterior, leading = self.outcome_posterior(history), self._particles(history, 1)[0]
         if not posterior.trials:
             raise ValueError("no trial has been run yet, so there is no best")
-        forecast = forecast_after(
-            posterior, policy_for(self.simulators.solver, leading.samples), len(history), len(history[-1])
-        )
+        forecast = forecast_after(posterior, policy_for(self.simulators.solver, leading.samples), len(history))
         return Best(leading, forecast.reward, forecast.ci95, len(posterior.trials)), forecast
 
     def outcome_posterior(self, history: Sequence[Iteration]) -> OutcomePosterior:
@@ -94,14 +92,9 @@ class AdaptSim:
         return reward_table.spread_out(self.simulators.task, mean, std, n)
 
 
-def forecast_after(
-    posterior: OutcomePosterior, for_e: SolvedPolicy, iterations: int, particles: int
-) -> SessionForecast:
-    """The forecast after `iterations` with `particles`; see `session_forecast`.
-
-    The second iteration is the first that tries a policy chosen by trials.
-    """
-    return session_forecast(posterior, for_e, _optimism(posterior, iterations, particles), untried=iterations < 2)
+def forecast_after(posterior: OutcomePosterior, for_e: SolvedPolicy, iterations: int) -> SessionForecast:
+    """The forecast after `iterations`; see `session_forecast`."""
+    return session_forecast(posterior, for_e, untried=iterations < ENOUGH)
 
 
 def _optimism(posterior: OutcomePosterior, iterations: int, particles: int) -> Array:

@@ -60,7 +60,7 @@ def test_until_done_stops_where_another_iteration_is_not_worth_its_trials(capfd:
     *before, last = (json.loads(line)["outlook"] for line in capfd.readouterr().out.splitlines())
     assert last["done"]
     assert not any(outlook["done"] for outlook in before)
-    assert len(before) < 9
+    assert len(before) == 1, "two iterations are enough"
     assert app.run([*RUN, "-n", "3"]) == 0, "it goes on, as told"
     assert capfd.readouterr().err.count("--until-done") == 0, "the verdict before it said stop already"
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import adaptsim
+from adaptsim_cli.session.folders import QUESTIONS
 from adaptsim_cli.session.own.exchange import Exchange
 from adaptsim_cli.session.own.mailbox import Mailbox
 from adaptsim_cli.session.own.person import TypedAnswers
-from adaptsim_cli.session.own.target import QUESTIONS, OwnTarget
+from adaptsim_cli.session.own.target import OwnTarget
 from adaptsim_cli.session.trial_records import ended_in_words
 from perception.types import ObjectTrack, Outcome
 from sim.adaptation.sessions import silently

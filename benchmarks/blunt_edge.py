@@ -18,7 +18,7 @@ from scipy import stats
 
 from hw.types import Array
 from sim.adaptation.checkpoint import load_checkpoint
-from sim.research.pretraining.pipeline import stage_seeds
+from sim.research.pretraining.dataset_share import stage_seeds
 from sim.rollouts import serial_executor
 from sim.rollouts.dataset import build_dataset
 from sim.tasks import get_task

@@ -142,11 +142,11 @@ def draw(task: Task, results: dict[str, list[Motion]], png: Path) -> None:
     Where not every motion is executable, the worst of those that are, and how many.
     """
     names = [d.label for d in task.action.dimensions[:2]]
-    size = (max(5.2, 0.25 + 0.72 * len({m.action[0] for m in next(iter(results.values()))})) * len(results), 4.0)
-    figure, axes = plt.subplots(1, len(results), figsize=size, squeeze=False, layout="constrained")
+    size = (max(5.2, 0.25 + 0.95 * len({m.action[0] for m in next(iter(results.values()))})), 4.2 * len(results))
+    figure, axes = plt.subplots(len(results), 1, figsize=size, squeeze=False, layout="constrained")
     light = plt.get_cmap("YlOrBr")(np.linspace(0.05, 0.6, 64))  # black text stays readable
     colours = ListedColormap(light).with_extremes(bad="0.35")
-    for axis, (model, found) in zip(axes[0], results.items(), strict=True):
+    for axis, (model, found) in zip(axes[:, 0], results.items(), strict=True):
         places: dict[tuple[float, float], list[Motion]] = {}
         for motion in found:
             places.setdefault((float(motion.action[0]), float(motion.action[1])), []).append(motion)
@@ -157,7 +157,7 @@ def draw(task: Task, results: dict[str, list[Motion]], png: Path) -> None:
             tightest = max(good, key=lambda m: m.ratio, default=None)
             lines = [] if tightest is None else [f"{tightest.ratio:.2f}", *tightest.tightest.split(", ")]
             lines += [f"{len(good)} of {len(here)}"] if len(good) < len(here) or len(here) > 1 else []
-            axis.text(x, y, "\n".join(lines), ha="center", va="center", fontsize=6)
+            axis.text(x, y, "\n".join(lines), ha="center", va="center", fontsize=8)
             if tightest is not None:
                 worst[ys.index(y), xs.index(x)] = tightest.ratio
         image = axis.pcolormesh(
@@ -166,9 +166,9 @@ def draw(task: Task, results: dict[str, list[Motion]], png: Path) -> None:
         share = sum(m.ratio <= ALLOWED for m in found)
         axis.set(xlabel=names[0], ylabel=names[1], title=f"{task.name}, {model}: {share} of {len(found)} executable")
         axis.set(xticks=xs, yticks=ys)
-        axis.tick_params(labelsize=7)
+        axis.tick_params(labelsize=9)
     label = f"largest ratio of any joint to its limit (allowed: {ALLOWED:g})"
-    figure.colorbar(image, ax=axes[0].tolist(), label=label)
+    figure.colorbar(image, ax=axes[:, 0].tolist(), label=label)
     figure.savefig(png, dpi=150)
     plt.close(figure)
 

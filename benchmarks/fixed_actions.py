@@ -25,9 +25,9 @@ from sim.lab.world import rollouts_in
 from sim.research.benchmark.sessions import udr_policies
 from sim.research.benchmark.worlds import targets_of
 from sim.rollouts.draws import Disturbances, cover
-from sim.solvers.solver import SolvedPolicy, Solver
 from sim.storage.files import whole_file
 from sim.tasks import get_task
+from sim.tasks.task import SolvedPolicy, Solver
 
 TASK = get_task("scooping")
 RATES, PITCHES, DISTANCES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7), (0.0, 0.2), (1.0,)

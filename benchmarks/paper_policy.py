@@ -21,10 +21,10 @@ import numpy as np
 
 from sim.adaptation.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from sim.research.methods.q_policy import tensors_of
+from sim.research.pretraining.dataset_share import stage_seeds
 from sim.research.pretraining.episodes import EmulatedRolls, Simulator, fill_library
 from sim.research.pretraining.logs import silent
 from sim.research.pretraining.meta_training import Gate, MetaSettings, learning_gate, train_adaptation
-from sim.research.pretraining.pipeline import stage_seeds
 from sim.storage.files import read_toml, write_toml
 from sim.tasks import get_task
 from sim.tasks.task import Task

@@ -3,8 +3,8 @@
     python docs/generate.py            write them
     python docs/generate.py --check    exit code 1 if a committed page is out of date
 
-Commands come from the Typer app, file formats from the models that read and write them, parameters and actions from
-the tasks, and messages from the `raise` statements of every documented error. Numbers in hand-written pages that have an
+Commands come from the Typer app, file formats from the models that read and write them, and parameters and actions
+from the tasks. Numbers in hand-written pages that have an
 expression beside them are computed again (`pages/numbers.py`).
 """
 
@@ -21,9 +21,11 @@ from pages.cheat_sheet import cheat_sheet
 from pages.commands import commands
 from pages.files import files
 from pages.json_output import json_output
-from pages.messages import messages
+from pages.method_figure import method_figure
 from pages.numbers import hand_written, with_numbers
 from pages.parameters import parameters
+from pages.result_figures import reward_by_trials, reward_by_world
+from pages.sealed import own_actions, sealed
 
 DOCS = ROOT / "docs"
 
@@ -33,8 +35,11 @@ PAGES: Mapping[Path, Callable[[], str]] = {
     DOCS / "reference/parameters.md": parameters,
     DOCS / "reference/files.md": files,
     DOCS / "reference/json.md": json_output,
-    DOCS / "guide/troubleshooting.md": messages,
-    DOCS / "guide/developer-messages.md": partial(messages, for_developers=True),
+    DOCS / "results/sealed.md": sealed,
+    DOCS / "results/what-there-is-to-adapt.md": own_actions,
+    DOCS / "figures/method.svg": method_figure,
+    DOCS / "figures/reward-by-trials.svg": reward_by_trials,
+    DOCS / "figures/reward-by-world.svg": reward_by_world,
     **{page: partial(with_numbers, page) for page in hand_written()},
 }
 

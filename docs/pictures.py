@@ -151,8 +151,9 @@ def trial(page: Tab, folder: Path) -> None:
 
 
 def plain(shown: str) -> str:
-    """Without colours."""
-    return "\n".join(line.rstrip() for line in re.sub(r"\x1b\[[0-9;]*m", "", shown).splitlines())
+    """Without colours and links."""
+    bare = re.sub(r"\x1b\[[0-9;]*m|\x1b\]8;[^\x1b\x07]*(?:\x1b\\|\x07)", "", shown)
+    return "\n".join(line.rstrip() for line in bare.splitlines())
 
 
 def _terminal(tmux: Sequence[str], question: str) -> str:

@@ -128,6 +128,9 @@ PANELS: Mapping[str, Mapping[str, CommandRow]] = {
             "exporting:retrack",
             "Track the recordings of a session again, with the tracker of this version. Nothing stored is changed.",
         ),
+        "explain": CommandRow(
+            "explain:explain", "Say what a message means: what happened, what the arm did, and what to do next."
+        ),
         "schema": CommandRow(
             "config:schema",
             "Print the JSON schema of what a command prints with --json: names, types, units, meanings.",

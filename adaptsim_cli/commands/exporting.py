@@ -29,6 +29,8 @@ def report(
     """
     import shlex
 
+    from adaptsim_cli.session.advice import onwards
+    from adaptsim_cli.session.history import results_of
     from adaptsim_cli.show.reports import Reports
     from adaptsim_cli.storage import durable
 
@@ -40,8 +42,9 @@ def report(
     name = opened.facts.name
     steps = [
         (f"xdg-open {shlex.quote(str(path))}", "opens it in the browser; it is a single file that you can send"),
-        (f"adaptsim run-iteration --session {name}", "continues the session"),
+        *onwards(opened.facts, results_of(opened), opened.iterations()),
     ]
+    steps = [step for step in steps if step[0] != f"adaptsim report {name}"]
     return Reply({"session": name, "report": str(path)}, [f"Report: {path}"], steps)
 
 

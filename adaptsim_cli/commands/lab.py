@@ -101,7 +101,9 @@ def _truth(resolved: Resolved, task: Task, truth: dict[str, Any]) -> tuple[dict[
 
 def _in_words(dimension: Dimension, value: float) -> str:
     """A value for a person: the word of a category."""
-    return dimension.words[round(value)] if dimension.words else str(value)
+    from adaptsim_cli.screen import views
+
+    return views.value_in_words(dimension, value) if dimension.words or dimension.scale == "integer" else str(value)
 
 
 @app.command("list")
@@ -131,4 +133,4 @@ def list_all(resolved: Resolved) -> Reply:
     body = [(row["name"], row["physics"], row["description"]) for row in rows]
     table = views.rows(("world", "physics", "what it is"), body)
     session = (f"adaptsim run-iteration --task {task.name} --world NAME", "a session in one of these worlds")
-    return Reply({"worlds": rows, "quantities": words}, [table, views.meanings(*spaces)], [session])
+    return Reply({"worlds": rows, "quantities": words}, [table, views.meanings(task, with_symbols=True)], [session])

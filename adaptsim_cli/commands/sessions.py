@@ -43,6 +43,7 @@ def list_sessions(
     """
     from adaptsim_cli.screen.outputs.sessions import Damaged
     from adaptsim_cli.session import folders, summary, terminal_views
+    from adaptsim_cli.session.records import ROLLOUT
 
     root = resolved.places.sessions
     rows = [summary.overview_or_damage(root, name) for name in folders.names(root)]
@@ -53,10 +54,13 @@ def list_sessions(
     if not rows:
         chosen = " that match" if task is not None else ""
         return Reply({"sessions": []}, [f"No sessions{chosen} {_begin_one(root)}"])
-    readable = [one.session for one in rows if not isinstance(one, Damaged)]
+    readable = [one for one in rows if not isinstance(one, Damaged)]
     steps: list[Step] = []
     if readable:
-        steps = [(f"adaptsim sessions show {readable[-1]}", "every trial of the newest"), _continues(readable[-1])]
+        newest = readable[-1]
+        steps = [(f"adaptsim sessions show {newest.session}", "every trial of the newest")]
+        if newest.method != ROLLOUT and not (newest.verdict and newest.verdict.stops):
+            steps.append(_continues(newest.session))
     return Reply({"sessions": rows}, [terminal_views.sessions(rows)], steps)
 
 
@@ -68,12 +72,16 @@ def show(name: options.Session) -> Reply:
     Example: adaptsim sessions show scooping-oreo
     """
     from adaptsim_cli.session import summary, terminal_views
+    from adaptsim_cli.session.advice import onwards
+    from adaptsim_cli.session.history import results_of
 
-    shown = summary.details(options.stored(name))
+    store = options.stored(name)
+    shown = summary.details(store)
+    report = (f"adaptsim report {name}", "pictures, paths and parameters on one page")
     rejected = {one.trial for one in shown.rejected} - {one.trial for one in shown.trials}
     steps = [
-        _continues(name),
-        (f"adaptsim report {name}", "pictures, paths and parameters on one page"),
+        *(step for step in onwards(store.facts, results_of(store), store.iterations()) if step[0] != report[0]),
+        report,
         *((f"adaptsim sessions accept {name} {trial}", "lets the rejected attempt count") for trial in rejected),
     ]
     return Reply(shown, [terminal_views.session(shown)], steps)

@@ -15,8 +15,7 @@ from hw.types import Array
 from sim.errors import OutOfRange
 from sim.lab.world import World, load_world
 from sim.research.benchmark.trial_sources import SimulatedTrials, TrialSource
-from sim.solvers.solver import Solver
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 from sim.types import Space
 
 Policy = Callable[[Array], "Array | Sequence[float] | Mapping[str, float]"] | Sequence[float] | Mapping[str, float]

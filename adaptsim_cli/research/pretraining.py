@@ -91,7 +91,7 @@ def pretrain_share(request: Request, share: Share, executor: Executor, progress:
 
     Raises UsageError if there is no dataset to simulate, SimError, SessionError.
     """
-    from sim.research.pretraining.pipeline import simulate_dataset_share
+    from sim.research.pretraining.dataset_share import simulate_dataset_share
 
     if request.task.exact or request.solver != LEARNT[0]:
         raise UsageError("--share divides the dataset of the emulator, and this pretraining has none: leave it out")

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sim.rollouts.soundness import Cost
+    from sim.rollouts.sampled_rollouts import Cost
     from sim.tasks.task import Task
 
 
@@ -27,7 +27,8 @@ def checked(name_or_file: str, limit_s: float) -> dict[str, Any]:
 
     from sim.errors import SimError
     from sim.own.watching import watched
-    from sim.rollouts.soundness import TaskFinding, examine
+    from sim.rollouts.sampled_rollouts import TaskFinding
+    from sim.rollouts.soundness import examine
     from sim.tasks.files import is_file
 
     costs, findings = list[Any](), list[TaskFinding]()

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from sim.lab.world import World
     from sim.research.benchmark.worlds import BenchmarkWorld
     from sim.rollouts.shares import Share
-    from sim.solvers.solver import Solver
-    from sim.tasks.task import Task
+    from sim.tasks.task import Solver, Task
 
 
 def tables_folder(resolved: Resolved) -> Path:

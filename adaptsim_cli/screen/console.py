@@ -12,12 +12,14 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.segment import Segment
+from rich.style import Style
 from rich.text import Text
 
 from adaptsim_cli.errors import DiskFull, Interrupted, PreflightFailed, StoppedByOperator, UsageError
@@ -105,6 +107,13 @@ class Screen:
     def plain(self, text: str) -> None:
         """Print one unwrapped line, so that paths can be copied."""
         self._console.print(Text(text), soft_wrap=True)
+
+    def file(self, what: str, path: Path) -> None:
+        """Print what a file or folder is and its place: on a terminal short and as a link, else the whole path."""
+        path = path.absolute()
+        shown = views.place(path) if self._console.is_terminal else str(path)
+        text = Text.assemble(f"{what}: ", (shown, Style(link=path.as_uri())))
+        self._console.print(text, soft_wrap=True)
 
     def print(self, text: Iterable[RenderableType]) -> None:
         """Print each part: a string unwrapped, any other renderable as rich does."""

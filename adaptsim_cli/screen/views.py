@@ -6,6 +6,7 @@ import difflib
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ from hw.types import Array, JointPath
 
 if TYPE_CHECKING:
     from hw.types import Array
+    from sim.tasks.task import Task
     from sim.types import Dimension, Space
 
 
@@ -140,9 +142,18 @@ def words(name: str) -> str:
 
 def value_in_words(dimension: Dimension, value: float) -> str:
     """A value with its unit; the word of a category, the nearest one for a mean."""
-    if not dimension.words:
-        return quantity(value, dimension.unit)
-    return dimension.words[min(max(round(value), 0), len(dimension.words) - 1)]
+    if dimension.words:
+        return dimension.words[min(max(round(value), 0), len(dimension.words) - 1)]
+    kind = kind_in_words(dimension.meaning, value) if dimension.scale == "integer" else ""
+    return kind or quantity(value, dimension.unit)
+
+
+def kind_in_words(meaning: str, value: float) -> str:
+    """The word for a whole number that the `meaning` of a parameter explains, as in `0 ellipsoid, 1 cylinder`; "" if
+    there is none.
+    """
+    named: dict[str, str] = dict(re.findall(r"(\d+) (\w+)", meaning))
+    return named.get(str(round(value)), "") if value == round(value) else ""
 
 
 def values(space: Space, point: Array) -> str:
@@ -154,14 +165,46 @@ def kinds(dimension: Dimension) -> str:
     """The range of a quantity with its unit, or the words of a category."""
     if dimension.words:
         return ", ".join(dimension.words)
+    if dimension.scale == "integer":
+        named = [
+            kind_in_words(dimension.meaning, value) for value in range(round(dimension.low), round(dimension.high) + 1)
+        ]
+        if all(named):
+            return ", ".join(named)
     return f"{number(dimension.low)} to {number(dimension.high)} {dimension.unit}".rstrip()
 
 
-def meanings(*spaces: Space) -> Table:
-    """Name, plain name, range with its unit, and meaning of every dimension of the spaces."""
-    dimensions = [d for space in spaces for d in space.dimensions]
-    body = [(d.name, d.plain, kinds(d), d.meaning) for d in dimensions]
-    return rows(("name", "plain name", "range", "meaning"), body)
+def meanings(task: Task, *, with_symbols: bool) -> RenderableType:
+    """The quantities of a task under three headings: name, range with its unit, and meaning.
+
+    `with_symbols` adds the names that commands take, and the nuisance.
+    """
+    groups = [
+        ("Simulation parameters: unknown, the session estimates them", task.parameters),
+        ("Context: known before a trial", task.context),
+        ("Action: chosen for each trial", task.action),
+    ]
+    if with_symbols:
+        groups.append(("Nuisance: differs from trial to trial", task.nuisance))
+    head = ("", *(("symbol",) if with_symbols else ()), "range", "meaning")
+    parts: list[RenderableType] = []
+    for title, space in groups:
+        if len(space):
+            symbols = [(d.name,) if with_symbols else () for d in space.dimensions]
+            body = [
+                (d.plain_name, *symbol, kinds(d), d.meaning)
+                for d, symbol in zip(space.dimensions, symbols, strict=True)
+            ]
+            parts += [Text(""), Text(title, style="bold"), rows(head, body)]
+    return Group(*parts)
+
+
+def place(path: Path) -> str:
+    """A path as short as it can be typed from here: relative in the current folder, else from the home folder."""
+    for base, mark in ((Path.cwd(), ""), (Path.home(), "~/")):
+        if path.is_relative_to(base) and path != base:
+            return f"{mark}{path.relative_to(base)}"
+    return str(path)
 
 
 RECORDED = "recorded"

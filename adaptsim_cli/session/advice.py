@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from statistics import fmean
 
 from adaptsim_cli.config import is_own, same_lab
 from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord
 from adaptsim_cli.screen.views import predicted_between, signed
-from adaptsim_cli.session.records import ResultRecord, SessionFacts
+from adaptsim_cli.session.records import ROLLOUT, ResultRecord, SessionFacts
 from sim.adaptation.method import WORTHWHILE
 from sim.adaptation.paired import MOST_FURTHER, WORTH, Claim
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
@@ -184,21 +185,28 @@ def _runs(numbers: Sequence[int]) -> list[str]:
     return texts
 
 
-def after_iteration(facts: SessionFacts, result: ResultRecord) -> Steps:
-    """The next commands, the likeliest first."""
+def go_on_with(session: str, answer_with: str) -> str:
+    """The command that continues a session; with the program that answers for an own robot, if a flag named it."""
+    return f"adaptsim run-iteration --session {session}" + (
+        f" --answer-with {shlex.quote(answer_with)}" * bool(answer_with)
+    )
+
+
+def after_iteration(facts: SessionFacts, result: ResultRecord, answer_with: str = "") -> Steps:
+    """The next commands, the likeliest first; `answer_with` is the program that answers for an own robot, if known."""
     verdict, done = result.verdict, result.iteration
-    go_on = f"adaptsim run-iteration --session {facts.name}"
+    go_on = go_on_with(facts.name, answer_with)
     again = (go_on, f"iteration {done + 1}")
     best = f"adaptsim rollout --session {facts.name} --best"
     use, confirm = (best, "one trial with the best policy so far"), (f"{best} --trials 5", "measures what is predicted")
     if is_own(facts.hw):  # no session knows who answers: the configuration, or --answer-with each time
-        again = (go_on, f"iteration {done + 1}, with --answer-with as before")
+        again = (go_on, f"iteration {done + 1}" + ("" if answer_with else ", with --answer-with as before"))
         use = (f"adaptsim sessions policy {facts.name}", "the best policy so far, as JSON")
         confirm = (f"adaptsim report {facts.name}", "every trial on one page")
     if facts.recorded:  # there is nothing to try a policy on
         use = confirm = (f"adaptsim compare {facts.name} OTHER", "beside another session, e.g. with --method udr")
     checks = _checks(facts)
-    if result.suspicion is not None and not facts.recorded:
+    if result.suspicion is not None and facts.calibration:
         where = same_lab(facts.task, facts.hw, facts.world, facts.seed)
         return ((f"adaptsim touch-off {where}", result.suspicion.question), again, *checks[:1])
     match verdict.kind:
@@ -222,6 +230,15 @@ def after_iteration(facts: SessionFacts, result: ResultRecord) -> Steps:
         case _:
             steps = (again, use)
     return (*steps, *checks) if verdict.is_inexpressible else steps
+
+
+def onwards(facts: SessionFacts, results: Sequence[ResultRecord], iterations: int) -> Steps:
+    """The next commands for a stored session with so many begun `iterations`; none for a rollout."""
+    if facts.method == ROLLOUT:
+        return ()
+    if results and results[-1].iteration == iterations:
+        return after_iteration(facts, results[-1])
+    return ((f"adaptsim run-iteration --session {facts.name}", "continues this session"),)
 
 
 def _checks(facts: SessionFacts) -> Steps:

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from hw.types import Array
     from sim.adaptation.checkpoint import Checkpoint
     from sim.adaptation.method import Iteration
-    from sim.solvers.solver import SolvedPolicy
-    from sim.tasks.task import Task
+    from sim.tasks.task import SolvedPolicy, Task
     from sim.types import Space
 
 FORMAT = 1

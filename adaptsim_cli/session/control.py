@@ -21,7 +21,7 @@ from hw.types import Array
 from sim.adaptation.paired import PAIRS, compare, power
 from sim.adaptation.planned_bets import HIGH
 from sim.adaptation.stages import Role, RunTrial
-from sim.solvers.solver import SolvedPolicy
+from sim.tasks.task import SolvedPolicy
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from sim.errors import UnknownName
 
 if TYPE_CHECKING:
     from sim.adaptation.checkpoint import Checkpoint
-    from sim.solvers.solver import Executable, Policies
+    from sim.tasks.task import Executable, Policies
 
 
 def control_of(

@@ -17,34 +17,28 @@ from functools import partial
 import numpy as np
 
 from adaptsim_cli.errors import AnswerAwaited, SessionError
-from adaptsim_cli.screen.console import ANSWERING, Screen
+from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.outputs.trials import (
-    BestRecord,
-    ForecastRecord,
     IterationOutput,
-    SuspicionRecord,
-    as_row,
-    named,
 )
 from adaptsim_cli.screen.stopwatch import added
-from adaptsim_cli.session import correcting, terminal_views
+from adaptsim_cli.session import terminal_views
 from adaptsim_cli.session.advice import check_first
-from adaptsim_cli.session.control import ControlPolicy, compared, is_hidden, policy_of_trial
+from adaptsim_cli.session.control import ControlPolicy, is_hidden, policy_of_trial
 from adaptsim_cli.session.correcting import choices_of, overruled
 from adaptsim_cli.session.deferred import submit
 from adaptsim_cli.session.film import FILM
-from adaptsim_cli.session.history import history_of, particles_of, played_of, result_of, trials_of
+from adaptsim_cli.session.history import history_of, left_s, particles_of, result_of
 from adaptsim_cli.session.live_trial import Motion, OutcomeUndecided, PlacedTrial, PlannedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import drift
 from adaptsim_cli.session.records import (
     Draw,
     MotionRecord,
-    ResultRecord,
-    Samples,
     generator,
     now,
 )
+from adaptsim_cli.session.results import iteration_result
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.summary import summary
 from adaptsim_cli.session.target import SessionParts
@@ -59,11 +53,11 @@ from sim.adaptation.method import Iteration as LearntIteration
 from sim.adaptation.method import Particle
 from sim.adaptation.posterior import Posterior
 from sim.adaptation.sessions import Policies, PolicySource, Progress, iterate, train
-from sim.adaptation.stages import Adapt, Role, RunTrial, Show, Stage, TrialKey, changes_until, next_stage
+from sim.adaptation.stages import Adapt, Role, RunTrial, Show, Stage, TrialKey, next_stage
 from sim.errors import ActionImpossible, NotExecutable
 from sim.tasks.task import SolvedPolicy
 
-TOTAL, REJECTED = "total", "rejected attempts"
+REJECTED = "rejected attempts"
 """Two entries among the times of an iteration: the sum, and the time of attempts that do not count."""
 RIM = 0.1
 """Drawn placements keep this far from the edge of the area, as a share of it: placing by hand is inexact."""
@@ -217,7 +211,7 @@ def _move(session: RunningSession, stage: RunTrial, policy: SolvedPolicy, mean: 
         planned = target.plan(placed, action, progress)
         trial = propose(session.parts.task, stage, mean, policy, planned)
         if planned.overlay is not None:
-            planned = replace(planned, overlay_file=store.scratch("overlay.jpg", planned.overlay))
+            planned = replace(planned, overlay_file=store.scratch("detection.jpg", planned.overlay))
         session.screen.show(terminal_views.proposal(session.parts.task, trial, planned.summary))
         session.watcher.proposed(trial, planned)
         operator.approve(trial, planned, target.needs_consent, target.release)
@@ -302,7 +296,7 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> 
         session.screen.show(terminal_views.tracked(record))
     if tracked_trial.film is not None:
         durable.replace_file(folder / FILM, tracked_trial.files[FILM])
-        session.screen.plain(f"  Film: {folder / FILM}")
+        session.screen.file("  Film", folder / FILM)
     session.watcher.tracked(record, tracked_trial)
     choices = choices_of(task, target.outcomes, tracked_trial.track, motion.context_array)
     review = operator.review(record, choices) if undecided is None else operator.decide(str(undecided), record, choices)
@@ -320,19 +314,6 @@ def _look(session: RunningSession, stage: RunTrial, recorded: Motion | None) -> 
         session.screen.show(f"  Counts as {record.outcome_words}, reward {record.reward:.2f}.")
 
 
-def _mean_reward(history: Sequence[LearntIteration], trials: tuple[int, ...]) -> float | None:
-    """The mean reward of the trials with these numbers, counted from 1; None for no trials."""
-    rewards = [trial.reward for iteration in history for entry in iteration for trial in entry.trials]
-    return float(np.mean([rewards[number - 1] for number in trials])) if trials else None
-
-
-def _chosen_after(history: Sequence[LearntIteration], tried: tuple[int, ...]) -> int:
-    """The trials that were known when the policy was first `tried`, in trials counted from 1; all if it was not."""
-    ends = np.cumsum([sum(len(entry.trials) for entry in iteration) for iteration in history]).tolist()
-    first = min(tried) if tried else ends[-1] + 1
-    return max((end for end in ends if end < first), default=0)
-
-
 def keep_particles(
     session: RunningSession, stage: Adapt, history: Sequence[LearntIteration], particles: tuple[Particle, ...]
 ) -> None:
@@ -342,49 +323,12 @@ def keep_particles(
         judgement = adaptation.assess(history)
     for index, particle in enumerate(particles):
         train(session, stage.iteration + 1, index, particle, history)
-
-    records, lap_s = store.played(stage.iteration), session.screen.lap_s()
-    timing_s = added(*(record.timing_s for record in records), session.overhead_s, lap_s)
-    names = session.parts.task.parameters.names
-    changes = changes_until(store.existing(), stage.iteration)
-    numbers = [trial.trial for trial in trials_of(store)]
-    change_count = max(
-        (one.changes for i in range(stage.iteration + 1) if (one := store.result(i)) is not None), default=0
-    )
-    result = ResultRecord(
-        iteration=stage.iteration + 1,
-        trials=tuple((key.number, key.attempt + 1) for key in stage.keys),
-        next_particles=tuple(rows_of(particle) for particle in particles),
-        best=BestRecord(
-            params=named(names, judgement.best.particle.mean),
-            mean_reward=judgement.best.mean_reward,
-            trials=judgement.best.trials,
-            ci95=judgement.best.ci95,
-            tried=tuple(numbers[number - 1] for number in judgement.tried),
-            tried_reward=_mean_reward(history, judgement.tried),
-            chosen_after=_chosen_after(history, judgement.tried),
-        ),
-        verdict=judgement.verdict,
-        outlook=None if judgement.forecast is None else ForecastRecord.of(judgement.forecast),
-        suspicion=_suspicion(session),
-        control=compared(store.facts, played_of(store)),
-        timing_s={**timing_s, TOTAL: sum(timing_s.values())},
-        proposal_s=sum(lap_s.values()) + sum(records[-1].timing_s.get(name, 0.0) for name in ("tracking", "storing")),
-        changes=changes,
-        amended=correcting.sentences(store, stage.iteration, change_count),
+    result = iteration_result(
+        session.parts.task, store, stage, history, particles, judgement, session.overhead_s, session.screen.lap_s()
     )
     shown = summary(store, result).model_dump(mode="json")
     store.save_result(result, json.dumps(shown, allow_nan=False).encode())
     session.overhead_s.clear()
-
-
-def _suspicion(session: RunningSession) -> SuspicionRecord | None:
-    """The fault of the rig at which the trials so far hint, by the task."""
-    hardware = session.parts.task.hardware
-    if hardware is None:
-        return None
-    suspicion = hardware.suspect([record.track.track() for record in played_of(session.store)])
-    return None if suspicion is None else SuspicionRecord.of(suspicion)
 
 
 def update_watchers(session: RunningSession) -> None:
@@ -416,8 +360,7 @@ def _place(session: RunningSession, stage: RunTrial, policy: SolvedPolicy) -> Pl
     task, parts = session.parts.task, session.parts
     drawn = _drawn(session, stage) if session.context_of is None else session.context_of(stage)
     particle = particles_of(session.store, stage.iteration)[stage.particle]
-    left_s = _left_s(session.store, stage)
-    session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle, left_s))
+    session.screen.show(terminal_views.trial(task, session.store.facts, stage, particle, left_s(session.store, stage)))
     deferred = submit(session.thread, partial(policy.actions, drawn[None]))
     try:
         placed: PlacedTrial = parts.target.place(drawn, stage.key, session.operator, session.screen.busy)
@@ -434,30 +377,15 @@ def _drawn(session: RunningSession, stage: RunTrial) -> Array:
     return space.denormalise(RIM + (1.0 - 2.0 * RIM) * unit)
 
 
-def _left_s(store: SessionStore, stage: RunTrial) -> float:
-    """How long the rest of the iteration takes, answers aside, if each trial takes as long as those of this iteration
-    or the one before; 0 without any.
-    """
-    trials = store.played(stage.iteration) or (store.played(stage.iteration - 1) if stage.iteration else ())
-    took_s = [sum(spent for name, spent in one.timing_s.items() if name != ANSWERING) for one in trials]
-    missing = store.facts.layout.numbers(stage.iteration).stop - stage.key.number
-    return missing * sum(took_s) / len(took_s) if took_s else 0.0
-
-
 def _reject(session: RunningSession, stage: RunTrial, reason: str) -> None:
     session.store.reject(stage.iteration, stage.key, now(), reason)
     session.book_overhead(REJECTED)
     session.screen.note(f"Trial {stage.key.number}, attempt {stage.key.attempt + 1}, does not count: {reason}")
     folder = session.store.trial_folder(stage.iteration, stage.key)
     if folder.is_dir():
-        session.screen.plain(f"Its recording is kept: {folder}")
+        session.screen.file("Its recording is kept", folder)
         motion = session.store.motion(stage.iteration, stage.key)
         session.overhead_s[REJECTED] = session.overhead_s.get(REJECTED, 0.0) + sum(motion.timing_s.values())
         if motion.stopped is None:
             name = session.store.facts.name
             session.screen.plain(f"To let it count after all: adaptsim sessions accept {name} {stage.key.number}")
-
-
-def rows_of(particle: Particle) -> Samples:
-    """The samples of a particle, as they are stored."""
-    return tuple(as_row(sample) for sample in particle.samples)

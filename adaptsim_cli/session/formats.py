@@ -149,7 +149,11 @@ FORMATS: dict[str, ExportFormat] = {
     "ranges": ExportFormat(
         "-ranges",
         lambda request: request.folder("ranges", ("ranges.json", "ranges.toml")),
-        lambda first, out: (f"{_PYTHON} {out / 'drake_ranges.py'}", "draws one sample, as contact properties of Drake"),
+        lambda first, out: (
+            (f"{_PYTHON} {out / 'drake_ranges.py'}", "draws one sample, as contact properties of Drake")
+            if (out / "drake_ranges.py").exists()
+            else (f"{_PYTHON} -m json.tool {out / 'ranges.json'} | less", "the ranges, with a thousand joint samples")
+        ),
     ),
     "mjcf": ExportFormat(
         "-mjcf",

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from sim.adaptation.method import ExpectedTrajectories, Iteration, Method
     from sim.adaptation.posterior import Posterior
     from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
-    from sim.solvers.solver import SolvedPolicy
-    from sim.tasks.task import Task
+    from sim.tasks.task import SolvedPolicy, Task
     from sim.types import Estimate
 
 JUDGED = 64

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from adaptsim_cli.errors import SessionError, UsageError
+from adaptsim_cli.screen.console import ANSWERING
 from adaptsim_cli.session.records import (
     ResultRecord,
     TrialRecord,
@@ -14,6 +15,7 @@ from adaptsim_cli.session.records import (
 from adaptsim_cli.session.store import SessionStore
 from hw.types import Array
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
+from sim.adaptation.stages import RunTrial
 from sim.tasks.task import Task
 
 
@@ -82,3 +84,13 @@ def completed(store: SessionStore, number: int) -> TrialRecord:
         listing = ", ".join(map(str, trials)) or "none"
         raise UsageError(f"trial {number} of {store.facts.name} is not completed; completed are {listing}")
     return trials[number]
+
+
+def left_s(store: SessionStore, stage: RunTrial) -> float:
+    """How long the rest of the iteration takes, answers aside, if each trial takes as long as those of this iteration
+    or the one before; 0 without any.
+    """
+    trials = store.played(stage.iteration) or (store.played(stage.iteration - 1) if stage.iteration else ())
+    took_s = [sum(spent for name, spent in one.timing_s.items() if name != ANSWERING) for one in trials]
+    missing = store.facts.layout.numbers(stage.iteration).stop - stage.key.number
+    return missing * sum(took_s) / len(took_s) if took_s else 0.0

@@ -99,7 +99,7 @@ class Attended:
     def approve(self, trial: MotionRecord, planned: PlannedTrial, real: bool, release: Release) -> None:
         """See `Operator`."""
         if planned.overlay_file is not None:
-            self.screen.plain(f"  Detection: {planned.overlay_file}")
+            self.screen.file("  Detection", planned.overlay_file)
         asking = release if release.screen else Release(self.screen)
         asking.announced(f"{planned.announcement}.", planned.digest, planned.then, "everything completed is stored")
 

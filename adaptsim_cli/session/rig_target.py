@@ -18,13 +18,13 @@ from adaptsim_cli.screen.release import Release
 from adaptsim_cli.screen.views import Readiness, clear_to_move, top_speed_m_s
 from adaptsim_cli.session import recording
 from adaptsim_cli.session.film import Filmed, key_moments
-from adaptsim_cli.session.live_trial import MotionPreview, OutcomeUndecided, PlacedTrial, PlannedTrial, TrackedTrial
+from adaptsim_cli.session.live_trial import OutcomeUndecided, PlannedTrial, TrackedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.preflight import brightness, rig_checks
 from adaptsim_cli.session.records import RIG, to_json
+from adaptsim_cli.session.rig_preview import FoundObject, preview_of
 from hw.braking import FULL
 from hw.errors import ArmFault, HardwareError, MotionRefused, Rehearsed
-from hw.kinematics import FLANGE, link_poses
 from hw.poses import inverse
 from hw.types import Array, Execution, Frame, JointPath
 from perception.errors import ObjectNotFound
@@ -34,16 +34,8 @@ from perception.types import SETTLE_S, ObjectTrack, Outcome
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
 from sim.errors import NotExecutable
-from sim.tasks.task import Hardware, Task
-
-
-@dataclass(frozen=True, eq=False)
-class FoundObject(PlacedTrial):
-    """A placed trial whose object the camera has found."""
-
-    overlay: bytes  # JPEG of the detection
-    frame: Frame  # the object was found in it
-    detection: Detection  # of the rig's tracker
+from sim.tasks.hardware import Hardware
+from sim.tasks.task import Task
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -189,7 +181,7 @@ class RigTarget:
             summary=f"The motion takes {duration_s:.1f} s and passed all limits{slow}",
             announcement=clear_to_move(self.moves, what, asked_s, speed_m_s),
             overlay=placed.overlay,
-            preview=self._preview(placed, paths),
+            preview=preview_of(self.task, self.rig, self.tracker, self.planner, placed, paths),
             found=placed,
             paths=paths,
             digest=played[0].digest,
@@ -292,32 +284,6 @@ class RigTarget:
         """The frame with its time on the arm's clock: the camera delay found by the calibration is subtracted."""
         return replace(frame, t_s=frame.t_s - self.rig.hand_eye.camera_late_s)
 
-    def _preview(self, placed: FoundObject, paths: Paths) -> MotionPreview:
-        """The picture with the path of the tool, and the arm along all three paths."""
-        model, context = self.rig.camera.model(), self.task.context
-        X_CB = inverse(self.rig.hand_eye.X_BC)
-        begun_s = paths[0].duration_s
-        motion_s = (begun_s, begun_s + paths[1].duration_s)
-        t_s, q_rad = _decimated(paths)
-        X_BF = np.array([self.planner.flange(q) for q in q_rad])
-        tool_m = (X_BF @ self.hardware.X_FT)[:, :3, 3]
-        joints_m = link_poses(q_rad)[:, :FLANGE, :3, 3]
-        path_m = tool_m[(t_s >= motion_s[0]) & (t_s <= motion_s[1])]
-        corners = np.array([self.tracker.placement(corner) for corner in (context.low, context.high)])[:, :2]
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        return MotionPreview(
-            picture=placed.overlay,
-            size_px=(model.colour.width, model.colour.height),
-            path_px=project(model.colour, X_CB, path_m),
-            path_m=path_m,
-            t_s=t_s,
-            arm_m=np.concatenate([joints_m, X_BF[:, None, :3, 3], tool_m[:, None]], axis=1),
-            motion_s=motion_s,
-            spot_m=np.asarray(placed.detection.xy_m),
-            area_m=np.array([low[0], high[0], low[1], high[1]]),
-            goal_m=None if self.task.goal_m is None else np.asarray(self.task.goal_m(placed.context)),
-        )
-
     def _film(self, path: JointPath) -> tuple[Execution | None, Sequence[Frame], ArmFault | None]:
         """Play `path` and record it.
 
@@ -400,16 +366,3 @@ def _interruptible(where: str) -> Iterator[None]:
             f"interrupted {where}: the arm brakes and stays there. This trial does not count; everything completed "
             "is stored"
         ) from error
-
-
-_SHOWN = 120
-"""Postures of the arm that a page draws, over all three paths."""
-
-
-def _decimated(paths: Paths) -> tuple[Array, Array]:
-    """Times (K,) from the start of the first path, and joints (K, 7), of at most `_SHOWN` postures."""
-    starts_s = np.cumsum([0.0, *(path.duration_s for path in paths)])
-    t_s = np.concatenate([start + path.t_s for start, path in zip(starts_s, paths, strict=False)])
-    q_rad = np.concatenate([path.q_rad for path in paths])
-    indices = np.unique(np.linspace(0, len(t_s) - 1, min(_SHOWN, len(t_s))).round().astype(int))
-    return t_s[indices], q_rad[indices]

@@ -77,7 +77,7 @@ def run(
     records = trials_of(store)
     for record in records:
         screen.data("rollout", single.rollout_output(store, record, chosen))
-    screen.plain(f"Stored: {store.folder}")
+    screen.file("Stored", store.folder)
     with screen.busy("Drawing its page", "reporting"):
         page = draw(store)
     text = [f"Report: {page}"]

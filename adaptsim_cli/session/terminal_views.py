@@ -35,7 +35,7 @@ def session_header(task: Task, facts: SessionFacts, iteration: int, hardware: st
     quantities.
     """
     where = f"iteration {iteration + 1} of session {facts.name}"
-    legend = (views.indent(views.meanings(task.parameters, task.context, task.action)),) if is_new else ()
+    legend = (views.indent(views.meanings(task, with_symbols=False)),) if is_new else ()
     return Group(
         views.badge(views.RECORDED if facts.recorded else facts.hw, hardware),
         Text(task.title[:1].upper() + task.title[1:], style="bold"),
@@ -193,9 +193,14 @@ def _changes(space: Space, means: Sequence[tuple[Array, Array]], first: int) -> 
 
 def _change(dimension: Dimension, now: float, then: float) -> tuple[Text, Text]:
     if np.isclose(now, then, rtol=1e-6, atol=1e-9 * (dimension.high - dimension.low)):
-        return Text(views.number(now), style="dim"), Text("=", style="dim")
+        return Text(_bare(dimension, now), style="dim"), Text("=", style="dim")
     style = "green" if then > now else "blue"
-    return Text(views.number(now)), Text(f"{'↑' if then > now else '↓'} {views.number(then)}", style=style)
+    return Text(_bare(dimension, now)), Text(f"{'↑' if then > now else '↓'} {_bare(dimension, then)}", style=style)
+
+
+def _bare(dimension: Dimension, value: float) -> str:
+    """A value without its unit."""
+    return views.number(value) if dimension.scale != "integer" else views.value_in_words(dimension, value)
 
 
 def verified(checked: Sequence[Verified]) -> RenderableType:

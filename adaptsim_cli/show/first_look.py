@@ -28,7 +28,7 @@ from adaptsim_cli.session.watching import AllOf, Watcher
 from adaptsim_cli.show import figures
 from adaptsim_cli.storage import durable
 from sim.adaptation.posterior import predicted
-from sim.solvers.solver import Expectations
+from sim.tasks.task import Expectations
 
 PAGE = "first-trial.html"
 
@@ -148,7 +148,7 @@ class _Looking(AllOf):
             self._screen.note(f"The first trial is not drawn over the expected ones: {error}")
             return
         self._screen.note(look.in_words)
-        self._screen.plain(f"  Its trajectory over the expected ones: {path}")
+        self._screen.file("  Its trajectory over the expected ones", path)
 
 
 def with_first_look(open_view: OpenView) -> OpenView:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -24,8 +23,7 @@ CHART = 16
 def in_plain_units(one: RevealedParameter, value: float) -> str:
     """A value as people say it: `cylinder`, `20 kPa`, `−0.9 mm`."""
     if one.scale == "integer":
-        named: dict[str, str] = dict(re.findall(r"(\d+) (\w+)", one.meaning))
-        return named.get(str(round(value)), str(round(value)))
+        return views.kind_in_words(one.meaning, round(value)) or str(round(value))
     return views.quantity(value, one.unit)
 
 
@@ -109,7 +107,7 @@ def misses_in_words(shown: Revealed) -> str:
     sentences = [f"The belief misses {listed([one.plain_name for one in missed])}."]
     if beyond:
         lie = "lies" if len(beyond) == 1 else "lie"
-        sentences.append(f"The truth of {listed(beyond)} {lie} beyond the range of training.")
+        sentences.append(f"The true {listed(beyond)} {lie} beyond the range of training.")
     if others:
         sentences.append(
             "The belief holds the values with which the simulator of training repeats the observed motions. Values "

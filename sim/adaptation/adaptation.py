@@ -14,7 +14,7 @@ from sim.adaptation.method import Best, Iteration, Method, Particle, SessionFore
 from sim.adaptation.posterior import Posterior, posterior
 from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
 from sim.adaptation.verdict import Verdict
-from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy
+from sim.tasks.task import Executable, Expectations, Policies, SolvedPolicy
 
 
 class Assessment(NamedTuple):

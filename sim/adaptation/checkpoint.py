@@ -24,13 +24,13 @@ from sim.errors import CheckpointError
 from sim.solvers.emulator.network import SELF_TEST, Emulator, EmulatorReport, predictions, require_same
 from sim.solvers.grid import grid_behind
 from sim.solvers.library import with_library
-from sim.solvers.solver import Solver, naf
+from sim.solvers.solver import naf
 from sim.storage.files import Tensors, load_tensors, read_toml, save_tensors, sha256, write_toml
 from sim.tasks import files_of, task_names
 from sim.tasks.fingerprint import changes, content, fingerprint, interface, scene_key
 from sim.tasks.library import FOLDER as POLICIES
 from sim.tasks.library import read_library
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 CARD = "card.toml"
 FORMAT = 1

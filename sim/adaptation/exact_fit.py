@@ -20,7 +20,7 @@ from sim.adaptation.refining import WeightedPoints, refined
 from sim.rollouts.draws import repeats_exactly
 from sim.solvers.grid import grid_behind
 from sim.solvers.misfit import log_likelihood, observed_share, offsets
-from sim.solvers.solver import Expectations
+from sim.tasks.task import Expectations
 
 STARTS = 8
 """Number of starts of a search, the best points of the cloud."""

@@ -21,8 +21,8 @@ from sim.adaptation.method import (
 from sim.adaptation.predictions import PredictionQuality, prediction_quality
 from sim.adaptation.verdict import LEAST_TRIALS, Kind, Reason, Verdict
 from sim.solvers.misfit import misfit
-from sim.solvers.solver import Executable, Expectations, Policies, SolvedPolicy, policy_for
-from sim.tasks.task import Task
+from sim.solvers.solver import policy_for
+from sim.tasks.task import Executable, Expectations, Policies, SolvedPolicy, Task
 
 PRIOR_MEAN, PRIOR_STD = 0.5, 0.3
 """Prior standard deviation of the session's general level of reward."""

@@ -12,8 +12,8 @@ import numpy as np
 from hw.types import Array, frozen_array
 from sim.errors import MomentsMissing
 from sim.rollouts.kept import KeptRollouts
-from sim.solvers.solver import Executable, Policies, SolvedPolicy, Solver, policy_for
-from sim.tasks.task import Task
+from sim.solvers.solver import policy_for
+from sim.tasks.task import Executable, Policies, SolvedPolicy, Solver, Task
 
 WORTHWHILE = 0.05
 """The smallest gain of reward that is worth an iteration."""

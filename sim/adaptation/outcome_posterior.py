@@ -34,8 +34,7 @@ from sim.adaptation.refining import RESOLVED, refined
 from sim.adaptation.simulators import Candidates, Predicted, Simulators
 from sim.rollouts.draws import sobol
 from sim.solvers.candidates import CandidatePolicy, Outcomes, first_executable
-from sim.solvers.solver import Executable
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, Task
 
 WIDER = 2.0
 """The interval of a predicted reward is so much wider than that of the draws, which held too few rewards of developed

@@ -27,7 +27,7 @@ from sim.adaptation.refining import refined
 from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
 from sim.errors import CollapsedPosterior
 from sim.solvers.grid import grid_behind
-from sim.solvers.solver import Expectations, SolvedPolicy
+from sim.tasks.task import Expectations, SolvedPolicy
 from sim.types import Estimate, Space
 
 RESOLVED = 24.0

@@ -19,9 +19,8 @@ from sim.adaptation.densities import Prior, unit_points
 from sim.adaptation.method import Particle
 from sim.errors import CheckpointError
 from sim.rollouts.draws import cover
-from sim.solvers.solver import Solver
 from sim.storage.files import Tensors
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 APART = 0.15
 """Least distance between the particles of an iteration, in fractions of the ranges."""

@@ -9,7 +9,7 @@ from hw.types import Array
 from sim.adaptation.method import FAILED, SessionForecast
 from sim.adaptation.outcome_posterior import OutcomePosterior, predicted_interval
 from sim.rollouts.draws import cover
-from sim.solvers.solver import SolvedPolicy
+from sim.tasks.task import SolvedPolicy
 
 CONTEXTS = 16
 """Number of evenly spread contexts for all averages."""

@@ -20,7 +20,7 @@ import numpy as np
 from sim.adaptation.adaptation import Adaptation
 from sim.adaptation.method import Iteration, Particle, ParticleTrials, Trial
 from sim.adaptation.stages import Adapt, Existing, Layout, RunTrial, Show, Stage, TrialKey, next_stage
-from sim.solvers.solver import SolvedPolicy
+from sim.tasks.task import SolvedPolicy
 
 Progress = Callable[[str, str], AbstractContextManager[None]]
 """Tells the operator a sentence about a running step, and adds up its time under a word."""

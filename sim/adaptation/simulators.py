@@ -18,8 +18,7 @@ from sim.solvers.candidates import ListedActionSolver
 from sim.solvers.grid import GridSolver
 from sim.solvers.misfit import log_likelihood as log_likelihood_of
 from sim.solvers.misfit import observed_share, squares
-from sim.solvers.solver import Solver
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 SIMULATORS = 1024
 """Number of candidate parameter vectors that fill the margin."""

@@ -12,7 +12,7 @@ from sim.adaptation.densities import Prior
 from sim.adaptation.method import Iteration, Trial
 from sim.rollouts.draws import Disturbances, varies
 from sim.solvers.misfit import log_likelihood, observed_share, squares
-from sim.solvers.solver import Expectations
+from sim.tasks.task import Expectations
 
 DRAWS = 16
 """Draws of nuisance and action error, over which the likelihood of a trajectory is averaged."""

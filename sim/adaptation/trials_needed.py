@@ -25,7 +25,8 @@ from sim.adaptation.sessions import begin_in_memory
 from sim.adaptation.simulators import Simulators
 from sim.adaptation.trials_forecast import MOST_PAIRS, PairsNeeded, SessionShare, TrialsForecast, TrialsNeeded
 from sim.adaptation.verdict import Kind
-from sim.solvers.solver import SolvedPolicy, policy_for
+from sim.solvers.solver import policy_for
+from sim.tasks.task import SolvedPolicy
 
 SESSIONS = 64
 """Imagined sessions: the share of one in five is then known to 5 %."""

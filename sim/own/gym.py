@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from hw import extras
 from hw.types import Array
 from sim.errors import ExtraMissing, TaskError
 from sim.own.scene import attributes, indexed, missing, require_paths, set_attribute, value_of
@@ -109,7 +110,5 @@ def _gymnasium() -> Any:
     try:
         import gymnasium  # noqa: PLC0415 - an optional package
     except ModuleNotFoundError as error:
-        raise ExtraMissing(
-            'an environment of gymnasium needs the package gymnasium: pip install "adaptsim[gymnasium]"'
-        ) from error
+        raise ExtraMissing(extras.missing("an environment of gymnasium", "gymnasium", "gymnasium")) from error
     return gymnasium

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hw import extras
 from hw.types import Array
 from sim.errors import ExtraMissing, TaskError
 from sim.own.scene import attributes, beside_caller, indexed, missing, require_paths, set_attribute, value_of
@@ -138,5 +139,5 @@ def _mujoco() -> Any:
     try:
         import mujoco  # noqa: PLC0415 - an optional package
     except ModuleNotFoundError as error:
-        raise ExtraMissing('a scene in MuJoCo needs the package mujoco: pip install "adaptsim[mujoco]"') from error
+        raise ExtraMissing(extras.missing("a scene in MuJoCo", "mujoco", "mujoco")) from error
     return mujoco

@@ -47,14 +47,19 @@ def measured(
         numbers = measure(np.array(t_s), NamedStates.named(np.array(state), names))
     except SimError:
         raise
-    except Exception as error:  # the user's code may raise anything
-        raise TaskError(f"{line_of(error, path)}: measure raises {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:  # the user's code may raise anything
+        raise TaskError(f"{line_of(error, path)}: measure {raises(error)}") from error
     if not isinstance(numbers, Mapping) or not numbers:
         raise TaskError(f"measure returns {numbers!r}: it must return named numbers, as {{'height': 0.3}}")
     for name, value in numbers.items():
         if not isinstance(name, str) or np.ndim(value) != 0 or not np.isfinite(float(value)):
             raise TaskError(f"measure returns {name!r} = {value!r}: each must be a finite number")
     return {name: float(value) for name, value in numbers.items()}
+
+
+def raises(error: BaseException) -> str:
+    """What the user's code does, in words: `raises ValueError: ...`, or `exits`."""
+    return "exits" if isinstance(error, SystemExit) else f"raises {type(error).__name__}: {error}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +98,8 @@ class Reward:
             return self.function(*values[: self.takes])
         except SimError:
             raise
-        except Exception as error:  # the user's code may raise anything
-            raise TaskError(f"{line_of(error, self.path)}: reward raises {type(error).__name__}: {error}") from error
+        except (Exception, SystemExit) as error:  # the user's code may raise anything
+            raise TaskError(f"{line_of(error, self.path)}: reward {raises(error)}") from error
 
     def _number(self, value: Any, shape: tuple[int, ...]) -> Array:
         try:
@@ -142,7 +147,10 @@ class OutcomeInWords:
     def __call__(self, track: ObjectTrack) -> str:
         """One of the words."""
         values = Values("end", dict(zip(self.end.names, map(float, self.end(track)), strict=True)))
-        return next((word for word, holds in self.conditions.items() if holds is None or holds(values)), "other")
+        try:
+            return next((word for word, holds in self.conditions.items() if holds is None or holds(values)), "other")
+        except (Exception, SystemExit) as error:  # the user's code may raise anything
+            raise TaskError(f"{line_of(error, self.end.path)}: a condition of outcomes {raises(error)}") from error
 
 
 def conditions_of(declared: Any) -> Mapping[str, Any] | None:

@@ -13,7 +13,7 @@ from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from typing import Any
 
-from sim.tasks.files import caller_line, confined, patched
+from sim.tasks.files import caller_line, confine, patched
 
 _LONGEST_S = 0.05
 """A sleep is cut to this while it is watched."""
@@ -72,9 +72,9 @@ def watched(path: str) -> Iterator[Watched]:
 
         return started
 
+    confine(path)
     starts = {name: starting(getattr(subprocess, name)) for name in ("run", "check_output", "call", "check_call")}
     with (
-        confined(path),
         patched(builtins, {"print": printing}),
         patched(time, {"sleep": sleep}),
         patched(subprocess, starts),

@@ -10,26 +10,21 @@ import pickle
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from hw.types import Array
 from perception.types import ObjectTrack, Outcome
-from sim.errors import RolloutError, SimError
-from sim.rollouts.draws import cover, sobol
+from sim.errors import RolloutError
+from sim.rollouts.draws import cover
+from sim.rollouts.reward_soundness import reward_complaints, reward_tells
+from sim.rollouts.sampled_rollouts import Cost, SampledRollout, TaskFinding, described, rolled, sampled_rollouts
 from sim.tasks.declared import require_declared
 from sim.tasks.library import LibraryRollouts, PolicyLibrary, library_of
 from sim.tasks.members import train_member
 from sim.tasks.task import Task
 from sim.types import Space
-
-Mark = Literal["kept", "doubtful", "broken"]
-
-SPREAD, MOST = 24, 512
-"""Rollouts all over the ranges, besides those at their ends; the most, if they are quick."""
 
 CONTEXTS, BASES = 3, 4
 """Contexts, and rollouts at each, by which a `relocate` is compared with the simulation."""
@@ -42,43 +37,6 @@ TOO_WIDE, TOO_NARROW = 200.0, 20.0
 
 _SAMPLES = 16
 """Draws of parameters for the training of the one policy of a check."""
-
-_ENDS = 512
-"""Ends of trials at which a reward is tried."""
-
-
-@dataclass(frozen=True)
-class TaskFinding:
-    """One thing that a task keeps, or does not."""
-
-    check: str
-    mark: Mark
-    detail: str = ""  # a sentence; empty if there is nothing to say
-
-
-@dataclass(frozen=True, eq=False)
-class _Rolled:
-    """One rollout with its inputs."""
-
-    parameters: Array
-    context: Array
-    action: Array
-    nuisance: Array
-    track: ObjectTrack
-    seconds: float
-
-    @property
-    def inputs(self) -> tuple[Array, Array, Array, Array]:
-        return self.parameters, self.context, self.action, self.nuisance
-
-
-@dataclass(frozen=True)
-class Cost:
-    """The time of a rollout."""
-
-    rollouts: int
-    median_s: float
-    longest_s: float
 
 
 def require_sound(task: Task, rng: np.random.Generator, limit_s: float = 3.0) -> None:
@@ -104,13 +62,15 @@ def examine(
     if task.training is not None and library_of(task) is None:
         task, trained_s = _with_a_policy(task)
         yield TaskFinding("a policy can be trained, stored and loaded", "kept", f"its training took {trained_s:.3g} s")
-    rolls, ends = _rollouts(task, rng, limit_s / 2)
+    rolls, ends = sampled_rollouts(task, rng, limit_s / 2)
     seconds = [one.seconds for one in rolls]
     timed(Cost(len(rolls), float(np.median(seconds)), max(seconds)))
     yield from _first_broken(f"{len(rolls)} rollouts give numbers", _numbers(task, rolls))
     yield from _first_broken("the same rollouts repeat exactly, in reverse order too", _order(task, rolls, limit_s / 2))
-    yield from _first_broken("rewards are numbers from 0 to 1, and take stacks of trials", _rewards(task, rolls))
-    yield from _reward_tells(task, rolls, rng)
+    yield from _first_broken(
+        "rewards are numbers from 0 to 1, and take stacks of trials", reward_complaints(task, rolls)
+    )
+    yield from reward_tells(task, rolls, rng)
     yield from _first_broken("the observed moments lie within the rollouts", _moments(task, rolls))
     yield from _units(task, rolls)
     yield from _contexts(task, rolls, rng, limit_s / 4)
@@ -133,75 +93,7 @@ def _first_broken(check: str, complaints: Iterator[str]) -> Iterator[TaskFinding
     yield TaskFinding(check, "kept") if complaint is None else TaskFinding(check, "broken", complaint)
 
 
-def _rollouts(task: Task, rng: np.random.Generator, limit_s: float) -> tuple[list[_Rolled], int]:
-    """Rollouts one at a time, the first of them at the middle, then each quantity at its ends, then all over; and how
-    many of them belong to the ends.
-    """
-    spaces = (task.margin, task.context, task.action, task.nuisance)
-    middle = [np.asarray(space.middle) for space in spaces]
-    middle[1] = np.asarray(task.reference_context, dtype=np.float64)
-    points = [tuple(middle)]
-    for which in (0, 2):
-        for i, d in enumerate(spaces[which].dimensions):
-            for end in (d.low, d.high):
-                moved = [values.copy() for values in middle]
-                moved[which][i] = end
-                points.append(tuple(moved))
-    at_ends = len(points)
-    unit = sobol(MOST, sum(map(len, spaces)), rng)
-    parts = np.split(unit, np.cumsum([len(space) for space in spaces])[:-1], axis=1)
-    spread = zip(*(space.spread(part) for space, part in zip(spaces, parts, strict=True)), strict=True)
-    points += [tuple(np.asarray(v, dtype=np.float64) for v in row) for row in spread]
-    order = [0, *_interleaved(range(1, at_ends), range(at_ends, len(points)))]
-    rolls, spent = dict[int, _Rolled](), 0.0
-    for number in order:
-        enough = len(rolls) >= at_ends + SPREAD and spent > limit_s / 4
-        if enough or (spent > limit_s and len(rolls) >= 8):
-            break
-        rolls[number] = _rolled(task, *points[number])
-        spent += rolls[number].seconds
-    return [rolls[number] for number in sorted(rolls)], sum(number < at_ends for number in rolls)
-
-
-def _interleaved(first: Sequence[int], second: Sequence[int]) -> list[int]:
-    """Two thirds from the first, so that a slow task is tried at its ends before all over."""
-    left, right, both = [*first], [*second], []
-    while left or right:
-        both += left[:2] + right[:1]
-        left, right = left[2:], right[1:]
-    return both
-
-
-def _rolled(task: Task, parameters: Array, context: Array, action: Array, nuisance: Array) -> _Rolled:
-    began = time.perf_counter()
-    p, c, a, n = frozen = tuple(np.array(v) for v in (parameters, context, action, nuisance))
-    for values in frozen:
-        values.flags.writeable = False
-    try:
-        track = task.simulate(p, c, a, n)
-    except SimError:
-        raise
-    except Exception as error:  # a task of another package may raise anything
-        raise RolloutError(
-            f"the task {task.name} cannot simulate parameters {parameters.tolist()}, action {action.tolist()}: "
-            f"{type(error).__name__}: {error}"
-        ) from error
-    if not isinstance(track, ObjectTrack):
-        raise RolloutError(f"`simulate` of the task {task.name} returns {type(track).__name__}, not an ObjectTrack")
-    return _Rolled(p, c, a, n, track, time.perf_counter() - began)
-
-
-def _said(task: Task, one: _Rolled) -> str:
-    """The inputs of a rollout by name."""
-    pairs = (
-        f"{name} = {value:.4g}"
-        for space, values in ((task.parameters, one.parameters), (task.context, one.context), (task.action, one.action))
-        for name, value in zip(space.names, values, strict=True)
-    )
-    return ", ".join(pairs)
-
-
-def _numbers(task: Task, rolls: Sequence[_Rolled]) -> Iterator[str]:
+def _numbers(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[str]:
     width = max(task.observation.columns) + 1
     if task.report is not None:
         width = len(task.report.columns)
@@ -219,24 +111,25 @@ def _numbers(task: Task, rolls: Sequence[_Rolled]) -> Iterator[str]:
             continue
         if track.outcome is Outcome.SOLVER_FAILED:
             why = f" ({track.flags[0]})" if track.flags else ""
-            yield f"a rollout of {task.name} fails{why} with {_said(task, one)}: the whole margin must be simulated"
+            yield f"a rollout of {task.name} fails{why} with {described(task, one)}: the whole margin must be simulated"
         if not np.isfinite(task.observation(track)).all():
-            yield f"the task {task.name} has observations that are not finite with {_said(task, one)}: check its states"
+            inputs = described(task, one)
+            yield f"the task {task.name} has observations that are not finite with {inputs}: check its states"
 
 
-def _order(task: Task, rolls: Sequence[_Rolled], limit_s: float) -> Iterator[str]:
+def _order(task: Task, rolls: Sequence[SampledRollout], limit_s: float) -> Iterator[str]:
     spent, repeated = 0.0, [*reversed(rolls)]
     for one in repeated:
         if spent > limit_s:
             break
-        again = _rolled(task, *one.inputs)
+        again = rolled(task, *one.inputs)
         spent += again.seconds
         if _same(one.track, again.track):
             continue
         both = one.track.state, again.track.state
         off = np.abs(both[0] - both[1]).max() if both[0].shape == both[1].shape else float("nan")
         before = pickle.dumps(np.random.get_state())  # noqa: NPY002 - whether the task draws from it
-        third = _rolled(task, *one.inputs)
+        third = rolled(task, *one.inputs)
         draws = pickle.dumps(np.random.get_state()) != before  # noqa: NPY002
         left = "something is left in a shared model: make a new one, or reset it, in each call"
         chance = (
@@ -266,7 +159,7 @@ def _order(task: Task, rolls: Sequence[_Rolled], limit_s: float) -> Iterator[str
             if one.track.outcome is not other.outcome or not off <= 1e-6:
                 yield (
                     f"`simulate_many` of {task.name} differs from `simulate` by {off:.3g} of the range with "
-                    f"{_said(task, one)}: both must be the same physics"
+                    f"{described(task, one)}: both must be the same physics"
                 )
 
 
@@ -278,87 +171,7 @@ def _same(one: ObjectTrack, other: ObjectTrack) -> bool:
     )
 
 
-def _unclipped(task: Task, end: Array, context: Array) -> Array:
-    """The reward as the user's function returns it: a task of a file counts less than 0 as 0."""
-    function = getattr(task.reward_of_success, "function", task.reward_of_success)
-    raw = getattr(function, "unclipped", None)
-    return np.asarray(task.reward_of_success(end, context)) if raw is None else np.maximum(raw(end, context), 0.0)
-
-
-def _rewards(task: Task, rolls: Sequence[_Rolled]) -> Iterator[str]:
-    right = "rewards are numbers from 0 to 1 (`reward_of_success`)"
-    for one in rolls:
-        try:
-            end = task.end_of(one.track)
-            if end is None:
-                continue
-            end = np.atleast_1d(end)
-            reward = np.asarray(_unclipped(task, end, one.context))
-            if reward.size != 1:
-                yield f"the reward of one trial of {task.name} has the shape {reward.shape}: it must be one number"
-                return
-            value = float(reward.reshape(-1)[0])
-        except SimError:
-            raise
-        except Exception as error:  # noqa: BLE001 - a task of another package may raise anything
-            yield f"the task {task.name} cannot score its rollout: {type(error).__name__}: {error}"
-            return
-        if not (np.isfinite(value) and 0.0 <= value <= 1.0 + 1e-9):
-            yield f"the task {task.name} gives the reward {value:g} with {_said(task, one)}: {right}"
-        yield from _stacks(task, end, one.context, value)
-
-
-def _stacks(task: Task, end: Array, context: Array, value: float) -> Iterator[str]:
-    try:
-        stacked = np.asarray(task.reward_of_success(np.tile(end, (3, 2, 1)), np.tile(context, (2, 1))))
-    except Exception as error:  # noqa: BLE001 - a task of another package may raise anything
-        yield (
-            f"`reward_of_success` of {task.name} takes no stack of trials ({type(error).__name__}: {error}): ends "
-            "(..., k) and contexts (..., c) must give rewards (...)"
-        )
-        return
-    if stacked.shape != (3, 2) or not np.allclose(stacked, np.clip(value, 0.0, 1.0)):
-        yield (
-            f"`reward_of_success` of {task.name} gives the shape {stacked.shape} for ends of shape "
-            f"{(3, 2, len(end))}: it must give {(3, 2)}"
-        )
-
-
-def _reward_tells(task: Task, rolls: Sequence[_Rolled], rng: np.random.Generator) -> Iterator[TaskFinding]:
-    check = "the reward tells trials apart"
-    ends = [np.atleast_1d(end) for one in rolls if (end := task.end_of(one.track)) is not None]
-    if not ends:
-        yield TaskFinding(check, "doubtful", f"none of {len(rolls)} rollouts is a success, so no reward was seen")
-        return
-    rows = np.stack(ends)
-    width = np.maximum(np.ptp(rows, axis=0), 1e-9)
-    tried = np.concatenate([rows, rows.min(0) - width + 3.0 * width * rng.random((_ENDS, rows.shape[1]))])
-    contexts = task.context.sample(rng, len(tried))
-    rewards = np.asarray(task.reward_of_success(tried, contexts))
-    if np.ptp(rewards) == 0.0:
-        yield TaskFinding(
-            check,
-            "broken",
-            f"the reward of {task.name} is {rewards[0]:g} for each of {len(tried)} ends and contexts: it must depend "
-            "on the end of a trial",
-        )
-        return
-    fixed = np.asarray(task.reward_of_success(tried, np.broadcast_to(contexts[0], contexts.shape)))
-    if all(np.ptp(task.reward_of_success(tried, np.broadcast_to(c, contexts.shape))) == 0.0 for c in contexts[:16]):
-        yield TaskFinding(
-            check,
-            "broken",
-            f"the reward of {task.name} ignores the end of a trial: at one context it is always {fixed[0]:g}",
-        )
-        return
-    mean = float(np.mean([task.reward_of_success(e, one.context) for e, one in zip(ends, rolls, strict=False)]))
-    if mean in (0.0, 1.0):
-        yield TaskFinding(check, "doubtful", f"each of {len(ends)} rollouts earns {mean:g}: is any action worth more?")
-        return
-    yield TaskFinding(check, "kept", f"{len(ends)} rollouts earn {mean:.2f} on average")
-
-
-def _moments(task: Task, rolls: Sequence[_Rolled]) -> Iterator[str]:
+def _moments(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[str]:
     last_s, longest_s = float(task.observation.times_s[-1]), max(float(one.track.t_s[-1]) for one in rolls)
     if longest_s < 0.75 * last_s:
         yield (
@@ -367,7 +180,7 @@ def _moments(task: Task, rolls: Sequence[_Rolled]) -> Iterator[str]:
         )
 
 
-def _units(task: Task, rolls: Sequence[_Rolled]) -> Iterator[TaskFinding]:
+def _units(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[TaskFinding]:
     check, o = "the states lie in their ranges", task.observation
     states = np.concatenate([one.track.at(o.times_s)[:, list(o.columns)] for one in rolls])
     names = task.report.columns if task.report else tuple(f"column {c}" for c in range(states.shape[1]))
@@ -395,7 +208,9 @@ def _units(task: Task, rolls: Sequence[_Rolled]) -> Iterator[TaskFinding]:
     yield TaskFinding(check, "doubtful" if outside else "kept", "; ".join(outside))
 
 
-def _sensitive(task: Task, rolls: Sequence[_Rolled], ends: int, rng: np.random.Generator) -> Iterator[TaskFinding]:
+def _sensitive(
+    task: Task, rolls: Sequence[SampledRollout], ends: int, rng: np.random.Generator
+) -> Iterator[TaskFinding]:
     base, silent = rolls[0], {"parameters": list[str](), "action": list[str]()}
     tried = {"parameters": set[str](), "action": set[str]()}
     for one in rolls[1:ends]:
@@ -426,18 +241,20 @@ def _sensitive(task: Task, rolls: Sequence[_Rolled], ends: int, rng: np.random.G
             yield TaskFinding(check, "kept")
 
 
-def _ignored(task: Task, rolls: Sequence[_Rolled], what: str, rng: np.random.Generator) -> bool:
+def _ignored(task: Task, rolls: Sequence[SampledRollout], what: str, rng: np.random.Generator) -> bool:
     """Whether all of the parameters, or all actions, change nothing in a few rollouts."""
     space: Space = task.margin if what == "parameters" else task.action
     for one in rolls[-BASES:]:
         values = {"parameters": one.parameters, "action": one.action, what: space.sample(rng, 1)[0]}
-        other = _rolled(task, values["parameters"], one.context, values["action"], one.nuisance)
+        other = rolled(task, values["parameters"], one.context, values["action"], one.nuisance)
         if not np.array_equal(task.observation(other.track), task.observation(one.track)):
             return False
     return True
 
 
-def _contexts(task: Task, rolls: Sequence[_Rolled], rng: np.random.Generator, limit_s: float) -> Iterator[TaskFinding]:
+def _contexts(
+    task: Task, rolls: Sequence[SampledRollout], rng: np.random.Generator, limit_s: float
+) -> Iterator[TaskFinding]:
     if not len(task.context):
         return
     reference = np.asarray(task.reference_context, dtype=np.float64)
@@ -447,10 +264,10 @@ def _contexts(task: Task, rolls: Sequence[_Rolled], rng: np.random.Generator, li
     for base in rolls[-BASES:]:
         if time.perf_counter() - began > limit_s:
             break
-        at_reference = _rolled(task, base.parameters, reference, base.action, base.nuisance)
+        at_reference = rolled(task, base.parameters, reference, base.action, base.nuisance)
         here = task.observation(at_reference.track)
         for context in task.context.sample(rng, CONTEXTS):
-            true = task.observation(_rolled(task, base.parameters, context, base.action, base.nuisance).track)
+            true = task.observation(rolled(task, base.parameters, context, base.action, base.nuisance).track)
             moved = max(moved, float(np.abs(true - here).max()))
             if task.relocate is None:
                 continue
@@ -478,7 +295,7 @@ def _contexts(task: Task, rolls: Sequence[_Rolled], rng: np.random.Generator, li
     )
 
 
-def _outcomes(task: Task, rolls: Sequence[_Rolled]) -> Iterator[str]:
+def _outcomes(task: Task, rolls: Sequence[SampledRollout]) -> Iterator[str]:
     report, track = task.report, rolls[0].track
     failed = replace(track, outcome=Outcome.SOLVER_FAILED)
     if report is None:

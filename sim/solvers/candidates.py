@@ -15,8 +15,7 @@ from hw.types import Array, frozen_array
 from sim.errors import NotExecutable
 from sim.rollouts.draws import Disturbances, cover, sobol, varies
 from sim.solvers.interior import prefer_interior
-from sim.solvers.solver import Executable, Expectations, SolvedPolicy, Solver, SolverSettings
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, Expectations, SolvedPolicy, Solver, SolverSettings, Task
 
 
 @dataclass(frozen=True, eq=False)

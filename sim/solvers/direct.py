@@ -19,8 +19,7 @@ from sim.rollouts.kept import KeptRollouts
 from sim.rollouts.run import Requests, Rollouts
 from sim.solvers.candidates import CandidatePolicy, Outcomes, first_executable
 from sim.solvers.simulated import FromSimulator
-from sim.solvers.solver import Executable, SolverSettings
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, SolverSettings, Task
 
 SCENARIOS, VARIED = 8, 4
 """Most parameters that stand for a distribution; and least number of draws, if trials of one action differ."""

@@ -20,9 +20,8 @@ from sim.rollouts.draws import cover, physical_contexts, sobol, varies
 from sim.rollouts.run import Requests, Rollouts, observed
 from sim.solvers.candidates import FromOutcomes, ListedActionSolver
 from sim.solvers.misfit import tolerance
-from sim.solvers.solver import Expectations
 from sim.storage.files import Tensors
-from sim.tasks.task import Task
+from sim.tasks.task import Expectations, Task
 
 GRID, ACTIONS = 64, 64
 """Points of the grid, and actions that policies choose among: at most 4096 rollouts, each when it is needed."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from hw.types import Array
 from sim.rollouts.draws import Disturbances, sobol
-from sim.solvers.solver import Expectations
+from sim.tasks.task import Expectations
 
 DRAWS = 512
 """Numbers of parameters, and of nuisances with action errors, to try: they span the trajectories of one action."""

@@ -1,6 +1,6 @@
-"""The contract of solvers: task policies, and expectations of their trials.
+"""The task policy of a distribution of parameters, by any solver (their contract: `Solver` in `sim.tasks.task`).
 
-Siblings: `sim.solvers.emulator.network`, a task's own exact one (`Task.exact`), and NAF's in the wing (`naf`).
+Solvers: `sim.solvers.emulator.network`, a task's own exact one (`Task.exact`), and NAF's in `sim.research.naf`.
 """
 
 from __future__ import annotations
@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 
 from hw.types import Array
-from sim.tasks.task import Executable, Expectations, Policies, SolvedPolicy, Solver, SolverSettings
-
-__all__ = ["Executable", "Expectations", "Policies", "SolvedPolicy", "Solver", "SolverSettings", "naf", "policy_for"]
+from sim.tasks.task import Executable, Policies, SolvedPolicy
 
 
 def policy_for(policies: Policies, samples: Array, executable: Executable | None = None, seed: int = 0) -> SolvedPolicy:

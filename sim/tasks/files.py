@@ -118,19 +118,37 @@ def caller_line(path: str) -> int | None:
     return None
 
 
-@contextmanager
-def confined(path: str) -> Iterator[None]:
-    """Code of the file can neither end nor double this process. A TaskError names the line that tries to."""
+def confine(path: str) -> None:
+    """From now on code of the file can neither end nor double this process. A TaskError names the line that tries to.
 
-    def refuse(name: str) -> Callable[..., Any]:
-        def refused(*_: object) -> Any:
-            line = caller_line(path)
-            raise TaskError(f"{path}, line {line} calls os.{name}: a task may neither end nor double the process")
+    Code of others is not concerned.
+    """
+    _guard()
+    _confined().add(path)
 
-        return refused
 
-    with patched(os, {n: refuse(n) for n in ("_exit", "abort", "fork", "forkpty") if hasattr(os, n)}):
-        yield
+@cache
+def _confined() -> set[str]:
+    """The files whose code is confined."""
+    return set()
+
+
+@cache
+def _guard() -> None:
+    def guarded(name: str, original: Callable[..., Any]) -> Callable[..., Any]:
+        def function(*values: Any) -> Any:
+            for path in _confined():
+                if (line := caller_line(path)) is not None:
+                    raise TaskError(
+                        f"{path}, line {line} calls os.{name}: a task may neither end nor double the process"
+                    )
+            return original(*values)
+
+        return function
+
+    for name in ("_exit", "abort", "fork", "forkpty"):
+        if hasattr(os, name):
+            setattr(os, name, guarded(name, getattr(os, name)))
 
 
 @contextmanager
@@ -162,7 +180,8 @@ def _awake(path: str) -> Mapping[str, Callable[..., Any]]:
 def _executed(path: Path, digest: str) -> tuple[Task, ...]:
     module = _module(path, digest)
     try:
-        with confined(str(path)), patched(time, _awake(str(path))):
+        confine(str(path))
+        with patched(time, _awake(str(path))):
             exec(compile(read_bytes(path, MOST_BYTES), str(path), "exec"), module.__dict__)
     except TaskError as error:
         del sys.modules[module.__name__]
@@ -180,14 +199,15 @@ def _executed(path: Path, digest: str) -> tuple[Task, ...]:
 
 
 def _module(path: Path, digest: str) -> ModuleType:
-    """An empty module for a file. What it prints goes to stderr, because stdout may carry JSON."""
+    """An empty module for a file. What it prints goes to stderr with its line, because stdout may carry JSON."""
     spec = spec_from_loader(f"adaptsim_task_{path.stem}_{digest[:12]}", loader=None, origin=str(path))
     assert spec is not None
     module = module_from_spec(spec)
     module.__file__ = str(path)
 
     def aside(*words: object, **options: Any) -> None:
-        builtins.print(*words, **{"file": sys.stderr, **options})  # noqa: T201 - the user's own
+        where = f"{path}, line {caller_line(str(path))} prints:"
+        builtins.print(where, *words, **{"file": sys.stderr, **options})  # noqa: T201 - the user's own
 
     module.__dict__["print"] = aside
     sys.modules[module.__name__] = module

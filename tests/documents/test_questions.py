@@ -23,15 +23,22 @@ WORDS_A_SECOND = 4.0
 MOST_CLICKS, MOST_S = 2, 60.0
 
 QUESTIONS = (
-    ("What does it do?", "README.md", "", "adapts your simulator"),
-    ("Has it run on a real arm?", "README.md", "", "No real arm has run it yet"),
-    ("What do I need to try it?", "README.md", "", "You need"),
+    ("What does it do?", "README.md", "", "adapts a simulator to one table"),
+    ("Has it run on a real arm?", "README.md", "", "No real arm, camera, pedal or balance has run this program"),
+    ("What do I need to try it?", "README.md", "", "a simulator, and a robot"),
     ("How do I start the demo?", "README.md", "", "make demo"),
     ("Which Python and system?", "README.md", "Install, ask, cite", "Python 3.11"),
     ("What is the licence?", "README.md", "Install, ask, cite", "Apache 2.0"),
     ("Where do I ask?", "README.md", "Install, ask, cite", "open an issue"),
-    ("What does adapting gain?", "README.md", "What it gains", "Mean reward of the final policy"),
-    ("What is a particle?", "README.md", "How it works", "one guess of the simulation parameters"),
+    ("What does adapting gain?", "README.md", "What it gains", "the mean reward rises from"),
+    ("What is a particle?", "docs/start/concepts.md", "Six words", "an E that moves through a session"),
+    ("Whose method is it?", "README.md", "How it works", "is ours"),
+    ("What does a reward mean?", "docs/start/concepts.md", "The reward", "4 cm away"),
+    ("Can I use a UR5?", "docs/start/faq.md", "Questions", "UR5"),
+    ("Where can it not work?", "docs/start/faq.md", "Limitations", "One-shot tasks"),
+    ("How long does a session take?", "docs/start/faq.md", "Questions", "20 to 40 minutes"),
+    ("What do I have to buy?", "docs/guide/what-to-buy.md", "", "Franka Research 3"),
+    ("When is Bayesian optimisation better?", "docs/why/beside-others.md", "", "there is no simulator"),
     ("What is UDR?", "docs/start/concepts.md", "Six words", "uniform domain randomisation"),
     ("What is the gap?", "docs/start/concepts.md", "Six words", "the distance from UDR's reward"),
     (
@@ -100,8 +107,8 @@ def read_s(page: str, heading: str, answer: str) -> float:
     return len(text[: text.index(answer)].split()) / WORDS_A_SECOND
 
 
-def test_there_are_forty():
-    assert len(QUESTIONS) == len({question for question, *_ in QUESTIONS}) == 40
+def test_no_question_is_asked_twice():
+    assert len(QUESTIONS) == len({question for question, *_ in QUESTIONS}) >= 40
 
 
 @pytest.mark.parametrize(("question", "page", "heading", "answer"), QUESTIONS, ids=[q for q, *_ in QUESTIONS])

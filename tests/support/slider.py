@@ -19,7 +19,8 @@ from sim.lab.world import Faults, Sensing, World
 from sim.panda.model import inverse
 from sim.panda.moves import move_path
 from sim.panda.tool import cell_as_shipped
-from sim.tasks.task import AdaptationSettings, Hardware, Observation, SceneBodies, Task
+from sim.tasks.hardware import Hardware, SceneBodies
+from sim.tasks.task import AdaptationSettings, Observation, Task
 from sim.types import Dimension, Space, ToolMotion, Visual
 
 BLOCK_M = 0.04

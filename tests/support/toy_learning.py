@@ -18,8 +18,7 @@ from sim.rollouts.run import Roll
 from sim.solvers.candidates import ScenarioPolicy
 from sim.solvers.emulator.network import Emulator, EmulatorReport
 from sim.solvers.emulator.training import EmulatorSettings, train_emulator
-from sim.solvers.solver import Executable, SolverSettings
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, SolverSettings, Task
 
 SETTINGS = EmulatorSettings(hidden=64, layers=2, learning_rate=3e-3, least_steps=600, most_steps=600)
 

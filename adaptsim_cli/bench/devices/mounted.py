@@ -19,7 +19,8 @@ from sim.panda.tool import ToolCorrection
 
 if TYPE_CHECKING:
     from adaptsim_cli.bench.rig import Paths, Planner
-    from sim.tasks.task import Hardware, Task
+    from sim.tasks.hardware import Hardware
+    from sim.tasks.task import Task
     from sim.types import ToolMotion
 
 

@@ -34,8 +34,7 @@ FAR_M = 0.05
 """An end of the tool that seems farther from the expected table is not set down, or the rig file is of another lab."""
 TRIES = 20
 """How often one place is asked for before the command gives up; also the simulated lab must not ask for ever."""
-_KEPT = "Nothing was stored; the previous touch-off stays in use."
-_HINT = f"{_KEPT} Start again with: adaptsim touch-off"
+_KEPT = "Nothing was stored; what was known of table and tool before stays in use."
 _SHARED = (
     "Set down by its edge, the tool cannot tell its own height from the table's: only the sum is measured, and that is "
     "the edge over the table."
@@ -66,7 +65,8 @@ def run(
     if not unattended:
         console.require_terminal()
     screen.resting("table and tool as now known", sessions)
-    with how_to_continue(_HINT, "interrupted"), open_rig(config, resolved.places, grasp) as rig:
+    hint = f"{_KEPT} Start again with: adaptsim touch-off {config.same_lab}"
+    with how_to_continue(hint, "interrupted"), open_rig(config, resolved.places, grasp) as rig:
         screen.show(terminal_views.explanation(rig))
         saved = touch_off(rig, screen, unattended=unattended, created=datetime.now(UTC).isoformat(timespec="seconds"))
         screen.plain("Guide the arm up now: the tool must be clear of the table before anything moves.")

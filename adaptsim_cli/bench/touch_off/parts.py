@@ -16,7 +16,7 @@ from sim.panda.setting_down import SetDown
 
 
 class TouchOffFailed(PreflightFailed):
-    """The places contradict each other, or the tool is not held; the previous touch-off stays in use."""
+    """The places contradict each other, or the tool is not held; what was known before stays in use."""
 
 
 class PersonAtTool(Protocol):

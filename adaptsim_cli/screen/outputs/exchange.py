@@ -45,6 +45,7 @@ class Question(Record):
     )
     goal_m: Numbers | None = described("(x, y) where the object should come to rest, for a task with such a goal")
     units: dict[str, str] = described(UNITS)
+    words: dict[str, str] = Field(default={}, description="the categories of `context` and `action` in words")
     times_s: Numbers = described("the moments that the task observes, from the start of the motion")
     state: tuple[str, ...] = described("the columns of a state, each with its unit")
     outcomes: tuple[Outcome, ...] = described("how a trial can end")

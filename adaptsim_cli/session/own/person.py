@@ -19,6 +19,7 @@ from adaptsim_cli.errors import AnswerRefused, StoppedByOperator
 from adaptsim_cli.screen.console import Screen
 from adaptsim_cli.screen.outputs.exchange import Answer, Question
 from adaptsim_cli.screen.release import Release
+from adaptsim_cli.screen.views import value_in_words
 from adaptsim_cli.session.own.exchange import Exchange
 from adaptsim_cli.session.own.reading import MOST_BYTES, measured_context, read_answer, track_of
 from hw.bounded import Unreadable, read_bytes
@@ -26,6 +27,7 @@ from hw.records import number_hint
 from perception.types import Outcome
 from sim.adaptation.sessions import Progress
 from sim.tasks.task import Task
+from sim.types import Dimension
 
 HELP = (
     "Answer with the numbers that you measured, in the unit of the question. r: this attempt does not count; "
@@ -68,11 +70,17 @@ class TypedAnswers:
         exchange.keep((json.dumps({"trial": question.trial, **table}) + "\n").encode())
 
     def _place(self, question: Question) -> dict[str, Any]:
-        where = ", ".join(f"{name} = {value:.4g} {question.units[name]}" for name, value in question.context.items())
+        dimensions = dict(zip(self.task.context.names, self.task.context.dimensions, strict=True))
+        where = ", ".join(
+            f"{name} = {question.words.get(name) or f'{value:.4g} {question.units[name]}'}"
+            for name, value in question.context.items()
+        )
         self.screen.show(f"  Set the object up near {where.strip()}, and measure where it lies.")
         while True:
             context = {
-                name: self._number(f"{name} [{question.units[name] or '-'}] (Enter: {drawn:.4g}):", drawn)
+                name: self._kind(dimensions[name], drawn)
+                if dimensions[name].words
+                else self._number(f"{name} [{question.units[name] or '-'}] (Enter: {drawn:.4g}):", drawn)
                 for name, drawn in question.context.items()
             }
             answer = Answer(trial=question.trial, context=context)
@@ -82,7 +90,9 @@ class TypedAnswers:
     def _trial(self, question: Question) -> dict[str, Any]:
         while True:
             table = self._from_file(question) or self._end(question)
-            if "outcome" not in table:
+            if "outcome" not in table and len(question.outcomes) == 1:
+                table["outcome"] = question.outcomes[0].value
+            elif "outcome" not in table:
                 table["outcome"] = self._outcome(question)
             if question.needs and table["outcome"] in question.success and "end_in_tool_m" not in table:
                 axes = [self._number(f"Last place in the tool's frame, {axis} [m]:") for axis in "xyz"]
@@ -126,6 +136,17 @@ class TypedAnswers:
             if outcome is not None:
                 return outcome.value
             self.screen.note(f"  {typed or 'Enter alone'} is none of them.")
+
+    def _kind(self, dimension: Dimension, drawn: float) -> float:
+        """The index of a category that is typed as its word."""
+        kinds = ", ".join(dimension.words)
+        while True:
+            typed = self._words(f"{dimension.name}, one of {kinds} (Enter: {value_in_words(dimension, drawn)}):")
+            if not typed:
+                return drawn
+            if typed in dimension.words:
+                return float(dimension.words.index(typed))
+            self.screen.note(f"  {typed} is none of {kinds}.")
 
     def _number(self, question: str, otherwise: float | None = None) -> float:
         while True:

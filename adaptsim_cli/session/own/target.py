@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,27 +13,32 @@ from adaptsim_cli.errors import AnswerRefused
 from adaptsim_cli.screen.outputs.exchange import Answer, PolicyFile, Question
 from adaptsim_cli.screen.outputs.trials import TrackRecord, as_row, named
 from adaptsim_cli.screen.release import Release
-from adaptsim_cli.screen.views import Readiness
+from adaptsim_cli.screen.views import Readiness, value_in_words
 from adaptsim_cli.session.folders import QUESTIONS
 from adaptsim_cli.session.live_trial import PlacedTrial, PlannedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.own.exchange import Answerer, Exchange
-from adaptsim_cli.session.own.reading import measured_context, track_of
+from adaptsim_cli.session.own.reading import action_of, measured_context, track_of
 from adaptsim_cli.session.records import read
 from adaptsim_cli.session.simulated_target import FILE, KnownMotion
 from hw.types import Array
 from perception.errors import TrackingFailed
-from perception.types import Outcome
+from perception.types import ObjectTrack, Outcome
 from sim.adaptation.methods import kind_of
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
-from sim.errors import ActionImpossible, MomentsMissing
+from sim.errors import ActionImpossible, MomentsMissing, RecordingsRefused
+from sim.rollouts.recorded import RecordedTrials, frame_aside, start_offset_m
 from sim.solvers.misfit import observed_share
+from sim.solvers.readings import doubt
 from sim.tasks.library import library_of, main_file
-from sim.tasks.task import Task
+from sim.tasks.task import Expectations, Task
+from sim.types import Space
 
 NEAR = 0.05
 """An action is as impossible as one within this share of every range of it, for a context that near."""
+COMPARED_AT = (4, 8, 16)
+"""Numbers of answers after which all of them are compared with the simulator under other readings."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,7 @@ class OwnTarget:
     session: Path  # folder of the session
     answerer: Answerer
     method: str
+    expectations: Expectations | None = None  # of the session's simulator; None: answers are not compared with it
     _impossible: list[tuple[Array, Array]] = field(default_factory=list)  # (context, action), normalised
 
     def __post_init__(self) -> None:
@@ -142,6 +148,7 @@ class OwnTarget:
         exchange = self._exchange(key, "trial")
         with _explained(exchange):
             track = track_of(answer, question, self.task)
+            track = replace(track, flags=(*track.flags, *self._doubts(track, question)))
             if kind_of(self.method).needs_whole and observed_share(self.task.observation(track)) < 1.0:
                 raise MomentsMissing(
                     f"{self.method} needs every moment of a trial, and this answer misses some: report the whole "
@@ -149,6 +156,34 @@ class OwnTarget:
                 )
         files = {file.name: file.read_bytes() for file in (exchange.question_file, exchange.answer_file)}
         return KnownMotion(track, others=files)
+
+    def _doubts(self, track: ObjectTrack, question: Question) -> tuple[str, ...]:
+        """What this trial and those before it have in common that contradicts their commands."""
+        task, answers = self.task, [(track, question)]
+        for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
+            exchange = Exchange(file.parent, "trial")
+            with suppress(AnswerRefused, OSError, ValueError):
+                earlier, its_question = exchange.answer(), exchange.question()
+                if earlier is not None and its_question.trial < question.trial and earlier.t_s is not None:
+                    answers.append((track_of(earlier, its_question, task), its_question))
+        contexts = [
+            np.array([one_question.context[name] for name in task.context.names]) for _, one_question in answers
+        ]
+        pairs = list(zip(answers, contexts, strict=True))
+        aside = frame_aside([start_offset_m(task, one, context) for (one, _), context in pairs])
+        if aside or self.expectations is None or len(answers) not in COMPARED_AT:
+            return (aside,) if aside else ()
+        with suppress(RecordingsRefused):
+            trials = RecordedTrials(
+                task,
+                tuple(f"{one_question.trial}" for _, one_question in answers),
+                np.array(contexts),
+                np.array([action_of(one_question, task) for _, one_question in answers]),
+                tuple(one for one, _ in answers),
+            )
+            if sentence := doubt(self.expectations, trials):
+                return (f"so far the answers contradict their actions: {sentence}",)
+        return ()
 
     def read(self, folder: Path, context: Array, action: Array) -> KnownMotion:
         """See `Target`: the trajectory."""
@@ -171,6 +206,7 @@ class OwnTarget:
             policy=None if action is None else _policy_of(task, action),
             goal_m=None if task.goal_m is None else as_row(task.goal_m(context)),
             units={d.name: d.unit for space in spaces for d in space.dimensions},
+            words={**in_words(task.context, context), **({} if action is None else in_words(task.action, action))},
             times_s=as_row(task.observation.times_s),
             state=report.columns,
             outcomes=report.outcomes,
@@ -219,3 +255,10 @@ def _explained(exchange: Exchange) -> Iterator[None]:
             f"the answer to trial {exchange.question().trial} does not count: {error}. It is kept in "
             f"{exchange.answer_file}: correct it there, or delete it to be asked again"
         ) from error
+
+
+def in_words(space: Space, values: Array) -> dict[str, str]:
+    """The categories among the values (n,) of a space, by name, in words."""
+    return {
+        d.name: value_in_words(d, float(value)) for d, value in zip(space.dimensions, values, strict=True) if d.words
+    }

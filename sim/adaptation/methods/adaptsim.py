@@ -22,8 +22,8 @@ from sim.adaptation.outcome_posterior import OutcomePosterior, PosteriorPolicy
 from sim.adaptation.reward_table import OPTIMISM
 from sim.adaptation.session_forecast import CAUTION, session_forecast
 from sim.adaptation.simulators import Simulators
-from sim.solvers.solver import Executable, SolvedPolicy, policy_for
-from sim.tasks.task import Task
+from sim.solvers.solver import policy_for
+from sim.tasks.task import Executable, SolvedPolicy, Task
 
 FADES_OVER = 4
 """Number of iterations until exploring particles have no more optimism."""

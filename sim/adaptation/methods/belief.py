@@ -25,8 +25,7 @@ from sim.adaptation.checkpoint import Checkpoint, reward_table_of
 from sim.adaptation.method import Iteration, Particle
 from sim.adaptation.reward_table import RewardTable
 from sim.adaptation.trajectory_likelihood import TrajectoryLikelihood
-from sim.solvers.solver import Expectations
-from sim.tasks.task import Task
+from sim.tasks.task import Expectations, Task
 
 LEVEL_STD, REALITY_STD, LENGTH = 0.1, 0.15, 0.3
 """Standard deviations of real rewards from the simulator's: one for all E together, one that varies over E with the

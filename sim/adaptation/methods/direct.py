@@ -29,8 +29,8 @@ from sim.rollouts.kept import KeptRollouts
 from sim.rollouts.run import Requests
 from sim.solvers.direct import DirectSolver, rollouts_of
 from sim.solvers.misfit import VALUES, offsets
-from sim.solvers.solver import Executable, SolvedPolicy, policy_for
-from sim.tasks.task import Task
+from sim.solvers.solver import policy_for
+from sim.tasks.task import Executable, SolvedPolicy, Task
 
 SCENARIOS = 3
 """Parameters that the first particle's policy is searched for: the best fit, and draws from the posterior."""

@@ -10,8 +10,8 @@ import numpy as np
 from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
 from sim.rollouts.draws import cover
-from sim.solvers.solver import SolvedPolicy, Solver, policy_for
-from sim.tasks.task import Task
+from sim.solvers.solver import policy_for
+from sim.tasks.task import SolvedPolicy, Solver, Task
 
 SAMPLES = 64
 """Number of parameter vectors that represent all of Omega."""

@@ -22,8 +22,8 @@ from sim.adaptation.methods.adaptsim import AdaptSim
 from sim.adaptation.simulators import Simulators
 from sim.errors import CheckpointError
 from sim.rollouts.draws import cover
-from sim.solvers.solver import Executable, SolvedPolicy, Solver, policy_for
-from sim.tasks.task import Task
+from sim.solvers.solver import policy_for
+from sim.tasks.task import Executable, SolvedPolicy, Solver, Task
 
 RULES = 4
 """Number of fixed rules that `best-of-first` tries."""

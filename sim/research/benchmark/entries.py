@@ -24,8 +24,7 @@ from sim.research.benchmark import baselines
 from sim.research.benchmark.knowledge import RANGES, Ranges
 from sim.research.benchmark.sessions import udr_policies
 from sim.rollouts.draws import cover
-from sim.solvers.solver import SolvedPolicy
-from sim.tasks.task import Task
+from sim.tasks.task import SolvedPolicy, Task
 
 if TYPE_CHECKING:
     from sim.adaptation.methods import Factory

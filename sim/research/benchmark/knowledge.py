@@ -16,9 +16,8 @@ from sim.adaptation.checkpoint import Checkpoint, load_checkpoint
 from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
 from sim.solvers.candidates import FromOutcomes
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.solver import Executable, SolvedPolicy, Solver, SolverSettings
 from sim.tasks import get_task
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, SolvedPolicy, Solver, SolverSettings, Task
 from sim.types import Space
 
 Ranges = Literal["omega", "margin"]

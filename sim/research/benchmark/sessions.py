@@ -21,8 +21,7 @@ from sim.adaptation.sessions import begin_in_memory
 from sim.errors import OutOfRange
 from sim.research.benchmark.trial_sources import TrialSource
 from sim.rollouts.draws import cover
-from sim.solvers.solver import SolvedPolicy, Solver
-from sim.tasks.task import Task
+from sim.tasks.task import SolvedPolicy, Solver, Task
 from sim.types import Estimate
 
 SCREENING, FINAL = 16, 6

@@ -28,9 +28,8 @@ from sim.rollouts.draws import cover, physical_contexts, sobol
 from sim.rollouts.run import Progress, Requests, Rollouts, concatenate
 from sim.rollouts.shards import read_manifest, read_shard, simulate_missing, simulate_share, split
 from sim.rollouts.shares import Share
-from sim.solvers.solver import Solver
 from sim.storage.files import write_toml
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 ROLLOUTS = 320
 """Rollouts per world: for 40 drawn worlds of each seed and the named ones, less than an hour of two cores per task."""

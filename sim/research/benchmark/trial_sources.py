@@ -21,8 +21,7 @@ from sim.research.benchmark.tables import WorldTable
 from sim.rollouts.draws import trial_requests
 from sim.rollouts.recorded import RecordedTrials
 from sim.rollouts.run import Requests, Rollouts
-from sim.solvers.solver import Executable, Solver
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, Solver, Task
 
 SMOOTHED = 4
 """Number of a table's rollouts averaged for the reward of an action, in the search for the best one."""

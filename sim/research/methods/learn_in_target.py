@@ -18,8 +18,7 @@ from sim.adaptation.checkpoint import Checkpoint
 from sim.adaptation.method import Iteration, Particle
 from sim.rollouts.draws import cover, sobol
 from sim.solvers.candidates import first_executable
-from sim.solvers.solver import Executable, SolvedPolicy
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, SolvedPolicy, Task
 
 ACTIONS = 256
 """Number of candidate actions, spread evenly over the action space."""

@@ -26,8 +26,7 @@ from sim.errors import CheckpointError, ExtraMissing
 from sim.research.methods.search import calculating, require
 from sim.rollouts.draws import sobol
 from sim.solvers.misfit import LEAST_STD
-from sim.solvers.solver import Solver
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 try:
     import torch

@@ -20,10 +20,9 @@ from sim.errors import ExtraMissing
 from sim.rollouts.draws import Disturbances, cover
 from sim.rollouts.run import Requests, Roll, Rollouts
 from sim.solvers.candidates import first_executable
-from sim.solvers.solver import Executable
 from sim.solvers.threads import one_thread
 from sim.storage.files import Tensors
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, Task
 
 try:
     import torch

@@ -26,8 +26,7 @@ from sim.rollouts.run import Roll, run_many
 from sim.rollouts.shards import CachedRollouts
 from sim.solvers.misfit import misfit
 from sim.solvers.simulated import FromSimulator
-from sim.solvers.solver import Executable, SolverSettings
-from sim.tasks.task import ReuseRules, Task
+from sim.tasks.task import Executable, ReuseRules, SolverSettings, Task
 
 MISFIT_TRIALS = 32
 """Simulated trials that measure the distance of one to the nearest of `sim.solvers.misfit.DRAWS` others."""

@@ -23,8 +23,7 @@ from sim.research.methods.q_policy import MemoryName, PastIterations, encode, lo
 from sim.rollouts.draws import cover, trial_requests
 from sim.rollouts.run import OUTCOMES, Requests, Roll, Rollouts
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.solver import Solver, SolverSettings
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, SolverSettings, Task
 
 DRAWS = 4
 """Draws of action error and nuisance for each context of an expected reward."""

@@ -18,8 +18,7 @@ from sim.research.pretraining.episodes import simulated_trials
 from sim.research.pretraining.meta_training import sample_targets
 from sim.rollouts.draws import cover, trial_requests
 from sim.rollouts.run import Requests, Roll
-from sim.solvers.solver import Executable, SolvedPolicy, Solver, SolverSettings
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, SolvedPolicy, Solver, SolverSettings, Task
 
 LEAST_GAP = 0.1
 """Targets with a smaller difference between oracle and UDR say nothing about adaptation."""

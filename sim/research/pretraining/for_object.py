@@ -18,13 +18,12 @@ from sim.adaptation.checkpoint import Checkpoint, save_checkpoint
 from sim.adaptation.reward_table import RewardTableSettings, tabulate_rewards
 from sim.errors import CheckpointError
 from sim.research.pretraining.budget import PretrainBudget
-from sim.research.pretraining.pipeline import StageProgress, stage_seeds
+from sim.research.pretraining.dataset_share import StageProgress, stage_seeds
 from sim.rollouts.dataset import build_dataset, draw_requests
 from sim.rollouts.run import run_many
 from sim.solvers.emulator.network import Emulator, rescaled_to
 from sim.solvers.emulator.training import EmulatorSettings, held_out_errors, train_emulator
-from sim.solvers.solver import Solver
-from sim.tasks.task import Task
+from sim.tasks.task import Solver, Task
 
 HELD_OUT = 192
 """Fresh rollouts over the object's margin that judge the networks."""

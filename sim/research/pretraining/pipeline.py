@@ -21,20 +21,26 @@ from typing import Any
 
 import numpy as np
 
-from hw.bounded import Unreadable
 from hw.types import Array
 from sim.adaptation.checkpoint import CARD, save_checkpoint
 from sim.adaptation.checkpoint import GRID as GRID_TENSORS
 from sim.adaptation.method import Method
 from sim.adaptation.methods.belief import AdaptSimBelief
 from sim.adaptation.reward_table import RewardTable, RewardTableSettings, restore_reward_table, tabulate_rewards
-from sim.errors import DatasetError
 from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import MemoryName, QPolicy, restore_policy, tensors_of
 from sim.research.methods.search import RandomSearch
 from sim.research.naf.memory import NafMemory
 from sim.research.naf.solver import NafSolver, measure_misfit_limit, naf_facts, rules_of
 from sim.research.pretraining.budget import EVERYTHING, MEMORIES, NETWORKS, OptionalStages, PretrainBudget
+from sim.research.pretraining.dataset_share import (
+    STAGES,
+    StageProgress,
+    agree_on_plan,
+    denser,
+    read_report,
+    stage_seeds,
+)
 from sim.research.pretraining.episodes import Acting, EmulatedRolls, Episodes, Simulator, SolverActing, fill_library
 from sim.research.pretraining.evaluation import evaluate
 from sim.research.pretraining.growth import GROWN, enough_rollouts
@@ -49,30 +55,23 @@ from sim.research.pretraining.meta_training import (
 from sim.research.pretraining.soundness import require_sound
 from sim.research.pretraining.worth import measured_worth
 from sim.rollouts.cost import measured_cost
-from sim.rollouts.dataset import AdaptiveSampling, build_dataset, build_share
+from sim.rollouts.dataset import build_dataset
 from sim.rollouts.run import Roll, run_many
 from sim.rollouts.shards import CachedRollouts, simulate_missing
 from sim.rollouts.shards import split as into_shards
-from sim.rollouts.shares import Share
 from sim.solvers.candidates import ListedActionSolver
 from sim.solvers.emulator.network import Emulator
-from sim.solvers.emulator.training import outcome_variance, reward_error, split, train_emulator
+from sim.solvers.emulator.training import reward_error, split, train_emulator
 from sim.solvers.grid import grid_behind
 from sim.solvers.library import train_library, with_library
-from sim.solvers.solver import Solver
-from sim.storage.files import load_tensors, read_toml, save_tensors, write_toml
-from sim.tasks.fingerprint import fingerprint
+from sim.storage.files import load_tensors, save_tensors, write_toml
 from sim.tasks.library import FOLDER as POLICIES
 from sim.tasks.library import digests_of, library_of
-from sim.tasks.task import Task
-
-StageProgress = Callable[[str, int, int], None]
-"""(stage, done, total)"""
+from sim.tasks.task import Solver, Task
 
 BELIEF, RANDOM = "adaptsim-belief", "random"
 """The methods in the evaluation, by their names in `sim.adaptation.methods.METHODS`."""
 
-STAGES = ("dataset", "emulator", "reward table", "adaptation policies", "evaluation", "checkpoint")
 TRAINING, GRID, WORTH = "policies", "grid of rollouts", "worth of the result"
 
 GRID_SHARD = 64
@@ -119,7 +118,7 @@ def pretrain(
     """
     if task.training is None:
         require_sound(task, np.random.default_rng(seed))
-    _agree_on_plan(task, folder, budget, seed, solver)
+    agree_on_plan(task, folder, budget, seed, solver)
     draws, progress = stage_seeds(seed), StageTimer(folder, progress)
     facts: dict[str, Any] = {"seed": seed}
     if task.training is not None:
@@ -160,43 +159,6 @@ def pretrain(
         save_checkpoint(task, path, means.emulator, tensors_of(networks) | further, {**means.facts, **facts}, table)
     progress(STAGES[5], 1, 1)
     return path
-
-
-def simulate_dataset_share(
-    task: Task,
-    folder: Path,
-    budget: PretrainBudget,
-    seed: int,
-    share: Share,
-    executor: Executor,
-    progress: StageProgress,
-) -> bool:
-    """Simulate one share of the dataset that `pretrain` learns from; several processes may do so at a time.
-
-    Returns whether the share is complete: False while the denser part waits for other shares of the first. Only for a
-    task with a dataset, that is for the solver emulator. Raises DatasetError if the folder holds another plan.
-    """
-    _agree_on_plan(task, folder, budget, seed, "emulator")
-    seeds = stage_seeds(seed)
-    return build_share(
-        task,
-        folder / "dataset",
-        budget.rollouts,
-        seeds[0],
-        share,
-        executor,
-        lambda i, n: progress(STAGES[0], i, n),
-        _denser(task, budget, seeds[1]),
-    )
-
-
-def _denser(task: Task, budget: PretrainBudget, seed: int) -> AdaptiveSampling | None:
-    return AdaptiveSampling(budget.denser, partial(outcome_variance, task, seed)) if budget.denser else None
-
-
-def stage_seeds(seed: int) -> tuple[int, ...]:
-    """Seeds of dataset, emulator, adaptation policies and evaluation."""
-    return tuple(int(s.generate_state(1)[0]) for s in np.random.SeedSequence(seed).spawn(4))
 
 
 def _grid(folder: Path, solver: Solver, executor: Executor, progress: StageProgress) -> dict[str, Array]:
@@ -243,15 +205,16 @@ def _learnt(
     executor: Executor,
     progress: StageProgress,
 ) -> _Means:
-    cost, size, denser = measured_cost(task, seeds[0]), budget.rollouts, _denser(task, budget, seeds[1])
+    cost, size = measured_cost(task, seeds[0]), budget.rollouts
+    adaptive = denser(task, budget, seeds[1])
     progress(cost.in_words(budget.rollouts + budget.denser), 1, 1)
     if cost.is_slow or (folder / "dataset" / GROWN).exists():
         size = enough_rollouts(
             task, folder / "dataset", size, seeds[0], budget.emulator, executor, lambda i, n: progress(STAGES[0], i, n)
         )
-        denser = denser if size == budget.rollouts else None
+        adaptive = adaptive if size == budget.rollouts else None
     dataset = build_dataset(
-        task, folder / "dataset", size, seeds[0], executor, lambda i, n: progress(STAGES[0], i, n), denser
+        task, folder / "dataset", size, seeds[0], executor, lambda i, n: progress(STAGES[0], i, n), adaptive
     )
     path, report = folder / "emulator.safetensors", folder / "emulator.toml"
     if not (path.exists() and report.exists()):
@@ -270,29 +233,6 @@ def _learnt(
         return reward_error(emulator, *dataset.select(unseen))
 
     return _Means(task, lambda: emulator, emulator, roll, lambda: len(dataset) + roll.count(), facts, unseen_error)
-
-
-def _agree_on_plan(task: Task, folder: Path, budget: PretrainBudget, seed: int, solver: str) -> None:
-    drawn = {"seed": seed, "solver": solver, "budget": asdict(budget)}
-    plan = {"task": task.name, "fingerprint": fingerprint(task), **drawn}
-    path = folder / "plan.toml"
-    if not path.exists():
-        write_toml(path, plan)
-        return
-    before = read_report(path)
-    different = [key for key, value in plan.items() if before.get(key) != value]
-    if different:
-        raise DatasetError(
-            f"{folder} was begun with a different {', '.join(different)}: use a new folder, or the settings in {path}"
-        )
-
-
-def read_report(path: Path) -> dict[str, Any]:
-    """Read a TOML file of the folder. Raises DatasetError."""
-    try:
-        return read_toml(path)
-    except (FileNotFoundError, Unreadable) as error:
-        raise DatasetError(f"{path} {error}: remove it, or begin in a new folder") from error
 
 
 def _policies(

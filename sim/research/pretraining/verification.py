@@ -24,8 +24,7 @@ from sim.rollouts.draws import trial_requests
 from sim.rollouts.run import Progress, Roll, roll_in_parts
 from sim.solvers.emulator.network import Emulator, EmulatorReport
 from sim.solvers.emulator.training import held_out_errors
-from sim.solvers.solver import SolvedPolicy, Solver
-from sim.tasks.task import Task
+from sim.tasks.task import SolvedPolicy, Solver, Task
 
 SIGMAS = 3.0
 """By chance, one figure in 700 counts as worse."""

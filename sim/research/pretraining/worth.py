@@ -11,7 +11,7 @@ from sim.adaptation.reward_table import RewardTable
 from sim.adaptation.simulators import Simulators
 from sim.research.identifiability import PARTLY, errors_left
 from sim.rollouts.draws import cover
-from sim.solvers.solver import Solver
+from sim.tasks.task import Solver
 
 HALF = 0.5
 """The expected reward below which a place counts as hopeless."""

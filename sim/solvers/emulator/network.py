@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from hw.types import Array
 from sim.errors import CheckpointError
 from sim.solvers.candidates import FromOutcomes, ScenarioPolicy, search
-from sim.solvers.solver import Executable, SolverSettings
 from sim.solvers.threads import one_blas_thread
 from sim.storage.files import Tensors
-from sim.tasks.task import Task
+from sim.tasks.task import Executable, SolverSettings, Task
 from sim.types import Space
 
 ROWS = 512

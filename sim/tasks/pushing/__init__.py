@@ -1,8 +1,9 @@
 """Pushing a bottle to a goal."""
 
 from perception.types import Outcome
+from sim.tasks.hardware import Hardware, Standing
 from sim.tasks.pushing import mount, params, plan, rollout, scene
-from sim.tasks.task import Hardware, LabReport, Standing, Task
+from sim.tasks.task import LabReport, Task
 
 HARDWARE = Hardware(
     X_FT=mount.X_FT,

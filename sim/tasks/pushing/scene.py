@@ -34,6 +34,7 @@ from hw.dynamics import GRAVITY_M_S2
 from hw.poses import translation
 from hw.types import Array
 from sim.errors import OutOfRange
+from sim.tasks.hardware import SceneBodies
 from sim.tasks.pushing.mount import PLATE_CENTRE_M, PLATE_M, PLATE_MASS_KG, pusher_visuals
 from sim.tasks.pushing.params import (
     BASE_E_PA,
@@ -52,7 +53,6 @@ from sim.tasks.pushing.params import (
 from sim.tasks.shared.contact import coefficient, compliant, rigid, set_contact, vector
 from sim.tasks.shared.gravity import gravity_m_s2
 from sim.tasks.shared.shapes import TABLE_CORNERS_M, box, obj_text, table_visual, turned_body
-from sim.tasks.task import SceneBodies
 from sim.types import Visual
 
 _FAR_BELOW_M = -1.0

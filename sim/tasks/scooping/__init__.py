@@ -1,8 +1,9 @@
 """Scooping food with a spatula."""
 
 from perception.types import Outcome
+from sim.tasks.hardware import Hardware
 from sim.tasks.scooping import params, plan, rollout, scene, spatula, suspicion
-from sim.tasks.task import Hardware, LabReport, Task
+from sim.tasks.task import LabReport, Task
 
 HARDWARE = Hardware(
     X_FT=spatula.X_FT,

@@ -24,6 +24,7 @@ from pydrake.multibody.tree import (
 
 from hw.types import Array
 from perception.types import BLADE_LENGTH_M, BLADE_WIDTH_M
+from sim.tasks.hardware import SceneBodies
 from sim.tasks.scooping.params import (
     CORNER_M,
     EDGE_M,
@@ -47,7 +48,6 @@ from sim.tasks.scooping.spatula import (
 )
 from sim.tasks.shared.contact import compliant, material, relaxing, rigid, set_contact, vector
 from sim.tasks.shared.shapes import obj_text, table_visual
-from sim.tasks.task import SceneBodies
 from sim.types import Visual
 
 TOOL = "spatula"

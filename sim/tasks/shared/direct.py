@@ -15,10 +15,11 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 
 from hw.types import Array
+from sim.tasks.hardware import BuildScene
 from sim.tasks.shared.carriage import CARRIAGE, add_carriage, place_carriage
 from sim.tasks.shared.contact import keep_apart
 from sim.tasks.shared.readings import Course, Moment, Velocity
-from sim.tasks.task import BuildScene, Task
+from sim.tasks.task import Task
 from sim.types import merged
 
 

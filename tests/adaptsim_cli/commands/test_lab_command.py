@@ -31,7 +31,7 @@ def test_show_draws_what_the_camera_sees(tmp_path):
 def test_list_explains_the_numbers_of_a_task(capfd):
     assert app.run(["lab", "list", "--task", "pendulum"]) == 0
     shown = " ".join(capfd.readouterr().out.split())
-    assert "m1 inner mass 1 to 2 kg" in shown
+    assert "inner mass m1 1 to 2 kg" in shown
     assert "torque of joint" in shown
 
 

@@ -110,7 +110,7 @@ HEAD = "trial,t_s,q1,q2,v1,v2,excess\n"
         ),
         ({"trajectories_csv": HEAD + "other,0,0,0,0,0,0\n"}, "trial run0 has no sample"),
         ({"manifest": 'task = "toss"\n[tables]\nstate = ["q1"]\n'}, "is of task toss, not of pendulum"),
-        ({"manifest": 'task = "pendulum"\n'}, "name one source: tables, mcap or sessions"),
+        ({"manifest": 'task = "pendulum"\n'}, "name one source: tables, mcap, lerobot, robomimic or sessions"),
         ({"manifest": 'task = "pendulum"\n[tables]\nstates = ["q1"]\n'}, "tables.state: field required"),
         ({"manifest": "task = "}, "is not valid TOML"),
         ({"manifest": 'task = "pendulum"\nsessions = ["gone"]\n'}, "gone is no session"),
@@ -332,7 +332,8 @@ def scoops(folder: Path, end: str, reward: str = "") -> Path:
         row = [f"{i}", "on_blade", *(f"{v!r}" for v in (*map(float, context), *map(float, action)))]
         lines.append(",".join([*row, *filter(None, [end, reward])]))
         samples += [
-            f"{i},{t:.2f},{context[0] + 0.01 * i * t:.5f},{context[1]:.5f},0.01" for t in np.arange(0.0, 3.0, 0.1)
+            f"{i},{t:.2f},{context[0] + (0.04 + 0.01 * i) * min(t, 1.0):.5f},{context[1]:.5f},0.01"
+            for t in np.arange(0.0, 3.0, 0.1)
         ]
     (folder / "trials.csv").write_text("\n".join(lines) + "\n")
     (folder / "trajectories.csv").write_text("\n".join(samples) + "\n")

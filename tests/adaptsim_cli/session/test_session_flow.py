@@ -14,9 +14,10 @@ from toy_session import NAME, RUN, ScriptedOperator, attended, call, run, summar
 
 from adaptsim_cli.errors import Interrupted, StoppedByOperator, UsageError
 from adaptsim_cli.session.correcting import redo
-from adaptsim_cli.session.flow import REJECTED, TOTAL, run_iteration
+from adaptsim_cli.session.flow import REJECTED, run_iteration
 from adaptsim_cli.session.operator import Review, Unattended
 from adaptsim_cli.session.records import Draw, MotionRecord, generator
+from adaptsim_cli.session.results import TOTAL
 from hw.errors import MotionRefused
 from perception.errors import ObjectNotFound
 from perception.types import SETTLE_S, Outcome

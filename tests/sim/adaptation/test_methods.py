@@ -299,9 +299,7 @@ def test_the_verdict_follows_from_the_data():
 
 def test_a_policy_that_nobody_has_tried_is_never_enough():
     history = session(MEAN, [MEAN])
-    forecast = SessionForecast(
-        0.9, (0.7, 1.0), 0.0, 0.0, 0, untried=True, correction=np.zeros(2), correction_std=np.zeros(2)
-    )
+    forecast = SessionForecast(0.9, (0.7, 1.0), 0, untried=True, correction=np.zeros(2), correction_std=np.zeros(2))
     first = judged(history, forecast)
     assert (first.kind, first.reasons) == (Kind.GO_ON, (Reason.UNTRIED,))
     assert judged(history, replace(forecast, untried=False)).kind is Kind.ENOUGH

@@ -13,7 +13,8 @@ from documents import ROOT
 from hw.types import frozen_array
 from perception.types import ObjectTrack, Outcome
 from sim.errors import RolloutError, TaskError
-from sim.rollouts.soundness import Cost, examine, require_sound
+from sim.rollouts.sampled_rollouts import Cost
+from sim.rollouts.soundness import examine, require_sound
 from sim.types import Dimension, Space
 
 PAGE = (ROOT / "docs/guide/add-a-task.md").read_text(encoding="utf-8")

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sim.errors import TaskError, UnknownName
 from sim.own.template import template
 from sim.own.watching import watched
+from sim.rollouts.dataset import draw_requests
+from sim.rollouts.executors import process_pool
+from sim.rollouts.run import run_many
 from sim.tasks import get_task, task_of_file
 
 BODY = template("mine")
@@ -57,6 +62,37 @@ def test_what_a_file_prints_leaves_stdout_alone_and_is_noted(tmp_path, capsys):
     assert capsys.readouterr().out == ""
     assert notes.lines["prints"][0] == 1
     assert len(notes.lines["prints"]) == 2
+
+
+@pytest.mark.long  # a fresh process each
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("raise ValueError('too fast')", r"mine.py, line (\d+): ValueError: too fast, with p"),
+        ("import sys; sys.exit(3)", r"mine.py, line (\d+): it exits, with p"),
+        ("import os; os._exit(3)", r"mine.py, line (\d+) calls os._exit: a task may neither end nor double"),
+        ("import os; os.fork()", r"mine.py, line (\d+) calls os.fork"),
+    ],
+)
+def test_a_rollout_of_any_command_that_misbehaves_is_named_with_its_line(tmp_path, line, words):
+    body = BODY.replace("    times = np", f"    {line}\n    times = np", 1)
+    path = written(tmp_path, body=body)
+    task = task_of_file(str(path))
+    with process_pool(1) as crew, pytest.raises(TaskError, match=words) as raised:
+        run_many(task, draw_requests(task, 2, np.random.default_rng(0)), crew)
+    (number,) = re.findall(r"line (\d+)", str(raised.value))
+    assert path.read_text().splitlines()[int(number) - 1].strip() == line
+
+
+def test_a_print_of_any_command_goes_to_stderr_with_its_line(tmp_path, capsys):
+    body = BODY.replace("    times = np", "    print('rolling')\n    times = np", 1)
+    path = written(tmp_path, body=body)
+    task = task_of_file(str(path))
+    task.simulate(task.parameters.middle, task.context.middle, task.action.middle, task.nuisance.middle)
+    shown = capsys.readouterr()
+    number = 1 + path.read_text().splitlines().index("    print('rolling')")
+    assert shown.out == ""
+    assert shown.err == f"{path}, line {number} prints: rolling\n"
 
 
 def test_a_file_without_a_task_and_one_with_two_are_refused(tmp_path):

@@ -31,9 +31,9 @@ from sim.solvers.emulator.network import Emulator
 from sim.solvers.emulator.training import EmulatorSettings, train_emulator
 from sim.solvers.grid import grid_solver
 from sim.solvers.misfit import misfit
-from sim.solvers.solver import SolvedPolicy, Solver, policy_for
+from sim.solvers.solver import policy_for
 from sim.tasks.fingerprint import fingerprint, scene_key
-from sim.tasks.task import Mirror, Task
+from sim.tasks.task import Mirror, SolvedPolicy, Solver, Task
 
 CONTEXTS = np.array([[0.05], [0.2], [0.35], [0.55]])
 SETTINGS = EmulatorSettings(hidden=64, layers=2, learning_rate=3e-3, least_steps=800, most_steps=800)

@@ -17,6 +17,7 @@ from sim.research.methods.q_network import QNetwork
 from sim.research.methods.q_policy import QPolicy, networks_of, new_policy
 from sim.research.methods.search import RandomSearch
 from sim.research.pretraining.budget import COMPARED, EVERYTHING, MEMORIES, OptionalStages, PretrainBudget
+from sim.research.pretraining.dataset_share import STAGES
 from sim.research.pretraining.episodes import (
     EmulatedRolls,
     Library,
@@ -35,10 +36,10 @@ from sim.research.pretraining.meta_training import (
     sample_targets,
     train_adaptation,
 )
-from sim.research.pretraining.pipeline import STAGES, pretrain
+from sim.research.pretraining.pipeline import pretrain
 from sim.rollouts import serial_executor
-from sim.solvers.solver import SolverSettings
 from sim.tasks import get_task
+from sim.tasks.task import SolverSettings
 
 TINY = PretrainBudget(
     rollouts=256,

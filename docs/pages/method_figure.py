@@ -1,24 +1,20 @@
 """Draw the figure of the method's page: one action, one parameter, and a reality that no parameter describes.
 
-    python docs/method_figure.py
-
-The curves are computed with the program's own discrepancy, weights and caution; a test compares the committed figure.
+The curves are computed with the program's own discrepancy, weights and caution.
 """
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 
 from adaptsim_cli.screen.svg import Canvas, Scale
 from hw.types import Array
+from pages import standalone
+from sim.adaptation.densities import systematic
 from sim.adaptation.discrepancy import END, LEAST_END_STD, Discrepancy
 from sim.adaptation.outcome_posterior import KEPT
-from sim.adaptation.refining import systematic
 from sim.adaptation.session_forecast import CAUTION
 
-FIGURE = Path(__file__).parent / "figures" / "method.svg"
 FRICTIONS = np.linspace(0.5, 1.5, 1024)
 """Candidate simulators: a push slides the object by action / friction."""
 ACTIONS = np.linspace(0.0, 1.0, 201)
@@ -27,17 +23,11 @@ GOAL, WIDTH = 0.62, 0.5
 UNIT = 0.25
 """Standard deviation of the ends, the unit of the discrepancy."""
 PANELS = (("Before any trial", 0), ("After one trial", 1), ("After three trials", 3))
-STYLE = """<style>
-text{font:12px system-ui,sans-serif;fill:#444}.title{font-weight:600;font-size:13px}.grid{stroke:#8884;stroke-width:.6}
-.band{fill:#0a6ebd33;stroke:none}.mean{fill:none;stroke:#0a6ebd;stroke-width:2}
-.truth{fill:none;stroke:#777;stroke-width:1.4;stroke-dasharray:5 4}.simulator{fill:none;stroke:#b34700;stroke-width:1.4}
-.trial{fill:#2e7d55}.choice{stroke:#0a6ebd;stroke-width:1.5}.best{stroke:#b34700;stroke-width:1.5}
-</style>"""
-
-
-def main() -> None:
-    FIGURE.write_text(drawing(), encoding="utf-8")
-    print(f"Written: {FIGURE}")
+STYLE = """
+.band{fill:#0a6ebd33;stroke:none}.mean{stroke:#0a6ebd;stroke-width:2}
+.truth{stroke:#777;stroke-dasharray:5 4}.simulator{stroke:#b34700}
+.trial{fill:#2e7d55}.choice{stroke:#0a6ebd}.best{stroke:#b34700}
+"""
 
 
 def simulated(friction: Array | float, action: Array) -> Array:
@@ -82,7 +72,7 @@ def cautious(earned: Array) -> Array:
     return np.asarray(earned.mean(axis=1) - CAUTION * earned.std(axis=1))
 
 
-def drawing() -> str:
+def method_figure() -> str:
     """The whole figure as SVG."""
     wide, gap, left, top, height = 238, 44, 40, 34, 200
     canvas = Canvas(
@@ -93,9 +83,7 @@ def drawing() -> str:
         x, y = Scale(0.0, 1.0, start, start + wide), Scale(0.0, 1.05, top + height, top)
         panel(canvas, title, x, y, tried)
     legend(canvas, left, top + height + 58)
-    svg = canvas.svg()
-    head, body = svg.split(">", 1)
-    return f'{head} xmlns="http://www.w3.org/2000/svg">{STYLE}{body}\n'
+    return standalone(canvas, STYLE)
 
 
 def panel(canvas: Canvas, title: str, x: Scale, y: Scale, tried: Array) -> None:
@@ -134,7 +122,3 @@ def legend(canvas: Canvas, left: float, top: float) -> None:
     last = top + 20 * len(entries)
     canvas.dot(left + 11, last, 4.5, "trial")
     canvas.text(left + 30, last + 4, "a trial")
-
-
-if __name__ == "__main__":
-    main()

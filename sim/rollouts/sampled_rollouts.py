@@ -1,0 +1,126 @@
+"""The rollouts by which a task is examined, and what a finding says."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from hw.types import Array
+from perception.types import ObjectTrack
+from sim.errors import RolloutError, SimError
+from sim.rollouts.draws import sobol
+from sim.tasks.task import Task
+
+Mark = Literal["kept", "doubtful", "broken"]
+
+
+SPREAD, MOST = 24, 512
+"""Rollouts all over the ranges, besides those at their ends; the most, if they are quick."""
+
+
+@dataclass(frozen=True)
+class TaskFinding:
+    """One thing that a task keeps, or does not."""
+
+    check: str
+    mark: Mark
+    detail: str = ""  # a sentence; empty if there is nothing to say
+
+
+@dataclass(frozen=True, eq=False)
+class SampledRollout:
+    """One rollout with its inputs."""
+
+    parameters: Array
+    context: Array
+    action: Array
+    nuisance: Array
+    track: ObjectTrack
+    seconds: float
+
+    @property
+    def inputs(self) -> tuple[Array, Array, Array, Array]:
+        """Parameters, context, action and nuisance."""
+        return self.parameters, self.context, self.action, self.nuisance
+
+
+@dataclass(frozen=True)
+class Cost:
+    """The time of a rollout."""
+
+    rollouts: int
+    median_s: float
+    longest_s: float
+
+
+def sampled_rollouts(task: Task, rng: np.random.Generator, limit_s: float) -> tuple[list[SampledRollout], int]:
+    """Rollouts one at a time, the first of them at the middle, then each quantity at its ends, then all over; and how
+    many of them belong to the ends.
+    """
+    spaces = (task.margin, task.context, task.action, task.nuisance)
+    middle = [np.asarray(space.middle) for space in spaces]
+    middle[1] = np.asarray(task.reference_context, dtype=np.float64)
+    points = [tuple(middle)]
+    for which in (0, 2):
+        for i, d in enumerate(spaces[which].dimensions):
+            for end in (d.low, d.high):
+                moved = [values.copy() for values in middle]
+                moved[which][i] = end
+                points.append(tuple(moved))
+    at_ends = len(points)
+    unit = sobol(MOST, sum(map(len, spaces)), rng)
+    parts = np.split(unit, np.cumsum([len(space) for space in spaces])[:-1], axis=1)
+    spread = zip(*(space.spread(part) for space, part in zip(spaces, parts, strict=True)), strict=True)
+    points += [tuple(np.asarray(v, dtype=np.float64) for v in row) for row in spread]
+    order = [0, *_interleaved(range(1, at_ends), range(at_ends, len(points)))]
+    rolls, spent = dict[int, SampledRollout](), 0.0
+    for number in order:
+        enough = len(rolls) >= at_ends + SPREAD and spent > limit_s / 4
+        if enough or (spent > limit_s and len(rolls) >= 8):
+            break
+        rolls[number] = rolled(task, *points[number])
+        spent += rolls[number].seconds
+    return [rolls[number] for number in sorted(rolls)], sum(number < at_ends for number in rolls)
+
+
+def _interleaved(first: Sequence[int], second: Sequence[int]) -> list[int]:
+    """Two thirds from the first, so that a slow task is tried at its ends before all over."""
+    left, right, both = [*first], [*second], []
+    while left or right:
+        both += left[:2] + right[:1]
+        left, right = left[2:], right[1:]
+    return both
+
+
+def rolled(task: Task, parameters: Array, context: Array, action: Array, nuisance: Array) -> SampledRollout:
+    """One rollout, timed. Raises RolloutError if the task cannot simulate it."""
+    began = time.perf_counter()
+    p, c, a, n = frozen = tuple(np.array(v) for v in (parameters, context, action, nuisance))
+    for values in frozen:
+        values.flags.writeable = False
+    try:
+        track = task.simulate(p, c, a, n)
+    except SimError:
+        raise
+    except Exception as error:  # a task of another package may raise anything
+        raise RolloutError(
+            f"the task {task.name} cannot simulate parameters {parameters.tolist()}, action {action.tolist()}: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    if not isinstance(track, ObjectTrack):
+        raise RolloutError(f"`simulate` of the task {task.name} returns {type(track).__name__}, not an ObjectTrack")
+    return SampledRollout(p, c, a, n, track, time.perf_counter() - began)
+
+
+def described(task: Task, one: SampledRollout) -> str:
+    """The inputs of a rollout by name."""
+    pairs = (
+        f"{name} = {value:.4g}"
+        for space, values in ((task.parameters, one.parameters), (task.context, one.context), (task.action, one.action))
+        for name, value in zip(space.names, values, strict=True)
+    )
+    return ", ".join(pairs)

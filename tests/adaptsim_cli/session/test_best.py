@@ -56,19 +56,34 @@ def test_the_best_policy_runs_and_is_exported_by_name(home, tmp_path, printed):
     assert policy["quantities"]["parameters"][0]["unit"] == "kg"
 
 
+INEXPRESSIBLE = """task = "pendulum"
+description = "The inner joint is more viscous than any that a fit may try, so every trial changes the policy."
+
+[params]
+m1 = 1.5
+m2 = 1.5
+b1 = 70.0
+b2 = 2.0
+"""
+
+
 @pytest.mark.long
-def test_a_best_policy_is_confirmed_by_trials_that_its_report_calls_measured(capfd, refused):
-    session = api.open_session(NAME)
-    assert "predicted from 2 trials" in session.report().read_text(encoding="utf-8")
-    assert app.run(["rollout", "--session", NAME, "--best", "--trials", "2", "--yes", "--json"]) == 0
+def test_a_best_policy_is_confirmed_by_trials_that_its_report_calls_measured(tmp_path, capfd, refused):
+    world = tmp_path / "viscous.toml"
+    world.write_text(INEXPRESSIBLE)
+    session = api.begin("pendulum", name="viscous", world=str(world))
+    session.run_iteration()
+    assert "predicted from 2 trials, not yet tried" in session.report().read_text(encoding="utf-8")
+    assert app.run(["rollout", "--session", "viscous", "--best", "--trials", "2", "--yes", "--json"]) == 0
     told = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
-    assert [(one["session"], one["iterations"]) for one in told] == [(NAME, 1)] * 2
+    assert [(one["session"], one["iterations"]) for one in told] == [("viscous", 1)] * 2
     page = session.report().read_text(encoding="utf-8")
     assert "trials after the session" in page
+    assert "Best policy: tried in 2 trials after the session: mean reward" in page
     assert "not yet tried" not in page
     session.run_iteration()  # another policy, for which the trials of the earlier one do not count
     page = session.report().read_text(encoding="utf-8")
-    assert "predicted from 4 trials" in page
+    assert "predicted from 4 trials, not yet tried" in page
     assert "trials after the session" not in page
     assert "--session NAME --best --trials" in refused(2, "rollout", "--task", "pendulum", "--trials", "2", "--yes")
 

@@ -34,6 +34,7 @@ from world import HELD, OBJECTS, START_RAD, TRUTH, Room
 PATIENCE_S = 0.2
 KEPT_MS = 90_000
 TAIL_MS = 2100  # simulated at once after a motion, on the motion's clock: what was set moving comes to rest
+REACHED_M, CLOSING_MS = 0.0003, 3000  # fingers this near to their goal, or that late, have stopped
 IDLE_S = 0.01  # between cycles of an arm that stands
 TORQUE_NOISE_NM = np.array([0.22, 0.32, 0.19, 0.31, 0.09, 0.11, 0.03])
 TORQUE_ERROR_NM = np.array([0.3, -0.8, 0.4, 0.6, -0.2, 0.3, 0.1])
@@ -163,8 +164,17 @@ class Hand(FrankaGripperServer):
 
     def __init__(self, robot: FrankaMujocoRobot, host: str, first: Hand | None = None) -> None:
         super().__init__(robot, host)
-        self._first = first
+        self._first, self._on_the_way = first, 0
         self._second = Hand(robot, host, self) if first is None else None
+
+    def _check_motion_state(self) -> None:
+        """As franky-sim's, whose fingers count as settled before they have begun to move."""
+        is_far = abs(self._robot.hand_width - self._goal_width) > REACHED_M
+        goes_there = self._motion_state in (_MotionState.MOVING, _MotionState.GRASPING)
+        self._on_the_way = self._on_the_way + 1 if is_far and goes_there else 0
+        if 0 < self._on_the_way < CLOSING_MS:
+            self._settling_steps = 0
+        super()._check_motion_state()
 
     @property
     def moves(self) -> bool:

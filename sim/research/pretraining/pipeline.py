@@ -205,15 +205,16 @@ def _learnt(
     executor: Executor,
     progress: StageProgress,
 ) -> _Means:
-    cost, size, denser = measured_cost(task, seeds[0]), budget.rollouts, denser(task, budget, seeds[1])
+    cost, size = measured_cost(task, seeds[0]), budget.rollouts
+    adaptive = denser(task, budget, seeds[1])
     progress(cost.in_words(budget.rollouts + budget.denser), 1, 1)
     if cost.is_slow or (folder / "dataset" / GROWN).exists():
         size = enough_rollouts(
             task, folder / "dataset", size, seeds[0], budget.emulator, executor, lambda i, n: progress(STAGES[0], i, n)
         )
-        denser = denser if size == budget.rollouts else None
+        adaptive = adaptive if size == budget.rollouts else None
     dataset = build_dataset(
-        task, folder / "dataset", size, seeds[0], executor, lambda i, n: progress(STAGES[0], i, n), denser
+        task, folder / "dataset", size, seeds[0], executor, lambda i, n: progress(STAGES[0], i, n), adaptive
     )
     path, report = folder / "emulator.safetensors", folder / "emulator.toml"
     if not (path.exists() and report.exists()):

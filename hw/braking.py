@@ -131,6 +131,8 @@ STOP_S = 0.4
 LONGEST_S = 0.35
 """The longest stop. What is left of `STOP_S` is the time until the next moment at which one may begin, and the arm's
 lag."""
+STOPS_EVERY_S = 0.01
+"""The time between the moments of a path at which a stop is planned, and so may begin."""
 EVERY_S = 0.02
 SHARES = ((0.95, 0.7), (0.9, 0.4), (0.8, 0.2), (0.6, 0.1), (0.4, 0.05))
 """Tried in turn: shares of the hardest and the sharpest braking that the limits seem to permit."""

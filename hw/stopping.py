@@ -15,10 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw.braking import FULL, LONGEST_S, STOP_S, Braking, at_pace, check_braking
+from hw.braking import FULL, LONGEST_S, STOP_S, STOPS_EVERY_S, Braking, at_pace, check_braking
 from hw.capsules import segments
 from hw.collision import moving
-from hw.franka.playback import STOPS_EVERY_S
 from hw.joint_limits import DT_S
 from hw.kinematics import FLANGE as FLANGE_FRAME
 from hw.kinematics import link_poses

@@ -123,7 +123,7 @@ def export(
     Example: adaptsim sessions export scooping-oreo --format mcap
     """
     from adaptsim_cli.session import formats
-    from adaptsim_cli.session.best import scene_files
+    from adaptsim_cli.session.best_scene import scene_files
 
     opened = options.stored(name)
     path = out or Path(formats.default_name(opened, kind))

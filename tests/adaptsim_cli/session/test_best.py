@@ -13,7 +13,7 @@ import pytest
 from adaptsim_cli import api
 from adaptsim_cli.commands import app
 from adaptsim_cli.errors import UsageError
-from adaptsim_cli.session import best, best_scene, formats, history
+from adaptsim_cli.session import best_scene, formats, history
 from adaptsim_cli.session.best import TaskPolicy
 from adaptsim_cli.session.hindsight import Hindsight
 from hw.types import Array
@@ -142,8 +142,8 @@ def store(monkeypatch) -> SimpleNamespace:
         checkpoint=SimpleNamespace(solver=SimpleNamespace(task=PUSHING)), posterior=lambda store: known
     )
     monkeypatch.setattr(Hindsight, "of", lambda store: found)
-    monkeypatch.setattr(best, "policy_of_session", lambda store, checkpoint: lambda context: ACTION)
-    monkeypatch.setattr(best, "trials_of", lambda store: [SimpleNamespace(context_array=CONTEXT)])
+    monkeypatch.setattr(best_scene, "policy_of_session", lambda store, checkpoint: lambda context: ACTION)
+    monkeypatch.setattr(best_scene, "trials_of", lambda store: [SimpleNamespace(context_array=CONTEXT)])
     monkeypatch.setattr(history, "played_of", lambda store: [SimpleNamespace(context_array=CONTEXT)])
     return SimpleNamespace(facts=SimpleNamespace(name="s", units={}, curves={}))
 

@@ -66,13 +66,13 @@ test-long: $(STAMP)
 test-slow: $(STAMP)
 	$(BIN)/python -m pytest -n 2 -m slow --durations 10
 
-# What the extras export, rerun, lerobot and realsense read and write, with these programs themselves.
+# What the extras export, rerun, lerobot, realsense, wandb and mlflow read and write, with these programs themselves, and a session in Jupyter.
 test-extra:
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 12) else "LeRobot needs Python 3.12 or newer: make test-extra PYTHON=python3.12")'
 	rm -rf .venv-extra && $(PYTHON) -m venv .venv-extra
 	.venv-extra/bin/python -m pip install --quiet uv
 	$(if $(TORCH_INDEX),.venv-extra/bin/python -m pip install --quiet --index-url $(TORCH_INDEX) 'torch<2.12' 'torchvision<0.27')
-	.venv-extra/bin/uv pip install --quiet --python .venv-extra --editable '.[export,realsense,rerun]' 'lerobot[dataset]>=0.6,<0.7' jsonschema pytest pytest-timeout
+	.venv-extra/bin/uv pip install --quiet --python .venv-extra --editable '.[export,hdf5,mlflow,pandas,realsense,rerun,tensorboard,wandb]' 'lerobot[dataset]>=0.6,<0.7' ipykernel jsonschema nbclient pytest pytest-timeout
 	.venv-extra/bin/python -m pytest -m extra tests/extras tests/hw/test_camera_realsense.py tests/contracts/test_camera_contract.py
 
 # Every package that pyproject.toml names, at the lowest version that it allows; the two tests left out are about the locked ones.

@@ -25,6 +25,7 @@ from pages.method_figure import method_figure
 from pages.numbers import hand_written, with_numbers
 from pages.parameters import parameters
 from pages.result_figures import reward_by_trials, reward_by_world
+from pages.sealed import own_actions, sealed
 
 DOCS = ROOT / "docs"
 
@@ -34,6 +35,8 @@ PAGES: Mapping[Path, Callable[[], str]] = {
     DOCS / "reference/parameters.md": parameters,
     DOCS / "reference/files.md": files,
     DOCS / "reference/json.md": json_output,
+    DOCS / "results/sealed.md": sealed,
+    DOCS / "results/what-there-is-to-adapt.md": own_actions,
     DOCS / "figures/method.svg": method_figure,
     DOCS / "figures/reward-by-trials.svg": reward_by_trials,
     DOCS / "figures/reward-by-world.svg": reward_by_world,

@@ -97,6 +97,7 @@ def begin(
     recorded: str = "",
     held_out: float = 0.5,
     start_from: str = "",
+    resume: bool = False,
 ) -> Session:
     """Begin a session of a task (its name, or the file that declares it). Nothing is executed yet.
 
@@ -106,7 +107,8 @@ def begin(
 
     `held_out` is the share of recorded trials that only score the final policy. `start_from` names an earlier session;
     this one begins with its posterior. Without a name it gets the default name of `adaptsim run-iteration`. Raises
-    UsageError if a session of this name exists, UnknownName, WorldError, CheckpointError, RecordingsRefused.
+    UsageError if a session of this name exists; with `resume` it is continued instead, if it was begun with the same
+    task, method, world, hardware and seed. Raises UnknownName, WorldError, CheckpointError, RecordingsRefused.
     """
     from adaptsim_cli.bench.checkpoints import resolve
     from adaptsim_cli.session import opening, running
@@ -126,13 +128,30 @@ def begin(
     settings = running.anywhere(resolved.config)
     root, chosen = resolved.places.sessions, name or running.default_name(settings)
     if folders.folder_of(root, chosen).is_dir():
+        if resume:
+            return _resumed(root, chosen, settings)
         raise UsageError(
-            f"session {chosen!r} exists already: adaptsim.open_session({chosen!r}) continues it; or choose another name"
+            f"session {chosen!r} exists already: adaptsim.open_session({chosen!r}) or resume=True continues it; "
+            "or choose another name"
         )
     answerer = Mailbox() if settings.is_own else None
     with opening.open_parts(settings, folders.folder_of(root, chosen) / folders.SOLVER, answerer=answerer) as parts:
         running.begin(root, chosen, settings, parts)
     return Session(chosen, root)
+
+
+def _resumed(root: Path, name: str, settings: config.Config) -> Session:
+    """The existing session. Raises UsageError if it was begun with other settings, SessionError."""
+    facts = store.SessionStore.open(root, name).facts
+    for key, value in {
+        "task": settings.task, "method": settings.method, "world": settings.lab_world, "hw": settings.hw,
+        "seed": settings.seed, "particles": settings.particles,
+    }.items():  # fmt: skip
+        if (before := getattr(facts, key)) != value:
+            raise UsageError(
+                f"session {name!r} was begun with {key} = {before}, not {value}: leave it so, or choose another name"
+            )
+    return Session(name, root)
 
 
 def rollout(

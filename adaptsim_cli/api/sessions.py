@@ -49,10 +49,19 @@ class BestAction:
 
     context: Mapping[str, float]  # by name, in units
     action: Mapping[str, float]  # by name, in units
-    reward: float  # expected for the best policy over all contexts
+    reward: float  # predicted for the best policy, over all contexts
     interval: tuple[float, float]  # of that reward, 95 %
     parameters: Mapping[str, float]  # the best parameters of the simulator, by name, in units
     units: Mapping[str, str]  # of all of them
+
+    def _repr_html_(self) -> str:
+        from adaptsim_cli.api.tables import html_table
+
+        kinds = {"context": self.context, "action": self.action, "best parameters": self.parameters}
+        body = [[kind, name, value, self.units[name]] for kind, named in kinds.items() for name, value in named.items()]
+        low, high = self.interval
+        reward = f"<p>Predicted reward {self.reward:.2f} (95 % {low:.2f} to {high:.2f})</p>"
+        return reward + html_table(["", "name", "value", "unit"], body)
 
 
 Robot = Callable[[Question], Mapping[str, Any]]
@@ -256,11 +265,16 @@ class Session:
     def best(self, context: ArrayLike | Mapping[str, float] | None = None) -> BestAction:
         """The best action in a context (c,), by default in the task's reference context, with its expected reward.
 
-        Raises CheckpointError, SessionError before the first complete iteration, OutOfRange.
+        Raises CheckpointError, SessionError before the first complete iteration, OutOfRange, UsageError.
         """
         policy = self.best_policy()
         task, record = policy.task, self.iterations[-1].best
         if isinstance(context, Mapping):
+            if set(context) != set(task.context.names):
+                raise UsageError(
+                    f"a context of {task.name} has {', '.join(task.context.names) or 'nothing'}; "
+                    f"this one has {', '.join(context)}"
+                )
             context = [context[name] for name in task.context.names]
         point = task.reference_context if context is None else np.asarray(context, dtype=np.float64)
         return BestAction(

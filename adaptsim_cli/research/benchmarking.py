@@ -138,7 +138,7 @@ def request_of(
     Raises UsageError, UnknownName, WorldError, OutOfRange, CheckpointError, ExtraMissing.
     """
     from adaptsim_cli.bench.checkpoints import usual_checkpoint
-    from adaptsim_cli.session.recorded.folder import read_recorded
+    from adaptsim_cli.session.recorded.folder import compared, read_recorded
     from sim.adaptation.checkpoint import load_checkpoint
     from sim.adaptation.methods import method_names
     from sim.research.benchmark.entries import BEST_ACTION, LIMITS, Entry, entry_names
@@ -171,7 +171,7 @@ def request_of(
     if config.recorded:
         if in_lab or fresh:
             raise UsageError("--recorded: trials are neither simulated nor run in the lab; leave out --lab and --fresh")
-        trials = read_recorded(task, Path(config.recorded))
+        trials = compared(read_recorded(task, Path(config.recorded)), loaded[0][1].solver)
     else:
         worlds = targets_of(task, comma_separated(targets)) if seal is None else seal.worlds(task)
         if in_lab:

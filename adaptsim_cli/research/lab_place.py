@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, cast
@@ -25,6 +25,7 @@ from sim.adaptation.stages import TrialKey
 from sim.errors import NotExecutable, RolloutError
 from sim.lab.simulated import SimulatedLab
 from sim.lab.world import World
+from sim.render.pool import RenderPool, Scene
 from sim.research.benchmark.entries import FIXED_RULES, LIMITS, Entry
 from sim.research.benchmark.jobs import BenchmarkRow, Job, run_job
 from sim.research.benchmark.trial_sources import TableTrials, TrialSource
@@ -118,9 +119,11 @@ def in_lab(job: Job) -> Iterator[InLab]:
 
 
 @contextmanager
-def rig_in_lab(task: Task, world: World, seed: int) -> Iterator[tuple[SimulatedLab, RigTarget]]:
-    """A lab in `world` and its rig, with the default arm and the nominal calibration."""
+def rig_in_lab(
+    task: Task, world: World, seed: int, pool: Callable[[Scene], RenderPool] | None = None
+) -> Iterator[tuple[SimulatedLab, RigTarget]]:
+    """A lab in `world` and its rig, with the default arm and the nominal calibration; for `pool` see `LabCamera`."""
     mounted_task = mounted_as_shipped(task, "panda")
-    with SimulatedLab(task, world, seed, mounted_task.cell, home_q_rad=mounted_task.home_rad) as lab:
+    with SimulatedLab(task, world, seed, mounted_task.cell, home_q_rad=mounted_task.home_rad, pool=pool) as lab:
         devices = Rig("fake", lab.title, lab.arm, lab.camera, lab.bench, nominal_hand_eye(world, seed))
         yield lab, RigTarget(mounted_task.task, devices, tracker_of(mounted_task.task), mounted_task.planner())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 
 from adaptsim_cli.config import is_own, same_lab
@@ -177,21 +178,28 @@ def _runs(numbers: Sequence[int]) -> list[str]:
     return texts
 
 
-def after_iteration(facts: SessionFacts, result: ResultRecord) -> Steps:
-    """The next commands, the likeliest first."""
+def go_on_with(session: str, answer_with: str) -> str:
+    """The command that continues a session; with the program that answers for an own robot, if a flag named it."""
+    return f"adaptsim run-iteration --session {session}" + (
+        f" --answer-with {shlex.quote(answer_with)}" * bool(answer_with)
+    )
+
+
+def after_iteration(facts: SessionFacts, result: ResultRecord, answer_with: str = "") -> Steps:
+    """The next commands, the likeliest first; `answer_with` is the program that answers for an own robot, if known."""
     verdict, done = result.verdict, result.iteration
-    go_on = f"adaptsim run-iteration --session {facts.name}"
+    go_on = go_on_with(facts.name, answer_with)
     again = (go_on, f"iteration {done + 1}")
     best = f"adaptsim rollout --session {facts.name} --best"
     use, confirm = (best, "one trial with the best policy so far"), (f"{best} --trials 5", "measures what is predicted")
     if is_own(facts.hw):  # no session knows who answers: the configuration, or --answer-with each time
-        again = (go_on, f"iteration {done + 1}, with --answer-with as before")
+        again = (go_on, f"iteration {done + 1}" + ("" if answer_with else ", with --answer-with as before"))
         use = (f"adaptsim sessions policy {facts.name}", "the best policy so far, as JSON")
         confirm = (f"adaptsim report {facts.name}", "every trial on one page")
     if facts.recorded:  # there is nothing to try a policy on
         use = confirm = (f"adaptsim compare {facts.name} OTHER", "beside another session, e.g. with --method udr")
     checks = _checks(facts)
-    if result.suspicion is not None and not facts.recorded:
+    if result.suspicion is not None and facts.calibration:
         where = same_lab(facts.task, facts.hw, facts.world, facts.seed)
         return ((f"adaptsim touch-off {where}", result.suspicion.question), again, *checks[:1])
     match verdict.kind:

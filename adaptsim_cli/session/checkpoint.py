@@ -166,11 +166,16 @@ class Recordings:
         return _choosing_among(self.checkpoint, self.held_out)
 
 
-def recordings_of(checkpoint: Checkpoint, settings: Config | SessionFacts) -> Recordings:
-    """The recordings that the settings name. Raises RecordingsRefused, SessionError, ExtraMissing."""
-    from adaptsim_cli.session.recorded.folder import digest, read_recorded
+def recordings_of(checkpoint: Checkpoint, settings: Config | SessionFacts, *, begins: bool = False) -> Recordings:
+    """The recordings that the settings name; those of a session that `begins` are compared with the simulator.
+
+    Raises RecordingsRefused, SessionError, ExtraMissing.
+    """
+    from adaptsim_cli.session.recorded.folder import compared, digest, read_recorded
 
     trials = read_recorded(checkpoint.solver.task, Path(settings.recorded))
+    if begins:
+        trials = compared(trials, checkpoint.solver)
     shown, held_out = trials.split(settings.held_out, settings.seed)
     return Recordings(shown, held_out, _choosing_among(checkpoint, shown), digest(trials))
 

@@ -88,7 +88,7 @@ def open_parts(
             yield _recorded_parts(config, checkpoint, prior, session)
             return
         with (
-            _open_own_or_target(config, checkpoint.solver.task, session, drivers, own, screen, answerer) as opened,
+            _open_own_or_target(config, checkpoint.solver, session, drivers, own, screen, answerer) as opened,
             solver_of(checkpoint, config.solver, config.workers, learnt) as (policies, expectations),
         ):
             task, target, executable, rig = opened
@@ -118,7 +118,7 @@ def _recorded_parts(config: Config, checkpoint: Checkpoint, prior: str, session:
         raise UsageError(f"--recorded: policies choose among recorded actions, so leave out --solver {config.solver}")
     if config.control:
         raise UsageError(f"--recorded: no further trial can be made, so leave out --control {config.control}")
-    recordings = recordings_of(checkpoint, config)
+    recordings = recordings_of(checkpoint, config, begins=not (session / FACTS).exists())
     solver = recordings.checkpoint.solver
     title = f"recorded trials of {config.recorded}, {len(recordings.held_out)} of them held out"
     title = "; ".join((title, *recordings.shown.notes))
@@ -204,7 +204,7 @@ _Opened = tuple[Task, Target[Any, Any], Executable | None, Rig | None]
 @contextmanager
 def _open_own_or_target(
     config: Config,
-    task: Task,
+    expectations: Expectations,
     session: Path,
     drivers: Drivers | None,
     own: SessionFacts | None,
@@ -212,8 +212,9 @@ def _open_own_or_target(
     answerer: Answerer | None,
 ) -> Iterator[_Opened]:
     """See `_open_target`; a robot of one's own is a target without devices."""
+    task = expectations.task
     if config.is_own:
-        yours = _own_target(config, task, session, screen, answerer)
+        yours = replace(_own_target(config, task, session, screen, answerer), expectations=expectations)
         yield yours.task, yours, yours.executable, None
         return
     with _open_target(config, task, drivers, own, screen) as opened:

@@ -20,7 +20,7 @@ from adaptsim_cli.screen.console import Screen, how_to_continue
 from adaptsim_cli.screen.keys import Key, agree
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import folders, terminal_views
-from adaptsim_cli.session.advice import after_iteration
+from adaptsim_cli.session.advice import after_iteration, go_on_with
 from adaptsim_cli.session.deferred import Deferred, submit
 from adaptsim_cli.session.ending import EndRule, after_iterations, asked_at_the_verdict, at_the_verdict
 from adaptsim_cli.session.flow import RunningSession, show, stages, update_watchers
@@ -132,7 +132,8 @@ def run_session(
             thread.submit(_import_for_a_film)
         session = RunningSession(store, parts, operator, screen, AllOf(watcher, log), thread)
         also = (AnswerRefused, MomentsMissing)
-        stack.enter_context(how_to_continue(f"Continue with: adaptsim run-iteration --session {name}", also=also))
+        answer_with = config.answer_with if "answer_with" in request.flag_keys else ""
+        stack.enter_context(how_to_continue(f"Continue with: {go_on_with(name, answer_with)}", also=also))
         most = request.iterations or parts.task.adaptation.horizon
         verdict = at_the_verdict if request.until_done else asked_at_the_verdict(most)
         rules = (after_iterations(most), *request.rules, verdict)
@@ -156,7 +157,7 @@ def run_session(
     results = results_of(store)
     return Reply(
         text=[f"Report: {path}"] if words is None else [words, f"Report: {path}"],
-        next=after_iteration(store.facts, results[-1]) if results else (),
+        next=after_iteration(store.facts, results[-1], answer_with) if results else (),
     )
 
 

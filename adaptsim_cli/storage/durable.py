@@ -165,7 +165,10 @@ def _lock(descriptor: int, file: Path, kind: int, refusal: str, until_s: float) 
                 raise UsageError(refusal) from error
             time.sleep(_POLL_S)
         except OSError as error:
-            raise SessionError(f"{file.parent} is on a file system without locks: {error.strerror}") from error
+            raise SessionError(
+                f"{file.parent} is on a file system without locks ({error.strerror}), so two commands could change it "
+                "at once: set ADAPTSIM_HOME to a folder on a local disk"
+            ) from error
         else:
             break
     if not _is_file_of(descriptor, file):  # the folder was moved between opening and locking

@@ -1,1 +1,1 @@
-"""Forty drawn worlds of colour, light and noise, filmed by the lab's camera: how often is an outcome wrong?"""
+"""Trials filmed by the lab's camera under twelve conditions: how often is an outcome wrong?"""

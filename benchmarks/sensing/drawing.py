@@ -1,10 +1,10 @@
-"""The worlds: a piece of any colour and darkness, light that changes, a camera from good to bad."""
+"""The worlds of each condition. Under drawn light, a piece has any colour, and the camera is from good to bad."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from hw.ports import Camera
 from hw.types import CameraModel, Frame
+from sensing.conditions import CONDITIONS, Condition, stamped
 from sim.lab.drawn import drawn_world
 from sim.lab.world import Sensing, World
 from sim.tasks.task import Task
@@ -45,11 +46,13 @@ class Light:
 
 @dataclass(frozen=True, eq=False)
 class LitWorld:
-    """One world of the benchmark."""
+    """One world of the benchmark, in which one trial is made."""
 
-    number: int
+    name: str
+    seed: tuple[int, ...]  # of the trial
+    condition: Condition
     world: World
-    light: Light
+    light: Light | None  # None: the lab's
 
     @property
     def luminance(self) -> float:
@@ -58,26 +61,30 @@ class LitWorld:
         return float("nan") if colour is None else float(np.dot(colour, (0.2126, 0.7152, 0.0722)))
 
 
-def draw_worlds(task: Task, seed: int, count: int) -> tuple[LitWorld, ...]:
-    """`count` worlds of `seed`, always the same."""
-    return tuple(_draw(task, seed, number) for number in range(count))
+def draw_worlds(
+    task: Task, seed: int, count: int, condition: str, camera: Literal["kinect", "small"]
+) -> tuple[LitWorld, ...]:
+    """`count` worlds of `seed` under one of `sensing.conditions.CONDITIONS`, always the same."""
+    return tuple(_draw(task, seed, number, condition, camera) for number in range(count))
 
 
-def _draw(task: Task, seed: int, number: int) -> LitWorld:
-    rng = np.random.default_rng((seed, number, 55))
-    world = drawn_world(task, seed, number)
-    sensing = Sensing(
-        depth_noise_scale=float(np.exp(rng.uniform(np.log(0.5), np.log(8.0)))),
-        frame_drop=float(rng.uniform(0.0, 0.4)) * float(rng.random() < 0.5),
-    )
-    effects: dict[str, Any] = {}
-    if hasattr(world.unmodelled, "colour"):
-        effects["colour"] = _colour(rng)
-    return LitWorld(
-        number,
-        replace(world, sensing=sensing, unmodelled=replace(world.unmodelled, **effects)),
-        Light.draw(rng),
-    )
+def _draw(task: Task, seed: int, number: int, condition: str, camera: Literal["kinect", "small"]) -> LitWorld:
+    apart = 1000 * list(CONDITIONS).index(condition)  # each condition has motions and worlds of its own
+    trial_seed = (seed, apart + number)
+    rng, world = np.random.default_rng((*trial_seed, 55)), drawn_world(task, *trial_seed)
+    name = f"{task.name}-{condition.replace(',', '').replace(' ', '-')}-{number:02d}"
+    drawn = CONDITIONS[condition](rng)
+    sensing, light = Sensing(camera=camera, frame_drop=drawn.frame_drop), None
+    if drawn.is_lit:
+        sensing = replace(
+            sensing,
+            depth_noise_scale=float(np.exp(rng.uniform(np.log(0.5), np.log(8.0)))),
+            frame_drop=float(rng.uniform(0.0, 0.4)) * float(rng.random() < 0.5),
+        )
+        if hasattr(world.unmodelled, "colour"):
+            world = replace(world, unmodelled=replace(world.unmodelled, colour=_colour(rng)))
+        light = Light.draw(rng)
+    return LitWorld(name, trial_seed, drawn, replace(world, sensing=sensing), light)
 
 
 def _colour(rng: np.random.Generator) -> tuple[float, float, float]:
@@ -90,10 +97,10 @@ def _colour(rng: np.random.Generator) -> tuple[float, float, float]:
 
 
 class LitCamera:
-    """A `Camera`: the lab's, under the light of one world."""
+    """A `Camera`: the lab's, under the light of one world, with the stamps of a device that has a clock of its own."""
 
-    def __init__(self, camera: Camera, light: Light, seed: tuple[int, ...]) -> None:
-        self._camera, self._light, self._seed = camera, light, seed
+    def __init__(self, camera: Camera, light: Light | None, condition: Condition, seed: tuple[int, ...]) -> None:
+        self._camera, self._light, self._condition, self._seed = camera, light, condition, seed
 
     def model(self) -> CameraModel:
         """See `hw.ports.Camera`."""
@@ -109,7 +116,11 @@ class LitCamera:
 
     def stop_recording(self) -> Sequence[Frame]:
         """See `hw.ports.Camera`."""
-        return [self._lit(frame) for frame in self._camera.stop_recording()]
+        frames = [self._lit(frame) for frame in self._camera.stop_recording()]
+        if not frames:
+            return frames
+        times_s = stamped(np.array([frame.t_s for frame in frames]), self._condition.device_s)
+        return [replace(frame, t_s=float(t_s)) for frame, t_s in zip(frames, times_s, strict=True)]
 
     def newest(self) -> NDArray[np.uint8] | None:
         """See `hw.ports.Camera`; without the light."""
@@ -122,7 +133,9 @@ class LitCamera:
         pass
 
     def _lit(self, frame: Frame) -> Frame:
-        light, rng = self._light, np.random.default_rng((*self._seed, round(1e6 * frame.t_s)))
+        if (light := self._light) is None:
+            return frame
+        rng = np.random.default_rng((*self._seed, round(1e6 * frame.t_s)))
         gain = light.gain * (1 + light.flicker * np.sin(2 * np.pi * light.flicker_Hz * frame.t_s))
         grey = (np.arange(256) / 255) ** 2.2
         curves = [255 * np.clip(gain * part * grey, 0, 1) ** (1 / 2.2) for part in (light.red, 1.0, light.blue)]

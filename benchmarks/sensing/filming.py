@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -17,60 +16,63 @@ from adaptsim_cli.session import recording
 from adaptsim_cli.session.rig_preview import FoundObject
 from adaptsim_cli.session.rig_target import RigPlan, RigTarget
 from adaptsim_cli.storage import durable
-from hw.errors import MotionRefused
+from hw.errors import CameraError, MotionRefused
 from hw.kinematics import forward
 from hw.poses import inverse
 from hw.types import Array, Execution, Frame
 from perception.errors import ObjectNotFound
 from perception.types import Outcome, is_on_blade
 from sensing.drawing import LitCamera, LitWorld
+from sensing.staging import StagedPool
 from sim.adaptation.stages import TrialKey
 from sim.errors import NotExecutable
 from sim.lab.simulated import SimulatedLab
+from sim.render.pool import Scene
 from sim.tasks.task import Task
 
 TRUTH = "truth.json"
+OBJECTS = {"scooping": "piece", "pushing": "bottle"}  # names of the bodies in the scene
 TRIES = 40  # random actions for each trial
 TIPPED_DEG = 30.0
 CARRIED_M = 0.03  # a piece higher than this over the table as the arm is home was carried there
 
 
-def film(task: Task, lit: LitWorld, seed: int, trials: int, folder: Path) -> Iterator[Path]:
-    """The folders of `trials` trials, each with its recording; those that exist are not filmed again."""
-    folders = [folder / f"{task.name}-{lit.number:02d}-{trial}" for trial in range(1, 1 + trials)]
-    missing = [i for i, one in enumerate(folders) if not (one / TRUTH).exists()]
-    if missing:
-        with rig_in_lab(task, lit.world, seed) as (lab, rig):
-            camera = LitCamera(rig.rig.camera, lit.light, (seed, lit.number))
-            blind = replace(rig.tracker, find=_not_now)  # the object is found and tracked later, from the recording
-            rig_in_light = replace(rig, rig=replace(rig.rig, camera=camera), tracker=blind)
-            for i in missing:
-                _film(lab, rig_in_light, lit, i + 1, np.random.default_rng((seed, lit.number, i)), folders[i])
-    yield from folders
+def film(task: Task, lit: LitWorld, folder: Path) -> str:
+    """Make the trial of a world. `folder` holds recording and truth then, or a reason is returned why it does not."""
+
+    def pool(scene: Scene) -> StagedPool:
+        return StagedPool(scene, lit.condition, OBJECTS[task.name], lit.seed)
+
+    with rig_in_lab(task, lit.world, lit.seed[0], pool) as (lab, rig):
+        camera = LitCamera(rig.rig.camera, lit.light, lit.condition, lit.seed)
+        blind = replace(rig.tracker, find=_not_now)  # the object is found and tracked later, from the recording
+        rig_in_light = replace(rig, rig=replace(rig.rig, camera=camera), tracker=blind)
+        return _film(lab, rig_in_light, lit, np.random.default_rng((*lit.seed, 0)), folder)
 
 
-def _film(lab: SimulatedLab, rig: RigTarget, lit: LitWorld, trial: int, rng: np.random.Generator, folder: Path) -> None:
-    """One trial. The context is the true one within a hand's error, so that a poor first look ruins no motion."""
+def _film(lab: SimulatedLab, rig: RigTarget, lit: LitWorld, rng: np.random.Generator, folder: Path) -> str:
+    """The context is the true one within a hand's error, so that a poor first look ruins no motion."""
     planned = _planned(rig, rng)
-    lab.bench.place(rig.tracker.placement(planned.drawn), trial, 0)
+    lab.bench.place(rig.tracker.placement(planned.drawn), 1, 0)
     before = rig.in_time(rig.rig.camera.snapshot())
-    executed = rig.execute(replace(planned, found=replace(planned.found, frame=before)))
+    try:
+        executed = rig.execute(replace(planned, found=replace(planned.found, frame=before)))
+    except CameraError as error:
+        return str(error)
     if executed.stopped is not None:
-        raise executed.stopped
+        return str(executed.stopped)
     files, recorded = executed.files(), executed.recorded
     assert recorded is not None
     folder.mkdir(parents=True, exist_ok=True)
     durable.replace_file(folder / recording.FILE, files[recording.FILE])
-    told = {
+    truth = {
         "context": planned.context.tolist(),
         "action": planned.action.tolist(),
         **_truth(rig, lab.truth()["trials"][-1], recorded.execution),
         "luminance": lit.luminance,
-        "light": vars(lit.light),
-        "depth_noise_scale": lit.world.sensing.depth_noise_scale,
-        "frame_drop": lit.world.sensing.frame_drop,
     }
-    durable.replace_file(folder / TRUTH, json.dumps(told).encode())
+    durable.replace_file(folder / TRUTH, json.dumps(truth).encode())
+    return ""
 
 
 def _planned(rig: RigTarget, rng: np.random.Generator) -> RigPlan:

@@ -29,6 +29,8 @@ LEAST_PAIRS = 15
 """Half a second of images. With fewer, even the smallest difference may belong to a late image."""
 JUMP_S = 0.02
 """No image can arrive so much faster than the fastest of half a second: the device's clock has jumped ahead."""
+PAUSE_S, PAUSE_PAIRS = 0.06, 8
+"""All of so many images in a row do not arrive so much later than the fastest: the device's clock has paused."""
 
 
 @dataclass(frozen=True)
@@ -56,20 +58,31 @@ class DeviceClock:
             raise ValueError(f"a delay of {delay_s:g} s: it must be 0 or more")
         self._delay_s = delay_s
         self._pairs: deque[tuple[float, float]] = deque()  # device_s, host_s - device_s
-        self.jumps = 0  # times that the device's clock was set while it ran
+        self.jumps = 0  # times that the device's clock was set, or stood still, while it ran
 
     def add(self, device_s: float, arrived_s: float) -> None:
         """Add one image: the middle of its exposure on the device's clock, and its arrival on the host's.
 
-        A device clock that jumps back or ahead was set anew: earlier pairs are dropped.
+        A device clock that jumps back or ahead was set anew, and one that stands still or pauses has lost time: earlier
+        pairs are dropped.
         """
-        back = bool(self._pairs) and device_s < self._pairs[-1][0]
-        if back or (self.is_settled and arrived_s - device_s < self.map().offset_s + self._delay_s - JUMP_S):
+        stands = bool(self._pairs) and device_s <= self._pairs[-1][0]
+        ahead = self.is_settled and arrived_s - device_s < self._least_s - JUMP_S
+        if stands or ahead:
             self._pairs.clear()
             self.jumps += 1
         self._pairs.append((device_s, arrived_s - device_s))
+        latest = list(self._pairs)[-PAUSE_PAIRS:]
+        if len(self._pairs) > LEAST_PAIRS and min(late_s for _, late_s in latest) > self._least_s + PAUSE_S:
+            self._pairs = deque(latest)
+            self.jumps += 1
         while self._pairs[0][0] < device_s - WINDOW_S:
             self._pairs.popleft()
+
+    @property
+    def _least_s(self) -> float:
+        """The smallest difference of the two clocks."""
+        return min(difference_s for _, difference_s in self._pairs)
 
     @property
     def is_settled(self) -> bool:
@@ -195,8 +208,8 @@ class Grabber:
             clock, jumps = self._clock.map(), self._clock.jumps - self._jumps
         if jumps:
             raise CameraError(
-                "the camera's clock jumped during the recording, so the times of its images are unknown: repeat the "
-                "trial; if it happens again, plug the camera in again"
+                "the camera's clock jumped or stood still during the recording, so the times of its images are "
+                "unknown: repeat the trial; if it happens again, plug the camera in again"
             )
         if t_s - self._since_s > LONGEST_S:
             raise CameraError(

@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.types import Array, Intrinsics
-from perception.board.detection import detect, in_grey, read_markers, require_size
+from perception.board.detection import (
+    detect,
+    in_a_row,
+    in_grey,
+    is_flat,
+    locate,
+    read_markers,
+    require_size,
+)
 from perception.board.targets import Chessboard, Circles, Markers
 from perception.board.types import Board, CalibrationTarget, Corners
 from perception.errors import BoardNotFound
@@ -20,6 +28,9 @@ _SCALES = (1, 2)
 """Scales to try: a marker of 20 px may be read at one of them and not at the other."""
 _REACHES_PX = (2.5, 2.0)
 _STEP_PX = 0.25
+_LEAST_FLAT = 6
+_PLANE_PX, _PLANE_SHARE = 1.0, 0.05
+"""Points of a board lie within this of a plane (root mean square), or within this share of their distance."""
 _CORNER_SHARE = 0.12  # of a side, left out at both ends: near a corner the next side disturbs
 
 
@@ -29,7 +40,10 @@ def find(image: Image, target: CalibrationTarget, camera: Intrinsics) -> Corners
     Raises BoardNotFound, WrongBoard or BoardMirrored, which name what is visible.
     """
     require_size(image, camera)
-    return _find(target, image, camera)
+    corners = _find(target, image, camera)
+    if why := _off_plane(corners, target, camera):
+        raise BoardNotFound(f"no {target.name} in the picture: something looks like it, but {why}")
+    return corners
 
 
 @singledispatch
@@ -115,14 +129,64 @@ def _edge(image: NDArray[np.uint8], start: Array, end: Array, middle: Array, rea
 
 @_find.register
 def _chessboard(target: Chessboard, image: Image, camera: Intrinsics) -> Corners:
+    """OpenCV's exhaustive search finds small boards in other things of the room, so it comes last."""
     size = (target.squares_across - 1, target.squares_down - 1)
-    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
-    done, px = cv2.findChessboardCornersSB(in_grey(image), size, flags=flags)
-    if not done:
-        raise BoardNotFound(
-            f"no {target.name} in the picture: all {size[0]} x {size[1]} inner corners must be visible, and a white rim"
-        )
-    return Corners(np.arange(target.corners), px.reshape(-1, 2).astype(np.float64))
+    grey, why = in_grey(image), ""
+    for search in (0, cv2.CALIB_CB_EXHAUSTIVE):
+        for picture in (grey, 255 - grey):  # the second for a print with a dark rim
+            flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY | search
+            done, px = cv2.findChessboardCornersSB(picture, size, flags=flags)
+            if not done:
+                continue
+            corners = Corners(np.arange(target.corners), px.reshape(-1, 2).astype(np.float64))
+            why = _off_plane(corners, target, camera) or _not_chequered(grey, corners, target)
+            if not why:
+                return corners
+    looks = f" (something looks like it, but {why})" if why else ""
+    raise BoardNotFound(
+        f"no {target.name} in the picture{looks}: all {size[0]} x {size[1]} inner corners must be visible, and a rim "
+        "of one colour"
+    )
+
+
+def _off_plane(corners: Corners, target: CalibrationTarget, camera: Intrinsics) -> str:
+    """Why these are no points of a flat board with squares of one size; "" if they may be."""
+    points = target.p_MK_m[corners.ids]
+    if len(points) < _LEAST_FLAT or not is_flat(points) or in_a_row(points, target.spacing_m):
+        return ""
+    flat = cv2.undistortPoints(corners.px[:, None], camera.K, camera.distortion).reshape(-1, 2)
+    flat_px = float(np.sqrt(camera.K[0, 0] * camera.K[1, 1])) * flat
+    H, _ = cv2.findHomography(points[:, :2], flat_px, 0)
+    if H is None:
+        return "its points lie on one line"
+    again = np.column_stack([points[:, :2], np.ones(len(points))]) @ H.T
+    off_px = np.linalg.norm(again[:, :2] / again[:, 2:] - flat_px, axis=1)
+    apart_px = np.linalg.norm(flat_px[:, None] - flat_px[None], axis=-1) + np.diag(np.full(len(points), np.inf))
+    spacing_px = float(np.median(apart_px.min(axis=1)))
+    rms_px, limit_px = float(np.sqrt((off_px**2).mean())), max(_PLANE_PX, _PLANE_SHARE * spacing_px)
+    if rms_px > limit_px:
+        return f"its points lie {rms_px:.1f} px off a plane, limit {limit_px:.1f}"
+    poses = [locate(corners, target, camera)] if len(points) >= target.least else []
+    if poses and poses[0].rms_px > 2.0 * limit_px:
+        return f"its squares are not of one size: {poses[0].rms_px:.1f} px off, limit {2.0 * limit_px:.1f}"
+    return ""
+
+
+def _not_chequered(grey: NDArray[np.uint8], corners: Corners, target: Chessboard) -> str:
+    """Why the squares between these corners are not dark and light in turn; "" if they are."""
+    across, down = target.squares_across - 1, target.squares_down - 1
+    grid = corners.px.reshape(down, across, 2)
+    middles = (grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:] + grid[1:, 1:]) / 4.0
+    smooth = cv2.GaussianBlur(grey, (0, 0), 1.0)
+    x, y = middles.astype(np.float32).transpose(2, 0, 1)
+    levels = cv2.remap(smooth, x, y, cv2.INTER_LINEAR).astype(np.float64)
+    is_one = np.add.outer(np.arange(down - 1), np.arange(across - 1)) % 2 == 0
+    one, other = levels[is_one], levels[~is_one]
+    if min(one.min() - other.max(), np.inf) > 0.0 or other.min() - one.max() > 0.0:
+        return ""
+    step = abs(float(np.median(one) - np.median(other)))
+    stray = max(float(np.ptp(one)), float(np.ptp(other)))
+    return "" if step > stray else "its squares are not dark and light in turn"
 
 
 @_find.register

@@ -14,7 +14,7 @@ from perception.clutter import Thing, things
 from perception.cylinder import Cylinder, distance_m
 from perception.errors import ObjectNotFound, TableNotFound
 from perception.geometry import Area
-from perception.scan import Raw, Scan, TableFit, refine, scan_of
+from perception.scan import WHOLE, Raw, Scan, TableFit, refine, scan_of
 
 HEIGHT_M = 0.22
 _TABLE_OFF_M = 0.012  # the calibration counts as wrong from here
@@ -24,6 +24,9 @@ _OWN_M = 0.015  # a reading this near to the bottle's surface may belong to the 
 _FREE_SHARE, _TOUCHED_SHARE = 0.92, 0.30  # of the readings: a bottle alone; a bottle with something touching it
 _LYING_M, _LYING_SHARE = 0.005, 0.75  # stricter, since many low objects have about its size
 _FREE_VISIBLE = 0.9
+_TABLE_READING_M = 0.05  # readings this near to the table's height are of the table
+_SCATTER_M, _MISSING = 0.006, 0.15
+"""Readings of a table that scatter more, or are missing in a larger share of it, may hide a bottle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,7 @@ def find_bottle(
             parts.append(part)
     bottles = _joined(parts, body)
     if not bottles:
-        raise ObjectNotFound(_nothing(others, area, mark_m, body))
+        raise ObjectNotFound(_nothing(others, area, mark_m, body) + _poor_depth(scan, raw))
     if len(bottles) > 1:
         places = ", ".join(f"({c.thing.centre_m[0]:.3f}, {c.thing.centre_m[1]:+.3f})" for c in bottles)
         raise ObjectNotFound(f"{len(bottles)} bottles are on the table, near {places} m; leave one, on the mark")
@@ -169,6 +172,27 @@ def _require_on_mark(xy_m: Array, mark_m: Array, within_m: float) -> None:
     raise ObjectNotFound(
         f"the bottle stands at ({xy_m[0]:.3f}, {xy_m[1]:+.3f}) m, {1e3 * distance_m_:.0f} mm from its mark at "
         f"({mark_m[0]:.3f}, {mark_m[1]:+.3f}) m, {1e3 * within_m:.0f} mm are allowed; move it {along} and {across}"
+    )
+
+
+def _poor_depth(scan: Scan, raw: Raw) -> str:
+    """What is wrong with the depth readings of the table, and what to do; "" if nothing is."""
+    depth_m = scan.depth(raw)
+    in_view = np.isfinite(scan.table_m)
+    missing = float((depth_m[in_view] == 0).mean())
+    heights_m = scan.heights(depth_m, WHOLE)[in_view & (depth_m > 0)]
+    near_m = np.abs(heights_m[np.abs(heights_m) < _TABLE_READING_M])
+    scatter_m = 1.48 * float(np.median(near_m)) if len(near_m) else 0.0
+    causes = []
+    if scatter_m > _SCATTER_M:
+        causes.append(f"scatter by {1e3 * scatter_m:.0f} mm on the table, limit {1e3 * _SCATTER_M:.0f}")
+    if missing > _MISSING:
+        causes.append(f"are missing in {missing:.0%} of the table, limit {_MISSING:.0%}")
+    if not causes:
+        return ""
+    return (
+        f". The depth readings {' and '.join(causes)}, so a bottle may be there unseen: keep sunlight and other depth "
+        "cameras off the table, let the camera warm up, and move it nearer"
     )
 
 

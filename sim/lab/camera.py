@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from typing import Self
 
@@ -26,8 +26,9 @@ MOST_PROCESSES = 2  # that render; each takes 0.4 GB
 class LabCamera:
     """A camera at `X_BC`, 30 FPS. The frames of a recording are rendered in the background."""
 
-    def __init__(self, room: Room, X_BC: Array) -> None:
-        self._room, self._X_BC = room, X_BC
+    def __init__(self, room: Room, X_BC: Array, pool: Callable[[Scene], RenderPool] | None = None) -> None:
+        """`pool` starts what renders a scene; None: processes of this computer."""
+        self._room, self._X_BC, self._pool = room, X_BC, pool
         self._studio: RenderPool | None = None
         self._latest: list[Sequence[Future[Picture]]] = []  # the latest single picture, and the recording after it
 
@@ -83,6 +84,8 @@ class LabCamera:
         return None
 
     def _started(self) -> RenderPool:
+        if self._pool is not None:
+            return self._pool(self._scene())
         if self._room.world.sensing.camera == "small":
             return ThreadPool(self._scene)  # such a film is ready before a process has started
         return ProcessPool(self._scene(), min(usable_cores(), MOST_PROCESSES))

@@ -6,6 +6,7 @@ It provides `hw.ports.Arm`, `hw.ports.Camera` and `hw.ports.ObjectPlacer`. For i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, Self
 
@@ -21,6 +22,7 @@ from sim.lab.physics import effects_in, physics_name
 from sim.lab.rng_streams import moved_stream
 from sim.lab.room import Room
 from sim.lab.world import World
+from sim.render.pool import RenderPool, Scene
 from sim.tasks.task import Task
 
 READY_RAD: Array = frozen_array([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])
@@ -42,8 +44,9 @@ class SimulatedLab:
         cell: Workcell,
         *,
         home_q_rad: Array = READY_RAD,
+        pool: Callable[[Scene], RenderPool] | None = None,
     ) -> None:
-        """`home_q_rad` (7,) is the arm's posture whenever the object is placed.
+        """`home_q_rad` (7,) is the arm's posture whenever the object is placed; `pool`: see `LabCamera`.
 
         `cell` checks its motions; it describes the assumed geometry, not the world's hidden one. Builds nothing yet.
 
@@ -61,7 +64,7 @@ class SimulatedLab:
         self._X_BC = moved_X_BC(sensing.camera_moved_mm, sensing.camera_moved_deg, moved_stream(seed))
         self._room = Room(task, world, seed, frozen_array(home_q_rad, (7,), "home_q_rad"))
         self.arm: Arm = LabArm(self._room, cell)
-        self.camera: Camera = LabCamera(self._room, self._X_BC)
+        self.camera: Camera = LabCamera(self._room, self._X_BC, pool)
         self.bench: ObjectPlacer = self._room
 
     def __enter__(self) -> Self:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import multiprocessing
+import re
 import runpy
+import sys
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import AbstractContextManager
+from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
+from types import ModuleType
 
 from hw.cores import usable_cores
 from sim.rollouts.cluster import Warn, dask_cluster
@@ -34,6 +37,36 @@ def process_pool(workers: int | None = None) -> ProcessPoolExecutor:
 
     Only the waiting process handles an interrupt. On Linux no worker outlives it, however it ends.
     """
-    context = multiprocessing.get_context("spawn")
     size = workers or usable_cores()
-    return ProcessPoolExecutor(size, mp_context=context, initializer=runpy.run_path, initargs=(_WORKER,))
+    return ProcessPoolExecutor(size, mp_context=_FreshContext(), initializer=runpy.run_path, initargs=(_WORKER,))
+
+
+_GUARD = re.compile(r"__name__\s*==|==\s*__name__")
+
+
+class _FreshProcess(SpawnProcess):
+    """A worker that does not run a script again which begins its work without `if __name__ == "__main__":`."""
+
+    def start(self) -> None:
+        """See `Process`."""
+        main = sys.modules["__main__"]
+        if _is_guarded(getattr(main, "__file__", None)):
+            super().start()
+            return
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            super().start()
+        finally:
+            sys.modules["__main__"] = main
+
+
+class _FreshContext(SpawnContext):
+    Process = _FreshProcess
+
+
+def _is_guarded(file: str | None) -> bool:
+    """Whether a worker may import a script: only where that compares its name. Without a file nothing is imported."""
+    try:
+        return file is None or bool(_GUARD.search(Path(file).read_text(encoding="utf-8", errors="replace")))
+    except OSError:
+        return True

@@ -13,6 +13,7 @@ from hw.types import Array, frozen_array
 from perception.types import ObjectTrack
 from sim.errors import OutOfRange, RecordingsRefused
 from sim.rollouts.draws import cover
+from sim.rollouts.trajectories import contradiction, drifts
 from sim.tasks.task import Task
 
 NEAR_S = 0.5
@@ -48,6 +49,7 @@ class RecordedTrials:
     actions: Array  # (N, a) in units
     tracks: tuple[ObjectTrack, ...]
     notes: tuple[str, ...] = ()  # sentences about the reading, without a full stop
+    as_written: bool = True  # whether somebody vouches for them, although another reading may fit the simulator better
 
     def __post_init__(self) -> None:
         task, n = self.task, len(self.names)
@@ -178,10 +180,8 @@ class RecordedTrials:
                 "are the columns of the state in the task's order, its units (m, rad) and its frame, the arm's base?"
             )
         place_m = start_m(task, self._context(i))
-        if place_m is None:
-            return
-        off_m = float(np.linalg.norm(track.at(np.zeros(1))[0, :2] - place_m))
-        if off_m > START_M:
+        off_m = 0.0 if place_m is None else float(np.linalg.norm(track.at(np.zeros(1))[0, :2] - place_m))
+        if place_m is not None and off_m > START_M:
             x, y = track.at(np.zeros(1))[0, :2]
             raise RecordingsRefused(
                 f"trial {name}: at time 0 the object lies at ({x:.3f}, {y:+.3f}) m, {1e3 * off_m:.0f} mm from its "
@@ -211,9 +211,9 @@ class RecordedTrials:
                 )
 
 
-def require_enough(trials: RecordedTrials) -> RecordedTrials:
-    """The same trials. Raises RecordingsRefused if they are fewer than `LEAST`, or if all went alike: then nothing
-    moved, or the columns name something else.
+def require_sound(trials: RecordedTrials) -> RecordedTrials:
+    """The same trials. Raises RecordingsRefused if they are fewer than `LEAST`, if all went alike (nothing moved, or
+    columns name something else), or if a trajectory contradicts itself or its action.
     """
     if len(trials) < LEAST:
         raise RecordingsRefused(f"there are {len(trials)} recorded trials, and at least {LEAST} are needed")
@@ -225,6 +225,12 @@ def require_enough(trials: RecordedTrials) -> RecordedTrials:
             f"all {len(trials)} trajectories are alike, within {_ALIKE:.1%} of the range of {task.name}: do the "
             "columns of the state name the object, or something that never moves?"
         )
+    for i, (name, track) in enumerate(zip(trials.names, trials.tracks, strict=True)):
+        context = None if trials.contexts is None else trials.contexts[i]
+        if wrong := contradiction(task, track, context, trials.actions[i]):
+            raise RecordingsRefused(f"trial {name}: {wrong}")
+    if drift := drifts(task, trials.tracks):
+        raise RecordingsRefused(drift)
     return trials
 
 

@@ -113,10 +113,16 @@ def flush_file(path: Path) -> None:
 
 
 def flush_folder(path: Path) -> None:
-    """Returns once the names in `path` are on the disk, because a rename is durable only after that."""
+    """Returns once the names in `path` are on the disk, because a rename is durable only after that.
+
+    A file system that cannot flush a folder (FAT, exFAT, some network shares) is left to its own order.
+    """
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.EOPNOTSUPP, errno.ENOSYS):
+            raise
     finally:
         os.close(descriptor)
 

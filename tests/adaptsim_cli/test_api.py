@@ -174,3 +174,11 @@ def test_a_benchmark_gives_rows_for_a_data_frame(monkeypatch: pytest.MonkeyPatch
         ("udr", 1),
     ]
     assert [row["trials"] for row in rows if row["method"] == "random" and row["seed"] == 0] == [2, 4]
+
+
+def test_a_cell_that_begins_a_session_may_run_again() -> None:
+    first = api.begin("pendulum", seed=1, name="cell", resume=True)
+    assert api.begin("pendulum", seed=1, name="cell", resume=True) == first
+    with pytest.raises(UsageError, match=r"'cell' was begun with seed = 1, not 2: leave it so, or choose another name"):
+        api.begin("pendulum", seed=2, name="cell", resume=True)
+    assert api.sessions() == ("cell",)

@@ -63,3 +63,21 @@ def test_nothing_is_known_before_the_first_image() -> None:
 def test_gaps_inside_and_at_the_ends(present: list[int], missing: int, gap: int) -> None:
     found, gap_s = gaps([i / 30 for i in present], 0.0, 1.0, 30.0)
     assert (found, gap_s) == (missing, pytest.approx(gap / 30))
+
+
+@pytest.mark.parametrize("stands", [True, False], ids=["the same stamp is repeated", "pictures are missing"])
+def test_a_device_whose_clock_pauses_is_noticed(stands: bool) -> None:
+    clock = DeviceClock(delay_s=0.030)
+    for i in range(80):
+        paused_s = min(max(i / 30 - 1.5, 0.0), 0.4)
+        if stands or not 0.0 < paused_s < 0.4:
+            clock.add(500.0 + i / 30 - paused_s, 900.03 + i / 30)
+    assert clock.jumps >= 1
+    assert clock.map().host_s(500.0 + 79 / 30 - 0.4) == pytest.approx(900.0 + 79 / 30, abs=1e-3)
+
+
+def test_seven_pictures_that_come_late_are_no_pause() -> None:
+    clock = DeviceClock()
+    for i in range(80):
+        clock.add(500.0 + i / 30, 900.0 + i / 30 + 0.2 * (40 <= i < 47))
+    assert clock.jumps == 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import importlib.util
 import inspect
 import json
@@ -117,21 +116,3 @@ def install(folder: Path, package: str, offered: Mapping[str, str], group: str =
     lines = [f"[{group}]", *(f"{name} = {value}" for name, value in offered.items())]
     (info / "entry_points.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n", encoding="utf-8")
-
-
-def cells_of(notebook: Path) -> dict[str, str]:
-    """The code of each cell, by its id, in order."""
-    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
-    return {cell["id"]: "".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"}
-
-
-def run_cell(source: str, names: dict[str, Any]) -> Any:
-    """Execute a cell; returns the value of its last line where that is an expression, as a notebook shows it."""
-    tree = ast.parse(source)
-    last = tree.body[-1]
-    if not isinstance(last, ast.Expr):
-        exec(compile(tree, "notebook", "exec"), names)
-        return None
-    tree.body.pop()
-    exec(compile(tree, "notebook", "exec"), names)
-    return eval(compile(ast.Expression(last.value), "notebook", "eval"), names)  # noqa: S307 - the notebook of this repository

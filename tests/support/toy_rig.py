@@ -53,6 +53,14 @@ def reward_of_success(end: np.ndarray, context: np.ndarray) -> np.ndarray:
     return np.asarray(1.0 - np.abs(end[..., 0]))
 
 
+def still(
+    parameters: np.ndarray, context: np.ndarray, action: np.ndarray, nuisance: np.ndarray, *_: Any
+) -> ObjectTrack:
+    """A piece that the tool misses."""
+    state = np.tile([*context, 0.0], (2, 1))
+    return ObjectTrack(np.array([0.0, 1.0]), state, Outcome.ON_TABLE, np.full(3, np.nan), np.ones(2))
+
+
 HARDWARE = Hardware(
     X_FT=np.eye(4),
     tool_mass=NOTHING,
@@ -76,7 +84,7 @@ TASK = Task(
     observation=Observation(TIMES_S, (0, 1), np.array([0.5, -0.1]), np.array([0.9, 0.1]), np.zeros(2), np.zeros(2)),
     adaptation=AdaptationSettings(8, 0.15, 0.9, 0.5, 2, 1e-3),
     unmodelled=dict,
-    simulate=lambda *_: (_ for _ in ()).throw(AssertionError("not simulated here")),
+    simulate=still,
     reference_context=np.array([0.68, 0.0]),
     relocate=lambda observation, context: observation,
     succeeded=lambda track: track.outcome is Outcome.ON_BLADE,

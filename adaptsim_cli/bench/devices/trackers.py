@@ -27,6 +27,7 @@ def tracker_of(task: Task) -> Tracker:
 def _piece(task: Task) -> Tracker:
     """The tracker of a piece of food, which uses the blade's kinematic pose; the context is the piece's near side."""
     from perception import piece
+    from perception.knock import with_knock
     from perception.overlay import overlay_piece
     from sim.tasks.shared.direct import tool_mesh
 
@@ -37,7 +38,7 @@ def _piece(task: Task) -> Tracker:
 
     def track(request: TrackRequest) -> ObjectTrack:
         film = request.recording
-        return piece.track_piece(
+        followed = piece.track_piece(
             frames=film.frames,
             model=film.model,
             X_BC=film.X_BC,
@@ -47,6 +48,7 @@ def _piece(task: Task) -> Tracker:
             t_start_s=film.execution.t_start_s,
             duration_s=request.duration_s,
         )
+        return with_knock(followed, film.frames, film.execution.t_start_s)
 
     def at_home(track: ObjectTrack, detection: Any, film: Recording) -> ObjectTrack:
         if film.after is None:
@@ -84,6 +86,7 @@ def _bottle(task: Task) -> Tracker:
     from perception import bottle
     from perception.arm_mask import ArmShape, Capsules, ToolMask
     from perception.cylinder import Cylinder
+    from perception.knock import with_knock
     from perception.overlay import overlay_bottle
     from sim.tasks.shared.direct import tool_mesh
 
@@ -102,7 +105,7 @@ def _bottle(task: Task) -> Tracker:
             ends_m = segments(link_poses(film.execution.q_at(t_s)), outline)
             return ArmShape(Capsules(ends_m, radii_m), tool, request.X_BT_at(t_s))
 
-        return bottle.track_bottle(
+        followed = bottle.track_bottle(
             frames=film.frames,
             model=film.model,
             X_BC=film.X_BC,
@@ -112,6 +115,7 @@ def _bottle(task: Task) -> Tracker:
             duration_s=request.duration_s,
             area=BOTTLE_AREA,
         )
+        return with_knock(followed, film.frames, film.execution.t_start_s)
 
     return Tracker(
         find=lambda frame, model, X_BC: bottle.find_bottle(frame, model, X_BC, body, BOTTLE_AREA, mark_m),

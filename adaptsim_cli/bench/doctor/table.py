@@ -159,7 +159,8 @@ def reply(findings: Sequence[Finding], config: Config) -> Reply:
             f'not ready: {", ".join(names)}. Each remedy is listed above, and under "fix" in --json'
         )
         return Reply(data, failure=failure)
-    first = (f"adaptsim run-iteration {same_lab(config.task, config.hw, config.world)}", "the first trials")
+    by = " --answer-with person" if config.is_own and not config.answer_with else ""
+    first = (f"adaptsim run-iteration {same_lab(config.task, config.hw, config.world)}{by}", "the first trials")
     return Reply(data, next=[first])
 
 

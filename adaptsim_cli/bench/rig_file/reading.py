@@ -53,7 +53,7 @@ _LIMITS = {
 
 OWN_ROBOT = (
     "hw = own: your robot belongs to your code, so it has no rig file, calibration or touch-off here. "
-    "Its trials: adaptsim run-iteration --hw own (docs/guide/own-robot.md)"
+    "Its trials: adaptsim run-iteration --hw own --answer-with person (docs/guide/own-robot.md)"
 )
 
 

@@ -54,28 +54,32 @@ class Answers:
         """The memory of this computer of the arm."""
         return KnownArm(folder_of(self.places, self.rig))
 
-    def text(self, question: str, default: str) -> str:
-        """An answer as typed; Enter gives the default, if there is one. Raises StoppedByOperator."""
+    def text(self, question: str, default: str, explain: str) -> str:
+        """An answer as typed; Enter gives the default, if there is one, and `?` shows `explain`.
+
+        Raises StoppedByOperator.
+        """
         if self.defaults:
             return default
-        answer = self.screen.words(f"{question} [{default}]:" if default else f"{question[:-1]}:")
+        leave = f" Enter takes {default}; q leaves." if default else " q leaves."
+        answer = self.screen.words(f"{question} [{default}]:" if default else f"{question[:-1]}:", explain + leave)
         if answer is None:
             raise StoppedByOperator("stopped by the operator; every completed step is kept")
         return answer or default
 
-    def ask(self, question: str, default: str, read: Callable[[str], T]) -> T:
+    def ask(self, question: str, default: str, read: Callable[[str], T], explain: str) -> T:
         """Ask until `read` takes the answer; it raises UsageError for a wrong one."""
         while True:
             try:
-                return read(self.text(question, default))
+                return read(self.text(question, default, explain))
             except UsageError as error:
                 if self.defaults:
                     raise
                 self.screen.note(f"  {error}")
 
-    def take(self, question: str, default: str, parts: Callable[[str], Mapping[str, Any]]) -> None:
+    def take(self, question: str, default: str, parts: Callable[[str], Mapping[str, Any]], explain: str) -> None:
         """Ask until `parts` of the answer fit into the rig file."""
-        self.ask(question, default, lambda text: self.put(**parts(text)))
+        self.ask(question, default, lambda text: self.put(**parts(text)), explain)
 
     def put(self, **parts: Any) -> None:
         """Replace parts of the rig file. Raises UsageError, and nothing is replaced, if the whole is not valid."""
@@ -84,9 +88,9 @@ class Answers:
         except UsageError as error:
             raise UsageError(str(error).removeprefix(": ")) from error
 
-    def one_of(self, question: str, choices: Sequence[str], default: str) -> str:
+    def one_of(self, question: str, choices: Sequence[str], default: str, explain: str) -> str:
         """Ask until the answer is one of `choices`."""
-        while (answer := self.text(f"{question} {', '.join(choices)}.", default).lower()) not in choices:
+        while (answer := self.text(f"{question} {', '.join(choices)}.", default, explain).lower()) not in choices:
             self.screen.note(f"  {answer!r}: choose one of {', '.join(choices)}")
         return answer
 

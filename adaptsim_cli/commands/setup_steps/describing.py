@@ -29,11 +29,17 @@ ANY = "any"
 def arm(answers: Answers) -> None:
     """Name and address; the forces at which the arm stops by itself are as_typed."""
     arm_part = answers.rig.arm
-    answers.take("Name of the lab, in one word?", answers.rig.name, lambda name: {"name": name})
+    answers.take(
+        "Name of the lab, in one word?",
+        answers.rig.name,
+        lambda name: {"name": name},
+        "The name stands in records and before each motion. It has no effect on any motion.",
+    )
     answers.take(
         "Address of the arm's control box?",
         arm_part.address,
         lambda address: {"arm": {**asdict(arm_part), "address": address}},
+        "The IP address at which the arm's web page (Desk) opens in a browser of this computer.",
     )
     torques = as_typed(arm_part.stops_at_Nm.tolist())
     answers.screen.plain(
@@ -62,7 +68,9 @@ def pedal(answers: Answers) -> None:
             raise UsageError("the arm moves only while its pedal is held: name its port")
 
     if not rig.waives("pedal"):
-        answers.ask(f"Serial port of the {PEDAL.label}? {which}; {WAIVE}: to go without.", port or "", with_pedal)
+        answers.ask(
+            f"Serial port of the {PEDAL.label}? {which}; {WAIVE}: to go without.", port or "", with_pedal, _PORT
+        )
     _device(answers, BALANCE, ports, answers.rig.balance, lambda part: {"balance": part})
     for name in OFFERED_INSTRUMENTS.names():
         _device(
@@ -95,12 +103,14 @@ def _device(
             table.update(choice)
         answers.put(**parts(table or None))
 
-    answers.ask(question, port or NOTHING, with_port)
+    answers.ask(question, port or NOTHING, with_port, _PORT)
     if not table:
         return
     for key, choices in kind.choices.items():
         default = table.get(key) or kind.part.__pydantic_fields__[key].default
-        table[key] = answers.one_of(f"Which {key} does it use?", choices(), default)
+        table[key] = answers.one_of(
+            f"Which {key} does it use?", choices(), default, f"The setting of the {kind.label}."
+        )
         answers.put(**parts(table))
 
 
@@ -124,7 +134,7 @@ def _port(text: str, ports: Sequence[str]) -> dict[str, str] | None:
 
 def camera(answers: Answers) -> None:
     """The kind of the camera, and its serial number."""
-    kind = answers.one_of("Which camera is it?", CAMERAS.names(), answers.rig.camera.kind)
+    kind = answers.one_of("Which camera is it?", CAMERAS.names(), answers.rig.camera.kind, _CAMERAS)
     answers.put(camera={**asdict(answers.rig.camera), "kind": kind})
     with answers.screen.busy("Looking for cameras"):
         serials = readings.cameras(kind).serials
@@ -135,7 +145,19 @@ def camera(answers: Answers) -> None:
         f"Serial number of the camera? {ANY}: the only one plugged in.",
         default,
         lambda text: {"camera": {**asdict(camera_part), "serial": "" if text == ANY else text}},
+        "It is printed on the camera. With it, another camera at this computer can never be taken for this one.",
     )
+
+
+_PORT = (
+    "The lasting name of the cable under /dev/serial/by-id, as listed above; `adaptsim find` shows which cable it is."
+)
+_CAMERAS = "The kind of the camera decides which library drives it: docs/guide/cameras.md."
+_BOX = "One word for the record, e.g. lamp. Two corners follow; neither arm nor tool enters the box between them."
+_CORNER = (
+    "Three numbers in m from the middle of the arm's foot: x ahead, y to the arm's left (its right is negative), z up "
+    "(below the foot's plate is negative)."
+)
 
 
 class _Drawn:
@@ -162,10 +184,26 @@ def table(answers: Answers) -> None:
     """The table, the operator's side, and the boxes, drawn while they are typed."""
     answers.screen.plain("  In the arm's base frame: x ahead, y to the left, z up, from the middle of its foot, in m.")
     drawn = None if answers.defaults else _Drawn(answers)
-    for key, question, count in (
-        ("height_m", "How high is the table top?", 1),
-        ("x_m", "From where to where is it free, ahead of the arm?", 2),
-        ("y_m", "From where to where is it free, to the sides?", 2),
+    for key, question, count, explain in (
+        (
+            "height_m",
+            "How high is the table top?",
+            1,
+            "The height over the plate on which the arm stands, in m. A table top below that plate is negative: -0.02.",
+        ),
+        (
+            "x_m",
+            "From where to where is it free, ahead of the arm?",
+            2,
+            "Two numbers in m from the middle of the arm's foot: the near edge, then the far edge. Ahead is positive.",
+        ),
+        (
+            "y_m",
+            "From where to where is it free, to the sides?",
+            2,
+            "Two numbers in m from the middle of the arm's foot: the right edge, then the left edge. The arm's left is "
+            "positive, so the first one is negative.",
+        ),
     ):
         table_part = asdict(answers.rig.table)
         default = as_typed(np.atleast_1d(table_part[key]).tolist())
@@ -176,7 +214,7 @@ def table(answers: Answers) -> None:
             values = numbers(text, count)
             return {"table": {**table_part, key: values if count > 1 else values[0]}}
 
-        answers.take(question, default, changed)
+        answers.take(question, default, changed, explain)
         if drawn:
             drawn.again()
     _person(answers)
@@ -195,6 +233,7 @@ def _person(answers: Answers) -> None:
             "On which side, seen from the base, do you stand?",
             (*get_args(Side), WAIVE),
             "left" if person_part is None else person_part.side,
+            "The arm's left is +y, its right is -y; ahead is +x. Neither arm nor tool enters the operator's side.",
         )
         if side != WAIVE:
             break
@@ -215,6 +254,7 @@ def _person(answers: Answers) -> None:
         "How far from the arm's axis does your side begin?",
         f"{person_part.from_m if person_part else 0.6:g}",
         kept_clear,
+        "In m, from the axis of joint 1 outwards, always positive. Beyond it the arm never reaches.",
     )
 
 
@@ -223,8 +263,8 @@ def _boxes(answers: Answers, drawn: _Drawn | None) -> None:
     for box in answers.rig.keep_out:
         answers.screen.plain(f"  box {box.name}: {as_typed(box.low_m)} to {as_typed(box.high_m)}")
     while (name := _next_box(answers)) != NOTHING:
-        low_m = answers.ask("  Its lower corner, x y z?", "0.5 -0.9 0", partial(numbers, count=3))
-        answers.take("  Its upper corner, x y z?", "0.7 -0.7 0.4", partial(_with_box, answers, name, low_m))
+        low_m = answers.ask("  Its lower corner, x y z?", "0.5 -0.9 0", partial(numbers, count=3), _CORNER)
+        answers.take("  Its upper corner, x y z?", "0.7 -0.7 0.4", partial(_with_box, answers, name, low_m), _CORNER)
         if drawn:
             drawn.again()
         for overlap in reached(answers.rig.keep_out[-1].box()):
@@ -236,8 +276,8 @@ def _next_box(answers: Answers) -> str:
     enough = bool(answers.rig.keep_out) or answers.rig.waives("keep_out")
     what = "Name a box that the arm must keep out of: lamp, stand, screen"
     if enough or answers.defaults:
-        return answers.text(f"{what} ({NOTHING}: no more).", NOTHING if enough else "lamp")
-    name = answers.text(f"{what}; {WAIVE}: to go without any.", "")
+        return answers.text(f"{what} ({NOTHING}: no more).", NOTHING if enough else "lamp", _BOX)
+    name = answers.text(f"{what}; {WAIVE}: to go without any.", "", _BOX)
     if name == WAIVE:
         return NOTHING if answers.waive("keep_out") else _next_box(answers)
     if name in ("", NOTHING):
@@ -276,12 +316,19 @@ def _payload(answers: Answers, name: str, what: str, mass_F: Mass) -> None:
         tools = {other: asdict(tool) for other, tool in answers.rig.tools.items()}
         return {"tools": tools | {name: {**asdict(part), "payload": payload}}}
 
-    answers.take(f"Mass of {what}, in kg?", f"{kg:.3g}", lambda text: put({"mass_kg": numbers(text, 1)[0]}))
+    answers.take(
+        f"Mass of {what}, in kg?",
+        f"{kg:.3g}",
+        lambda text: put({"mass_kg": numbers(text, 1)[0]}),
+        "All that hangs from the flange, with its screws and without the hand, on a kitchen scale: 0.35 is 350 g.",
+    )
     mass_kg = answers.rig.tool(name).held().mass_kg
     answers.take(
         "Its centre of mass from the flange, x y z in m?",
         " ".join(f"{value:.3f}" for value in com_m),
         lambda text: put({"mass_kg": mass_kg, "com_F_m": numbers(text, 3)}),
+        "Three numbers in m in the flange's frame: z points out of the flange, x and y are marked on it. Balance the "
+        "tool on an edge to find it.",
     )
 
 

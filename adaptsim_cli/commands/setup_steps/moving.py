@@ -27,6 +27,7 @@ from adaptsim_cli.session.opening import open_parts
 from hw.errors import Rehearsed
 
 BOARD_PDF = Path("board.pdf")
+_PAPER = "The paper in your printer. The board is printed at its true size; a3 is seen better from far away."
 
 
 def board(answers: Answers) -> None:
@@ -34,7 +35,7 @@ def board(answers: Answers) -> None:
     screen, data = answers.screen, answers.places.data
     record = printing.stored_board(data)
     if record is None:
-        paper = answers.one_of("Paper for the calibration board?", tuple(printing.PAPERS_MM), "a4")
+        paper = answers.one_of("Paper for the calibration board?", tuple(printing.PAPERS_MM), "a4", _PAPER)
         calibrating.board(answers.resolved, BOARD_PDF, paper, None, None, screen)
         if not answers.defaults:
             screen.go_on("Print it, and glue it to something stiff and flat.", "when done", then="Nothing moves.")

@@ -15,6 +15,7 @@ from hw.types import Array
 from perception.types import ObjectTrack
 from sim.errors import OutOfRange
 from sim.rollouts.recorded import LONGEST_GAP_S, NEAR_S, START_M, WIDENED, rests, start_m
+from sim.rollouts.trajectories import contradiction
 from sim.tasks.task import Task
 
 MOST_BYTES = 16 * 2**20
@@ -135,12 +136,30 @@ def track_of(answer: Answer, question: Question, task: Task) -> ObjectTrack:
     )
     _require_plausible(track, question, task)
     context = np.array([question.context[name] for name in task.context.names])
+    if wrong := contradiction(task, _from_start(track, task, context), context, action_of(question, task)):
+        raise AnswerRefused(wrong)
     if not np.isfinite(task.score(track, context)):
         raise AnswerRefused(
             f"outcome = {outcome.value} is a success, and its reward needs the object's last place in the tool's "
             "frame: add end_in_tool_m, (x, y, z) in m"
         )
     return track
+
+
+def _from_start(track: ObjectTrack, task: Task, context: Array) -> ObjectTrack:
+    """The track; one that has an end alone begins at the known start of the object."""
+    place_m = start_m(task, context)
+    if len(track.t_s) > 1 or place_m is None:
+        return track
+    start = np.concatenate([place_m, track.state[0, 2:]])
+    return ObjectTrack(
+        np.array([0.0, track.t_s[0]]), np.array([start, track.state[0]]), track.outcome, track.end_in_tool_m, np.ones(2)
+    )
+
+
+def action_of(question: Question, task: Task) -> Array:
+    """(a,) the commanded action, in units."""
+    return np.array([(question.action or {})[name] for name in task.action.names])
 
 
 def _samples(answer: Answer, task: Task, columns: tuple[str, ...]) -> tuple[Array, Array]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,23 +18,27 @@ from adaptsim_cli.session.folders import QUESTIONS
 from adaptsim_cli.session.live_trial import PlacedTrial, PlannedTrial
 from adaptsim_cli.session.operator import Operator
 from adaptsim_cli.session.own.exchange import Answerer, Exchange
-from adaptsim_cli.session.own.reading import measured_context, track_of
+from adaptsim_cli.session.own.reading import action_of, measured_context, track_of
 from adaptsim_cli.session.records import read
 from adaptsim_cli.session.simulated_target import FILE, KnownMotion
 from hw.types import Array
 from perception.errors import TrackingFailed
-from perception.types import Outcome
+from perception.types import ObjectTrack, Outcome
 from sim.adaptation.methods import kind_of
 from sim.adaptation.sessions import Progress, silently
 from sim.adaptation.stages import RunTrial, TrialKey
-from sim.errors import ActionImpossible, MomentsMissing
+from sim.errors import ActionImpossible, MomentsMissing, RecordingsRefused
+from sim.rollouts.recorded import RecordedTrials, frame_aside, start_offset_m
 from sim.solvers.misfit import observed_share
+from sim.solvers.readings import doubt
 from sim.tasks.library import library_of, main_file
-from sim.tasks.task import Task
+from sim.tasks.task import Expectations, Task
 from sim.types import Space
 
 NEAR = 0.05
 """An action is as impossible as one within this share of every range of it, for a context that near."""
+COMPARED_AT = (4, 8, 16)
+"""Numbers of answers after which all of them are compared with the simulator under other readings."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,7 @@ class OwnTarget:
     session: Path  # folder of the session
     answerer: Answerer
     method: str
+    expectations: Expectations | None = None  # of the session's simulator; None: answers are not compared with it
     _impossible: list[tuple[Array, Array]] = field(default_factory=list)  # (context, action), normalised
 
     def __post_init__(self) -> None:
@@ -143,6 +148,7 @@ class OwnTarget:
         exchange = self._exchange(key, "trial")
         with _explained(exchange):
             track = track_of(answer, question, self.task)
+            track = replace(track, flags=(*track.flags, *self._doubts(track, question)))
             if kind_of(self.method).needs_whole and observed_share(self.task.observation(track)) < 1.0:
                 raise MomentsMissing(
                     f"{self.method} needs every moment of a trial, and this answer misses some: report the whole "
@@ -150,6 +156,34 @@ class OwnTarget:
                 )
         files = {file.name: file.read_bytes() for file in (exchange.question_file, exchange.answer_file)}
         return KnownMotion(track, others=files)
+
+    def _doubts(self, track: ObjectTrack, question: Question) -> tuple[str, ...]:
+        """What this trial and those before it have in common that contradicts their commands."""
+        task, answers = self.task, [(track, question)]
+        for file in sorted((self.session / QUESTIONS).glob("*/trial.answer.json")):
+            exchange = Exchange(file.parent, "trial")
+            with suppress(AnswerRefused, OSError, ValueError):
+                earlier, its_question = exchange.answer(), exchange.question()
+                if earlier is not None and its_question.trial < question.trial and earlier.t_s is not None:
+                    answers.append((track_of(earlier, its_question, task), its_question))
+        contexts = [
+            np.array([one_question.context[name] for name in task.context.names]) for _, one_question in answers
+        ]
+        pairs = list(zip(answers, contexts, strict=True))
+        aside = frame_aside([start_offset_m(task, one, context) for (one, _), context in pairs])
+        if aside or self.expectations is None or len(answers) not in COMPARED_AT:
+            return (aside,) if aside else ()
+        with suppress(RecordingsRefused):
+            trials = RecordedTrials(
+                task,
+                tuple(f"{one_question.trial}" for _, one_question in answers),
+                np.array(contexts),
+                np.array([action_of(one_question, task) for _, one_question in answers]),
+                tuple(one for one, _ in answers),
+            )
+            if sentence := doubt(self.expectations, trials):
+                return (f"so far the answers contradict their actions: {sentence}",)
+        return ()
 
     def read(self, folder: Path, context: Array, action: Array) -> KnownMotion:
         """See `Target`: the trajectory."""

@@ -5,6 +5,7 @@ sessions of this program; and its digest.
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from adaptsim_cli.session.folders import FACTS
 from adaptsim_cli.session.history import trials_of
+from adaptsim_cli.session.recorded.datasets import of_lerobot, of_robomimic
 from adaptsim_cli.session.recorded.manifest import (
     MANIFEST,
     OUTCOME,
@@ -27,10 +29,10 @@ from adaptsim_cli.session.recorded.messages import of_mcap
 from adaptsim_cli.session.recorded.tables import numbers, read_columns, require_columns
 from adaptsim_cli.session.store import SessionStore
 from sim.errors import RecordingsRefused
-from sim.rollouts.recorded import RecordedTrials, require_enough
+from sim.rollouts.recorded import RecordedTrials, require_sound
 
 if TYPE_CHECKING:
-    from sim.tasks.task import Task
+    from sim.tasks.task import Expectations, Task
 
 
 def read_recorded(task: Task, folder: Path) -> RecordedTrials:
@@ -41,12 +43,30 @@ def read_recorded(task: Task, folder: Path) -> RecordedTrials:
     if "\0" in str(folder) or not folder.is_dir():
         raise RecordingsRefused(f"--recorded {str(folder)!r}: there is no such folder")
     if (folder / FACTS).exists():
-        return require_enough(checked(task, _of_session(task, folder), None))
+        return require_sound(checked(task, _of_session(task, folder), None))
     manifest = read_manifest(folder / MANIFEST)
     if manifest.task != task.name:
         raise RecordingsRefused(f"{folder / MANIFEST} is of task {manifest.task}, not of {task.name}")
     raw, notes = _raw(task, folder, manifest)
-    return require_enough(checked(task, raw, manifest.outcome, notes))
+    return require_sound(checked(task, raw, manifest.outcome, notes, as_written=manifest.as_written))
+
+
+def compared(trials: RecordedTrials, expectations: Expectations) -> RecordedTrials:
+    """The same trials, once the task's simulator agrees that they follow from their actions as they are written.
+
+    With `as_written` a doubt becomes a note. Raises RecordingsRefused if another reading of them fits much better.
+    """
+    from sim.solvers.readings import doubt
+
+    sentence = doubt(expectations, trials)
+    if not sentence:
+        return trials
+    if not trials.as_written:
+        raise RecordingsRefused(
+            f"the trajectories contradict their actions: {sentence}. Correct the tables, or write as_written = true in "
+            f"{MANIFEST} if they are right"
+        )
+    return replace(trials, notes=(*trials.notes, sentence))
 
 
 def digest(trials: RecordedTrials) -> str:
@@ -64,6 +84,10 @@ def _raw(task: Task, folder: Path, manifest: Manifest) -> tuple[list[RawTrial], 
         return _of_tables(folder, manifest.tables)
     if manifest.mcap is not None:
         return of_mcap(folder, manifest.mcap), ()
+    if manifest.lerobot is not None:
+        return of_lerobot(folder, manifest.lerobot), ()
+    if manifest.robomimic is not None:
+        return of_robomimic(folder, manifest.robomimic), ()
     trials = []
     for name in manifest.sessions:
         where = folder / name

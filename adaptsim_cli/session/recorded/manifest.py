@@ -81,6 +81,27 @@ class Mcap(Record):
     )
 
 
+class LeRobot(Record):
+    """Trials as episodes of a LeRobot data set; names are columns, with an index in brackets: `action[0]`."""
+
+    files: str = Field("data/**/*.parquet", description="which files")
+    state: tuple[str, ...] = Field(description="columns of a trajectory, in the order of the task's track")
+    fields: dict[str, str] = Field(
+        default_factory=dict, description="name = column in an episode's first row, for every context and action"
+    )
+
+
+class Robomimic(Record):
+    """Trials as demonstrations of robomimic's HDF5 files; names are data sets of one: `obs/object[0]`, `attrs/yaw`."""
+
+    files: str = Field("*.hdf5", description="which files")
+    rate_hz: float = Field(gt=0, description="steps in a second, which the files do not say")
+    state: tuple[str, ...] = Field(description="data sets of a trajectory, in the order of the task's track")
+    fields: dict[str, str] = Field(
+        default_factory=dict, description="name = data set in the first step, for every context and action"
+    )
+
+
 class Manifest(Record):
     """The whole file."""
 
@@ -88,12 +109,18 @@ class Manifest(Record):
     outcome: Outcome | None = Field(None, description="how every trial ended; without it each trial says so")
     tables: Tables | None = Field(None, description="trials in CSV or Parquet files")
     mcap: Mcap | None = Field(None, description="trials in MCAP files")
+    lerobot: LeRobot | None = Field(None, description="trials as episodes of a LeRobot data set")
+    robomimic: Robomimic | None = Field(None, description="trials as demonstrations of robomimic files")
     sessions: tuple[str, ...] = Field((), description="folders of sessions of this program")
+    as_written: bool = Field(
+        False, description="true: use the trials as written, although another reading of them fits the simulator better"
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> Manifest:
-        if sum((self.tables is not None, self.mcap is not None, bool(self.sessions))) != 1:
-            raise ValueError("name one source: tables, mcap or sessions")
+        sources = (self.tables, self.mcap, self.lerobot, self.robomimic, self.sessions or None)
+        if sum(source is not None for source in sources) != 1:
+            raise ValueError("name one source: tables, mcap, lerobot, robomimic or sessions")
         return self
 
 
@@ -130,7 +157,12 @@ class RawTrial:
 
 
 def checked(
-    task: Task, raw: Sequence[RawTrial], outcome: Outcome | None, notes: tuple[str, ...] = ()
+    task: Task,
+    raw: Sequence[RawTrial],
+    outcome: Outcome | None,
+    notes: tuple[str, ...] = (),
+    *,
+    as_written: bool = True,
 ) -> RecordedTrials:
     """The trials as the task knows them, with `notes` about their reading. Raises RecordingsRefused."""
     named = set(raw[0].values) if raw else set()
@@ -142,6 +174,7 @@ def checked(
         np.array([_point(trial, task.action) for trial in raw]).reshape(len(raw), len(task.action)),
         tuple(_track(trial, outcome) for trial in raw),
         notes,
+        as_written,
     )
     _require_ends(trials)
     if trials.contexts is not None and REWARD in named:

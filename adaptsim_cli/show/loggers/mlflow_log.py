@@ -1,4 +1,4 @@
-"""A session for MLflow: in a file (`mlflow ui --backend-store-uri sqlite:///FOLDER/mlflow.db`), or on your server.
+"""A session for MLflow: in a folder (`mlflow ui --backend-store-uri FOLDER`), or on your server.
 
 The server is the one that MLFLOW_TRACKING_URI names.
 """
@@ -26,10 +26,10 @@ def open_logger(folder: Path, session: str, settings: Words) -> MlflowLog:
     except ImportError as error:
         raise ExtraMissing(missing("the log for MLflow", "mlflow", "mlflow")) from error
     server = os.environ.get("MLFLOW_TRACKING_URI")
-    client = MlflowClient(tracking_uri=server or f"sqlite:///{folder / 'mlflow.db'}")
+    os.environ.setdefault("MLFLOW_ALLOW_FILE_STORE", "true")  # its slim package has no database
+    client = MlflowClient(tracking_uri=server or folder.as_uri())
     existing = client.get_experiment_by_name(EXPERIMENT)
-    place = None if server else (folder / "artifacts").as_uri()
-    experiment = client.create_experiment(EXPERIMENT, place) if existing is None else existing.experiment_id
+    experiment = client.create_experiment(EXPERIMENT) if existing is None else existing.experiment_id
     run = client.create_run(experiment, run_name=session)
     for name, value in settings.items():
         client.log_param(run.info.run_id, name, value)

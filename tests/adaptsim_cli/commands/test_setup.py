@@ -20,6 +20,7 @@ from adaptsim_cli.bench.rig_file.reading import read
 from adaptsim_cli.commands.setup_steps import describing, moving, walk
 from adaptsim_cli.commands.setup_steps.answers import Answers, begun
 from adaptsim_cli.errors import PreflightFailed, StoppedByOperator, UsageError
+from adaptsim_cli.screen.console import Screen
 from hw.camera import probe
 
 ARDUINO, FTDI = "/dev/serial/by-id/usb-Arduino_LLC-if00", "/dev/serial/by-id/usb-FTDI_FT232R-if00"
@@ -289,3 +290,21 @@ def test_a_practised_lab_lacks_nothing_that_it_cannot_have(kim):
     practice.save()
     found = checks.examine(practice.resolved, ("rig file", "safeguards", "motion"))
     assert table.missing_in(tuple(found)) == []
+
+
+def test_a_question_mark_explains_with_unit_and_sign(answers, monkeypatch, capsys):
+    answers.screen = Screen()
+    typing(monkeypatch, "?", "", "?", "", "?", "", "?", "left", "?", "", "?", "lamp", "?", "", "?", "", "")
+    describing.table(answers)
+    said = " ".join(capsys.readouterr().out.split())
+    for words in (
+        "in m. A table top below that plate is negative",
+        "Two numbers in m from the middle of the arm's foot: the near edge",
+        "The arm's left is positive, so the first one is negative.",
+        "The arm's left is +y, its right is -y",
+        "In m, from the axis of joint 1 outwards, always positive.",
+        "One word for the record, e.g. lamp.",
+        "Three numbers in m from the middle of the arm's foot",
+        "Enter takes 0.6; q leaves.",
+    ):
+        assert words in said

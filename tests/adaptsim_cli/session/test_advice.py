@@ -6,8 +6,16 @@ import pytest
 
 from adaptsim_cli.config import same_lab
 from adaptsim_cli.screen.outputs.trials import BestRecord, SuspicionRecord
-from adaptsim_cli.session.advice import HEADLINES, after_iteration, best_in_words, gain_in_words, in_words, tried_in
-from adaptsim_cli.session.records import ResultRecord, SessionFacts
+from adaptsim_cli.session.advice import (
+    HEADLINES,
+    after_iteration,
+    best_in_words,
+    gain_in_words,
+    in_words,
+    onwards,
+    tried_in,
+)
+from adaptsim_cli.session.records import ROLLOUT, ResultRecord, SessionFacts
 from sim.adaptation.verdict import Kind, Reason, Verdict
 
 FACTS = SessionFacts(
@@ -152,3 +160,24 @@ def test_advice_for_recordings_speaks_of_columns_units_and_clocks():
         words = in_words(found(kind, Reason.INEXPRESSIBLE), "bottle", "my-pushes")
         assert "the columns, units and clocks of my-pushes" in words
         assert "mounted" not in words
+
+
+def test_an_own_robot_is_continued_with_the_program_that_answered():
+    own = FACTS.model_copy(update={"hw": "own", "world": "", "calibration": ""})
+    result = ResultRecord(
+        iteration=1, trials=(), next_particles=(), best=best_of((), None), verdict=found(Kind.GO_ON), suspicion=HINT,
+        timing_s={}, proposal_s=0.0,
+    )  # fmt: skip
+    (command, _), (policy, _) = after_iteration(own, result, "python my robot.py")
+    assert command == "adaptsim run-iteration --session s --answer-with 'python my robot.py'"
+    assert policy == "adaptsim sessions policy s", "an own robot has no touch-off of ours"
+
+
+def test_a_stored_session_is_continued_as_its_verdict_says():
+    stop = ResultRecord(
+        iteration=1, trials=(), next_particles=(), best=best_of((3,), 0.9), verdict=found(Kind.ENOUGH), timing_s={},
+        proposal_s=0.0,
+    )  # fmt: skip
+    assert onwards(FACTS, [stop], 1)[0][0] == "adaptsim report s"
+    assert onwards(FACTS, [stop], 2) == ((f"{RUN} --session s", "continues this session"),), "an iteration has begun"
+    assert onwards(FACTS.model_copy(update={"method": ROLLOUT}), [], 1) == ()

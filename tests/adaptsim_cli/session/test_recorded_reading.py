@@ -110,7 +110,7 @@ HEAD = "trial,t_s,q1,q2,v1,v2,excess\n"
         ),
         ({"trajectories_csv": HEAD + "other,0,0,0,0,0,0\n"}, "trial run0 has no sample"),
         ({"manifest": 'task = "toss"\n[tables]\nstate = ["q1"]\n'}, "is of task toss, not of pendulum"),
-        ({"manifest": 'task = "pendulum"\n'}, "name one source: tables, mcap or sessions"),
+        ({"manifest": 'task = "pendulum"\n'}, "name one source: tables, mcap, lerobot, robomimic or sessions"),
         ({"manifest": 'task = "pendulum"\n[tables]\nstates = ["q1"]\n'}, "tables.state: field required"),
         ({"manifest": "task = "}, "is not valid TOML"),
         ({"manifest": 'task = "pendulum"\nsessions = ["gone"]\n'}, "gone is no session"),

@@ -32,7 +32,8 @@ def scoops(folder: Path, end: str, reward: str = "") -> Path:
         row = [f"{i}", "on_blade", *(f"{v!r}" for v in (*map(float, context), *map(float, action)))]
         lines.append(",".join([*row, *filter(None, [end, reward])]))
         samples += [
-            f"{i},{t:.2f},{context[0] + 0.01 * i * t:.5f},{context[1]:.5f},0.01" for t in np.arange(0.0, 3.0, 0.1)
+            f"{i},{t:.2f},{context[0] + (0.04 + 0.01 * i) * min(t, 1.0):.5f},{context[1]:.5f},0.01"
+            for t in np.arange(0.0, 3.0, 0.1)
         ]
     (folder / "trials.csv").write_text("\n".join(lines) + "\n")
     (folder / "trajectories.csv").write_text("\n".join(samples) + "\n")

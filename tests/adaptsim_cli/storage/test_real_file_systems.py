@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
+import os
+import stat
 import subprocess
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta, tzinfo
@@ -106,3 +110,33 @@ def test_a_session_whose_clock_goes_backwards_ends_like_any_other(
     assert len(calls) > 10
     assert digest_of(home / "data" / "sessions") == digest_of(whole / "data" / "sessions")
     assert call(home, ("sessions", "verify", "s"))[0] == 0
+
+
+def test_a_session_on_a_stick_without_hard_links_and_flushed_folders(tmp_path: Path, monkeypatch) -> None:
+    """As exFAT, and some network shares."""
+    fsync = os.fsync
+
+    def no_links(*_: object) -> None:
+        raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+
+    def files_alone(descriptor: int) -> None:
+        if stat.S_ISDIR(os.fstat(descriptor).st_mode):
+            raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "link", no_links)
+    monkeypatch.setattr(os, "fsync", files_alone)
+    code, said = call(tmp_path, RUN)
+    assert code == 0, said
+    assert call(tmp_path, ("sessions", "verify", "s"))[0] == 0
+
+
+def test_a_file_system_without_locks_is_refused_with_the_setting_to_change(tmp_path: Path, monkeypatch) -> None:
+    def no_locks(*_: object) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", no_locks)
+    code, said = call(tmp_path, RUN)
+    assert code != 0
+    assert "file system without locks" in said
+    assert "set ADAPTSIM_HOME to a folder on a local disk" in said

@@ -10,7 +10,7 @@ from recordings import recordings
 
 from sim.errors import RecordingsRefused
 from sim.research.benchmark.trial_sources import FromRecordings
-from sim.rollouts.recorded import LEAST, RecordedTrials, frame_aside, require_enough, scores_only
+from sim.rollouts.recorded import LEAST, RecordedTrials, frame_aside, require_sound, scores_only
 from sim.tasks import get_task
 from sim.tasks.pendulum import TASK
 
@@ -69,7 +69,7 @@ def test_hostile_trials_are_refused_with_the_reason() -> None:
     refused("needs 2 columns, and has 1", tracks=(narrow, *TRACKS[1:]))
     refused("16 trials and 15 trajectories", tracks=tuple(TRACKS[:15]))
     with pytest.raises(RecordingsRefused, match=f"there are 7 .* at least {LEAST}"):
-        require_enough(trials(7))
+        require_sound(trials(7))
     with pytest.raises(RecordingsRefused, match="2 are left to be held out, and 4 are needed"):
         trials(10).split(0.2, 0)
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-import secrets
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from adaptsim_cli.screen.keys import Key, agree
 from adaptsim_cli.screen.reply import Reply
 from adaptsim_cli.session import folders, terminal_views
 from adaptsim_cli.session.advice import after_iteration, go_on_with
+from adaptsim_cli.session.beginning import NO_CONSENT, begin
 from adaptsim_cli.session.deferred import Deferred, submit
 from adaptsim_cli.session.ending import EndRule, after_iterations, asked_at_the_verdict, at_the_verdict
 from adaptsim_cli.session.flow import RunningSession, show, stages, update_watchers
@@ -29,17 +29,9 @@ from adaptsim_cli.session.operator import Attended, Operator, Unattended
 from adaptsim_cli.session.own.trust import require_trusted
 from adaptsim_cli.session.readiness import require_ready
 from adaptsim_cli.session.records import (
-    FORMAT,
     ROLLOUT,
-    WITH_CONTROL,
-    Draw,
     SessionFacts,
-    SessionStart,
-    as_records,
-    generator,
-    now,
 )
-from adaptsim_cli.session.results import rows_of
 from adaptsim_cli.session.same_parts import same_parts
 from adaptsim_cli.session.store import SessionStore
 from adaptsim_cli.session.target import SessionParts
@@ -67,8 +59,6 @@ _FROZEN = (
 
 SHOWN_S = 3.0
 """Rollouts that take longer have a progress bar."""
-
-NO_CONSENT = "each motion of a real robot is confirmed at a terminal, also with --yes: run in a terminal"
 
 
 @dataclass(frozen=True)
@@ -333,44 +323,3 @@ def _shown(screen: Screen, seconds: float, processes: int, rollouts: int) -> Ite
         return
     with screen.progress() as progress:
         yield lambda done, total: progress("rollouts", done, total)
-
-
-def begin(root: Path, name: str, config: Config, parts: SessionParts) -> SessionStore:
-    """A new session with its first particles. Raises UsageError, SessionError, DiskFull."""
-    particles = parts.adaptation.start(config.particles, generator(config.seed, Draw.START))
-    start = SessionStart(particles=tuple(rows_of(p) for p in particles))
-    return SessionStore.create(root, facts_for(name, config, parts), start)
-
-
-def facts_for(name: str, config: Config, parts: SessionParts, **changes: str | int) -> SessionFacts:
-    """The facts of a new session; `changes` are fields that do not come from the settings."""
-    facts = SessionFacts(
-        format=WITH_CONTROL if config.control else FORMAT,
-        name=name,
-        task=parts.task.name,
-        hw=config.hw,
-        world=config.lab_world,
-        recorded=config.recorded,
-        held_out=config.held_out if config.recorded else 0.0,
-        start_from=config.start_from,
-        seed=config.seed,
-        method=config.method,
-        control=config.control,
-        pairs=config.pairs,
-        control_seed=config.seed if config.is_simulated or not config.control else secrets.randbits(31),
-        solver=config.solver,
-        object=config.object,
-        particles=config.particles,
-        trials=parts.task.adaptation.trials_per_iteration,
-        created=now(),
-        title=parts.task.title,
-        object_name=parts.task.object_name,
-        task_file="" if parts.task.file is None else parts.task.file.path,
-        task_sha256="" if parts.task.file is None else parts.task.file.sha256,
-        parameters=as_records(parts.task.parameters),
-        context=as_records(parts.task.context),
-        action=as_records(parts.task.action),
-        **asdict(parts.provenance),
-        curves=dict(zip(parts.task.observation.curves, parts.task.observation.columns, strict=False)),
-    )
-    return facts.model_copy(update=changes)

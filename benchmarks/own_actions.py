@@ -20,9 +20,9 @@ from hw.types import Array
 from sim.adaptation.checkpoint import load_checkpoint
 from sim.research.benchmark.entries import fixed_policies
 from sim.rollouts.draws import Disturbances, cover, varies
-from sim.solvers.solver import Solver
 from sim.storage.files import whole_file
 from sim.tasks import get_task
+from sim.tasks.task import Solver
 
 OUT = Path("docs/results/own-actions.json")
 TRUTHS, ACTIONS, CONTEXTS, DRAWS = 128, 384, 6, 2
@@ -38,7 +38,7 @@ def candidate_actions(solver: Solver, truths: Array, name: str) -> Array:
     policies = solver.policies(truths[:, None], np.random.default_rng(0))
     fixed = fixed_policies("udr-mean", load_checkpoint(get_task(name)), 0)
     best = np.concatenate([policy.actions(nowhere) for policy in (*policies, *fixed)])
-    return np.clip(best, task.action.low, task.action.high)
+    return np.asarray(np.clip(best, task.action.low, task.action.high))
 
 
 def values(solver: Solver, truths: Array, actions: Array) -> Array:

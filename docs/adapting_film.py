@@ -1,14 +1,17 @@
 """Make the film at the head of README.md: the same goal before and after adapting, side by side.
 
-    python docs/adapting_film.py BEFORE AFTER
+    python docs/adapting_film.py FOLDER
 
-Each argument is the folder of a rollout in pushing's simulated lab (`adaptsim rollout --session NAME --best`), with the
-same context. Writes docs/figures/adapting.webp.
+Runs both sessions and one rollout of each in pushing's simulated lab, with all data in FOLDER (six minutes on two idle
+cores), then writes docs/figures/adapting.webp. The world is one of those that a rule draws; the goal was fixed first.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -20,6 +23,8 @@ from adaptsim_cli.session.film import write
 from adaptsim_cli.session.store import SessionStore
 from hw.poses import inverse
 from hw.types import Array, CameraModel
+from sim.lab.drawn import as_toml, drawn_world
+from sim.tasks import get_task
 
 FILM = Path(__file__).parent / "figures/adapting.webp"
 SIDE_PX, STEP, FRAME_S, REST_S = 400, 2, 1 / 30, 1.5
@@ -27,14 +32,20 @@ SIDE_PX, STEP, FRAME_S, REST_S = 400, 2, 1 / 30, 1.5
 SEEN_M = ((0.42, -0.30), (1.02, 0.30))
 """Two corners of the shown part of the table, in the arm's base frame."""
 MOST_BYTES = 300_000
+TITLES = {"udr": "UDR: one policy for all", "adapted": "adapted, after 8 trials"}
+
+
+WORLD, GOAL = (2, 36), ("goal_x=0.9", "goal_bearing=0.1")
+"""Seed and number of the drawn world (drawn-2-36), and the goal."""
+SESSIONS = {"udr": ["--method", "udr"], "adapted": ["--iterations", "2"]}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("before", type=Path, help="folder of a rollout with UDR's policy")
-    parser.add_argument("after", type=Path, help="folder of a rollout with the adapted policy")
-    asked = parser.parse_args()
-    sides = [pictures(asked.before, "UDR: one policy for all"), pictures(asked.after, "adapted")]
+    parser.add_argument("folder", type=Path, help="folder for the sessions")
+    folder = parser.parse_args().folder.absolute()
+    folder.mkdir(parents=True, exist_ok=True)
+    sides = [pictures(rolled_out(folder, name), title) for name, title in TITLES.items()]
     count = max(map(len, sides))
     both = [np.hstack([side[min(i, len(side) - 1)] for side in sides]) for i in range(count)]
     first, *others = map(Image.fromarray, both)
@@ -44,6 +55,24 @@ def main() -> None:
         if FILM.stat().st_size <= MOST_BYTES:
             break
     print(f"Written: {FILM}, {FILM.stat().st_size / 1e3:.0f} kB, {count} pictures")
+
+
+def rolled_out(folder: Path, name: str) -> Path:
+    """The folder of a rollout with the best policy of a session; both are run unless they exist."""
+    task, shown = get_task("pushing"), folder / f"shown-{name}"
+    world = folder / "drawn.toml"
+    world.write_text(as_toml(task, drawn_world(task, *WORLD)), encoding="utf-8")
+    environment = os.environ | {"ADAPTSIM_HOME": str(folder)} | ({"ADAPTSIM_PARTICLES": "1"} if name == "udr" else {})
+
+    def run(*words: str) -> None:
+        subprocess.run([sys.executable, "-m", "adaptsim_cli", *words, "--yes"], check=True, env=environment)
+
+    if not shown.is_dir():
+        lab = ["--task", task.name, "--world", str(world), "--seed", "0"]
+        run("run-iteration", *lab, *SESSIONS[name], "--session", f"push-{name}")
+        goal = [word for value in GOAL for word in ("--context", value)]
+        run("rollout", "--session", f"push-{name}", "--best", *goal, "--seed", "0", "--out", str(shown))
+    return shown
 
 
 def pictures(folder: Path, title: str) -> list[Array]:

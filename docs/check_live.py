@@ -184,6 +184,15 @@ def dashboard(page: Tab) -> None:
         page.open(serving.stdout.readline().split()[-1])
         until(lambda: page.script("document.querySelectorAll('#chart .dot').length > 0"), "no curve was drawn", 60.0)
         page.look("dashboard")
+        page.script(
+            "document.querySelector('#search').value = 'udr';"
+            "document.querySelector('#search').dispatchEvent(new Event('input', {bubbles: true}))"
+        )
+        if (
+            page.script("[...document.querySelectorAll('#sessions tbody tr')].filter(row => row.offsetHeight).length")
+            != 1
+        ):
+            page.problems.append("dashboard: the search leaves other sessions on a phone")
         page.print("dashboard")
         page.open("about:blank")  # a stream would keep the server busy
         serving.terminate()

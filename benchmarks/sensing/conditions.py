@@ -86,7 +86,7 @@ def _with_hand(scene: Scene, object_name: str, rng: np.random.Generator) -> Scen
 def _hand(poses: Poses, object_name: str, moment: Moment) -> dict[str, Array]:
     """It comes from one side over the object's place and leaves, within a second."""
     X_BO = poses[object_name]
-    way_m = 0.5 * abs(_FRAME_S * moment.number - 1.0)
+    way_m = 0.5 * abs(_FRAME_S * moment.number - 1.0) if moment.number else 3.0  # away while the object is looked for
     side = 1.0 if round(1e6 * float(X_BO[0, 0, 3])) % 2 else -1.0
     return {
         "hand": np.repeat(translation((float(X_BO[0, 0, 3]) + 0.04, side * (0.03 + way_m), 0.10))[None], len(X_BO), 0)

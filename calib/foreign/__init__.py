@@ -1,4 +1,4 @@
 """Views from elsewhere: other targets and arms, poses in any convention, mispaired views, lenses other than stated.
 
-A wing: no session, lab or device imports it (`pyproject.toml`).
+No session, lab or device imports it (`pyproject.toml`).
 """

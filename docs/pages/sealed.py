@@ -90,11 +90,11 @@ Training bevels the turner to 0.2 mm; a real one is blunt. In 256 rollouts with 
 | 0.04 to 0.12 | 43 | 0.70 (± 0.12) | 0.52 | +0.18 (± 0.09) |
 | 0.12 to 0.24 | 64 | 0.67 (± 0.10) | 0.51 | +0.16 (± 0.07) |
 
-(95 %, 1.96 standard errors.) The difference grows with the pitch rate by 0.96 (± 0.28) per rad/s, p < 10⁻⁹. So the simplified edge makes most of UDR's loss in the foods, as an earlier probe of Ω had found. A training at full size with the blunt edge, and a control of equal size, have not been run. The rollouts are those of
+(95 %, 1.96 standard errors.) The difference grows with the pitch rate by 0.96 (± 0.28) per rad/s, p < 10⁻⁹. So the simplified edge makes most of UDR's loss in the foods, as an earlier probe of Ω had found. A training at full size with the blunt edge, and a control of equal size, have not been run. The table:
 
-    adaptsim pretrain --task scooping --object blunt.toml --rollouts 256 --denser 0 --seed 21
+    python benchmarks/blunt_edge.py
 
-with the effect `edge = [0.0011, 3000.0]` in the [object file](../guide/own-objects.md).
+A training in that scene is possible now: `adaptsim pretrain --object` with an [object file](../guide/own-objects.md) whose effect is `edge = [0.0011, 3000.0]`.
 """
 
 

@@ -1,6 +1,6 @@
 """The task policy of a distribution of parameters, by any solver (their contract: `Solver` in `sim.tasks.task`).
 
-Solvers: `sim.solvers.emulator.network`, a task's own exact one (`Task.exact`), and NAF's in the wing (`naf`).
+Solvers: `sim.solvers.emulator.network`, a task's own exact one (`Task.exact`), and NAF's in `sim.research.naf`.
 """
 
 from __future__ import annotations

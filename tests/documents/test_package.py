@@ -37,9 +37,9 @@ def test_every_link_is_absolute_and_leads_to_a_file(setup):
 
 
 def test_pictures_are_raw_files_and_pages_are_not(setup):
-    text = setup.readme("![a](docs/figures/session.jpg) [b](docs/README.md#start) [c](https://arxiv.org/x)", URL)
+    text = setup.readme("![a](docs/figures/loop.svg) [b](docs/README.md#start) [c](https://arxiv.org/x)", URL)
     picture, page, paper = TARGET.findall(text)
-    assert picture == f"{URL}/raw/main/docs/figures/session.jpg"
+    assert picture == f"{URL}/raw/main/docs/figures/loop.svg"
     assert page == f"{URL}/blob/main/docs/README.md#start"
     assert paper == "https://arxiv.org/x"
 

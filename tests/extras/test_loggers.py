@@ -23,11 +23,13 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> SessionStore:
 def test_wandb_keeps_a_run_on_the_disk(store: SessionStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import json  # noqa: PLC0415 - collected without the extra too
 
+    import wandb  # noqa: PLC0415
     from wandb.proto import wandb_internal_pb2  # noqa: PLC0415
 
     for name in ("WANDB_MODE", "WANDB_PROJECT"):
         monkeypatch.delenv(name, raising=False)
     folder = logged_again("wandb", tmp_path, store)
+    wandb.teardown()  # its own process writes the file; this waits for its end
     (file,) = folder.glob("wandb/offline-run-*/*.wandb")
     rows, summary = list[dict[str, object]](), dict[str, object]()
     for content in log_records(file.read_bytes()):

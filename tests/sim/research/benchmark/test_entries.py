@@ -113,6 +113,7 @@ def test_ranges_change_what_a_method_is_told_and_nothing_that_the_simulator_says
     assert ranged.trajectories(*at).tolist() == solver.trajectories(*at).tolist()
 
 
+@pytest.mark.long
 def test_without_weights_no_simulator_is_preferred_and_without_discrepancy_none_is_doubted():
     whole, unweighed, undoubted = (
         AdaptSim(Simulators(trained()[0], reward_table(), strengths))

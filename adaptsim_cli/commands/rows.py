@@ -46,8 +46,8 @@ class CommandGroup(TyperGroup):
         if args and args[0] not in self.commands:
             groups = [name for name in self.commands if args[0] in getattr(self.commands[name], "commands", {})]
             if groups:
-                meant = " or ".join(f"'adaptsim {group} {args[0]}'" for group in groups)
-                ctx.fail(f"No such command '{args[0]}'. Did you mean {meant}?")
+                suggestions = " or ".join(f"'adaptsim {group} {args[0]}'" for group in groups)
+                ctx.fail(f"No such command '{args[0]}'. Did you mean {suggestions}?")
         return super().resolve_command(ctx, args)
 
     def format_help(self, ctx: Any, formatter: Any) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from statistics import fmean
 
 from adaptsim_cli.config import is_own, same_lab
 from adaptsim_cli.screen.outputs.trials import BestRecord, ControlRecord
@@ -162,9 +163,15 @@ def gain_in_words(rewards: Sequence[float]) -> str:
     return f"{first} in the first iteration, {others[-1]} in {where}"
 
 
-def best_in_words(best: BestRecord, parameters: str) -> str:
-    """The best policy, and `parameters`, the simulator's at present, in two sentences."""
+def best_in_words(best: BestRecord, parameters: str, confirmed: Sequence[float] = ()) -> str:
+    """The best policy, and `parameters`, the simulator's at present, in two sentences.
+
+    `confirmed` are the rewards of its trials after the session.
+    """
     where = tried_in(best)
+    if confirmed and not best.tried:
+        count = f"{len(confirmed)} trial{'s' * (len(confirmed) != 1)}"
+        where = f"tried in {count} after the session: mean reward {fmean(confirmed):.2f}"
     return f"{f'Best policy: {where}. ' if where else ''}The simulator now: {parameters}."
 
 

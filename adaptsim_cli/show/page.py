@@ -141,7 +141,9 @@ def render(
         gain="" if not complete else f"{gain_in_words(complete)}{f'; {of_udr.in_words}' if of_udr else ''}.",
         complete=complete,
         udr=of_udr,
-        best=best_in_words(results[-1].best, parameters_in_words(facts, results[-1].best.params)) if results else "",
+        best=best_in_words(results[-1].best, parameters_in_words(facts, results[-1].best.params), confirmed)
+        if results
+        else "",
         correction=_correction(facts, results[-1].outlook) if results else "",
         failed=FAILED,
         successes=sum(t.succeeded for t in trials),

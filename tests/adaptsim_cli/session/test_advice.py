@@ -65,6 +65,12 @@ def test_the_best_policy_is_apart_from_the_present_simulator(after, words):
     assert best_in_words(best, "friction 0.26") == f"Best policy: {words}. The simulator now: friction 0.26."
 
 
+def test_trials_after_the_session_try_a_policy_that_no_trial_of_it_tried():
+    words = "Best policy: tried in 2 trials after the session: mean reward 0.85. The simulator now: friction 0.26."
+    assert best_in_words(best_of((), None), "friction 0.26", (0.8, 0.9)) == words
+    assert "after the session" not in best_in_words(best_of((2,), 0.9), "friction 0.26", (0.8, 0.9))
+
+
 def test_the_gain_names_first_and_last_iteration():
     assert gain_in_words([0.456]) == "0.46 in the first iteration"
     assert gain_in_words([0.46, 0.91]) == "0.46 in the first iteration, 0.91 in the second"
